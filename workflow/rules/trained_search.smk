@@ -1,4 +1,4 @@
-"""Methods trained on near-harmonic systems: the search for each purpose, and the modules that register the methods."""
+"""Methods trained on near-harmonic systems: the search for each purpose, and the module that registers the methods."""
 
 from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES, trained_before
 
@@ -34,8 +34,7 @@ rule register_trained:
     input:
         documents=TRAINED_METHODS,
     output:
-        plain=f"{RESULTS}/derived/trained.py",
-        modified=f"{RESULTS}/derived/trained_modified.py",
+        module=f"{RESULTS}/derived/trained.py",
     log:
         LOG("trained/registration"),
     params:

@@ -87,7 +87,7 @@ MOVED = {
     "experiments.work_precision.recommend": "recommendation",
     "integrators.modified": "integrators",
     "integrators.modified.nearharmonic_2026": "integrators.nearharmonic_2026_modified",
-    "integrators.modified.trained": "integrators.trained_modified",
+    "integrators.modified.trained": "integrators.trained",
     "integrators.modified_tableau": "integrators.tableau",
     "integrators.processed_tableau": "integrators.tableau",
     "modified_integrators": "integrators:modified_integrators",

@@ -71,9 +71,11 @@ def test_over_fitting_differences_follow_from_columns_and_words():
     for _, count, own, others, difference in found:
         assert float(difference) == pytest.approx(float(own) - float(others), abs=0.011)  # three roundings
         by_count.setdefault(int(count), []).append(float(difference))
-    (one, many) = re.search(r"too large by up to (\S+)\. With .* at most (\d\.\d\d)\.", " ".join(PAGE.split())).groups()
+    words = r"too large by up to (\S+)\. With .* is up to (\S+); .* at most (\d\.\d\d)\."
+    (one, few, many) = re.search(words, " ".join(PAGE.split())).groups()
     assert sum(x > 0 for x in by_count[1]) == 2
     assert f"{max(by_count[1]):.2f}" == one
+    assert f"{max(abs(x) for n in (2, 4) for x in by_count[n]):.2f}" == few
     assert max(abs(x) for n in (8, 16, 32) for x in by_count[n]) <= float(many)
 
 

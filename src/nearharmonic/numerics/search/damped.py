@@ -1,8 +1,8 @@
 """Levenberg-Marquardt iteration, for a number of equations not above that of the unknowns.
 
 An iteration from x subtracts the shortest step that solves the damped equations. With residuals F and their Jacobian J
-the step is J^T (J J^T + damping D)^-1 F, where D is the identity (Levenberg) or the diagonal of J J^T (Marquardt). If
-the step lowers the residuals it is taken, and the damping is lowered; otherwise the damping is raised. Without damping,
+the step is J^T (J J^T + damping D)^-1 F, where D is the identity (Levenberg) or the diagonal of J J^T (Marquardt). A
+step that lowers the residuals is accepted, and the damping falls; otherwise the damping rises. Without damping,
 and with every step taken, the iteration is a projection on the solutions by Newton's method.
 
 A problem is two compiled functions: ``residuals(problem, x)`` returns F, its size, and intermediate results, which
@@ -29,26 +29,26 @@ class Damping(NamedTuple):
     Attributes
     ----------
     iterations : int
-        Most steps.
+        Maximum number of steps.
     enough, lost : float
         The iteration ends at residuals of at most size ``enough``, or of ``lost`` or more.
     solved : float
-        Its end is a solution if the residuals are smaller than this,
+        The end is a solution if the size of the residuals is below ``solved``,
     rest, undamped : float
-        or if a step with a damping below ``undamped`` moved no unknown by more than ``rest`` times the largest one, or
-        times 1 if that is larger. The iteration ends there.
+        or after a step with a damping below ``undamped`` that moved no unknown by more than ``rest`` times the larger
+        of 1 and the largest unknown. Such a step ends the iteration.
     first, most : float
-        Damping at the start, and the damping beyond which the iteration ends.
+        Damping at the start; a damping above ``most`` ends the iteration.
     fall, rise : pair of float and float
-        Factors of the damping after a step that is taken, as a fraction, and after one that is not.
+        Factor of the damping after an accepted step, as a fraction; factor after a rejected step.
     lowest : pair of float
-        Least damping after a step that is taken, and after one that is not.
+        Smallest damping after an accepted step, and after a rejected step.
     by_residual : bool
-        Whether the damping of a step is multiplied by the size of the residuals, where that is below 1.
+        True to multiply the damping of a step by the size of the residuals, if this is below 1.
     bounded : bool
-        Whether the iteration ends where it leaves the bound.
+        True to end the iteration outside the bound.
     monotone : bool
-        Whether only steps that lower the residuals are taken.
+        True to accept only steps that lower the residuals.
     """
 
     iterations: int

@@ -20,7 +20,7 @@ def distinct(points: Floats, closest: float, *, relative: bool = False, most: fl
     closest : float
         Points are near if no unknown differs by more than this.
     relative : bool
-        Whether that is multiplied by the size of a point's largest unknown, if it is above 1.
+        True to multiply ``closest`` by the size of the largest unknown of a point, if this is above 1.
     most : int, optional
         Number of points beyond which no more are kept.
     """

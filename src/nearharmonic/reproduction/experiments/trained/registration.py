@@ -1,4 +1,4 @@
-"""Generator of the modules that register trained methods, from the results of their searches."""
+"""Generator of the module that registers trained methods, from the results of their searches."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Any
 from nearharmonic.training.source_text import palindrome_lines
 
 #: Head of the module.
-HEAD = '''"""{title}
+HEAD = '''"""Methods trained on near-harmonic systems.
 
 Coefficients of symmetric compositions that make the energy error of an ensemble of problems small over a window of step
-sizes, and meet their order conditions exactly: the experiment ``trained`` has the search, docs/trained.md what they are
-worth. Each note has the window in tau/s, in radians of the fastest oscillation, the ensemble, the limit of linear
-stability, the seed, and the digest of the run that found the method.
+sizes, and meet their order conditions exactly: the experiment ``trained`` has the search, and docs/trained.md compares
+their errors with those of other methods. Each note has the window in tau/s, in radians of the fastest oscillation, the
+ensemble, the limit of linear stability, the seed, and the digest of the run that found the method.
 """
 
 {imports}
@@ -26,38 +26,25 @@ SOURCE = (
 )
 
 TABLEAUS = ('''
-PLAIN = "Methods trained on near-harmonic systems."
-MODIFIED = "Methods with kicks of a modified potential, trained on near-harmonic systems."
 #: Maximum length of a line for formatters.
 LONGEST = 120
 
 
 def register(documents: Sequence[str]) -> dict[str, str]:
-    """Return the text of the modules.
+    """Return the text of the ``module``.
 
     Parameters
     ----------
     documents : sequence of str
         Paths of the TOML files of searches.
-
-    Returns
-    -------
-    dict
-        ``plain``, the module of the methods without modified potentials, and ``modified``, that of the others.
     """
-    found = [tomllib.loads(Path(place).read_text(encoding="utf-8")) for place in documents]
-    plain = [one for one in found if "square" not in one]
-    modified = [one for one in found if "square" in one]
-    return {"plain": _module(plain, PLAIN), "modified": _module(modified, MODIFIED)}
-
-
-def _module(methods: Sequence[Mapping[str, Any]], title: str) -> str:
+    methods = [tomllib.loads(Path(place).read_text(encoding="utf-8")) for place in documents]
     names = [*(["QUADRATIC_KINETIC_ENERGY"] if any(map(_needs_requirement, methods)) else []), "Tableau", "palindrome"]
     imports = f"from nearharmonic.integrators.tableau import {', '.join(names)}"
-    lines = [HEAD.format(title=title, imports=imports)]
+    lines = [HEAD.format(imports=imports)]
     for one in methods:
         lines += ["    Tableau(", *(f"        {line}" for line in _fields(one)), "    ),"]
-    return "\n".join([*lines, ")", ""])
+    return {"module": "\n".join([*lines, ")", ""])}
 
 
 def _needs_requirement(one: Mapping[str, Any]) -> bool:

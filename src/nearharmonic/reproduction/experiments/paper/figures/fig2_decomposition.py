@@ -42,7 +42,8 @@ def fig2_decomposition(terms: xr.Dataset) -> Figure:
     kappa = terms["kappa"]
     labels = [str(label) for label in terms["label"].values]
     drawn = new_figure(7, 7.6)
-    drawn.subplots_adjust(left=0.125, right=0.985, top=0.875, bottom=0.065, hspace=0.12)
+    left = max(0.125, 0.0113 * max(map(len, labels), default=0))  # labels of methods stand beside panel B
+    drawn.subplots_adjust(left=left, right=0.985, top=0.875, bottom=0.065, hspace=0.12)
     ratios = [3.2, 0.25 + 0.13 * len(labels)]
     upper, lower = drawn.subplots(2, 1, sharex=True, height_ratios=ratios)
     _draw_terms(upper, kappa.where(kappa >= SATISFIED_BELOW))

@@ -47,9 +47,9 @@ def heyoka_taylor(
     tolerance
         Relative and absolute tolerance of each step.
     fast_math
-        Whether heyoka may reorder floating-point operations.
+        True to let heyoka reorder floating-point operations.
     power
-        Whether the force is GM q (q.q)^(-3/2), written as a power, instead of the system's formula.
+        True for the force GM q (q.q)^(-3/2), written as a power, instead of the formula of the system.
     """
     import heyoka as hy
 
