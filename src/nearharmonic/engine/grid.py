@@ -82,15 +82,14 @@ def misfit(system: System, tableau: Tableau, split: str = KINETIC_POTENTIAL) -> 
     return "its kicks are of a modified potential", f", which cannot be used with {system.name}: it {found}"
 
 
-def check_fit(system: System, tableau: Tableau, split: str = KINETIC_POTENTIAL) -> None:
-    """Raise an error for a method that does not fit a system, as :func:`misfit` tells.
+def check_fit(system: System, tableau: Tableau, split: str = KINETIC_POTENTIAL, key: str = "integrator") -> None:
+    """Raise an error about the setting ``key`` for a method that does not fit a system.
 
     Raises
     ------
     SettingError
-        The method does not fit.
+        The method does not fit; the message holds the reason that :func:`misfit` returns.
     """
     reason = "".join(misfit(system, tableau, split))
     if reason:
-        key = "integrator"
         raise bad_setting(key, tableau.name, reason)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
 from mpmath import mp, mpf
 
 import nearharmonic as nh
+from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import SettingError, TableauError, UnknownNameError
 from nearharmonic.integrators import plain_integrators
 from nearharmonic.math import cos
@@ -188,6 +191,20 @@ def test_roles_of_a_modified_method_cannot_be_swapped():
 def test_a_modified_method_beside_exact_oscillators_is_refused():
     with pytest.raises(SettingError, match=r"chin_4a.*oscillators solved exactly"):
         nh.integrate("sho", "chin_4a", 0.1, split="exact_oscillator")
+
+
+@pytest.mark.parametrize(
+    ("system", "numerics", "words"),
+    [
+        ("henon_heiles", Numerics(split="exact_oscillator"), "oscillators solved exactly"),
+        ("kepler_regularised", Numerics(), "is regularised"),
+    ],
+)
+def test_a_batch_without_a_kernel_names_its_argument(system, numerics, words):
+    with pytest.raises(SettingError, match=f"tableau = 'rowlands' is not allowed.*{words}"):
+        integrate_batch(
+            nh.systems[system], nh.integrators["rowlands"], t_end=Fraction(1), steps=[4], samples=2, numerics=numerics
+        )
 
 
 def test_the_registry_has_all_methods_and_two_views_share_them():

@@ -14,10 +14,11 @@ from nearharmonic.core.layout import EVERY_STEP, LOOKS, NEVER, SAMPLES, running_
 from nearharmonic.engine.batch import execution
 from nearharmonic.engine.batch.kernels import STANDARD, cost_of, kernel_of
 from nearharmonic.engine.batch.lanes import with_lanes
-from nearharmonic.engine.batch.processed import ProcessedCall
+from nearharmonic.engine.batch.processed import processed_call
 from nearharmonic.engine.batch.queue import Batch
 from nearharmonic.engine.batch.regularised import landing_call
 from nearharmonic.engine.batch.results import Integers, Trajectories, filled, surface_limit, trajectories_of
+from nearharmonic.engine.grid import check_fit
 from nearharmonic.engine.numbers.coefficients import moves_of
 from nearharmonic.engine.numbers.initial_values import parameters_at_run_time, standard_parameters, standard_start
 from nearharmonic.engine.settings import Numerics
@@ -131,7 +132,7 @@ def _prepared_processed(
     first = part(before, every, single_steps(len(marks)))
     last = part(behind, each, single_steps(each.size))
     batch = replace(kernel, moves=moves, start=start.copy(), results=np.empty_like(kernel.results))
-    return replace(batch, call=ProcessedCall(batch, kernel, first, last, reference))
+    return replace(batch, call=processed_call(batch, kernel, first, last, reference))
 
 
 def integrate_batch(
@@ -170,9 +171,13 @@ def integrate_batch(
 
     Raises
     ------
+    SettingError
+        The system has no kernel for kicks of a modified potential.
     KeyboardInterrupt
         Ctrl-C, within a fraction of a second.
     """
+    if tableau.modified:
+        check_fit(system, tableau, numerics.split, "tableau")
     count = np.asarray(steps, dtype=np.int64)
     distinct, scheme = _distinct(count)
     first = standard_start(system, not numerics.compensated) if start is None else start

@@ -5,6 +5,7 @@ The energy is that of the processed states, and is measured at the samples.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import isnan
 
 import numpy as np
@@ -12,8 +13,10 @@ import numpy as np
 from nearharmonic.engine.batch.queue import Batch
 
 
-class ProcessedCall:
-    """Call of the three batches of a processed method, which fills the arrays of ``batch``.
+def processed_call(
+    batch: Batch, kernel: Batch, first: Batch, last: Batch, reference: tuple[float, float]
+) -> Callable[[], None]:
+    """Return a call of the three batches of a processed method, which fills the arrays of ``batch``.
 
     Parameters
     ----------
@@ -24,47 +27,39 @@ class ProcessedCall:
     reference : pair of float
         H0 for all runs, in place of the energy of each start.
     """
+    parts = kernel, first, last
+    given = np.split(batch.moves, np.cumsum([part.moves.shape[1] for part in parts[:-1]]), axis=1)
+    inner, before, behind = (part.filled for part in parts)
+    marks, states, (error, worst, total), energy, running, _ = batch.filled
 
-    def __init__(self, batch: Batch, kernel: Batch, first: Batch, last: Batch, reference: tuple[float, float]) -> None:
-        self._batch, self._kernel, self._first, self._last = batch, kernel, first, last
-        self._reference = reference
-
-    def __call__(self) -> None:
-        """Make the call."""
-        batch, kernel, first, last = self._batch, self._kernel, self._first, self._last
-        at = 0
-        for part in (kernel, first, last):
-            rows = part.moves.shape[1]
-            part.moves[:] = batch.moves[:, at : at + rows]
-            at += rows
+    def call() -> None:
+        for part, moves in zip(parts, given, strict=True):
+            part.moves[:] = moves
         first.start[:] = batch.start
-        self._make(first)
-        kernel.start[:] = first.filled.states[:, 1]
+        first.clear()
+        first.call()
+        kernel.start[:] = before.states[:, 1]
         kernel.results.fill(np.nan)
         kernel.call()
-        last.start[:] = kernel.filled.states.reshape(last.start.shape)
+        last.start[:] = inner.states.reshape(last.start.shape)
         if len(batch.parameters) > 1:  # one row is shared by all batches
-            last.parameters[:] = np.repeat(batch.parameters, batch.marks.shape[1], axis=0)
-        self._make(last)
-        states = batch.filled.states
-        states[:] = last.filled.states[:, 1].reshape(states.shape)
+            last.parameters[:] = np.repeat(batch.parameters, marks.shape[1], axis=0)
+        last.clear()
+        last.call()
+        states[:] = behind.states[:, 1].reshape(states.shape)
         states[:, 0] = batch.start
-        batch.filled.running[:] = kernel.filled.running
-        self._measure()
+        running[:] = inner.running
+        measure()
 
-    def _make(self, part: Batch) -> None:
-        part.clear()
-        part.call()
-
-    def _measure(self) -> None:
+    def measure() -> None:
         """Measure the energies of processed states."""
-        batch, first, last = self._batch.filled, self._first.filled, self._last.filled
-        batch.energy[:] = first.energy if isnan(self._reference[0]) else self._reference
-        high, low = (last.energy[:, k].reshape(batch.marks.shape) - batch.energy[:, k, None] for k in (0, 1))
-        error, worst, total = batch.blocks
-        error[:] = (high + low) + last.blocks[0, :, 1].reshape(error.shape)
-        start = first.energy - batch.energy
+        energy[:] = before.energy if isnan(reference[0]) else reference
+        high, low = (behind.energy[:, k].reshape(marks.shape) - energy[:, k, None] for k in (0, 1))
+        error[:] = (high + low) + behind.blocks[0, :, 1].reshape(error.shape)
+        start = before.energy - energy
         error[:, 0] = start[:, 0] + start[:, 1]
         worst[:] = np.abs(error)
-        total[:] = np.where(batch.marks > 0, worst, 0.0)
+        total[:] = np.where(marks > 0, worst, 0.0)
         worst[:, 0] = 0.0
+
+    return call
