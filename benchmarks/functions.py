@@ -118,7 +118,7 @@ def pendulums(library, repeats):
     c_arguments = [a.ctypes.data_as(pointer) for a in (*narrow, state)]
     calls = {"C": lambda: library.pendulum(ctypes.c_long(STEPS), ctypes.c_int(tableau.stages), *c_arguments)}
     for width in (1, 8):
-        advance = kernel_of(PENDULUM, Numerics(width=width, energy="samples")).advance()
+        advance = kernel_of(PENDULUM, Numerics(width=width, energy="samples")).advance
         lanes, rows = lanes_of(row, width), lane_rows(*given, width)
         calls[width] = lambda advance=advance, lanes=lanes, rows=rows: advance(
             STEPS, tableau.stages, False, lanes, rows

@@ -78,7 +78,7 @@ def contest(system, width, summation, library, repeats):
         )
     lanes = {}
     for name, energy in (("ours", "samples"), ("energy", "every")):
-        advance = kernel_of(problem, Numerics(width=width, energy=energy, summation=summation)).advance()
+        advance = kernel_of(problem, Numerics(width=width, energy=energy, summation=summation)).advance
         lanes[name] = lanes_of(row, width)
         calls[name] = lambda name=name, advance=advance: advance(
             STEPS, tableau.stages, False, lanes[name], states[name]

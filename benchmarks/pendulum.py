@@ -45,7 +45,7 @@ def kernel_call(name, count, width):
     tableau = nh.integrators[name]
     (row,) = moves(tableau, [Fraction(T_END, count)], 1)
     rows = lane_rows(start_row(*PENDULUM.start(Fraction)), parameter_row(()), width)
-    advance = kernel_of(PENDULUM, Numerics(width=width, energy="samples")).advance()
+    advance = kernel_of(PENDULUM, Numerics(width=width, energy="samples")).advance
     return lambda: advance(count, tableau.stages, tableau.first == "kick", lanes_of(row, width), rows.copy())
 
 

@@ -59,7 +59,7 @@ def ensembles(members, repeats):
     lanes = lanes_of(moves(tableau, [Fraction(1, 10)], 1)[0], width)
     fresh = lane_rows(start_row(*system.start(Fraction)), parameter_row([]), width)
     for energy in ("none", "every"):
-        advance = kernel_of(system, Numerics(width=width, energy=energy)).advance()
+        advance = kernel_of(system, Numerics(width=width, energy=energy)).advance
 
         def kernel(advance=advance):
             for _ in range(members // width):

@@ -117,32 +117,44 @@ STEP = Signature(
     )
 )
 
+#: Arguments that the two functions below share: the queue of runs,
+_QUEUE = (
+    integers("measured"),  # EVERY_STEP, LOOKS, SAMPLES or NEVER
+    integers("order", "queued"),  # the queue
+    integers("marks", "total_runs", "samples"),  # steps at which to sample, first 0, padded with -1
+    integers("scheme", "total_runs"),  # row of the coefficient arrays
+    floats("start", "total_runs", "size"),
+)
+#: the problem and the method,
+_METHOD = (
+    floats("parameters", "parameter_sets", "parameter_columns"),  # pairs, for each run or once for all runs
+    floats("limit"),  # largest energy error, in units of ``scale``
+    floats("scale"),  # reference of relative errors; 0 for |H0|
+    floats("reference", "pair"),  # H0 of all runs as a pair; NaN for the energy of each start
+    integers("stretch"),  # largest number of steps between looks at ``control``; with LOOKS, at the energy
+    integers("stages"),
+    flags("kick_first"),
+    floats("moves", "schemes", "move_rows", "columns"),  # coefficients times step size
+    integers("control", "entries"),  # STOP and PROGRESS
+)
+#: and results, filled in place.
+_RESULTS = (
+    floats("states", "total_runs", "samples", "size"),
+    floats("energy_error", "total_runs", "samples"),  # H - H0
+    floats("worst", "total_runs", "samples"),  # maximum and
+    floats("total", "total_runs", "samples"),  # sum of |H - H0| over the steps since the last sample
+    floats("energy", "total_runs", "pair"),  # H0
+)
+
 #: Arguments of ``run``, for states of ``size`` = 4 d doubles.
 RUN = Signature(
     (
         integers("advance"),  # addresses of the kernel's functions
         integers("begin"),
-        integers("measured"),  # EVERY_STEP, LOOKS, SAMPLES or NEVER
-        integers("order", "queued"),  # the queue
-        integers("marks", "total_runs", "samples"),  # steps at which to sample, first 0, padded with -1
-        integers("scheme", "total_runs"),  # row of the coefficient arrays
-        floats("start", "total_runs", "size"),
+        *_QUEUE,
         floats("resumed", "resumptions", "running_rows"),  # running states of continued runs, or none
-        floats("parameters", "parameter_sets", "parameter_columns"),  # pairs, for each run or once for all runs
-        floats("limit"),  # largest energy error, in units of ``scale``
-        floats("scale"),  # reference of relative errors; 0 for |H0|
-        floats("reference", "pair"),  # H0 of all runs as a pair; NaN for the energy of each start
-        integers("stretch"),  # largest number of steps between looks at ``control``; with LOOKS, at the energy
-        integers("stages"),
-        flags("kick_first"),
-        floats("moves", "schemes", "move_rows", "columns"),  # coefficients times step size
-        integers("control", "entries"),  # STOP and PROGRESS
-        # Results, filled in place.
-        floats("states", "total_runs", "samples", "size"),
-        floats("energy_error", "total_runs", "samples"),  # H - H0
-        floats("worst", "total_runs", "samples"),  # maximum and
-        floats("total", "total_runs", "samples"),  # sum of |H - H0| over the steps since the last sample
-        floats("energy", "total_runs", "pair"),  # H0
+        *_METHOD,
+        *_RESULTS,
         floats("running", "total_runs", "running_rows"),  # running states at the end
         integers("left_at", "total_runs"),  # step at which a run diverged, or 0
         # The arrays of :func:`workspace`.
@@ -156,32 +168,16 @@ RUN = Signature(
     packed=True,
 )
 
-
-#: Arguments of ``land``, in physical space of d coordinates; others are as for ``run``.
+#: Arguments of ``land``, in physical space of d coordinates. ``marks`` are times of the samples, in steps of physical
+#: time; ``moves`` are pairs of kick, drift and product, with the step size in the last row.
 LAND = Signature(
     (
         integers("advance"),
         integers("look"),  # kernel that measures the energy at the landing
         integers("begin"),
-        integers("measured"),
-        integers("order", "queued"),
-        integers("marks", "total_runs", "samples"),  # times of the samples, in steps of physical time
-        integers("scheme", "total_runs"),
-        floats("start", "total_runs", "size"),
-        floats("parameters", "parameter_sets", "parameter_columns"),
-        floats("limit"),
-        floats("scale"),
-        floats("reference", "pair"),
-        integers("stretch"),
-        integers("stages"),
-        flags("kick_first"),
-        floats("moves", "schemes", "move_rows", "columns"),  # pairs of kick, drift, product; last row: step size
-        integers("control", "entries"),
-        floats("states", "total_runs", "samples", "size"),
-        floats("energy_error", "total_runs", "samples"),
-        floats("worst", "total_runs", "samples"),
-        floats("total", "total_runs", "samples"),
-        floats("energy", "total_runs", "pair"),
+        *_QUEUE,
+        *_METHOD,
+        *_RESULTS,
         floats("ends", "total_runs", "running_rows"),  # steps of the run, without and with those of the landings
         integers("left_at", "total_runs"),
         # The states and the coefficients of a run and of a trial step.

@@ -87,7 +87,7 @@ def step_of(problem: Setup, parameters: Mapping[str, Any] | None = None) -> Step
     physics = physics_of(system, modified=tableau.modified)
     in_memory = physics.loops is not None
     if in_memory:
-        function = kernel_of(system, numerics.compiled, modified=tableau.modified).advance()
+        function = kernel_of(system, numerics.compiled, modified=tableau.modified).advance
     else:
         function = build_step(physics, compensated=numerics.compensated)
     return Step(

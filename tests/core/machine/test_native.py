@@ -122,7 +122,7 @@ def test_an_energy_seen_in_doubles_alone_gets_its_own_code():
 
 
 def test_an_array_of_the_wrong_kind_is_refused():
-    advance = kernel_of(OSCILLATOR).advance()
+    advance = kernel_of(OSCILLATOR).advance
     with pytest.raises(TypeError, match="contiguous float64 array of 1 dimensions"):
         advance(1, 3, False, np.zeros(32, dtype=np.float32), np.zeros(88))
 

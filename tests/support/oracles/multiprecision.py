@@ -55,9 +55,6 @@ class Multiprecision(Number):
     def _divide(self, other):
         return Multiprecision(self.value / self._mpf(other))
 
-    def _divide_into(self, other):
-        return Multiprecision(self._mpf(other) / self.value)
-
     def __neg__(self):
         return Multiprecision(-self.value)
 

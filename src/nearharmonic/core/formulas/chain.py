@@ -66,13 +66,10 @@ class Chained(Number):
         """Cycles until the number is known."""
         return self.link[1] if self.link else 0
 
-    def _of(self, other: Chained | Constant) -> Chained:
-        return Chained() if isinstance(other, Constant) else other
-
     def _add(self, other: Chained | Constant) -> Chained:
         if isinstance(other, Constant) and other == 0:
             return self
-        addend = self._of(other)
+        addend = self._lift(other)
         for product, rest in ((self, addend), (addend, self)):
             if product._factors is not None:
                 return Chained(_later("fused", *product._factors, rest))
@@ -81,7 +78,7 @@ class Chained(Number):
     def _multiply(self, other: Chained | Constant) -> Chained:
         if isinstance(other, Constant) and other == 1:
             return self
-        return Chained(None, (self, self._of(other)))
+        return Chained(None, (self, self._lift(other)))
 
     def __neg__(self) -> Chained:
         if self._factors is not None:
@@ -91,10 +88,7 @@ class Chained(Number):
     def _divide(self, other: Chained | Constant) -> Chained:
         if isinstance(other, Constant) and other.denominator == 1 and other.numerator.bit_count() == 1:
             return self._multiply(1 / other)
-        return Chained(_later("divide", self, self._of(other)))
-
-    def _divide_into(self, other: Constant) -> Chained:
-        return Chained(_later("divide", self))
+        return Chained(_later("divide", self, self._lift(other)))
 
     def __abs__(self) -> Chained:
         return Chained(_later("abs", self))
@@ -109,7 +103,7 @@ class Chained(Number):
         return Chained()
 
     def apply(self, function: str, *others: Chained | Constant) -> Chained:
-        return Chained(_later(function, self, *map(self._of, others)))
+        return Chained(_later(function, self, *map(self._lift, others)))
 
 
 def _later(name: str, *operands: Chained) -> Link:

@@ -35,9 +35,6 @@ class Conditioned(Number):
     def __init__(self, value: Double, inherited: Any = 0) -> None:
         self.value, self.size = value, abs(value) + inherited
 
-    def _lift(self, other: Conditioned | Constant) -> Conditioned:
-        return Conditioned(self.value.lifted(other)) if isinstance(other, Constant) else other
-
     def _add(self, other: Conditioned | Constant) -> Conditioned:
         other = self._lift(other)
         return Conditioned(self.value + other.value, self.size + other.size)
@@ -51,9 +48,6 @@ class Conditioned(Number):
         other = self._lift(other)
         value = self.value / other.value
         return Conditioned(value, (self.size + abs(value) * other.size) / abs(other.value))
-
-    def _divide_into(self, other: Constant) -> Conditioned:
-        return self._lift(other)._divide(self)
 
     def _with(self, value: Double) -> Conditioned:
         result = Conditioned(value)
@@ -74,7 +68,7 @@ class Conditioned(Number):
         return Conditioned(value, self.size / (value + value))
 
     def lifted(self, number: Constant) -> Conditioned:
-        return self._lift(number)
+        return Conditioned(self.value.lifted(number))
 
     def apply(self, function: str, *others: Conditioned | Constant) -> Conditioned:
         operands = [self._lift(x) for x in others]

@@ -46,9 +46,8 @@ def fingerprint(rules: Rules) -> str:
 
 def moving(rules: Rules) -> tuple[bool, ...]:
     """Return True for each coordinate that can move: its dT/dp is not the constant 0."""
-    d, builder = rules.physics.dimension, ir.IRBuilder()
-    double = ir.DoubleType()
-    kinds = [double] * (2 * d + parameter_rows(rules.physics.parameters))
+    d = rules.physics.dimension
+    kinds = [DOUBLE] * (2 * d + parameter_rows(rules.physics.parameters))
     function = ir.Function(ir.Module(), ir.FunctionType(ir.VoidType(), kinds), "moving")
     builder = ir.IRBuilder(function.append_basic_block())
     values = [LLVMValue(builder, argument) for argument in function.args]

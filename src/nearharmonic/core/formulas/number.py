@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from sys import float_info
-from typing import Any, NoReturn, Protocol
+from typing import Any, NoReturn, Protocol, Self
 
 from nearharmonic.core.formulas.constant import (
     FUNCTIONS,
@@ -47,7 +47,7 @@ class Number(Value):
     """A number that a formula is called with; its operators use a few operations that a subclass defines.
 
     A subclass defines ``_add``, ``_multiply`` and ``_divide`` of itself and another operand (of its own type or a
-    :class:`Constant`), ``_divide_into`` a constant, ``__neg__``, ``__abs__`` and ``sqrt``.
+    :class:`Constant`), ``__neg__``, ``__abs__``, ``sqrt``, ``lifted`` and ``apply``.
     """
 
     __slots__ = ()
@@ -62,9 +62,6 @@ class Number(Value):
         raise NotImplementedError
 
     def _divide(self, other: Any) -> Any:
-        raise NotImplementedError
-
-    def _divide_into(self, other: Constant) -> Any:
         raise NotImplementedError
 
     def __neg__(self) -> Any:
@@ -95,6 +92,10 @@ class Number(Value):
     def lifted(self, number: Constant) -> Any:
         """Return ``number`` as a number of this type."""
         raise NotImplementedError
+
+    def _lift(self, operand: Self | Constant) -> Self:
+        number: Self = self.lifted(operand) if isinstance(operand, Constant) else operand
+        return number
 
     def _operand(self, other: Any) -> Any:
         return other if isinstance(other, type(self)) else constant(other)
@@ -127,7 +128,7 @@ class Number(Value):
 
     def __rtruediv__(self, other: Any) -> Any:
         operand = self._operand(other)
-        return NotImplemented if operand is None else self._divide_into(operand)
+        return NotImplemented if operand is None else self._lift(operand)._divide(self)
 
     def __pos__(self) -> Any:
         return self

@@ -46,14 +46,11 @@ class Double(Number):
             self._carrier = self._factors[0] * self._factors[1]
         return self._carrier
 
-    def _constant(self, number: Constant) -> Double:
-        return Double.of(number, self._factors[0] if self._carrier is None and self._factors else self._carrier)
-
     def _add(self, other: Double | Constant) -> Double:
         if isinstance(other, Constant):
             if other == 0:
                 return self
-            other = self._constant(other)
+            other = self.lifted(other)
         for product, addend in ((self, other), (other, self)):
             if product._factors is not None:
                 return Double(arithmetic.fma(*product._factors, addend.carrier))
@@ -63,7 +60,7 @@ class Double(Number):
         if isinstance(other, Constant):
             if other == 1:
                 return self
-            other = self._constant(other)
+            other = self.lifted(other)
         return Double(None, (self.carrier, other.carrier))
 
     def __neg__(self) -> Double:
@@ -75,11 +72,8 @@ class Double(Number):
         if isinstance(other, Constant):
             if _power_of_two(other):
                 return self._multiply(1 / other)
-            other = self._constant(other)
+            other = self.lifted(other)
         return Double(self.carrier / other.carrier)
-
-    def _divide_into(self, other: Constant) -> Double:
-        return Double(self._constant(other).carrier / self.carrier)
 
     def __abs__(self) -> Double:
         return Double(arithmetic.absolute(self.carrier))
@@ -91,12 +85,12 @@ class Double(Number):
         return Double(arithmetic.sqrt(self.carrier))
 
     def lifted(self, number: Constant) -> Double:
-        return self._constant(number)
+        return Double.of(number, self._factors[0] if self._carrier is None and self._factors else self._carrier)
 
     def apply(self, function: str, *others: Double | Constant) -> Double:
         from nearharmonic.core.functions import double  # slow to load, and most formulas need no functions
 
-        operands = [self, *(self.lifted(x) if isinstance(x, Constant) else x for x in others)]
+        operands = [self, *map(self._lift, others)]
         return Double(double.FUNCTIONS[function](*(x.carrier for x in operands)))
 
 
@@ -122,7 +116,7 @@ class DoubleDouble(Number):
         if isinstance(other, Constant):
             if other == 0:
                 return self
-            pair = DoubleDouble.of(other, self.high).pair
+            pair = self.lifted(other).pair
             if Constant(float(other)) == other:
                 return DoubleDouble(*arithmetic.dd_add_double(self.pair, pair[0]))
             return DoubleDouble(*arithmetic.dd_add(self.pair, pair))
@@ -132,7 +126,7 @@ class DoubleDouble(Number):
         if isinstance(other, Constant):
             if other == 1:
                 return self
-            scale = DoubleDouble.of(other, self.high)
+            scale = self.lifted(other)
             if _power_of_two(other):
                 return DoubleDouble(self.high * scale.high, self.low * scale.high)
             other = scale
@@ -145,9 +139,6 @@ class DoubleDouble(Number):
         if isinstance(other, Constant):
             return self._multiply(1 / other)
         return DoubleDouble(*arithmetic.dd_div(self.pair, other.pair))
-
-    def _divide_into(self, other: Constant) -> DoubleDouble:
-        return DoubleDouble(*arithmetic.dd_div(DoubleDouble.of(other, self.high).pair, self.pair))
 
     def __abs__(self) -> DoubleDouble:
         return DoubleDouble(*arithmetic.dd_abs(self.pair))
@@ -165,5 +156,5 @@ class DoubleDouble(Number):
     def apply(self, function: str, *others: DoubleDouble | Constant) -> DoubleDouble:
         from nearharmonic.core.functions import extended
 
-        operands = [self, *(self.lifted(x) if isinstance(x, Constant) else x for x in others)]
+        operands = [self, *map(self._lift, others)]
         return DoubleDouble(*extended.FUNCTIONS[function](*(x.pair for x in operands)))

@@ -19,6 +19,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from numpy.typing import NDArray
+
 from nearharmonic.core.formulas.emission import fingerprint
 from nearharmonic.core.formulas.physics import Physics
 from nearharmonic.core.formulas.rules import Rules
@@ -34,15 +36,15 @@ __all__ = ["Kernel", "Physics", "build", "build_landing", "build_step", "cost", 
 
 @dataclass(frozen=True)
 class Kernel:
-    """Compiled code for one system, precision and width, with the layout of its arrays.
+    """Compiled code for one system, precision and number of lanes ``width``, with the layout of its arrays.
 
-    ``advance()`` compiles the inner kernel alone, for benchmarks and ensembles that schedule their own lanes:
-    ``advance()(count, stages, kick_first, moves, rows) -> steps done``: ``moves`` is float64 (stages + 2, columns,
+    ``advance`` is the inner kernel alone, for benchmarks and ensembles that schedule their own lanes:
+    ``advance(count, stages, kick_first, moves, rows) -> steps done``: ``moves`` is float64 (stages + 2, columns,
     width), the rows of coefficients; the kernel replaces the first row by the second. ``rows`` is float64 (4 d +
-    :data:`TALLY` + :func:`parameter_rows` + 5 d, width), changed in place, with ``room`` more doubles behind them. It
-    returns before ``count`` steps if the energy error of a lane exceeds its limit.
+    :data:`TALLY` + :func:`parameter_rows` + 5 d, width), changed in place, with :func:`room` more doubles behind them.
+    It returns before ``count`` steps if the energy error of a lane exceeds its limit.
 
-    ``begin`` is the address of the function that resets tallies, 0 if the energy is never measured.
+    ``workspace(stages)`` returns the arrays that a queue of runs works in.
 
     ``prepared`` returns a call that passes a queue of runs through the lanes and can be repeated. Its arguments are
     :data:`nearharmonic.core.layout.RUN` without the addresses at the beginning and without the workspace at the end,
@@ -50,18 +52,9 @@ class Kernel:
     """
 
     width: int
-    dimension: int
-    parts: int
-    parameters: int
-    room: int
-    columns: int
-    begin: int
-    advance: Callable[[], NativeFunction]
+    advance: NativeFunction
+    workspace: Callable[[int], tuple[NDArray[Any], ...]]
     prepared: Callable[..., PreparedCall]
-
-    def run(self, *given: Any) -> None:
-        """Pass a queue of runs through the lanes once."""
-        self.prepared(*given)()
 
 
 def build(physics: Physics, *, extended: bool, compensated: bool, width: int, energy: str = "every") -> Kernel:
@@ -78,13 +71,9 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
     energy : {"every", "samples", "none"}
         Measurement of the energy at every step, at the end of each stretch of steps, or never.
     """
-    rules, more = Rules(physics, extended, compensated), room(physics, extended=extended)
+    rules = Rules(physics, extended, compensated)
 
-    def make_begin() -> tuple[str, bytes]:
-        choice = {"large": physics.loops is not None, "quick": rules.quick_energy}
-        return _linked("begin", BEGIN, choice, rules, width)
-
-    def make_run() -> tuple[str, bytes]:
+    def make() -> tuple[str, bytes]:
         from nearharmonic.core.machine import link
 
         def compiled() -> tuple[str, bytes]:
@@ -94,30 +83,19 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
 
         return link.alone(*link.kept("run", "", compiled))
 
-    advance = _advance(rules, width, energy)
-    begin = 0 if energy == "none" else native(f"begin-{_key(rules, width)}", BEGIN, make_begin).address
-    run = native(f"run-{code_key()}", RUN, make_run)
+    def space(stages: int) -> tuple[NDArray[Any], ...]:
+        more = room(physics, extended=extended)
+        return workspace(
+            physics.dimension, stages, parameters=physics.parameters, width=width, room=more, columns=rules.columns
+        )
 
-    def prepared(
-        measured: int, order: Any, marks: Any, scheme: Any, start: Any, resumed: Any, parameters: Any, limit: float,
-        scale: float, reference: Any, stretch: int, stages: int, *others: Any,
-    ) -> PreparedCall:  # fmt: skip
-        shape = {"parameters": physics.parameters, "width": width, "room": more, "columns": rules.columns}
-        own = workspace(physics.dimension, stages, **shape)
-        first = advance.address, begin, measured, order, marks, scheme, start, resumed, parameters
-        return run.prepared(*first, limit, scale, reference, stretch, stages, *others, *own)
+    advance, begin = _advance(rules, width, energy), _begin(rules, width, energy)
+    run, place = native(f"run-{code_key()}", RUN, make), _place_of_stages(RUN)
 
-    return Kernel(
-        width=width,
-        dimension=physics.dimension,
-        parts=rules.parts,
-        parameters=physics.parameters,
-        room=more,
-        columns=rules.columns,
-        begin=begin,
-        advance=lambda: advance,
-        prepared=prepared,
-    )
+    def prepared(*given: Any) -> PreparedCall:
+        return run.prepared(advance.address, begin, *given, *space(given[place - 2]))
+
+    return Kernel(width, advance, space, prepared)
 
 
 def build_landing(
@@ -141,10 +119,8 @@ def build_landing(
     from nearharmonic.core.formulas import emission as formulas
 
     rules = Rules(physics, extended, compensated)
-    kernel = build(physics, extended=extended, compensated=compensated, width=1, energy=energy)
-    main = _advance(rules, 1, energy)
-    look = _advance(rules, 1, "none" if energy == "none" else "samples")
-
+    main, look = _advance(rules, 1, energy), _advance(rules, 1, "none" if energy == "none" else "samples")
+    begin, place = _begin(rules, 1, energy), _place_of_stages(LAND)
     module = formulas.maps_module(rules, maps)
 
     def make() -> tuple[str, bytes]:
@@ -161,12 +137,9 @@ def build_landing(
     # The formulas of the steps do not determine the maps, so the key covers the code of the maps.
     land = native(f"land-{code_key(str(module), f'{extended} {compensated}')}", LAND, make)
 
-    def prepared(measured: int, *others: Any) -> PreparedCall:
-        stages = others[_STAGES]
-        arrays = workspace(physics.dimension, stages, parameters=physics.parameters, width=1)
-        rows, trial, lanes, trial_lanes = arrays[0], arrays[1], arrays[2], arrays[2].copy()
-        addresses = main.address, look.address, kernel.begin
-        return land.prepared(*addresses, measured, *others, rows, lanes, trial, trial_lanes)
+    def prepared(*given: Any) -> PreparedCall:
+        rows, trial, lanes, *_ = workspace(physics.dimension, given[place - 3], parameters=physics.parameters, width=1)
+        return land.prepared(main.address, look.address, begin, *given, rows, lanes, trial, lanes.copy())
 
     return prepared
 
@@ -187,8 +160,8 @@ def build_step(physics: Physics, *, compensated: bool) -> NativeFunction:
     )
 
 
-#: Index of the number of stages among the arguments of :data:`LAND`, counted from the queue.
-_STAGES = [argument.name for argument in LAND.arguments].index("stages") - 4
+def _place_of_stages(signature: Signature) -> int:
+    return [argument.name for argument in signature.arguments].index("stages")
 
 
 def room(physics: Physics, *, extended: bool) -> int:
@@ -215,11 +188,19 @@ def _key(rules: Rules, width: int, *more: str) -> str:
     return code_key(fingerprint(rules), f"{rules.extended} {rules.compensated} {width}", *more)
 
 
-def _advance(rules: Rules, width: int, energy: str) -> Any:
+def _advance(rules: Rules, width: int, energy: str) -> NativeFunction:
     def make() -> tuple[str, bytes]:
         return _linked("advance", ADVANCE, {"form": _form(rules, energy)}, rules, width, energy)
 
     return native(f"advance-{_key(rules, width, energy)}", ADVANCE, make)
+
+
+def _begin(rules: Rules, width: int, energy: str) -> int:
+    """Address of the function that resets tallies, 0 if the energy is never measured."""
+    if energy == "none":
+        return 0
+    choice = {"large": rules.physics.loops is not None, "quick": rules.quick_energy}
+    return native(f"begin-{_key(rules, width)}", BEGIN, lambda: _linked("begin", BEGIN, choice, rules, width)).address
 
 
 def _form(rules: Rules, energy: str) -> Form:

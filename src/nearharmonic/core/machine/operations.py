@@ -39,7 +39,7 @@ def result_type(signature: Signature) -> ir.Type:
     return SCALARS[signature.result] if signature.result else ir.VoidType()
 
 
-def _called(name: str) -> Callable[..., ir.Value]:
+def intrinsic(name: str) -> Callable[..., ir.Value]:
     """Return a writer of a call of an intrinsic function of LLVM."""
 
     def emit(builder: ir.IRBuilder, *values: ir.Value) -> ir.Value:
@@ -65,8 +65,8 @@ ELEMENTWISE: dict[str, Callable[..., ir.Value]] = {
     "sub": lambda b, x, y: b.fsub(x, y),
     "mul": lambda b, x, y: b.fmul(x, y),
     "neg": lambda b, x: b.fneg(x),
-    "fma": _called("fma"),
-    "absolute": _called("fabs"),
+    "fma": intrinsic("fma"),
+    "absolute": intrinsic("fabs"),
     "larger": lambda b, x, y: _where(">")(b, x, y, x, y),
     "where_greater": _where(">"),
     "where_zero": lambda b, x, yes, no: _where("==")(b, x, _zero(x.type), yes, no),

@@ -6,11 +6,16 @@ being built. A Python number beside one of them is the same in every lane.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 from llvmlite import ir
 
-_WORD = ir.IntType(64)
+from nearharmonic.core.machine.operations import DOUBLE, INDEX, intrinsic
+
+Kind = TypeVar("Kind", bound="_Emitted")
+#: A method of a value and another, or a Python number.
+Binary = Callable[[Kind, Any], Kind]
 
 
 def _broadcast(kind: ir.Type, number: float | int) -> ir.Constant:
@@ -21,26 +26,51 @@ def _with_lanes_of(kind: ir.Type, element: ir.Type) -> ir.Type:
     return ir.VectorType(element, kind.count) if isinstance(kind, ir.VectorType) else element
 
 
-class LLVMMask:
-    """A truth value, or one per lane."""
+class _Emitted:
+    """A value of the function that is being built."""
 
     __slots__ = ("builder", "value")
 
     def __init__(self, builder: ir.IRBuilder, value: ir.Value) -> None:
         self.builder, self.value = builder, value
 
-    def __and__(self, other: LLVMMask) -> LLVMMask:
-        return LLVMMask(self.builder, self.builder.and_(self.value, other.value))
+    def _operand(self, other: Any) -> ir.Value:
+        return other.value if isinstance(other, type(self)) else _broadcast(self.value.type, other)
 
-    def __or__(self, other: LLVMMask) -> LLVMMask:
-        return LLVMMask(self.builder, self.builder.or_(self.value, other.value))
+    def _made(self: Kind, name: str, *operands: ir.Value) -> Kind:
+        """The result of an instruction, of the type of this value."""
+        return type(self)(self.builder, getattr(self.builder, name)(*operands))
+
+
+def _instruction(name: str) -> Binary[Kind]:
+    def method(self: Kind, other: Any) -> Kind:
+        return self._made(name, self.value, self._operand(other))
+
+    return method
+
+
+def _reversed(name: str) -> Binary[Kind]:
+    """A method that makes an instruction of a Python number and a value."""
+
+    def method(self: Kind, other: Any) -> Kind:
+        return self._made(name, self._operand(other), self.value)
+
+    return method
+
+
+class LLVMMask(_Emitted):
+    """A truth value, or one per lane."""
+
+    __slots__ = ()
+    __and__: Binary[LLVMMask] = _instruction("and_")
+    __or__: Binary[LLVMMask] = _instruction("or_")
 
     def __invert__(self) -> LLVMMask:
-        return LLVMMask(self.builder, self.builder.not_(self.value))
+        return self._made("not_", self.value)
 
     def choose(self, yes: LLVMValue | float, no: LLVMValue | float) -> LLVMValue:
         """``yes`` in the lanes where this is true, ``no`` in the others."""
-        kind = _with_lanes_of(self.value.type, ir.DoubleType())
+        kind = _with_lanes_of(self.value.type, DOUBLE)
         choices = [x.value if isinstance(x, LLVMValue) else _broadcast(kind, x) for x in (yes, no)]
         return LLVMValue(self.builder, self.builder.select(self.value, *choices))
 
@@ -52,66 +82,49 @@ class LLVMMask:
         return LLVMMask(self.builder, self.builder.icmp_unsigned("!=", mask, ir.Constant(mask.type, 0)))
 
 
-class LLVMBits:
+class LLVMBits(_Emitted):
     """The 64 bits of a double as an integer, or one per lane; sums wrap around."""
 
-    __slots__ = ("builder", "value")
-
-    def __init__(self, builder: ir.IRBuilder, value: ir.Value) -> None:
-        self.builder, self.value = builder, value
-
-    def _operand(self, other: LLVMBits | int) -> ir.Value:
-        return other.value if isinstance(other, LLVMBits) else _broadcast(self.value.type, other)
-
-    def __add__(self, other: LLVMBits | int) -> LLVMBits:
-        return LLVMBits(self.builder, self.builder.add(self.value, self._operand(other)))
-
-    def __sub__(self, other: LLVMBits | int) -> LLVMBits:
-        return LLVMBits(self.builder, self.builder.sub(self.value, self._operand(other)))
-
-    def __and__(self, other: LLVMBits | int) -> LLVMBits:
-        return LLVMBits(self.builder, self.builder.and_(self.value, self._operand(other)))
-
-    def __or__(self, other: LLVMBits | int) -> LLVMBits:
-        return LLVMBits(self.builder, self.builder.or_(self.value, self._operand(other)))
-
-    def __xor__(self, other: LLVMBits | int) -> LLVMBits:
-        return LLVMBits(self.builder, self.builder.xor(self.value, self._operand(other)))
-
-    def __rsub__(self, other: int) -> LLVMBits:
-        return LLVMBits(self.builder, self.builder.sub(self._operand(other), self.value))
-
-    def __mul__(self, other: int) -> LLVMBits:
-        return LLVMBits(self.builder, self.builder.mul(self.value, self._operand(other)))
+    __slots__ = ()
+    __add__: Binary[LLVMBits] = _instruction("add")
+    __sub__: Binary[LLVMBits] = _instruction("sub")
+    __rsub__: Binary[LLVMBits] = _reversed("sub")
+    __mul__: Binary[LLVMBits] = _instruction("mul")
+    __and__: Binary[LLVMBits] = _instruction("and_")
+    __or__: Binary[LLVMBits] = _instruction("or_")
+    __xor__: Binary[LLVMBits] = _instruction("xor")
+    __lshift__: Binary[LLVMBits] = _instruction("shl")
+    __rshift__: Binary[LLVMBits] = _instruction("lshr")  # the high bits become 0
 
     def at_most(self, other: int) -> LLVMBits:
         """The smaller of this signed number and ``other``."""
         smaller = self.builder.icmp_signed("<", self.value, self._operand(other))
         return LLVMBits(self.builder, self.builder.select(smaller, self.value, self._operand(other)))
 
-    def __lshift__(self, count: int) -> LLVMBits:
-        return LLVMBits(self.builder, self.builder.shl(self.value, self._operand(count)))
-
-    def __rshift__(self, count: int) -> LLVMBits:
-        """Shift right; the high bits become 0."""
-        return LLVMBits(self.builder, self.builder.lshr(self.value, self._operand(count)))
-
     def nonzero(self) -> LLVMMask:
         return LLVMMask(self.builder, self.builder.icmp_unsigned("!=", self.value, self._operand(0)))
 
     def number(self) -> LLVMValue:
         """The double that has these bits."""
-        kind = _with_lanes_of(self.value.type, ir.DoubleType())
+        kind = _with_lanes_of(self.value.type, DOUBLE)
         return LLVMValue(self.builder, self.builder.bitcast(self.value, kind))
 
 
-class LLVMValue:
+class LLVMValue(_Emitted):
     """One LLVM value of type ``double`` or ``<n x double>``; a carrier for :mod:`nearharmonic.core.arithmetic`."""
 
-    __slots__ = ("builder", "value")
+    __slots__ = ()
+    __add__: Binary[LLVMValue] = _instruction("fadd")
+    __radd__: Binary[LLVMValue] = _reversed("fadd")
+    __sub__: Binary[LLVMValue] = _instruction("fsub")
+    __rsub__: Binary[LLVMValue] = _reversed("fsub")
+    __mul__: Binary[LLVMValue] = _instruction("fmul")
+    __rmul__: Binary[LLVMValue] = _instruction("fmul")
+    __truediv__: Binary[LLVMValue] = _instruction("fdiv")
+    __rtruediv__: Binary[LLVMValue] = _reversed("fdiv")
 
-    def __init__(self, builder: ir.IRBuilder, value: ir.Value) -> None:
-        self.builder, self.value = builder, value
+    def __neg__(self) -> LLVMValue:
+        return self._made("fneg", self.value)
 
     @property
     def width(self) -> int:
@@ -123,59 +136,26 @@ class LLVMValue:
         """``number`` in every lane."""
         return LLVMValue(self.builder, _broadcast(self.value.type, number))
 
-    def _operand(self, other: LLVMValue | float) -> ir.Value:
-        return other.value if isinstance(other, LLVMValue) else _broadcast(self.value.type, other)
-
-    def _intrinsic(self, name: str, *operands: LLVMValue | float) -> LLVMValue:
-        kind = self.value.type
-        suffix = f"v{kind.count}f64" if isinstance(kind, ir.VectorType) else "f64"
-        signature = ir.FunctionType(kind, [kind] * len(operands))
-        module, symbol = self.builder.module, f"llvm.{name}.{suffix}"
-        function = module.globals.get(symbol) or ir.Function(module, signature, symbol)
-        return LLVMValue(self.builder, self.builder.call(function, [self._operand(x) for x in operands]))
-
-    def __add__(self, other: LLVMValue | float) -> LLVMValue:
-        return LLVMValue(self.builder, self.builder.fadd(self.value, self._operand(other)))
-
-    def __radd__(self, other: float) -> LLVMValue:
-        return self.constant(other) + self
-
-    def __sub__(self, other: LLVMValue | float) -> LLVMValue:
-        return LLVMValue(self.builder, self.builder.fsub(self.value, self._operand(other)))
-
-    def __rsub__(self, other: float) -> LLVMValue:
-        return self.constant(other) - self
-
-    def __mul__(self, other: LLVMValue | float) -> LLVMValue:
-        return LLVMValue(self.builder, self.builder.fmul(self.value, self._operand(other)))
-
-    __rmul__ = __mul__
-
-    def __truediv__(self, other: LLVMValue | float) -> LLVMValue:
-        return LLVMValue(self.builder, self.builder.fdiv(self.value, self._operand(other)))
-
-    def __rtruediv__(self, other: float) -> LLVMValue:
-        return self.constant(other) / self
-
-    def __neg__(self) -> LLVMValue:
-        return LLVMValue(self.builder, self.builder.fneg(self.value))
+    def _intrinsic(self, name: str, *others: LLVMValue | float) -> LLVMValue:
+        operands = [self._operand(x) for x in others]
+        return LLVMValue(self.builder, intrinsic(name)(self.builder, self.value, *operands))
 
     def fma(self, factor: LLVMValue | float, addend: LLVMValue | float) -> LLVMValue:
-        return self._intrinsic("fma", self, factor, addend)
+        return self._intrinsic("fma", factor, addend)
 
     def sqrt(self) -> LLVMValue:
-        return self._intrinsic("sqrt", self)
+        return self._intrinsic("sqrt")
 
     def absolute(self) -> LLVMValue:
-        return self._intrinsic("fabs", self)
+        return self._intrinsic("fabs")
 
     def with_sign_of(self, other: LLVMValue) -> LLVMValue:
         """|self| with the sign bit of ``other``."""
-        return self._intrinsic("copysign", self, other)
+        return self._intrinsic("copysign", other)
 
     def bits(self) -> LLVMBits:
         """The bit pattern."""
-        return LLVMBits(self.builder, self.builder.bitcast(self.value, _with_lanes_of(self.value.type, _WORD)))
+        return LLVMBits(self.builder, self.builder.bitcast(self.value, _with_lanes_of(self.value.type, INDEX)))
 
     def _compare(self, relation: str, other: LLVMValue | float) -> LLVMMask:
         return LLVMMask(self.builder, self.builder.fcmp_ordered(relation, self.value, self._operand(other)))
@@ -218,10 +198,8 @@ class LLVMValue:
 
     def times_sign(self, other: LLVMValue) -> LLVMValue:
         """Return -self where other < 0, else self."""
-        negative = self.builder.fcmp_ordered("<", other.value, other.constant(0.0).value)
-        return LLVMValue(self.builder, self.builder.select(negative, self.builder.fneg(self.value), self.value))
+        return other.less(0.0).choose(-self, self)
 
     def larger(self, other: LLVMValue) -> LLVMValue:
         """self where self > other, else other: a NaN in self is lost, so finiteness needs a separate test."""
-        where = self.builder.fcmp_ordered(">", self.value, other.value)
-        return LLVMValue(self.builder, self.builder.select(where, self.value, other.value))
+        return self.greater(other).choose(self, other)

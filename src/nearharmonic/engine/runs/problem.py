@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.core.layout import workspace
 from nearharmonic.engine.batch.batch import sample_marks
 from nearharmonic.engine.batch.kernels import kernel_of
 from nearharmonic.engine.batch.queue import Batch
@@ -67,11 +66,7 @@ class Problem(Setup):
     def memory(self) -> int:
         """Bytes that a trajectory works in, beside the states that are kept."""
         kernel = kernel_of(self.system, replace(self.numerics, width=1).compiled, modified=self.tableau.modified)
-        arrays = workspace(
-            kernel.dimension, self.tableau.stages, parameters=kernel.parameters, width=1, room=kernel.room,
-            columns=kernel.columns,
-        )  # fmt: skip
-        return sum(array.nbytes for array in arrays)
+        return sum(array.nbytes for array in kernel.workspace(self.tableau.stages))
 
     def __call__(
         self, tau: float, q0: object = None, p0: object = None, parameters: Mapping[str, Any] | None = None

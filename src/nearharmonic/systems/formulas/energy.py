@@ -64,6 +64,7 @@ class Energy:
     ) -> None:
         self.name, self.formula, self.function = name, formula, function
         self.dimension, self.parameters = dimension, parameters
+        setattr(self, formula, function)  # for :mod:`nearharmonic.core.formulas.number`
         self._traced: dict[Any, _Traced] = {}
         self._programs: dict[Any, Program] = {}
         self._loops: dict[Any, LoopedEnergy] = {}
@@ -95,8 +96,8 @@ class Energy:
         """
         _ = self._standard  # raises the error of the formula
         if self.is_long:
-            looped = call(_Named(self), self.formula, self.looped, self.parameters_at_run_time)
-            call(_Named(self), self.formula, check_size, looped.operations)
+            looped = call(self, self.formula, self.looped, self.parameters_at_run_time)
+            call(self, self.formula, check_size, looped.operations)
 
     @cached_property
     def is_long(self) -> bool:
@@ -112,8 +113,8 @@ class Energy:
         if parameters not in self._traced:
             graph, d = Graph(), self.dimension
             variables = graph.variables(d if parameters is not None else d + len(self.parameters))
-            result = scalar(_Named(self), self.formula, variables[:d], *(parameters or variables[d:]))
-            call(_Named(self), self.formula, variables[0].__add__, result)  # fails for a value of an earlier call
+            result = scalar(self, self.formula, variables[:d], *(parameters or variables[d:]))
+            call(self, self.formula, variables[0].__add__, result)  # fails for a value of an earlier call
             self._traced[parameters] = _Traced(graph, value_of(result), tuple(x.value for x in variables[:d]))
         return self._traced[parameters]
 
@@ -184,7 +185,7 @@ class Energy:
             constants, arguments = tuple(map(_as_constant, parameters)), tuple(x)
         with self._lock:
             if (wanted, constants) not in self._programs:
-                made = call(_Named(self), self.formula, self._program, wanted, self._trace(constants))
+                made = call(self, self.formula, self._program, wanted, self._trace(constants))
                 self._programs[wanted, constants] = made
         return evaluate(self._programs[wanted, constants], (*arguments, *vector))
 
@@ -204,14 +205,6 @@ class Energy:
         if wanted == "both":
             return shortest_program(graph, [*derivatives, value], value)
         return shortest_program(graph, derivatives if wanted == "gradient" else derivatives[wanted : wanted + 1], value)
-
-
-class _Named:
-    """Name and number of components of an energy, for :mod:`nearharmonic.core.formulas.number`."""
-
-    def __init__(self, energy: Energy) -> None:
-        self.name, self.dimension = energy.name, energy.dimension
-        setattr(self, energy.formula, energy.function)
 
 
 def _as_constant(parameter: Any) -> Constant:

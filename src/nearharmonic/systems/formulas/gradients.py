@@ -59,9 +59,6 @@ class Multiprecision(Number):
         """Return an exact number, rounded to :data:`DIGITS` digits."""
         return cls(_VALUES.divide(Decimal(number.numerator), Decimal(number.denominator)))
 
-    def _lift(self, other: Multiprecision | Constant) -> Multiprecision:
-        return Multiprecision.of(other) if isinstance(other, Constant) else other
-
     def _add(self, other: Multiprecision | Constant) -> Multiprecision:
         other = self._lift(other)
         return Multiprecision(_VALUES.add(self.value, other.value), _SIZES.add(self.size, other.size))
@@ -76,9 +73,6 @@ class Multiprecision(Number):
         value = _VALUES.divide(self.value, other.value)
         sizes = _SIZES.fma(_SIZES.abs(value), other.size, self.size)
         return Multiprecision(value, _SIZES.divide(sizes, _SIZES.abs(other.value)))
-
-    def _divide_into(self, other: Constant) -> Multiprecision:
-        return Multiprecision.of(other)._divide(self)
 
     def __neg__(self) -> Multiprecision:
         return self._with(_VALUES.minus(self.value))

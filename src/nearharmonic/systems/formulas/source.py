@@ -44,9 +44,6 @@ class SourceTracer(Number):
     def _divide(self, other: SourceTracer | Constant) -> SourceTracer:
         return self._line(f"{self.name} / {_text(other)}")
 
-    def _divide_into(self, other: Constant) -> SourceTracer:
-        return self._line(f"{_text(other)} / {self.name}")
-
     def __neg__(self) -> SourceTracer:
         return self._line(f"-{self.name}")
 

@@ -72,30 +72,6 @@ def _operand(graph: Graph, node: int) -> Value:
     return Value(found.value, None) if isinstance(found, Literal) else graph.times(1, Value(1, node))
 
 
-def _sin(graph: Graph, _: Value, x: Value) -> tuple[Value, ...]:
-    return (graph.apply("cos", x),)
-
-
-def _cos(graph: Graph, _: Value, x: Value) -> tuple[Value, ...]:
-    return (graph.times(-1, graph.apply("sin", x)),)
-
-
-def _tan(graph: Graph, value: Value, _: Value) -> tuple[Value, ...]:
-    return (graph.add(ONE, graph.power(value, 2)),)
-
-
-def _exp(_: Graph, value: Value, __: Value) -> tuple[Value, ...]:
-    return (value,)
-
-
-def _log(graph: Graph, _: Value, x: Value) -> tuple[Value, ...]:
-    return (graph.power(x, -1),)
-
-
-def _cbrt(graph: Graph, value: Value, _: Value) -> tuple[Value, ...]:
-    return (graph.times(Fraction(1, 3), graph.power(value, -2)),)
-
-
 def _pow(graph: Graph, value: Value, x: Value, y: Value) -> tuple[Value, ...]:
     """y x^(y-1), which is finite at 0 where y >= 1, and x^y log x."""
     slope = graph.multiply(y, graph.apply("pow", x, graph.add(y, Value(-1, None))))
@@ -113,35 +89,26 @@ def _hypot(graph: Graph, value: Value, x: Value, y: Value) -> tuple[Value, ...]:
     return graph.multiply(x, inverse), graph.multiply(y, inverse)
 
 
-def _tanh(graph: Graph, value: Value, _: Value) -> tuple[Value, ...]:
-    return (graph.add(ONE, graph.times(-1, graph.power(value, 2))),)
-
-
-def _sinh(graph: Graph, _: Value, x: Value) -> tuple[Value, ...]:
-    return (graph.apply("cosh", x),)
-
-
-def _cosh(graph: Graph, _: Value, x: Value) -> tuple[Value, ...]:
-    return (graph.apply("sinh", x),)
-
-
 def _erf(graph: Graph, _: Value, x: Value) -> tuple[Value, ...]:
     """2 exp(-x^2) / sqrt(pi)."""
     return (graph.times(_two_over_root_pi(), graph.apply("exp", graph.times(-1, graph.multiply(x, x)))),)
 
 
-def _abs(graph: Graph, _: Value, x: Value) -> tuple[Value, ...]:
-    return (graph.apply("sign", x),)
-
-
-def _sign(_: Graph, __: Value, ___: Value) -> tuple[Value, ...]:
-    return (ZERO,)
-
-
-#: The derivatives of f(x, ...) with respect to its operands, as functions of its value and of the operands.
+#: The derivatives of f(x, ...) with respect to its operands, as functions of the graph, of its value and of the
+#: operands.
 DERIVATIVES: dict[str, Callable[..., tuple[Value, ...]]] = {
-    "sin": _sin, "cos": _cos, "tan": _tan, "exp": _exp, "log": _log, "cbrt": _cbrt, "pow": _pow, "atan2": _atan2,
-    "tanh": _tanh, "sinh": _sinh, "cosh": _cosh, "erf": _erf, "hypot": _hypot, "abs": _abs, "sign": _sign,
+    "sin": lambda graph, f, x: (graph.apply("cos", x),),
+    "cos": lambda graph, f, x: (graph.times(-1, graph.apply("sin", x)),),
+    "tan": lambda graph, f, x: (graph.add(ONE, graph.power(f, 2)),),
+    "exp": lambda graph, f, x: (f,),
+    "log": lambda graph, f, x: (graph.power(x, -1),),
+    "cbrt": lambda graph, f, x: (graph.times(Fraction(1, 3), graph.power(f, -2)),),
+    "tanh": lambda graph, f, x: (graph.add(ONE, graph.times(-1, graph.power(f, 2))),),
+    "sinh": lambda graph, f, x: (graph.apply("cosh", x),),
+    "cosh": lambda graph, f, x: (graph.apply("sinh", x),),
+    "abs": lambda graph, f, x: (graph.apply("sign", x),),
+    "sign": lambda graph, f, x: (ZERO,),
+    "pow": _pow, "atan2": _atan2, "erf": _erf, "hypot": _hypot,
 }  # fmt: skip
 
 

@@ -241,9 +241,6 @@ class Expression(Number):
             return self._multiply(1 / other)
         return self._made(self.graph.multiply(self.value, self.graph.power(other.value, -1)))
 
-    def _divide_into(self, other: Constant) -> Any:
-        return self._made(self.graph.multiply(value_of(other), self.graph.power(self.value, -1)))
-
     def __neg__(self) -> Any:
         return self._made(self.graph.times(-1, self.value))
 
