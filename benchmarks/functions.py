@@ -17,6 +17,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
+from lanes import lane_rows, lanes_of
 
 from nearharmonic.core import arithmetic
 from nearharmonic.core.formulas.number import FUNCTIONS
@@ -24,7 +25,7 @@ from nearharmonic.core.functions import double, extended
 from nearharmonic.core.functions.arrays import ELEMENTWISE, elementwise
 from nearharmonic.core.machine.native import loaded
 from nearharmonic.engine.batch.kernels import kernel_of
-from nearharmonic.engine.numbers.coefficients import lane_rows, lanes_of, moves, parameter_row, start_row
+from nearharmonic.engine.numbers.coefficients import moves, parameter_row, start_row
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import integrators
 from nearharmonic.math import cos, sin

@@ -19,12 +19,13 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
+from lanes import lane_rows, lanes_of
 
 import nearharmonic as nh
 from nearharmonic.engine.batch.batch import integrate_batch
 from nearharmonic.engine.batch.kernels import kernel_of
 from nearharmonic.engine.grid import steps_of
-from nearharmonic.engine.numbers.coefficients import lane_rows, lanes_of, moves, parameter_row, start_row
+from nearharmonic.engine.numbers.coefficients import moves, parameter_row, start_row
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import BENCHMARKED
 

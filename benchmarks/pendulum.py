@@ -14,10 +14,11 @@ import time
 from fractions import Fraction
 
 import numpy as np
+from lanes import lane_rows, lanes_of
 
 import nearharmonic as nh
 from nearharmonic.engine.batch.kernels import kernel_of
-from nearharmonic.engine.numbers.coefficients import lane_rows, lanes_of, moves, parameter_row, start_row
+from nearharmonic.engine.numbers.coefficients import moves, parameter_row, start_row
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.math import cos, sin
 from nearharmonic.reproduction.experiments.work_precision.peers.heyoka import TOLERANCES, heyoka_taylor

@@ -12,11 +12,12 @@ from fractions import Fraction
 from itertools import pairwise
 
 import numpy as np
+from lanes import lane_rows, lanes_of
 
 import nearharmonic as nh
 from nearharmonic.engine.batch.kernels import kernel_of
 from nearharmonic.engine.batch.lanes import most_lanes
-from nearharmonic.engine.numbers.coefficients import lane_rows, lanes_of, moves, parameter_row, start_row
+from nearharmonic.engine.numbers.coefficients import moves, parameter_row, start_row
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.math import sqrt
 

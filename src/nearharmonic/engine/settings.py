@@ -68,9 +68,9 @@ def checked_tau(tau: object, key: str = "tau") -> float:
     return float(positive(key, tau))
 
 
-def checked_t_end(t_end: object, key: str = "t_end") -> str:
+def checked_t_end(t_end: object) -> str:
     """Return ``t_end`` as a plain decimal string, if it is a finite number (or the decimal string of one) but 0."""
-    number = _decimal(key, t_end, "a finite number above 0, or below 0 to run backwards")
+    number = _decimal("t_end", t_end, "a finite number above 0, or below 0 to run backwards")
     return format(number.normalize(), "f")
 
 
@@ -88,14 +88,9 @@ def whole_number(text: str, key: str) -> int:
     return int(text)
 
 
-def checked_samples(samples: object, key: str = "samples") -> int:
+def checked_samples(samples: object) -> int:
     """Return ``samples`` as an int, if it is an integer from 1 to :data:`MOST_SAMPLES`."""
-    return checked_count(key, samples, MOST_SAMPLES)
-
-
-def checked_threads(threads: object, key: str = "threads") -> int:
-    """Return ``threads`` as an int, if it is an integer from 1 to :data:`MOST_THREADS`."""
-    return checked_count(key, threads, MOST_THREADS)
+    return checked_count("samples", samples, MOST_SAMPLES)
 
 
 def one_of(key: str, value: object, allowed: Sequence[str]) -> str:
@@ -105,16 +100,6 @@ def one_of(key: str, value: object, allowed: Sequence[str]) -> str:
     nearest = get_close_matches(str(value), allowed, n=1, cutoff=0.4)
     hint = f". Did you mean {nearest[0]!r}?" if nearest else ""
     raise bad_setting(key, value, f"one of {', '.join(allowed)}{hint}")
-
-
-def checked_precision(precision: object, key: str = "precision") -> str:
-    """Return ``precision``, if it is one of :data:`PRECISIONS`."""
-    return one_of(key, precision, PRECISIONS)
-
-
-def checked_summation(summation: object, key: str = "summation") -> str:
-    """Return ``summation``, if it is one of :data:`SUMMATIONS`."""
-    return one_of(key, summation, SUMMATIONS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,8 +168,8 @@ class Numerics(SharedSettings):
     double_coefficients: bool = False
 
     def __post_init__(self) -> None:
-        checked_precision(self.precision)
-        checked_summation(self.summation)
+        one_of("precision", self.precision, PRECISIONS)
+        one_of("summation", self.summation, SUMMATIONS)
         if self.width is not None:
             checked_count("width", self.width, MOST_LANES)
         one_of("energy", self.energy, ENERGIES)
@@ -214,11 +199,6 @@ class Numerics(SharedSettings):
         if (self.summation, self.look, self.double_coefficients) == (summation, None, False):
             return self  # most are: a copy takes longer than the look-up of their kernel
         return replace(self, summation=summation, look=None, double_coefficients=False)
-
-
-def checked_first(first: object, key: str = "first") -> str | None:
-    """Return ``first``, if it is None (the tableau's own) or one of :data:`OPERATORS`."""
-    return None if first is None else one_of(key, first, OPERATORS)
 
 
 @lru_cache(maxsize=128)

@@ -5,11 +5,11 @@ All results may be written to result files, so they are computed by :mod:`nearha
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
 from nearharmonic.math import log
@@ -207,13 +207,5 @@ def student_975(freedom: int) -> float:
         return 0.95 * sqrt(2 / (1 - 0.95 * 0.95))
     z, n = 1.959963984540054, float(freedom)
     square = z * z
-    terms = [z * _polynomial(coefficients, square) / divisor for coefficients, divisor in _CORNISH_FISHER]
-    return z + _polynomial([0.0, *terms], 1 / n)
-
-
-def _polynomial(coefficients: Sequence[float], x: float) -> float:
-    """The polynomial with these coefficients, the one of x^0 first, by Horner's rule."""
-    value = 0.0
-    for coefficient in reversed(coefficients):
-        value = value * x + coefficient
-    return value
+    terms = [z * polyval(square, coefficients) / divisor for coefficients, divisor in _CORNISH_FISHER]
+    return z + float(polyval(1 / n, [0.0, *terms]))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from nearharmonic.core.formulas.number import FUNCTIONS
 from nearharmonic.core.layout import Signature, floats
 from nearharmonic.core.machine.native import code_key, native, object_code
+from nearharmonic.core.machine.operations import DOUBLE, INDEX
 from nearharmonic.core.machine.values import LLVMValue
 
 #: (arguments, results): one row of doubles for each part of an argument or result.
@@ -37,14 +38,7 @@ def elementwise(body: Body, rows: int, width: int, symbol: str = "elementwise") 
     symbol : str
         Name of the function.
     """
-    return symbol, object_code(binding.parse_assembly(str(loop(body, rows, width, symbol))))
-
-
-def loop(body: Body, rows: int, width: int, symbol: str) -> ir.Module:
-    """LLVM module of :func:`elementwise`."""
-    module = ir.Module()
-    word, double = ir.IntType(64), ir.DoubleType()
-    pointer = double.as_pointer()
+    module, word, pointer = ir.Module(), INDEX, DOUBLE.as_pointer()
     signature = ir.FunctionType(ir.VoidType(), [pointer, word, word] * 2)
     function = ir.Function(module, signature, symbol)
     source, _, count, target, _, _ = function.args
@@ -54,7 +48,7 @@ def loop(body: Body, rows: int, width: int, symbol: str) -> ir.Module:
     if width > 1:
         builder = _stretch(builder, body, rows, 1, (source, target), (whole, count, count))
     builder.ret_void()
-    return module
+    return symbol, object_code(binding.parse_assembly(str(module)))
 
 
 def _stretch(
@@ -66,8 +60,7 @@ def _stretch(
     bounds: tuple[ir.Value, ir.Value, ir.Value],
 ) -> ir.IRBuilder:
     """Write the loop from bounds[0] to bounds[1] over rows of length bounds[2]."""
-    word = ir.IntType(64)
-    kind = ir.DoubleType() if width == 1 else ir.VectorType(ir.DoubleType(), width)
+    word, kind = INDEX, DOUBLE if width == 1 else ir.VectorType(DOUBLE, width)
     function, before = builder.function, builder.block
     head, inside, end = (function.append_basic_block() for _ in range(3))
     builder.branch(head)
@@ -102,8 +95,8 @@ def of_numbers(name: str) -> Callable[..., float]:
     def make() -> tuple[str, bytes]:
         from nearharmonic.core.functions import double
 
-        module, kind = ir.Module(), ir.DoubleType()
-        function = ir.Function(module, ir.FunctionType(kind, [kind] * count), name_in_c(name))
+        module = ir.Module()
+        function = ir.Function(module, ir.FunctionType(DOUBLE, [DOUBLE] * count), name_in_c(name))
         builder = ir.IRBuilder(function.append_basic_block())
         result = double.FUNCTIONS[name](*(LLVMValue(builder, x) for x in function.args))
         builder.ret(result.value)

@@ -76,16 +76,13 @@ def extended_quarter_turns(x: LLVMValue, x_low: LLVMValue) -> list[LLVMValue]:
 
 
 def _large_lanes(*parts: LLVMValue) -> list[LLVMValue]:
-    rows = [_large_angle(*lane) for lane in zip(*(part.lanes() for part in parts), strict=True)]
+    name, lanes = f"large_angle_{len(parts)}", zip(*(part.lanes() for part in parts), strict=True)
+    rows = [called(name, _reduced, *lane) for lane in lanes]
     return [parts[0].from_lanes(column) for column in zip(*rows, strict=True)]
 
 
-def _large_angle(*parts: LLVMValue) -> list[LLVMValue]:
-    """Return ROUNDER + quarter turns and the rest as a pair, for the sum of ``parts``, scalars."""
-    return called(f"large_angle_{len(parts)}", _reduced, *parts)
-
-
 def _reduced(*parts: LLVMValue) -> list[LLVMValue]:
+    """Return ROUNDER + quarter turns and the rest as a pair, for the sum of ``parts``, scalars."""
     builder = parts[0].builder
     wide = ir.IntType(FRACTION)
     fraction = ir.Constant(wide, 0)

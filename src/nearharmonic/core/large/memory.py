@@ -16,7 +16,7 @@ from nearharmonic.core.formulas.number import Constant
 from nearharmonic.core.formulas.tracing import Double, DoubleDouble, LLVMValue
 from nearharmonic.core.large.tables import BLOCK
 from nearharmonic.core.machine.operations import DOUBLE, INDEX
-from nearharmonic.core.machine.values import LLVMMask
+from nearharmonic.core.machine.values import LLVMBits, LLVMMask
 
 PLACE = ir.IntType(32)
 
@@ -89,20 +89,8 @@ class Planes:
     stride: int
 
 
-class Index:
-    """A 64-bit integer."""
-
-    def __init__(self, builder: ir.IRBuilder, value: ir.Value) -> None:
-        self.builder, self.value = builder, value
-
-    def _operand(self, other: Index | int) -> ir.Value:
-        return other.value if isinstance(other, Index) else INDEX(other)
-
-    def __add__(self, other: Index | int) -> Index:
-        return Index(self.builder, self.builder.add(self.value, self._operand(other)))
-
-    def __mul__(self, other: Index | int) -> Index:
-        return Index(self.builder, self.builder.mul(self.value, self._operand(other)))
+#: A 64-bit integer.
+Index = LLVMBits
 
 
 class Variable:

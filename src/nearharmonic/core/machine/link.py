@@ -83,7 +83,7 @@ def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, byte
     entry.triple, entry.data_layout = module.triple, module.data_layout
     module.link_in(entry)
     _make_one(module, function.__name__)
-    _shorten(module)
+    run_passes(module, "sroa", "simplify_cfg", "aggressive_dce", "simplify_cfg")  # once, not each time loops are linked
     return function.__name__, str(module).encode()
 
 
@@ -95,11 +95,6 @@ def _make_one(module: Any, name: str) -> None:
             if not any(b"noinline" in attribute for attribute in function.attributes):
                 function.add_function_attribute("alwaysinline")
     run_passes(module, "always_inliner", "global_dead_code_eliminate")
-
-
-def _shorten(module: Any) -> None:
-    """Remove code for numba's variables once, instead of each time that loops are linked."""
-    run_passes(module, "sroa", "simplify_cfg", "aggressive_dce", "simplify_cfg")
 
 
 def needed(loops: bytes) -> frozenset[str]:

@@ -10,19 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from nearharmonic.core.arithmetic import two_products
-from nearharmonic.core.layout import (
-    COLUMNS,
-    DRIFT,
-    ENERGY,
-    KICK,
-    LIMIT,
-    PRODUCT,
-    REST,
-    TALLY,
-    modified_columns,
-    running_at,
-    running_rows,
-)
+from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, REST, modified_columns
 from nearharmonic.engine.numbers.rotations import pair_of, rotations
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.composition import Composition
@@ -51,27 +39,6 @@ def parameter_row(values: Sequence[Fraction]) -> Floats:
     """Return parameters (2 P,) as the kernel takes them: each rounded to a double, and the digits below it."""
     pairs = [pair_of(value) for value in values]
     return np.array(pairs, dtype=np.float64).reshape(-1)
-
-
-def lane_rows(start: Floats, parameters: Floats, width: int, room: int = 0) -> Floats:
-    """Return the rows of a kernel (flat) whose lanes all hold one start, with H0 = 1 and no limit of the energy error.
-
-    Parameters
-    ----------
-    start, parameters : arrays of float
-        As :func:`start_row` and :func:`parameter_row` lay them out.
-    width : int
-        Number of lanes.
-    room : int
-        Doubles behind the rows that the kernel works in.
-    """
-    d, behind = start.size // 4, start.size + TALLY
-    running = running_at(d, parameters.size // 2)
-    rows = np.zeros((running + running_rows(d), width))
-    rows[: start.size] = rows[running : running + start.size] = start[:, None]
-    rows[start.size + ENERGY], rows[start.size + LIMIT] = 1.0, np.inf
-    rows[behind : behind + parameters.size] = parameters[:, None]
-    return np.append(rows, np.zeros(room))
 
 
 def moves(step: Composition, taus: Sequence[Fraction], parts: int, *, rounded: bool = False) -> Floats:
@@ -126,11 +93,6 @@ def moves_of(system: System, tableau: Tableau, taus: Sequence[Fraction], numeric
     rounded = numerics.double_coefficients
     found = [moves(step, taus, numerics.parts, rounded=rounded) for step in tableau.compositions]
     return found[0] if len(found) == 1 else np.concatenate(found, axis=1)
-
-
-def lanes_of(row: Floats, width: int) -> Floats:
-    """Return the moves (s + 2, COLUMNS) of one step size for every lane, flat."""
-    return np.repeat(row, width, axis=-1).reshape(-1)
 
 
 @lru_cache(maxsize=1024)  # half a kilobyte each; most calls take step sizes that an earlier one took

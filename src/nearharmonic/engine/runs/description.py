@@ -122,21 +122,14 @@ def clock_variables(problem: Setup, paths: Trajectories) -> Variables:
     """Return the time as it is integrated and its conjugate momentum, if V depends on time, else nothing."""
     if not problem.system.time_dependent:
         return {}
-    units, d = problem.system.units, problem.system.dimension
-    table = {}
-    for name, high, low, meaning, unit in (
-        ("clock", paths.q, paths.q_low, "time as it is integrated", units["t"]),
-        (
-            "clock_momentum",
-            paths.p,
-            paths.p_low,
-            "momentum conjugate to time: minus the energy received",
-            units["energy"],
-        ),
-    ):
-        table[name] = high[..., d], meaning, unit
-        table[f"{name}_low"] = low[..., d], f"{meaning}, digits below", unit
-    return over_runs(table)
+    energy, t, d = problem.system.units["energy"], problem.system.units["t"], problem.system.dimension
+    time, momentum = "time as it is integrated", "momentum conjugate to time: minus the energy received"
+    return over_runs({
+        "clock": (paths.q[..., d], time, t),
+        "clock_low": (paths.q_low[..., d], f"{time}, digits below", t),
+        "clock_momentum": (paths.p[..., d], momentum, energy),
+        "clock_momentum_low": (paths.p_low[..., d], f"{momentum}, digits below", energy),
+    })  # fmt: skip
 
 
 def invariant_variables(problem: Setup, paths: Trajectories, start: Floats, constants: Sequence[Any]) -> Variables:

@@ -35,7 +35,7 @@ from nearharmonic.engine.runs.description import (
 )
 from nearharmonic.engine.runs.output_times import checked_times, run_at
 from nearharmonic.engine.runs.setup import Setup
-from nearharmonic.engine.settings import KINETIC_POTENTIAL, checked_samples, checked_threads
+from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_THREADS, checked_count, checked_samples
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
@@ -110,7 +110,7 @@ def ensemble(
     _check_rows(start, given)
     check_bound(problem.system, start, given)
     steps, kept = problem.steps_of(tau), checked_samples(samples)
-    members = _Members(problem, steps, start, given, checked_threads(threads))
+    members = _Members(problem, steps, start, given, checked_count("threads", threads, MOST_THREADS))
     if t is None:
         paths, times = members.sampled(kept), None
     else:

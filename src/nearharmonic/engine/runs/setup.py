@@ -20,12 +20,13 @@ from nearharmonic.engine.numbers.initial_values import exact, standard_parameter
 from nearharmonic.engine.runs.invariants import check_quantities
 from nearharmonic.engine.settings import (
     KINETIC_POTENTIAL,
+    OPERATORS,
     Numerics,
-    checked_first,
     checked_samples,
     checked_t_end,
     checked_tau,
     exact_decimal,
+    one_of,
 )
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
@@ -85,7 +86,8 @@ class Setup:
     ) -> None:
         self.system = system if isinstance(system, System) else systems[system]
         tableau = integrator if isinstance(integrator, Tableau) else integrators[integrator]
-        self.tableau = tableau.role(checked_first(first))  # type: ignore[arg-type]
+        role = None if first is None else one_of("first", first, OPERATORS)
+        self.tableau = tableau.role(role)  # type: ignore[arg-type]
         check_fit(self.system, self.tableau, split)
         check_quantities(self.system)
         check_bound(self.system, standard_start(self.system, False)[None, :], standard_parameters(self.system)[None, :])
@@ -198,7 +200,7 @@ class Setup:
         return self.floor(start[None, :], parameters[None, :], H0)
 
 
-def checked_scale(value: object, key: str = "energy_scale") -> float:
+def checked_scale(value: object) -> float:
     """Return the energy that errors are relative to; 0 for None.
 
     Raises
@@ -208,7 +210,7 @@ def checked_scale(value: object, key: str = "energy_scale") -> float:
     """
     if value is None:
         return 0.0
-    scale = float(exact(key, value))
+    scale = float(exact("energy_scale", value))
     if not scale > 0:
-        raise bad_setting(key, value, "a finite number above 0, in the unit of energy")
+        raise bad_setting("energy_scale", value, "a finite number above 0, in the unit of energy")
     return scale

@@ -24,7 +24,7 @@ from nearharmonic.engine.runs.description import (
 from nearharmonic.engine.runs.output_times import checked_times, run_at
 from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.engine.runs.solution import Solution
-from nearharmonic.engine.settings import KINETIC_POTENTIAL, checked_precision, checked_samples, checked_tau
+from nearharmonic.engine.settings import KINETIC_POTENTIAL, checked_samples, checked_tau
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import Variables, assembled, described
@@ -217,5 +217,5 @@ def _checked_taus(taus: Iterable[float]) -> list[float]:
 def warm_up(system: str, precisions: Sequence[str] = ("double",)) -> dict[str, Any]:
     """Compile the kernels of ``system`` into the cache, so that jobs side by side find them there."""
     for precision in precisions:
-        kernel_of(systems[system], replace(STANDARD, precision=checked_precision(precision)))
+        kernel_of(systems[system], replace(STANDARD, precision=precision))
     return {}
