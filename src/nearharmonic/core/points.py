@@ -93,7 +93,7 @@ def _move(form: Form) -> Any:
     else:
         move = step.ahead_plain(velocity, acceleration)
     if form.modified:
-        move = step.modified_double_double(move) if form.extended else step.modified(move, form.ahead)
+        move = step.modified(form, move)
     if not form.resting:
         return move
 

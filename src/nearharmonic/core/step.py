@@ -92,28 +92,18 @@ def momentum_first(velocity: Any, update: Any) -> Move:
     return move
 
 
-def modified(move: Move, ahead: bool) -> Move:
-    """A move with the force k V' + m grad |V'|^2 of a modified potential, rounded once per component.
+def modified(form: Form, move: Move) -> Move:
+    """A move with the force k V' + m grad |V'|^2 of a modified potential, in double rounded once per component.
 
     Momentum and position use the same rounded number, so that the map is symplectic up to the rounding of the sums.
     """
+    extended, ahead = form.extended, form.ahead
 
     @compiled
     def modified_move(state, row, forces, parameters):  # type: ignore[no-untyped-def]
         (kick, drift, m), (f, g) = row, forces
-        pull = fma(m, g, kick * f)
-        return move(state, (1.0, drift, drift, 0.0) if ahead else (1.0, drift), pull, parameters)
-
-    return modified_move
-
-
-def modified_double_double(move: Move) -> Move:
-    """A move as that of :func:`modified`, in double-double."""
-
-    @compiled
-    def modified_move(state, row, forces, parameters):  # type: ignore[no-untyped-def]
-        (kick, drift, m), (f, g) = row, forces
-        pull = dd_add(dd_mul(kick, f), dd_mul(m, g))
-        return move(state, ((1.0, 0.0), drift), pull, parameters)
+        if extended:
+            return move(state, ((1.0, 0.0), drift), dd_add(dd_mul(kick, f), dd_mul(m, g)), parameters)
+        return move(state, (1.0, drift, drift, 0.0) if ahead else (1.0, drift), fma(m, g, kick * f), parameters)
 
     return modified_move

@@ -14,14 +14,7 @@ def quasi_random(count: int, dimension: int, seed: int) -> Floats:
     """Return points (count, dimension) of the additive recurrence x_n = x_0 + n alpha mod 1, in [0, 1).
 
     alpha_k = 1/phi^k, with phi the root of phi^(dimension + 1) = phi + 1. The points are computed exactly, in integers
-    modulo 2^64.
-
-    Parameters
-    ----------
-    count, dimension : int
-        Number of points, and of coordinates of a point.
-    seed : int
-        Seed of x_0.
+    modulo 2^64. The seed determines x_0.
 
     Roberts (2018), "The unreasonable effectiveness of quasirandom sequences".
     """

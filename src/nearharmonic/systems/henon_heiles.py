@@ -33,7 +33,6 @@ SYSTEM = System(
     # 1e7).
     position_t_end="20",
     frequencies=("1", "1"),
-    units={"q": "1", "p": "1", "t": "1", "energy": "1"},
     source="Henon & Heiles (1964), doi:10.1086/109234; initial values of Nielsen (2015), Eq. 18: H = 1/8, chaotic",
     surface_limit=1.0,
     surface_reason="escape takes 1/3 of H = 1/8; at twice the energy no closed surface is left and the orbit runs away",

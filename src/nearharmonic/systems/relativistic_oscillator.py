@@ -45,7 +45,6 @@ SYSTEM = System(
     q0=("1",),
     p0=("0",),
     t_end="500",
-    units={"q": "1", "p": "1", "t": "1", "energy": "1"},
     source="Zarmi (2023), Applied Mathematics 14, 1, doi:10.4236/am.2023.141001; amplitude 1: speeds up to 0.75 c",
     surface_limit=1.0,
     surface_reason="the well has no end, but at twice its energy a run is on no orbit near the one it began on",

@@ -36,7 +36,6 @@ SYSTEM = System(
     p0=("0",),
     t_end="500",
     frequencies=("1",),
-    units={"q": "1", "p": "1", "t": "1", "energy": "1"},
     source="Nielsen (2015), arXiv:1501.04345, Eq. 11 and Fig. 1: (p, q) = (0, 1), t in [0, 500]",
     harmonic=True,
     exact_position=exact_position,

@@ -56,17 +56,7 @@ def moving(rules: Rules) -> tuple[bool, ...]:
 
 
 def module_of(rules: Rules, lanes: int, needed: Container[str]) -> ir.Module:
-    """Return a module with the functions of a system that loops of its form call.
-
-    Parameters
-    ----------
-    rules : Rules
-        The system, and the arithmetic of its formulas.
-    lanes : int
-        Lanes of the kernel.
-    needed : container of str
-        Names of the functions that are called.
-    """
+    """Return a module with the functions of these names that loops call, for a system and a number of lanes."""
     physics, d = rules.physics, rules.physics.dimension
     if physics.loops is not None:
         from nearharmonic.core.large import functions

@@ -53,15 +53,7 @@ class Totals:
 
 
 class LoopedEnergy:
-    """V or T of a system of many coordinates.
-
-    Parameters
-    ----------
-    graph, root
-        The expression, whose variables are the coordinates and the parameters, in this order.
-    dimension, parameters : int
-        Numbers of coordinates and parameters.
-    """
+    """V or T of a system of many coordinates, an expression of the coordinates and the parameters, in this order."""
 
     def __init__(self, graph: Graph, root: Value, dimension: int, parameters: int) -> None:
         self.dimension, self.parameters = dimension, parameters

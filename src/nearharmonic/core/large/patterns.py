@@ -67,16 +67,9 @@ class Level:
 
 
 def levels(graph: Graph, root: Value, dimension: int, parameters: int) -> tuple[Level, ...]:
-    """Return the loops that compute ``root``, the only sum of the last level.
+    """Return the loops that compute the energy ``root``, the only sum of the last level.
 
-    Parameters
-    ----------
-    graph : Graph
-        Its variables are the coordinates and the parameters, in this order.
-    root : Value
-        The energy.
-    dimension, parameters : int
-        Numbers of coordinates and parameters.
+    The variables of the graph are the coordinates and the parameters, in this order.
 
     Raises
     ------

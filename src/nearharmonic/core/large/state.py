@@ -33,21 +33,6 @@ _dimension, _running, _force_at, _force_plane, _velocity_at, _velocity_plane = (
 
 
 @compiled
-def _of_coordinates(x, parameters):  # type: ignore[no-untyped-def]
-    return x
-
-
-@compiled
-def _of_momenta(p, low, parameters):  # type: ignore[no-untyped-def]
-    return p
-
-
-@compiled
-def _of_extended_momenta(p, low, parameters):  # type: ignore[no-untyped-def]
-    return p, low
-
-
-@compiled
 def _put(rows, at, first, value):  # type: ignore[no-untyped-def]
     """Replace a block of coordinates, or the coordinates behind the last full block."""
     if first + BLOCK <= _dimension():
@@ -73,11 +58,12 @@ def _kept(at: Any, plane: Any, *, extended: bool) -> Any:
 def _move_of_unit_masses(form: Form) -> Any:
     """``moved(rows, row, to)``: a move from the running state to the rows from ``to`` on."""
     if form.ahead:
-        move = (step.ahead_compensated if form.compensated else step.ahead_plain)(_of_coordinates, _of_coordinates)
-    elif form.extended:
-        move = step.momentum_first(_of_extended_momenta, step.update_of(form))
+        same = compiled(lambda x, parameters: x)
+        move = (step.ahead_compensated if form.compensated else step.ahead_plain)(same, same)
     else:
-        move = step.momentum_first(_of_momenta, step.update_of(form))
+        extended = form.extended
+        velocity = compiled(lambda p, low, parameters: (p, low) if extended else p)
+        move = step.momentum_first(velocity, step.update_of(form))
     force = _kept(_force_at, _force_plane, extended=form.extended)
     late_by = form.compensated and form.ahead
 

@@ -63,16 +63,9 @@ class Term:
 
 
 class LongSums:
-    """The long sums below a value of a graph.
+    """The long sums below a value of a graph, whose variables are ``dimension`` coordinates and then the parameters.
 
-    Parameters
-    ----------
-    graph : Graph
-        The graph; its variables are ``dimension`` coordinates and then the parameters.
-    root : Value
-        The value; it counts as a sum, if necessary of one term.
-    dimension : int
-        Number of coordinates.
+    The value ``root`` counts as a sum, if necessary of one term.
     """
 
     def __init__(self, graph: Graph, root: Value, dimension: int) -> None:

@@ -145,15 +145,7 @@ def build_landing(
 
 
 def build_step(physics: Physics, *, compensated: bool) -> NativeFunction:
-    """Load the function of a single step in double precision, or compile it into the cache.
-
-    Parameters
-    ----------
-    physics : Physics
-        The system; its formulas must not be loops.
-    compensated : bool
-        True if sums are compensated.
-    """
+    """Load the function of a single step in double precision, without loops over coordinates, or compile it."""
     rules = Rules(physics, False, compensated)
     return native(
         f"step-{_key(rules, 1)}", STEP, lambda: _linked("step", STEP, {"form": _form(rules, "none")}, rules, 1)

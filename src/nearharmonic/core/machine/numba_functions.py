@@ -64,14 +64,7 @@ class NumbaCode:
 
 
 def compiled_code(V: Any, grad_V: Any, dimension: int, parameters: int) -> NumbaCode:
-    """Compile a potential and its gradient.
-
-    Parameters
-    ----------
-    V, grad_V : numba functions
-        Functions of the coordinates, a tuple or an array, and of the parameters.
-    dimension, parameters : int
-        Numbers of coordinates and of parameters.
+    """Compile a potential and its gradient, functions of the coordinates (a tuple or an array) and of the parameters.
 
     Raises
     ------
@@ -268,17 +261,7 @@ def _digest(text: str) -> str:
 
 
 def called(formula: str, count: int, q: Sequence[LLVMValue], parameters: Sequence[LLVMValue]) -> list[LLVMValue]:
-    """Return the results of a call of one of :data:`SYMBOLS` in the function that is being built.
-
-    Parameters
-    ----------
-    formula : {"V", "grad_V"}
-        Name of the formula.
-    count : int
-        Number of results.
-    q, parameters : sequences of doubles
-        Coordinates (d) and parameters.
-    """
+    """Return the ``count`` results of a call of one of :data:`SYMBOLS` in the function that is being built."""
     builder = q[0].builder
     kind = ir.FunctionType(ir.VoidType(), [_POINTER] * 3)
     function = builder.module.globals.get(SYMBOLS[formula]) or ir.Function(builder.module, kind, SYMBOLS[formula])

@@ -10,34 +10,10 @@ from typing import Any
 
 from nearharmonic.core.layout import INNER
 from nearharmonic.core.loops.shape import Form
-from nearharmonic.core.machine.reals import compiled, linked_number, load_parameters, load_point, store, zero_like
+from nearharmonic.core.machine.reals import linked_number, load_parameters, load_point, store, zero_like
 from nearharmonic.core.points import motion, row_loader
 
 _columns = linked_number("columns")
-
-
-@compiled
-def _load_compensated(q, carry_q, p, carry_p):  # type: ignore[no-untyped-def]
-    x = load_point(q, 0)
-    return x, load_point(carry_q, 0), load_point(p, 0), load_point(carry_p, 0), zero_like(x)
-
-
-@compiled
-def _load_plain(q, carry_q, p, carry_p):  # type: ignore[no-untyped-def]
-    x, zero = load_point(q, 0), zero_like(load_point(q, 0))
-    return x, zero, load_point(p, 0), zero, zero
-
-
-@compiled
-def _store_compensated(arrays, state):  # type: ignore[no-untyped-def]
-    for i in range(4):
-        store(arrays[i], 0, state[i])
-
-
-@compiled
-def _store_plain(arrays, state):  # type: ignore[no-untyped-def]
-    store(arrays[0], 0, state[0])
-    store(arrays[2], 0, state[2])
 
 
 def step(form: Form) -> Callable[..., Any]:
@@ -47,13 +23,16 @@ def step(form: Form) -> Callable[..., Any]:
     """
     row_of, steps = row_loader(form), motion(form)
     move, closed, first_force, force_behind = steps.move, steps.closed, steps.first, steps.behind
-    load, keep = (_load_compensated, _store_compensated) if form.compensated else (_load_plain, _store_plain)
-    modified = form.modified
+    modified, compensated = form.modified, form.compensated
 
     def step(stages, kick_first, moves, parameters, q, carry_q, p, carry_p):  # type: ignore[no-untyped-def]
         columns, given = _columns(), load_parameters(parameters, 0)
-        state = load(q, carry_q, p, carry_p)
-        f = zero_like((state[0], state[0]) if modified else state[0])
+        x, y = load_point(q, 0), load_point(p, 0)
+        low, y_low = zero_like(x), zero_like(y)
+        if compensated:
+            low, y_low = load_point(carry_q, 0), load_point(carry_p, 0)
+        state = x, low, y, y_low, zero_like(x)
+        f = zero_like((x, x) if modified else x)
         if kick_first:
             f = first_force(state, moves, given)
         row = 0
@@ -61,6 +40,11 @@ def step(form: Form) -> Callable[..., Any]:
             state = move(state, row_of(moves, row), f, given)
             f = force_behind(state, moves, row, given)
             row = (INNER + i) * columns
-        keep((q, carry_q, p, carry_p), closed(state, row_of(moves, (stages + 1) * columns), f, given))
+        x, low, y, y_low = closed(state, row_of(moves, (stages + 1) * columns), f, given)
+        store(q, 0, x)
+        store(p, 0, y)
+        if compensated:
+            store(carry_q, 0, low)
+            store(carry_p, 0, y_low)
 
     return step

@@ -54,13 +54,7 @@ class Members:
         return len(self.q0)
 
     def constants(self, kind: Callable[[str], Scalar]) -> tuple[Scalar, ...]:
-        """Return the parameters as numbers of one kind.
-
-        Parameters
-        ----------
-        kind : callable
-            Number type, called with each decimal string: ``float``, ``Fraction``, ``mpmath.mpf``.
-        """
+        """Return the parameters as numbers of one kind, called with each decimal string: ``float``, ``mpmath.mpf``."""
         return tuple(kind(parameter.value) for parameter in self.parameters.values())
 
     def start(self, kind: Callable[[str], Scalar]) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:

@@ -40,23 +40,17 @@ class Energy:
 
     Parameters
     ----------
-    name : str
-        Name of the system, for errors.
-    formula : {"V", "T"}
-        Name of the formula, for errors.
+    name, formula : str
+        Name of the system, and "V" or "T", for errors.
     function : callable
         ``function(x, *parameters)`` of coordinates x (d).
     dimension : int
         Number of coordinates d.
     parameters : tuple of Constant
         The system's own parameters.
-
-    Attributes
-    ----------
-    traced : bool
-        True: the energy has an expression, unlike a function of numba.
     """
 
+    #: The energy has an expression, unlike a function of numba.
     traced = True
 
     def __init__(

@@ -21,14 +21,7 @@ class SquareGradient:
     """grad |grad V|^2 as a function of the coordinates and the parameters.
 
     |grad V|^2 denotes the square a(f).f with inverse masses, where a(f) is the acceleration by the force f = grad V.
-    Its gradient is derived in reverse mode.
-
-    Parameters
-    ----------
-    formulas : Formulas
-        Formulas of d coordinates with quadratic T.
-    parameters : int
-        Number of parameters.
+    Its gradient is derived in reverse mode, for ``formulas`` with quadratic T.
     """
 
     def __init__(self, formulas: Formulas, parameters: int) -> None:

@@ -28,17 +28,7 @@ MOST_COORDINATES = 256
 
 @dataclass(frozen=True, eq=False)
 class NumbaPotential:
-    """V and grad_V of a system, functions of numba.
-
-    Parameters
-    ----------
-    name : str
-        Name of the system, for errors.
-    V, grad_V : numba functions
-        Functions of the coordinates, a tuple or an array, and of the parameters.
-    dimension, parameters : int
-        Numbers of coordinates and of parameters.
-    """
+    """V and grad_V of a system, functions of numba of the coordinates (a tuple or an array) and of the parameters."""
 
     name: str
     V: Any
@@ -120,15 +110,7 @@ def _emitted(formula: str, count: int, q: Vector, parameters: Vector) -> Vector 
 
 
 class NumbaEnergy(Energy):
-    """V of numba in place of an expression: its gradient is given, its Hessian is computed by differences.
-
-    Parameters
-    ----------
-    potential : NumbaPotential
-        V and grad_V.
-    parameters : tuple of Constant
-        The system's own parameters.
-    """
+    """V of numba in place of an expression: its gradient is given, its Hessian is computed by differences."""
 
     traced = is_long = False
     parameters_at_run_time = True
