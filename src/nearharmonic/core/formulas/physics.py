@@ -14,27 +14,48 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Physics:
-    """A Hamiltonian as the kernel needs it.
+class Hamiltonian:
+    """A separable Hamiltonian of an autonomous system.
 
     Attributes
     ----------
     name : str
         Name of the system, for errors.
-    V, grad_V, T, grad_T : callable
-        Formulas ``f(q, *parameters)`` and ``f(p, *parameters)``.
+    dimension : int
+        Number of coordinates d.
+    V, T : callable
+        Formulas ``f(q, *parameters)`` and ``f(p, *parameters)``, which return a scalar.
+    grad_V, grad_T : callable
+        Their gradients, which return a tuple of d components.
     grad_V_and_V : callable
         The components of grad_V, followed by V; both share operations.
     balanced_T : callable
         T in an order of operations with short chains.
     acceleration : callable, or None
-        ``f(force, *parameters)``, dT/dp minus its value at p = 0, if T is quadratic.
+        ``f(force, *parameters)``, dT/dp minus its value at p = 0, which does not depend on p if T is quadratic.
+    """
+
+    name: str
+    dimension: int
+    V: Callable[..., Any]
+    grad_V: Callable[..., Any]
+    T: Callable[..., Any]
+    grad_T: Callable[..., Any]
+    grad_V_and_V: Callable[..., Any]
+    balanced_T: Callable[..., Any]
+    acceleration: Callable[..., Any] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Physics(Hamiltonian):
+    """A Hamiltonian as the kernel needs it; ``acceleration`` is None unless T is quadratic.
+
+    Attributes
+    ----------
     parameters : int
         Number of parameters of a run, which are in the rows behind its tally.
     constants : tuple of Constant
         Parameters that are compiled in because a formula needs their values; ``parameters`` is then 0.
-    dimension : int
-        Number of coordinates.
     measured : callable, or None
         ``f(q, p, *parameters)``, the kinetic and the potential energy that are measured instead of T and V.
     loops : tuple of LoopedEnergy, or None
@@ -50,17 +71,8 @@ class Physics:
         Code of V and grad_V that are functions of numba, for one lane.
     """
 
-    name: str
-    V: Callable[..., Any]
-    grad_V: Callable[..., Any]
-    grad_V_and_V: Callable[..., Any]
-    T: Callable[..., Any]
-    balanced_T: Callable[..., Any]
-    grad_T: Callable[..., Any]
     parameters: int
     constants: tuple[Constant, ...]
-    dimension: int
-    acceleration: Callable[..., Any] | None = None
     measured: Callable[..., Any] | None = None
     loops: tuple[LoopedEnergy, LoopedEnergy] | None = None
     unit_masses: bool = False

@@ -31,8 +31,6 @@ from nearharmonic.core.machine.native import NativeFunction, PreparedCall, code_
 #: Instructions of a function of numba per unit of cost; loops in it are counted once.
 INSTRUCTIONS = 8
 
-__all__ = ["Kernel", "Physics", "build", "build_landing", "build_step", "cost", "room"]
-
 
 @dataclass(frozen=True)
 class Kernel:

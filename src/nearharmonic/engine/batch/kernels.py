@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from functools import cache
 from typing import TYPE_CHECKING
 
 from nearharmonic.core.formulas.number import Constant
+from nearharmonic.core.formulas.physics import Hamiltonian, Physics
 from nearharmonic.engine.batch.numba_runs import check_precision, check_width
 from nearharmonic.engine.settings import WIDTH, Numerics
 from nearharmonic.systems.definition.system import System
@@ -16,7 +18,7 @@ from nearharmonic.systems.formulas.oscillator import frequencies_of, remainder_f
 from nearharmonic.systems.numba.potential import numba_potential
 
 if TYPE_CHECKING:
-    from nearharmonic.core.loops.kernel import Kernel, Physics
+    from nearharmonic.core.loops.kernel import Kernel
 
 #: Default numerics.
 STANDARD = Numerics()
@@ -98,8 +100,6 @@ def physics_of(system: System, numerics: Numerics = STANDARD, *, modified: bool 
     SettingError
         The oscillators of the system are to be solved exactly, and cannot be.
     """
-    from nearharmonic.core.loops.kernel import Physics
-
     check_gradients(system)
     exact = numerics.exact_oscillator
     formulas, at_run_time = remainder_formulas(system) if exact else system.formulas(), system.parameters_at_run_time
@@ -107,18 +107,13 @@ def physics_of(system: System, numerics: Numerics = STANDARD, *, modified: bool 
     if formulas.are_loops:
         V, T = formulas.energies
         loops = V.looped(at_run_time), T.looped(at_run_time)
+    shared = {field.name: getattr(formulas, field.name) for field in fields(Hamiltonian)}
+    if exact or not system.quadratic_kinetic_energy:
+        shared["acceleration"] = None
     return Physics(
-        name=system.name,
-        V=formulas.V,
-        grad_V=formulas.grad_V,
-        grad_V_and_V=formulas.grad_V_and_V,
-        T=formulas.T,
-        balanced_T=formulas.balanced_T,
-        grad_T=formulas.grad_T,
-        acceleration=formulas.acceleration if system.quadratic_kinetic_energy and not exact else None,
+        **shared,
         parameters=len(system.parameters) if at_run_time else 0,
         constants=() if at_run_time else system.constants(Constant),
-        dimension=formulas.dimension,
         measured=None if formulas.regularised is None else formulas.regularised.energies,
         loops=loops,
         unit_masses=system.T is quadratic_T and not system.time_dependent,

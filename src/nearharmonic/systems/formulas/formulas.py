@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from nearharmonic.core.formulas.number import Constant
+from nearharmonic.core.formulas.physics import Hamiltonian
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.definition.energies import Energies
 from nearharmonic.systems.definition.extended import (
@@ -24,29 +25,16 @@ Vector = tuple[Any, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Formulas:
-    """The formulas of an autonomous system of ``dimension`` coordinates.
+class Formulas(Hamiltonian):
+    """The integrated formulas of a system.
 
-    ``V(q, *parameters)`` and ``T(p, *parameters)`` return a scalar, ``grad_V(q, *parameters)`` and ``grad_T(p,
-    *parameters)`` a tuple of ``dimension`` components. ``hessian_V_times(q, vector, *parameters)`` and
-    ``hessian_T_times(p, vector, *parameters)`` are derived from them. ``grad_V_and_V(q, *parameters)`` returns the
-    components of the gradient followed by V, from shared operations. ``balanced_T(p, *parameters)`` is T in an order of
-    operations with short chains. ``acceleration(force, *parameters)`` is the change of grad_T by a force, which does
-    not depend on the momenta if T is quadratic. ``energies`` are V and T as expressions, and ``regularised`` holds the
-    maps of a regularised system. ``name`` is the name of the system, for errors.
+    ``hessian_V_times(q, vector, *parameters)`` and ``hessian_T_times(p, vector, *parameters)`` are derived from V and
+    T. ``energies`` are V and T as expressions, and ``regularised`` holds the maps of a regularised system.
     """
 
-    name: str
-    dimension: int
-    V: Callable[..., Any]
-    grad_V: Callable[..., Vector]
-    T: Callable[..., Any]
-    grad_T: Callable[..., Vector]
-    grad_V_and_V: Callable[..., Vector]
-    balanced_T: Callable[..., Any]
+    acceleration: Callable[..., Vector]
     hessian_V_times: Callable[..., Vector]
     hessian_T_times: Callable[..., Vector]
-    acceleration: Callable[..., Vector]
     energies: tuple[Energy, Energy]
     regularised: RegularisedFormulas | None = None
 
