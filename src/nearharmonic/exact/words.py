@@ -99,14 +99,8 @@ def logarithm(step: Sequence[Factor], wanted: Iterable[str]) -> dict[str, Any]:
     """Return the coefficients of the logarithm of a step on the words ``wanted``.
 
     log(1 + X) = X (1 - X (1/2 - X (1/3 - ...))), and since X begins with words of one letter, the k-th bracket from
-    outside is needed only for words of up to length - k letters that are ends of wanted words.
-
-    Parameters
-    ----------
-    step : sequence of F (str, number)
-        As for :func:`word_sums`.
-    wanted : iterable of str
-        Words of a letter or more.
+    outside is needed only for words of up to length - k letters that are ends of wanted words. These have one letter or
+    more, and the step is as for :func:`word_sums`.
     """
     targets, unit, exact = tuple(wanted), 1, is_exact(step)
     if exact:

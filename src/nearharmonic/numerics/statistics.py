@@ -69,12 +69,7 @@ def truncation(tau: Floats, error: Floats) -> NDArray[np.intp]:
     """Return the indices of the smallest truncation errors, by increasing step size, over at most half a decade.
 
     They exclude all points up to the largest step size whose error is within a factor of 100 of the lowest error of the
-    curve, and errors above 1e-4.
-
-    Parameters
-    ----------
-    tau, error : array of shape (n,)
-        Step sizes and errors, in any order.
+    curve, and errors above 1e-4. The points (n,) are in any order.
     """
     finite = np.isfinite(error) & (error > 0) & np.isfinite(tau)
     if not finite.any():

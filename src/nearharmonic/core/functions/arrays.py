@@ -27,16 +27,7 @@ Body = Callable[..., Sequence[LLVMValue]]
 def elementwise(body: Body, rows: int, width: int, symbol: str = "elementwise") -> tuple[str, bytes]:
     """Name and object code of a C function of the signature :data:`ELEMENTWISE`.
 
-    Parameters
-    ----------
-    body : callable
-        (values) -> values, emitted for ``width`` lanes, and for single numbers: the remainder of an array.
-    rows : int
-        Number of arguments of ``body``.
-    width : int
-        Number of lanes.
-    symbol : str
-        Name of the function.
+    ``body`` of ``rows`` values is emitted for ``width`` lanes, and for single numbers: the remainder of an array.
     """
     module, word, pointer = ir.Module(), INDEX, DOUBLE.as_pointer()
     signature = ir.FunctionType(ir.VoidType(), [pointer, word, word] * 2)

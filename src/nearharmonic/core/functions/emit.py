@@ -14,14 +14,7 @@ Body = Callable[..., Sequence[LLVMValue]]
 def called(name: str, body: Body, *arguments: LLVMValue) -> list[LLVMValue]:
     """Return the results of ``body`` by a call of a function of the module, which is written at its first use.
 
-    Parameters
-    ----------
-    name : str
-        Name of the function; the name and the number of lanes must identify the body.
-    body : callable
-        (values) -> values, all of the type of the arguments.
-    *arguments : LLVMValue
-        At least one argument.
+    The name and the number of lanes must identify the body. All values have the type of the arguments.
     """
     builder, kind = arguments[0].builder, arguments[0].value.type
     symbol = f"nearharmonic.{name}.{arguments[0].width}"

@@ -42,8 +42,6 @@ def native(key: str, signature: Signature, make: Callable[[], tuple[str, bytes]]
     ----------
     key : str
         Name of its file, without suffix. It must cover everything that the machine code depends on.
-    signature : Signature
-        Arguments and result of the function.
     make : callable
         Compiles the function; returns the name of its symbol and an object file.
 

@@ -84,14 +84,7 @@ def formulas_digest(system: System) -> str:
 def physics_of(system: System, numerics: Numerics = STANDARD, *, modified: bool = False) -> Physics:
     """Return the description of ``system`` for the compiler; its gradients are compared with its energies first.
 
-    Parameters
-    ----------
-    system : System
-        System of d coordinates.
-    numerics : Numerics
-        Only ``split`` is used.
-    modified : bool
-        True if kicks are of a modified potential.
+    Of ``numerics`` only ``split`` is used.
 
     Raises
     ------

@@ -14,17 +14,10 @@ from nearharmonic.systems.definition.quantities import is_list
 def array_of(key: str, values: Any) -> NDArray[Any] | None:
     """Return ``values`` as a plain array if it is an array of integers or floats, else None.
 
-    Parameters
-    ----------
-    key : str
-        Name of the setting, for the error.
-    values : object
-        A masked array is read only if no entry of it is masked.
-
     Raises
     ------
     SettingError
-        A masked entry.
+        A masked entry; the message begins with ``key``.
     """
     if not hasattr(values, "__array__"):
         return None
@@ -36,19 +29,12 @@ def array_of(key: str, values: Any) -> NDArray[Any] | None:
 def list_of(key: str, values: Any, allowed: str) -> list[Any]:
     """Return the entries of a list, of another iterable of numbers, or of an array, whose axes are joined.
 
-    Parameters
-    ----------
-    key : str
-        Name of the setting, for the error.
-    values : object
-        Entries are not checked.
-    allowed : str
-        The end of the error.
+    Entries are not checked, except for masks.
 
     Raises
     ------
     SettingError
-        No list: a single value, text, bytes, a mapping or a set; or a masked entry.
+        No list: a single value, text, bytes, a mapping or a set; or a masked entry. The message begins with ``key``.
     """
     if hasattr(values, "__array__"):
         check_mask(key, values)

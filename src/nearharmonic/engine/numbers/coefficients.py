@@ -23,12 +23,7 @@ from nearharmonic.systems.formulas.oscillator import frequencies_of
 def start_row(q: Sequence[Fraction], p: Sequence[Fraction], *, plain: bool = False) -> Floats:
     """Return one start (4 d,) as the kernel takes it: q, the digits below q, p, the digits below p.
 
-    Parameters
-    ----------
-    q, p : sequence of d Fraction
-        Exact position and momentum.
-    plain : bool
-        True drops the digits below a double.
+    The digits below are 0 if ``plain``.
     """
     pairs = [[pair_of(x) for x in row] for row in (q, p)]
     keep = 0.0 if plain else 1.0

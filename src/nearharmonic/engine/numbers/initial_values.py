@@ -31,13 +31,6 @@ NUMBER = "a finite number: a float, or an exact decimal string or fraction"
 def exact(key: str, value: object) -> Fraction:
     """Return the exact value of a number, or of a string such as "0.1", "1e-3" or "1/3".
 
-    Parameters
-    ----------
-    key : str
-        Name of the setting, for the error.
-    value : object
-        Integer, float, Fraction, Decimal or string.
-
     Raises
     ------
     SettingError

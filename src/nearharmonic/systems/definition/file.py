@@ -31,14 +31,7 @@ def load_system(place: str | os.PathLike[str]) -> System:
 
 
 def system_at(place: str, registered: Collection[str]) -> System:
-    """Return the system of a file that is given by its path.
-
-    Parameters
-    ----------
-    place : str
-        The path.
-    registered : collection of str
-        Names of the registered systems, which a file must not use.
+    """Return the system of a file that is given by its path; it must not have the name of a registered system.
 
     Raises
     ------

@@ -45,16 +45,9 @@ class Formulas(Hamiltonian):
 
 
 def formulas_of(system: Energies, potential: Energy, kinetic_energy: Energy) -> Formulas:
-    """Return the integrated formulas of ``system``.
+    """Return the integrated formulas of ``system``, with derived gradients where it has none.
 
-    Parameters
-    ----------
-    system : System
-        The system; gradients that it does not have are derived.
-    potential : Energy
-        V as a function of the integrated coordinates, which include the time if V depends on it.
-    kinetic_energy : Energy
-        T of the momenta of the system.
+    V is a function of the integrated coordinates, which include the time if V depends on it, T of the system's momenta.
     """
     T, grad_T = kinetic_energy.function, with_parameters(system.grad_T, len(system.parameters))
     derived = isinstance(system.grad_V, DerivedGradient)

@@ -38,10 +38,8 @@ class MassKineticEnergy:
     masses : tuple
         d masses, each a decimal string, a fraction or the name of a parameter, or a symmetric positive definite matrix
         (d, d) of strings and fractions.
-    dimension : int
-        Number of coordinates d.
-    parameters : collection of str
-        Names of the parameters.
+    dimension, parameters
+        Number of coordinates d, and names of the parameters.
 
     Raises
     ------

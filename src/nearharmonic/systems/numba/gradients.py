@@ -169,18 +169,8 @@ def rounding_noise(
     """Return the largest rounding error of V, in its unit; smaller energy errors cannot be measured.
 
     It is the maximum of the difference of two rounding errors and of the change of V by the rounding of its arguments
-    to doubles, over random points around the start where V <= ``highest``, without the highest tenth.
-
-    Parameters
-    ----------
-    potential : NumbaPotential
-        V of d coordinates.
-    start : sequence of d floats
-        Initial position.
-    parameters : sequence of float
-        Parameters.
-    highest : float
-        The energy, an upper bound of V on the orbit.
+    to doubles, over random points around the start where V <= ``highest``, without the highest tenth. The bound is the
+    energy of the orbit.
     """
     q0, random = np.array(start), np.random.default_rng(2)
     scales, found = _scales(q0), []

@@ -29,15 +29,8 @@ class _TooLargeError(Exception):
 def shortest_program(graph: Graph, roots: Sequence[Value], formula: Value) -> Program:
     """Return operations that compute ``roots``, expanded if that takes fewer operations and no longer chain.
 
-    Parameters
-    ----------
-    graph : Graph
-        The graph of the values.
-    roots : sequence of Value
-        Values to compute: derivatives of ``formula``.
-    formula : Value
-        The energy. Sums of variables and constants in it are displacements, which may be small while their terms are
-        large; they are never expanded.
+    Sums of variables and constants in the energy ``formula`` are displacements, which may be small while their terms
+    are large; they are never expanded.
     """
     plain = program(graph, roots)
     try:
