@@ -25,7 +25,7 @@ def grad_V(q: Vector, GM: Any) -> Vector:
     return pull * x, pull * y
 
 
-def angular_momentum(q: Vector, p: Vector, GM: Any) -> Any:
+def angular_momentum(q: Vector, p: Vector, *_: Any) -> Any:
     """L = x py - y px, per unit mass."""
     (x, y), (u, v) = q, p
     return x * v - y * u
@@ -46,7 +46,7 @@ def orbital_period(q: Vector, p: Vector, GM: float) -> float:
     return 2 * math.pi * math.sqrt(semi_major_axis * semi_major_axis * semi_major_axis / GM)
 
 
-def perihelion_angle(q: Vector, p: Vector, GM: Any) -> Any:
+def perihelion_angle(q: Vector, p: Vector, GM: Any, *_: Any) -> Any:
     """Angle of the Laplace-Runge-Lenz vector in (-pi, pi]; constant on an exact orbit."""
     x, y = eccentricity_vector(q, p, GM)
     return atan2(y, x)

@@ -12,7 +12,7 @@ from typing import Any
 
 from nearharmonic.core.arithmetic import sqrt
 from nearharmonic.systems import kepler
-from nearharmonic.systems.definition.quantities import Observable, Parameter, Vector
+from nearharmonic.systems.definition.quantities import Parameter, Vector
 from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.regularisation import Regularisation
 
@@ -27,16 +27,6 @@ def V(q: Vector, GM: Any, A: Any) -> Any:
 def perturbation(q: Vector, r: Any, GM: Any, A: Any) -> Any:
     """-A/r^3."""
     return -A / (r * r * r)
-
-
-def angular_momentum(q: Vector, p: Vector, GM: Any, A: Any) -> Any:
-    """L = x py - y px, per unit mass."""
-    return kepler.angular_momentum(q, p, GM)
-
-
-def perihelion_angle(q: Vector, p: Vector, GM: Any, A: Any) -> Any:
-    """Angle of the Laplace-Runge-Lenz vector in (-pi, pi]; constant on an exact Kepler orbit."""
-    return kepler.perihelion_angle(q, p, GM)
 
 
 def exact_position(system: System, t: Any) -> Vector | None:
@@ -60,16 +50,8 @@ SYSTEM = System(
         **kepler.SYSTEM.parameters,
         "A": Parameter(value="0", unit="1e30 km5 h-2", meaning="strength of the perturbation -A/r^3"),
     },
-    invariants={
-        "angular_momentum": Observable(
-            function=angular_momentum, unit="1e12 km2 h-1", meaning="angular momentum per unit mass"
-        )
-    },
-    observables={
-        "perihelion_angle": Observable(
-            function=perihelion_angle, unit="rad", meaning="angle of the Laplace-Runge-Lenz vector"
-        )
-    },
+    invariants={"angular_momentum": kepler.SYSTEM.invariants["angular_momentum"]},
+    observables=kepler.SYSTEM.observables,
     exact_position=exact_position,
     regularisation=Regularisation(gravity="GM", perturbation=perturbation, strength="A"),
     source=f"{kepler.SYSTEM.source}; regularisation of Levi-Civita (1920), doi:10.1007/BF02404404",

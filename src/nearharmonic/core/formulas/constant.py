@@ -118,17 +118,6 @@ _OPERATORS: dict[str, Callable[..., Any]] = {
 }  # fmt: skip
 
 
-def _object_of(value: Any) -> Any:
-    """A constant as a numpy array of no dimensions, with the data type object."""
-    if not isinstance(value, Constant):
-        return value
-    import numpy as np
-
-    array = np.empty((), dtype=object)
-    array[()] = value
-    return array
-
-
 def refusal(function: str) -> FormulaError:
     """The error for a formula that calls a function of another library."""
     return FormulaError(f"calls {function} of numpy or math: functions of formulas come from nearharmonic.math")
@@ -157,8 +146,10 @@ class Constant(Fraction):
             if name in _OPERATORS and method == "__call__":
                 return _OPERATORS[name](*(x if isinstance(x, Value) else constant(x) for x in operands))
             raise refusal(name)
+        import numpy as np
+
         exact = any(str(getattr(x, "dtype", "")) == "object" for x in operands)
-        plain = [_object_of(x) if exact else float(x) if isinstance(x, Constant) else x for x in operands]
+        plain = [(np.array(x, object) if exact else float(x)) if isinstance(x, Constant) else x for x in operands]
         return getattr(function, method)(*plain, **more)
 
     __add__ = __radd__ = _exact(Fraction.__add__)
