@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from typing import TypeVar
 
+Key = TypeVar("Key")
 #: Exponents of a monomial in y_1, ..., y_k.
 Monomial = tuple[int, ...]
 Multivariate = dict[Monomial, Fraction]
@@ -12,8 +14,8 @@ Multivariate = dict[Monomial, Fraction]
 PowerSeries = list[Multivariate]
 
 
-def add(p: Multivariate, q: Multivariate, factor: Fraction | int = 1) -> Multivariate:
-    """p + factor q."""
+def add(p: dict[Key, Fraction], q: dict[Key, Fraction], factor: Fraction | int = 1) -> dict[Key, Fraction]:
+    """p + factor q, without zeros; also for sparse vectors by index."""
     total = dict(p)
     for monomial, c in q.items():
         value = total.get(monomial, Fraction(0)) + factor * c

@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from fractions import Fraction
 from itertools import product as cartesian
 
-from nearharmonic.exact.multivariate import Monomial, Multivariate
+from nearharmonic.exact.multivariate import Monomial, Multivariate, add
 
 #: Nonzero entries by index.
 SparseVector = dict[int, Fraction]
+#: First index of labels, above the indices of entries.
+LABELS = 1 << 32
 
 
 def weight(monomial: Monomial) -> int:
@@ -25,40 +27,27 @@ def monomials(variables: int, highest: int) -> list[Monomial]:
 
 
 class Echelon:
-    """Rows in echelon form with their combinations of inserted vectors; it finds linear relations between these."""
+    """Rows in echelon form; it finds linear relations between vectors with labels.
+
+    The entries of a row from :data:`LABELS` on are the combination of inserted vectors, by label, that makes the row.
+    """
 
     def __init__(self) -> None:
-        self._rows: dict[int, tuple[SparseVector, SparseVector]] = {}
+        self._rows: dict[int, SparseVector] = {}
 
     def insert(self, vector: SparseVector, label: int) -> SparseVector | None:
         """Add a vector; if it depends on previous vectors, return the vanishing combination by labels."""
-        rest, made_of = self._reduced(vector)
-        made_of[label] = Fraction(1)
-        if not rest:
-            return made_of
-        lead = min(rest)
-        scale = 1 / rest[lead]
-        self._rows[lead] = ({j: c * scale for j, c in rest.items()}, {j: c * scale for j, c in made_of.items()})
+        rest = _reduced(vector | {LABELS + label: Fraction(1)}, self._rows)
+        if min(rest) >= LABELS:
+            return {j - LABELS: c for j, c in rest.items()}
+        _keep(rest, self._rows)
         return None
 
     def express(self, vector: SparseVector) -> SparseVector:
         """``vector`` as a combination of labels."""
-        rest, made_of = self._reduced(vector)
-        assert not rest
-        return {label: -c for label, c in made_of.items()}
-
-    def _reduced(self, vector: SparseVector) -> tuple[SparseVector, SparseVector]:
-        rest, made_of, kept = dict(vector), dict[int, Fraction](), dict[int, Fraction]()
-        while rest:
-            lead = min(rest)
-            if lead not in self._rows:
-                kept[lead] = rest.pop(lead)
-                continue
-            c = rest[lead]
-            row, parts = self._rows[lead]
-            _subtract(rest, row, c)
-            _subtract(made_of, parts, c)
-        return kept, made_of
+        rest = _reduced(vector, self._rows)
+        assert all(j >= LABELS for j in rest)
+        return {j - LABELS: -c for j, c in rest.items()}
 
 
 class Quotient:
@@ -79,7 +68,8 @@ class Quotient:
             for m in monomials(k, top - w)
         ]
         for row in sorted(rows, key=len):
-            self._insert(row)
+            if rest := _reduced(row, self._pivots):
+                _keep(rest, self._pivots)
         self.dimension = len(self._monomials) - len(self._pivots)
         self.one: SparseVector = {self._index[(0,) * k]: Fraction(1)}
 
@@ -96,29 +86,23 @@ class Quotient:
             moved[self._index[first + 1, *others]] = c
         return self._normal(moved)
 
-    def _insert(self, row: SparseVector) -> None:
-        while row:
-            lead = min(row)
-            if lead not in self._pivots:
-                self._pivots[lead] = {j: c / row[lead] for j, c in row.items()}
-                return
-            _subtract(row, self._pivots[lead], row[lead])
-
     def _normal(self, vector: SparseVector) -> SparseVector:
-        rest, kept = dict(vector), {}
-        while rest:
-            lead = min(rest)
-            if lead in self._pivots:
-                _subtract(rest, self._pivots[lead], rest[lead])
-            else:
-                kept[lead] = rest.pop(lead)
-        return kept
+        return _reduced(vector, self._pivots)
 
 
-def _subtract(row: SparseVector, other: SparseVector, factor: Fraction) -> None:
-    for j, c in other.items():
-        value = row.get(j, Fraction(0)) - factor * c
-        if value:
-            row[j] = value
+def _keep(row: SparseVector, rows: dict[int, SparseVector]) -> None:
+    """Add a reduced row to rows in echelon form, by the index of its first entry, which becomes 1."""
+    lead = min(row)
+    rows[lead] = {j: c / row[lead] for j, c in row.items()}
+
+
+def _reduced(vector: SparseVector, rows: dict[int, SparseVector]) -> SparseVector:
+    """``vector`` minus multiples of rows, so that no first entry of a row is left."""
+    rest, kept = dict(vector), {}
+    while rest:
+        lead = min(rest)
+        if lead in rows:
+            rest = add(rest, rows[lead], -rest[lead])
         else:
-            row.pop(j, None)
+            kept[lead] = rest.pop(lead)
+    return kept
