@@ -215,21 +215,6 @@ def running_at(dimension: int, parameters: int) -> int:
     return 4 * dimension + TALLY + parameter_rows(parameters)
 
 
-def split_results(results: Floats, runs: int, samples: int, d: int) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return views ``states`` (R, S, 4 d), ``blocks`` (3, R, S), ``energy`` (R, 2), ``running`` (R, 5 d) of one array.
-
-    ``blocks`` are ``energy_error``, ``worst`` and ``total`` of :data:`RUN`.
-    """
-    states, blocks = 4 * d * runs * samples, 3 * runs * samples
-    behind = states + blocks + 2 * runs
-    return (
-        results[:states].reshape(runs, samples, 4 * d),
-        results[states : states + blocks].reshape(3, runs, samples),
-        results[states + blocks : behind].reshape(runs, 2),
-        results[behind:].reshape(runs, running_rows(d)),
-    )
-
-
 def workspace(
     dimension: int, stages: int, *, parameters: int, width: int, room: int = 0, columns: int = COLUMNS
 ) -> tuple[NDArray[Any], ...]:

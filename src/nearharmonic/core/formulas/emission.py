@@ -12,6 +12,7 @@ from llvmlite import ir
 from nearharmonic.core.formulas.number import Constant
 from nearharmonic.core.formulas.rules import Entries, Rules
 from nearharmonic.core.formulas.tracing import DoubleDouble, LLVMValue
+from nearharmonic.core.large.memory import LoopWriter
 from nearharmonic.core.large.tables import BLOCK
 from nearharmonic.core.layout import TALLY, TURN, TURNS, parameter_rows, running_at
 from nearharmonic.core.machine.operations import (
@@ -184,48 +185,37 @@ def maps_module(rules: Rules, maps: Any) -> ir.Module:
     written = _Formulas(rules, kinds_of(rules, 1), ())
     write_numbers(written.module, {"dimension": D, "running": running_at(D, physics.parameters)})
 
-    def departed(memory: _Memory, start: ir.Value, first: ir.Value, rows: ir.Value, to: ir.Value) -> None:
-        pairs = (memory.pair(rows, 4 * D + TALLY + 2 * k) for k in range(physics.parameters))
+    def departed(writer: LoopWriter, start: ir.Value, first: ir.Value, rows: ir.Value, to: ir.Value) -> None:
+        pairs = (_pairs(writer, rows, 4 * D + TALLY + 2 * k, 1)[0] for k in range(physics.parameters))
         given: tuple[Any, ...] = physics.constants or tuple(pairs)
-        start = memory.builder.gep(start, [first])
-        x, y = maps.from_physical(memory.pairs(start, 0, d), memory.pairs(start, 2 * d, d), *given)
+        start = writer.builder.gep(start, [first])
+        x, y = maps.from_physical(_pairs(writer, start, 0, d), _pairs(writer, start, 2 * d, d), *given)
         inverse, radius = maps.inverse_axis(x, *given), maps.largest_radius(x, y, *given)
-        halves = [*(n.high for n in x), *(n.low for n in x), *(n.high for n in y), *(n.low for n in y)]
-        memory.write(to, [*halves, *inverse.pair, radius.high * inverse.high])
+        _write(writer, to, [*_halves(x, y), *inverse.pair, radius.high * inverse.high])
 
-    def physical(memory: _Memory, state: ir.Value, to: ir.Value, first: ir.Value) -> None:
-        q, p = maps.to_physical(memory.pairs(state, 0, D), memory.pairs(state, 2 * D, D))
-        halves = [*(n.high for n in q), *(n.low for n in q), *(n.high for n in p), *(n.low for n in p)]
-        memory.write(memory.builder.gep(to, [first]), halves)
+    def physical(writer: LoopWriter, state: ir.Value, to: ir.Value, first: ir.Value) -> None:
+        q, p = maps.to_physical(_pairs(writer, state, 0, D), _pairs(writer, state, 2 * D, D))
+        _write(writer, writer.builder.gep(to, [first]), _halves(q, p))
 
     pointer = DOUBLE.as_pointer()
     for body, kinds in ((departed, [pointer, INDEX, pointer, pointer]), (physical, [pointer, pointer, INDEX])):
         function = declare(written.module, f"{PREFIX}{body.__name__}", kinds, ir.VoidType())
         builder = ir.IRBuilder(function.append_basic_block())
-        body(_Memory(builder), *function.args)
+        body(LoopWriter(builder), *function.args)
         builder.ret_void()
     return written.module
 
 
-class _Memory:
-    """Double-doubles in memory."""
+def _pairs(writer: LoopWriter, array: ir.Value, at: int, count: int) -> tuple[DoubleDouble, ...]:
+    """The numbers of ``count`` high halves in memory and of the low halves behind them."""
+    halves = [writer.load(writer.place(array, at + k), 1) for k in range(2 * count)]
+    return tuple(map(DoubleDouble, halves[:count], halves[count:]))
 
-    def __init__(self, builder: ir.IRBuilder) -> None:
-        self.builder = builder
 
-    def _double(self, array: ir.Value, at: int) -> LLVMValue:
-        return LLVMValue(self.builder, self.builder.load(self.builder.gep(array, [INDEX(at)])))
+def _write(writer: LoopWriter, array: ir.Value, numbers: Sequence[LLVMValue]) -> None:
+    for i, number in enumerate(numbers):
+        writer.store(number, writer.place(array, i))
 
-    def pair(self, array: ir.Value, at: int) -> DoubleDouble:
-        """Return the number of two neighbouring doubles."""
-        return DoubleDouble(self._double(array, at), self._double(array, at + 1))
 
-    def pairs(self, array: ir.Value, at: int, count: int) -> tuple[DoubleDouble, ...]:
-        """Return the numbers of ``count`` high halves and of the low halves behind them."""
-        return tuple(
-            DoubleDouble(self._double(array, at + k), self._double(array, at + count + k)) for k in range(count)
-        )
-
-    def write(self, array: ir.Value, numbers: Sequence[LLVMValue]) -> None:
-        for i, number in enumerate(numbers):
-            self.builder.store(number.value, self.builder.gep(array, [INDEX(i)]))
+def _halves(*points: Sequence[DoubleDouble]) -> list[LLVMValue]:
+    return [half for point in points for half in (*(n.high for n in point), *(n.low for n in point))]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from nearharmonic.core.layout import split_results
+from nearharmonic.core.layout import running_rows
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
@@ -110,7 +110,16 @@ class Filled(NamedTuple):
 def filled(marks: Integers, results: Floats, left_at: Integers, d: int) -> Filled:
     """Return views of the ``results`` of runs of ``d`` coordinates with these ``marks``, an array in one piece."""
     runs, samples = marks.shape
-    return Filled(marks, *split_results(results, runs, samples, d), left_at)
+    states, blocks = 4 * d * runs * samples, 3 * runs * samples
+    behind = states + blocks + 2 * runs
+    return Filled(
+        marks=marks,
+        states=results[:states].reshape(runs, samples, 4 * d),
+        blocks=results[states : states + blocks].reshape(3, runs, samples),
+        energy=results[states + blocks : behind].reshape(runs, 2),
+        running=results[behind:].reshape(runs, running_rows(d)),
+        left_at=left_at,
+    )
 
 
 def trajectories_of(

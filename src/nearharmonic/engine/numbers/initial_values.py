@@ -39,15 +39,14 @@ def exact(key: str, value: object) -> Fraction:
     if isinstance(value, bool) or not isinstance(value, str | Decimal | Real):
         raise bad_setting(key, value, NUMBER)
     try:
-        number = _fraction(str(value)) if isinstance(value, str | Decimal) else _binary(value)
+        if isinstance(value, str | Decimal):
+            number = _fraction(str(value))
+        else:
+            number = Fraction(value if isinstance(value, Rational | float) else float(value))
         float(number)
     except (ValueError, ArithmeticError):
         raise bad_setting(key, value, NUMBER) from None
     return number
-
-
-def _binary(value: Real) -> Fraction:
-    return Fraction(value) if isinstance(value, Rational | float) else Fraction(float(value))
 
 
 def _fraction(text: str) -> Fraction:

@@ -83,17 +83,9 @@ def regularised_formulas(system: Energies) -> Formulas:
     """
     given = system.regularisation
     assert given is not None
-    places = list(system.parameters)
-    if (
-        system.dimension not in (2, 3)
-        or not system.unit_masses
-        or system.time_dependent
-        or not {
-            given.gravity,
-            given.strength or given.gravity,
-        }
-        <= set(places)
-    ):
+    places, named = list(system.parameters), {given.gravity, given.strength or given.gravity}
+    fits = system.dimension in (2, 3) and system.unit_masses and not system.time_dependent
+    if not (fits and named <= set(places)):
         raise SystemDefinitionError(
             f"{system.name}: regularisation = {given!r} is not allowed: it is for two or three coordinates, masses of "
             "1, V that does not depend on time, and parameters of the names of gravity and strength"

@@ -161,18 +161,15 @@ def potential_of(system: Members) -> NumbaPotential | None:
                 f"{system.name}: {formula} is a function of numba, which V and grad_V alone may be: give a plain "
                 "Python function, or masses"
             )
-    if not is_numba_function(V):
-        if is_numba_function(grad_V):
-            raise SystemDefinitionError(
-                f"{system.name}: grad_V is a function of numba and V is not: both must be, or neither"
-            )
-        return None
-    if grad_V is None:
+    compiled = is_numba_function(V)
+    if compiled and grad_V is None:
         raise SystemDefinitionError(f"{system.name}: {_HOW}")
-    if not is_numba_function(grad_V):
-        raise SystemDefinitionError(
-            f"{system.name}: V is a function of numba and grad_V is not: both must be, or neither"
-        )
+    if compiled != is_numba_function(grad_V):
+        one, other = ("V", "grad_V") if compiled else ("grad_V", "V")
+        message = f"{one} is a function of numba and {other} is not: both must be, or neither"
+        raise SystemDefinitionError(f"{system.name}: {message}")
+    if not compiled:
+        return None
     for key in ("time_dependent", "regularisation", "harmonic", "gravity"):
         if getattr(system, key):
             raise SystemDefinitionError(
