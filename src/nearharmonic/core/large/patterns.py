@@ -7,13 +7,13 @@ their own.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from nearharmonic.core.formulas.expression.graph import Graph
-from nearharmonic.core.formulas.expression.nodes import Application, Exact, Literal, Product, Value, Variable, exact
+from nearharmonic.core.formulas.expression.nodes import Application, Exact, Literal, Product, Value, Variable
 from nearharmonic.core.formulas.expression.size import check_size
 from nearharmonic.core.large.tables import Places, runs
 from nearharmonic.core.large.terms import Entry, LongSums, Term
@@ -136,7 +136,7 @@ def _pattern(sums: LongSums, term: Term, columns: Sequence[Sequence[Exact]], par
         for c, place, child in entries:
             part = Value(c, None) if place is None else graph.times(1 if c > 0 else -1, constants[place])
             parts.append(part if child is None else graph.multiply(part, values[child]))
-        return parts[0] if isinstance(found, Literal) else _sum(graph, parts)
+        return parts[0] if isinstance(found, Literal) else graph.total(parts)
 
     # A node has a larger index than its children.
     for node in sorted(_nodes(sums.graph, term)):
@@ -152,15 +152,3 @@ def _nodes(graph: Graph, term: Term) -> set[int]:
     """The nodes of a term, parameters included and operands excluded."""
     found = {child for entries in term.nodes.values() for _, _, child in entries if child is not None}
     return found - set(term.operands)
-
-
-def _sum(graph: Graph, parts: Iterable[Value]) -> Value:
-    """The sum of values as one node."""
-    constant: Exact = 0
-    terms: dict[int, Exact] = {}
-    for c, node in parts:
-        if node is None:
-            constant = exact(constant + c)
-        else:
-            terms[node] = exact(terms.get(node, 0) + c)
-    return graph.combination(constant, terms)

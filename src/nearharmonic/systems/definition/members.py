@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from nearharmonic.systems.definition.quantities import Observable, Parameter, Vector, decimal, sequence
+from nearharmonic.systems.definition.quantities import Observable, Parameter, Vector, decimal, is_list
 from nearharmonic.systems.formulas.kinetic_energy import quadratic_T
 from nearharmonic.systems.formulas.regularisation import Regularisation
 
@@ -77,7 +77,8 @@ class Members:
             key: f if isinstance(f, Observable) else Observable(function=f, unit="unknown", meaning=key)
             for key, f in self.observables.items()
         }
-        rows = {key: tuple(map(decimal, sequence(getattr(self, key)))) for key in ("q0", "p0")}
+        given = ((key, getattr(self, key)) for key in ("q0", "p0"))
+        rows = {key: tuple(map(decimal, x if is_list(x) else (x,))) for key, x in given}
         rows |= {key: decimal(getattr(self, key)) for key in ("t_end", "position_t_end", "energy_scale")}
         written = {"label": self.label or self.name, "parameters": named, "observables": observed, **rows}
         for key, value in written.items():

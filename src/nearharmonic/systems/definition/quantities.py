@@ -72,8 +72,3 @@ def is_list(values: Any) -> bool:
     """Return True if ``values`` is an ordered collection of numbers: not text, bytes, a mapping or a set."""
     other = isinstance(values, str | bytes | bytearray | memoryview | Mapping | AbstractSet)
     return isinstance(values, Iterable) and not other and getattr(values, "ndim", 1) > 0
-
-
-def sequence(values: Any) -> Any:
-    """Return a list of values as it is, and a single value as a tuple of one entry."""
-    return values if is_list(values) else (values,)

@@ -81,6 +81,17 @@ class Graph:
             return Value(-1, self.place(Sum(-constant, tuple(left))))
         return Value(1, self.place(Sum(constant, tuple(left))))
 
+    def total(self, values: Iterable[Value]) -> Value:
+        """Return the sum of values as one node."""
+        constant: Exact = 0
+        terms: dict[int, Exact] = {}
+        for c, node in values:
+            if node is None:
+                constant = exact(constant + c)
+            else:
+                terms[node] = exact(terms.get(node, 0) + c)
+        return self.combination(constant, terms)
+
     def terms(self, value: Value) -> tuple[Exact, dict[int, Exact]]:
         """Return the constant and the terms of a value; a sum is split into its terms."""
         c, node = value

@@ -164,13 +164,6 @@ def _without_zeros(polynomial: Polynomial, most_terms: int) -> Polynomial:
 def _as_value(graph: Graph, polynomials: dict[int, Polynomial], root: Value) -> Value:
     if root.node is None:
         return root
-    terms: dict[int, Exact] = {}
-    constant: Exact = 0
-    for monomial, c in polynomials[root.node].items():
-        product = graph.product_of(dict(monomial))
-        if product.node is None:
-            constant = exact(constant + root.coefficient * c)
-        else:
-            # Two monomials may be equal as products: |x| sign(x) is x.
-            terms[product.node] = exact(terms.get(product.node, 0) + root.coefficient * c * product.coefficient)
-    return graph.combination(constant, terms)
+    products = ((c, graph.product_of(dict(monomial))) for monomial, c in polynomials[root.node].items())
+    # Two monomials may be equal as products: |x| sign(x) is x.
+    return graph.total(Value(exact(root.coefficient * c * x.coefficient), x.node) for c, x in products)
