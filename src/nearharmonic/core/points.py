@@ -61,14 +61,9 @@ def row_loader(form: Form) -> Any:
     """Return ``load(moves, row)``, the coefficients of a move for :mod:`nearharmonic.core.step`."""
     if form.turning:
         return rotation.row_loader(extended=form.extended)
-    if form.extended and form.modified:
-        return compiled(lambda moves, at: (_pair(moves, at), _pair(moves, at + 2), _pair(moves, at + 2 * SQUARE)))
-    if form.extended:
-        return compiled(lambda moves, at: (_pair(moves, at), _pair(moves, at + 2)))
+    load, parts = _pair if form.extended else load_real, form.parts
     if form.modified:
-        return compiled(
-            lambda moves, at: (load_real(moves, at), load_real(moves, at + DRIFT), load_real(moves, at + SQUARE))
-        )
+        return compiled(lambda moves, at: (load(moves, at), load(moves, at + parts), load(moves, at + SQUARE * parts)))
     if form.ahead:
         return compiled(
             lambda moves, at: (
@@ -76,7 +71,7 @@ def row_loader(form: Form) -> Any:
                 load_real(moves, at + REST),
             )
         )  # fmt: skip
-    return compiled(lambda moves, at: (load_real(moves, at + KICK), load_real(moves, at + DRIFT)))
+    return compiled(lambda moves, at: (load(moves, at), load(moves, at + parts)))
 
 
 def _move(form: Form) -> Any:

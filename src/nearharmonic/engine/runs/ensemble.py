@@ -114,7 +114,7 @@ def ensemble(
     if t is None:
         paths, times = members.sampled(kept), None
     else:
-        asked = checked_times(t, problem.end, problem.t_end)
+        asked = checked_times(t, problem)
         paths, times = members.at_times(asked), np.array([float(time) for time in asked])
     attributes = problem_attributes(problem) | parameter_attributes(problem.system, parameters or {})
     attributes |= problem.floor(start, given, paths.energy)

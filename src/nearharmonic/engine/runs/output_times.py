@@ -18,24 +18,17 @@ from nearharmonic.errors import bad_setting
 from nearharmonic.numerics.types import Floats
 
 
-def checked_times(t: object, end: Fraction, t_end: str) -> list[Fraction]:
-    """Return output times exactly.
+def checked_times(t: object, problem: Setup) -> list[Fraction]:
+    """Return output times exactly, sorted from 0 towards the end of the interval, which may be negative.
 
-    Parameters
-    ----------
-    t : iterable of numbers or decimal strings
-        Sorted from 0 towards the end; floats mean their binary value, and one that rounds to the end is the end.
-    end : Fraction
-        End of the interval, which may be negative.
-    t_end : str
-        The same as it was given, for errors.
+    Floats mean their binary value, and one that rounds to the end is the end.
 
     Raises
     ------
     SettingError
         No list, no times, too many, a masked one, one outside the interval, or one before its predecessor.
     """
-    given = list_of("t", t, "a list of output times")
+    given, end = list_of("t", t, "a list of output times"), problem.end
     if not 1 <= len(given) <= MOST_SAMPLES:
         raise bad_setting("t", f"{len(given)} times", f"from 1 to {MOST_SAMPLES} output times")
     times = [exact(f"t[{i}]", value) for i, value in enumerate(given)]
@@ -43,7 +36,7 @@ def checked_times(t: object, end: Fraction, t_end: str) -> list[Fraction]:
     sign, last = (1 if end > 0 else -1), Fraction(0)
     for i, time in enumerate(times):
         if not 0 <= sign * time <= sign * end:
-            raise bad_setting(f"t[{i}]", given[i], f"a time from 0 to t_end = {t_end}")
+            raise bad_setting(f"t[{i}]", given[i], f"a time from 0 to t_end = {problem.t_end}")
         if sign * time < sign * last:
             raise bad_setting(f"t[{i}]", given[i], "a time not earlier than the time before it")
         last = time

@@ -122,7 +122,7 @@ def integrate(
         paths = problem.run([steps], kept, **arrays)
         times = paths.marks * float(problem.end) / paths.steps[:, None] + begin.t if begin.t else None
     else:
-        asked = checked_times(t, problem.end, problem.t_end)
+        asked = checked_times(t, problem)
         paths = run_at(problem, [steps], asked, **arrays)
         times = np.array([float(time) for time in asked]) + begin.t
     _check_start(problem, paths)
@@ -183,7 +183,7 @@ def sweep(
     if t is None:
         paths = problem.run(steps, least_samples(problem.tableau), start=begin.state, parameters=begin.parameters)
     else:
-        asked = checked_times(t, problem.end, problem.t_end)
+        asked = checked_times(t, problem)
         paths = run_at(problem, steps, asked, start=begin.state, parameters=begin.parameters, reference=begin.reference)
         variables = trajectory_variables(problem, paths, begin.constants, np.array([float(time) for time in asked]))
         variables |= invariant_variables(problem, paths, begin.state, begin.constants)

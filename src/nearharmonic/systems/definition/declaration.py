@@ -34,20 +34,20 @@ def check_members(system: Members) -> None:
     if not isinstance(name, str) or not name:
         raise SystemDefinitionError(f"name = {name!r} is not allowed: a system has a name")
     for key in ("units", "parameters", "invariants", "observables"):
-        _check_mapping(system, key)
+        value = getattr(system, key)
+        if not isinstance(value, Mapping) or not all(isinstance(entry, str) for entry in value):
+            raise _not_allowed(system, key, value, "a mapping of names")
     _check_names(system)
     _check_functions(system)
     if not isinstance(system.time_dependent, bool):
-        raise SystemDefinitionError(f"{name}: time_dependent = {system.time_dependent!r} is not allowed: True or False")
+        raise _not_allowed(system, "time_dependent", system.time_dependent, "True or False")
     limit = system.surface_limit
     if isinstance(limit, bool) or not isinstance(limit, Real) or not limit > 0:
-        raise SystemDefinitionError(f"{name}: surface_limit = {limit!r} is not allowed: a number above 0")
+        raise _not_allowed(system, "surface_limit", limit, "a number above 0")
 
 
-def _check_mapping(system: Members, key: str) -> None:
-    value = getattr(system, key)
-    if not isinstance(value, Mapping) or not all(isinstance(entry, str) for entry in value):
-        raise SystemDefinitionError(f"{system.name}: {key} = {value!r} is not allowed: a mapping of names")
+def _not_allowed(system: Members, key: str, value: object, allowed: str) -> SystemDefinitionError:
+    return SystemDefinitionError(f"{system.name}: {key} = {value!r} is not allowed: {allowed}")
 
 
 def _check_names(system: Members) -> None:
@@ -59,10 +59,10 @@ def _check_names(system: Members) -> None:
         if key not in UNITS:
             raise SystemDefinitionError(f"{name}: units has {key!r}, and names the units of {', '.join(UNITS)} alone")
         if not isinstance(unit, str) or not unit:
-            raise SystemDefinitionError(f"{name}: units[{key!r}] = {unit!r} is not allowed: a string, '1' for no unit")
+            raise _not_allowed(system, f"units[{key!r}]", unit, "a string, '1' for no unit")
     for key in ("label", "source"):
         if not isinstance(text := getattr(system, key), str):
-            raise SystemDefinitionError(f"{name}: {key} = {text!r} is not allowed: a string")
+            raise _not_allowed(system, key, text, "a string")
     for key in system.parameters:
         if not key.isidentifier():
             allowed = "a name that an argument of V may have, of letters, digits and _"
@@ -74,14 +74,14 @@ def _check_functions(system: Members) -> None:
     for key in ("V", "grad_V", "T", "grad_T"):
         function = getattr(system, key)
         if not callable(function) and (function is not None or key in ("V", "T")):
-            raise SystemDefinitionError(f"{name}: {key} = {function!r} is not allowed: a function")
+            raise _not_allowed(system, key, function, "a function")
     for key, functions in (("invariants", system.invariants), ("observables", system.observables)):
         for entry, function in functions.items():
             if entry in VARIABLES or (key == "observables" and entry in system.invariants):
                 raise SystemDefinitionError(f"{name}: {key} has {entry!r}, and a result has a variable of that name")
             if not callable(function):
                 allowed = "a function f(q, p, *parameters), or a nearharmonic.Observable, which has a unit too"
-                raise SystemDefinitionError(f"{name}: {key}[{entry!r}] = {function!r} is not allowed: {allowed}")
+                raise _not_allowed(system, f"{key}[{entry!r}]", function, allowed)
 
 
 def check_numbers(system: Members) -> None:
@@ -123,7 +123,7 @@ def written_frequencies(system: Members) -> tuple[Fraction | str, ...]:
     given: Any = system.frequencies
     if not is_list(given) or not hasattr(given, "__len__") or len(given) != system.dimension:
         allowed = f"{system.dimension} frequencies, one per coordinate, 0 for one that is free"
-        raise SystemDefinitionError(f"{system.name}: frequencies = {given!r} is not allowed: {allowed}")
+        raise _not_allowed(system, "frequencies", given, allowed)
     return tuple(_frequency(system, i, value) for i, value in enumerate(given))
 
 
@@ -137,7 +137,7 @@ def _frequency(system: Members, i: int, value: Any) -> Fraction | str:
         usable = False
     if not usable:
         names = f", or the name of a parameter: {', '.join(system.parameters)}" if system.parameters else ""
-        what = f"a decimal string or a fraction of at least 0{names}"
-        raise SystemDefinitionError(f"{system.name}: frequencies[{i}] = {value!r} is not allowed: it must be {what}")
+        what = f"it must be a decimal string or a fraction of at least 0{names}"
+        raise _not_allowed(system, f"frequencies[{i}]", value, what)
     assert number is not None
     return number
