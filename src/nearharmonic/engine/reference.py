@@ -67,15 +67,7 @@ class Reference:
 
 
 def position_t_end(system: System, t_end: str) -> str:
-    """Return the end of the interval for comparing positions.
-
-    Parameters
-    ----------
-    system : System
-        Its ``position_t_end`` is the latest end.
-    t_end : str
-        End of the interval for comparing energies.
-    """
+    """Return the end of the interval for comparing positions: ``t_end``, or the system's own if that is earlier."""
     return t_end if system.position_t_end is None else min(system.position_t_end, t_end, key=Fraction)
 
 

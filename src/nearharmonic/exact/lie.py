@@ -73,7 +73,8 @@ def conditions(degree: int, *, quadratic: bool) -> tuple[Condition, ...]:
     all representatives.
     """
     to_basis = _to_basis(degree)
-    ideal = [_matrix_vector(to_basis, _on_lyndon_words(x, degree)) for x in _ideal(degree)] if quadratic else []
+    vanishing = [_on_lyndon_words(x, degree) for x in _ideal(degree)] if quadratic else []
+    ideal = [[_dot(row, vector) for row in to_basis] for vector in vanishing]
     found = []
     for normal in _orthogonal_complement(ideal, len(to_basis)):
         row = [0] * len(to_basis)
@@ -178,10 +179,6 @@ def _primitive(vector: Components) -> Components:
     """The shortest vector of integers in the same direction."""
     divisor = gcd(*vector)
     return [x // divisor for x in vector] if divisor > 1 else vector
-
-
-def _matrix_vector(matrix: Sequence[Components], vector: Components) -> Components:
-    return [_dot(row, vector) for row in matrix]
 
 
 def _dot(x: Components, y: Components) -> int:

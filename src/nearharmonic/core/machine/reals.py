@@ -59,15 +59,11 @@ def _call(context: Any, builder: Any, name: str, result: Any, values: Any) -> An
     return context.get_dummy_value() if nothing else found
 
 
-def _letter(kind: Any) -> str:
-    return LETTERS.get(kind, "A")
-
-
 def _operation(name: str) -> Any:
     """Return a generator of code that calls an operation."""
 
     def codegen(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        letters = "".join(map(_letter, signature.args))
+        letters = "".join(LETTERS.get(kind, "A") for kind in signature.args)
         return _call(context, builder, f"{name}.{letters}", signature.return_type, values)
 
     return codegen

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 from nearharmonic.core.formulas.number import Constant
 from nearharmonic.core.formulas.physics import Hamiltonian, Physics
-from nearharmonic.engine.batch.numba_runs import check_precision, check_width
+from nearharmonic.engine.batch.numba_runs import check_precision
 from nearharmonic.engine.settings import WIDTH, Numerics
+from nearharmonic.errors import bad_setting
 from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.gradients import check_gradients
 from nearharmonic.systems.formulas.kinetic_energy import quadratic_T
@@ -43,25 +44,32 @@ def kernel_of(system: System, numerics: Numerics = STANDARD, *, modified: bool =
     SystemDefinitionError
         A formula fails or uses what formulas cannot (a branch, a function of math), or a gradient contradicts its
         potential.
+    SettingError
+        Extended precision, or several SIMD lanes, for a V that is a function of numba.
     CompiledCodeError
         The machine code cannot be loaded.
     """
     from nearharmonic.core.loops.kernel import build
 
     check_precision(system, [numerics.precision])
-    check_width(system, numerics.width)
+    width = _width(system, numerics.width)
     return build(
         physics_of(system, numerics, modified=modified),
         extended=numerics.precision == "extended",
         compensated=numerics.compensated,
-        width=_width(system, numerics),
+        width=width,
         energy=numerics.energy,
     )
 
 
-def _width(system: System, numerics: Numerics) -> int:
-    alone = system.formulas().are_loops or numba_potential(system) is not None
-    return 1 if alone else numerics.width or WIDTH
+def _width(system: System, width: int | None) -> int:
+    """The SIMD lanes of a kernel: one for loops, and for a V that takes one position at a time."""
+    if numba_potential(system) is None:
+        return 1 if system.formulas().are_loops else width or WIDTH
+    if width is not None and width > 1:
+        needed = f"V of {system.name} is a function of numba, which takes one position at a time: 1, or None"
+        raise bad_setting("width", width, needed)
+    return 1
 
 
 @cache

@@ -29,19 +29,6 @@ def check_precision(system: System, precisions: Sequence[str], key: str = "preci
         raise bad_setting(key, "extended", needed)
 
 
-def check_width(system: System, width: int | None) -> None:
-    """Raise an error for several SIMD lanes with a V that takes one position at a time.
-
-    Raises
-    ------
-    SettingError
-        ``width`` is more than 1.
-    """
-    if width is not None and width > 1 and numba_potential(system) is not None:
-        needed = f"V of {system.name} is a function of numba, which takes one position at a time: 1, or None"
-        raise bad_setting("width", width, needed)
-
-
 def energy_floor(system: System, scale: float, start: Floats, parameters: Floats, H0: Floats) -> dict[str, float]:
     """Return the attribute ``energy_floor`` of results; none unless V is a function of numba.
 

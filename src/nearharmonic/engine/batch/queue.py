@@ -73,12 +73,6 @@ class Batch:
         self.control.fill(0)
 
     def run(self, steps: int | None = None) -> None:
-        """Compute the results.
-
-        Parameters
-        ----------
-        steps : int, optional
-            Steps of all runs together, where they are known.
-        """
+        """Compute the results; ``steps`` is the number of steps of all runs together, if it is known."""
         self.clear()
         execution.execute(self.call, self.control, int(self.steps.sum()) if steps is None else steps, self.cost)

@@ -24,20 +24,9 @@ def rotations(
     """Return the moves (s + 2, columns) of one step size, each a kick and a rotation behind it.
 
     Rows are those of :meth:`nearharmonic.integrators.composition.Composition.moves`, and columns those of
-    :mod:`nearharmonic.core.rotation`. Drifts that meet between steps turn by the sum of their angles.
-
-    Parameters
-    ----------
-    tableau : Tableau
-        Method of s stages.
-    tau : Fraction
-        Step size.
-    frequencies : tuple of Fraction
-        Distinct frequencies.
-    parts : {1, 2}
-        Doubles that make a number: 2 for double-doubles.
-    rounded : bool
-        True if kicks and drifts times tau are rounded to doubles before anything follows from them.
+    :mod:`nearharmonic.core.rotation`, for distinct frequencies and numbers of one or two ``parts``. Drifts that meet
+    between steps turn by the sum of their angles. If ``rounded``, kicks and drifts times tau are rounded to doubles
+    before anything follows from them.
     """
     found = tableau.moves(tau, rounded=rounded)
     kicks, drifts = [kick for kick, _, _ in found], [drift for _, drift, _ in found]

@@ -92,14 +92,9 @@ class Start:
 
 
 def parameter_attributes(system: System, given: Mapping[str, Any]) -> dict[str, str]:
-    """Return the attribute ``parameters``: exact texts by name of those that all runs share.
+    """Return the attribute ``parameters``: exact texts by name of those that all runs share, given or the system's own.
 
-    Parameters
-    ----------
-    system : System
-        Gives those that are not given.
-    given : mapping
-        Values by name that were accepted; arrays of several values, one a run, are left out.
+    Arrays of several values, one a run, are left out.
     """
     values = {name: given.get(name, parameter.value) for name, parameter in system.parameters.items()}
     texts = {name: _exact_text(value) for name, value in values.items() if np.size(value) == 1}

@@ -133,16 +133,9 @@ def clock_variables(problem: Setup, paths: Trajectories) -> Variables:
 
 
 def invariant_variables(problem: Setup, paths: Trajectories, start: Floats, constants: Sequence[Any]) -> Variables:
-    """Return the invariants of a system at the samples, and the largest change of each.
+    """Return the invariants at the samples of R runs from the states ``start`` (R or 1, 4 d), and their drifts.
 
-    Parameters
-    ----------
-    problem, paths
-        System and settings, and R runs.
-    start : (R or 1, 4 d) array of float
-        Initial states.
-    constants : sequence of float or (R, 1) array of float
-        Parameters of the system.
+    The parameters ``constants`` of the system are floats or arrays (R, 1).
     """
     d = problem.system.dimension
     state = np.broadcast_to(start, (len(paths.q), start.shape[1])).reshape(len(paths.q), 4, -1)[..., :d]
@@ -239,16 +232,7 @@ def over_runs(table: dict[str, tuple[Any, str, str]]) -> Variables:
 
 
 def sampled(problem: Setup, steps: Sequence[int], samples: int) -> Variables:
-    """Integrate one run for each of ``steps``.
-
-    Parameters
-    ----------
-    problem : Setup
-        System of d coordinates, method and settings.
-    steps : sequence of int
-        Steps of each run.
-    samples : int
-        Most states that a run keeps.
+    """Integrate one run for each of ``steps``, with at most so many samples.
 
     Returns
     -------

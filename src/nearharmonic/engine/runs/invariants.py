@@ -19,21 +19,9 @@ from nearharmonic.systems.definition.system import System
 def invariant_values(
     system: System, q: ArrayLike, p: ArrayLike, constants: Sequence[Any] | None = None
 ) -> dict[str, Floats]:
-    """Return each invariant of ``system`` at some states, evaluated in double precision.
+    """Return the invariants of ``system`` at states ``q``, ``p`` (..., d) as arrays (..., components), by name.
 
-    Parameters
-    ----------
-    system : System
-        A system of d coordinates.
-    q, p : (..., d) array of float
-        States.
-    constants : sequence of floats or arrays, optional
-        Parameters of the system; its own by default.
-
-    Returns
-    -------
-    dict
-        Arrays (..., k) by the name of the invariant, k its number of components.
+    They are evaluated in double precision, with the system's own parameters by default.
 
     Raises
     ------

@@ -14,18 +14,17 @@ from nearharmonic.core.formulas.expression.program import Program
 from nearharmonic.core.formulas.number import Constant, scalar, vector
 from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.energy import Vector, evaluate
-from nearharmonic.systems.formulas.formulas import Formulas
 
 
 class SquareGradient:
     """grad |grad V|^2 as a function of the coordinates and the parameters.
 
     |grad V|^2 denotes the square a(f).f with inverse masses, where a(f) is the acceleration by the force f = grad V.
-    Its gradient is derived in reverse mode, for ``formulas`` with quadratic T.
+    Its gradient is derived in reverse mode, for a system with quadratic T.
     """
 
-    def __init__(self, formulas: Formulas, parameters: int) -> None:
-        self.formulas, self.parameters = formulas, parameters
+    def __init__(self, system: System) -> None:
+        self.formulas, self.parameters = system.formulas(), len(system.parameters)
         self._programs: dict[tuple[Constant, ...] | None, Program] = {}
         self._lock = RLock()
 
@@ -50,7 +49,5 @@ class SquareGradient:
         return shortest_program(graph, roots, value_of(scalar(self.formulas, "V", q, *given)))
 
 
-@cache
-def square_gradient(system: System) -> SquareGradient:
-    """Return the function for ``system``, which has a quadratic kinetic energy."""
-    return SquareGradient(system.formulas(), len(system.parameters))
+#: The function of a system, made once.
+square_gradient = cache(SquareGradient)
