@@ -1,17 +1,20 @@
 """Coefficients from other sources: proofs of published claims, and descriptions of errors.
 
 The orders of the published files are those of their papers. The states that show the order of a library's method are
-computed here, by a loop of drifts and kicks in multiprecision that shares no code with the proofs.
+computed in multiprecision, with steps that share no code with the proofs.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import chain, pairwise
 
 import pytest
-from mpmath import log, mp, mpf
+from mpmath import log, mpf
 
+import nearharmonic as nh
 from support.methods.tableau_files import failing, names, verdict
+from support.oracles.multiprecision import energy_errors, trajectory
 
 #: General order, order for quadratic T, and order on the oscillator.
 PUBLISHED = {
@@ -50,34 +53,16 @@ def orders(found):
     return found.order.order, found.quadratic_order.order, found.oscillator.order
 
 
-def henon_heiles(q):
-    return [q[0] + 2 * q[0] * q[1], q[1] + q[0] ** 2 - q[1] ** 2]
+#: The systems in which the methods show their orders, and starts on which no error term vanishes by chance.
+HENON_HEILES = nh.systems["henon_heiles"], ([mpf("0.3"), mpf("0.1")], [mpf("0.2"), mpf("0.4")])
+OSCILLATOR = nh.systems["sho"], ([mpf("0.3")], [mpf("0.4")])
 
 
-def oscillator(q):
-    return q
-
-
-def final_state(file, gradient, steps):
-    kick, drift = ([mpf(text) for text in row] for row in (file.kick, file.drift))
-    turns = [kick, drift] if file.first == "kick" else [drift, kick]
-    q, p, tau = [mpf("0.3"), mpf("0.1")], [mpf("0.2"), mpf("0.4")], mpf(2) / steps
-    for _ in range(steps):
-        for i in range(len(turns[0])):
-            for row in turns:
-                if i < len(row) and row is drift:
-                    q = [x + tau * row[i] * y for x, y in zip(q, p, strict=True)]
-                elif i < len(row):
-                    p = [y - tau * row[i] * f for y, f in zip(p, gradient(q), strict=True)]
-    return q + p
-
-
-def observed_order(file, gradient):
+def observed_order(file, system, start):
     """From three step sizes; its own next order leaves 0.05 at these."""
-    with mp.workdps(40):
-        coarse, middle, fine = (final_state(file, gradient, steps) for steps in (64, 128, 256))
-        errors = [max(abs(x - y) for x, y in zip(a, b, strict=True)) for a, b in ((coarse, middle), (middle, fine))]
-        return float(log(errors[0] / errors[1], 2))
+    ends = ([*chain(*trajectory(file, system, mpf(2) / n, n, start)[-1])] for n in (64, 128, 256))
+    errors = [max(abs(x - y) for x, y in zip(a, b, strict=True)) for a, b in pairwise(ends)]
+    return float(log(errors[0] / errors[1], 2))
 
 
 def test_every_file_is_in_a_table_of_this_test():
@@ -106,8 +91,8 @@ def test_order_that_library_states_is_refuted_if_it_is_wrong(name):
 @pytest.mark.parametrize("name", [name for name in LIBRARIES if name.startswith("ordinarydiffeq")])
 def test_what_is_proved_of_library_is_what_its_steps_show(name):
     found = verdict("libraries", name)
-    assert observed_order(found.file, henon_heiles) == pytest.approx(found.quadratic_order.order, abs=0.1)
-    assert observed_order(found.file, oscillator) == pytest.approx(found.oscillator.order, abs=0.1)
+    assert observed_order(found.file, *HENON_HEILES) == pytest.approx(found.quadratic_order.order, abs=0.1)
+    assert observed_order(found.file, *OSCILLATOR) == pytest.approx(found.oscillator.order, abs=0.1)
 
 
 @pytest.mark.parametrize(("name", "order"), [("ordinarydiffeq_mcate4", 4), ("ordinarydiffeq_mcate5", 5)])
@@ -145,7 +130,7 @@ def test_verify_finds_wrong_digit_at_twenty_first_decimal():
     start = "drift[5] and its mirror image drift[11] = 0.26500275499062083398"
     assert suspect.says.startswith(start)
     mended = replace(found.file, kick=suspect.rows.kick, drift=suspect.rows.drift)
-    assert observed_order(mended, henon_heiles) == pytest.approx(8, abs=0.1)
+    assert observed_order(mended, *HENON_HEILES) == pytest.approx(8, abs=0.1)
 
 
 @pytest.mark.parametrize(
@@ -174,20 +159,6 @@ def test_of_a_wrong_claim_no_coefficient_is_suspected():
     assert found.suspects == []
 
 
-def energy_error(file, tau):
-    """The largest relative error of the oscillator's energy in the steps of a time of 40."""
-    kick, drift = ([mpf(text) for text in row] for row in (file.kick, file.drift))
-    turns = [kick, drift] if file.first == "kick" else [drift, kick]
-    q, p, worst = mpf("0.3"), mpf("0.4"), mpf(0)
-    for _ in range(int(40 / tau)):
-        for i in range(len(turns[0])):
-            for row in turns:
-                if i < len(row):
-                    q, p = (q + tau * row[i] * p, p) if row is drift else (q, p - tau * row[i] * q)
-        worst = max(worst, abs((q * q + p * p) / mpf("0.25") - 1))
-    return worst
-
-
 @pytest.mark.parametrize(
     ("kind", "name", "position", "energy"),
     [
@@ -202,6 +173,6 @@ def test_energy_order_on_oscillator_is_that_of_many_steps(kind, name, position, 
     """BAB's9o7H is of order 7 in the position (Nielsen 2015, Table 4)."""
     found = verdict(kind, name)
     assert (found.oscillator.harmonic_order, found.oscillator.energy_order) == (position, energy)
-    with mp.workdps(30):
-        slope = log(energy_error(found.file, mpf(1) / 8) / energy_error(found.file, mpf(1) / 16), 2)
-    assert float(slope) == pytest.approx(energy, abs=0.1)
+    system, start = OSCILLATOR
+    coarse, fine = (max(energy_errors(found.file, system, mpf(1) / n, 40 * n, start)) for n in (8, 16))
+    assert float(log(coarse / fine, 2)) == pytest.approx(energy, abs=0.1)

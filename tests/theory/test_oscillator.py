@@ -21,27 +21,16 @@ from nearharmonic.theory.oscillator import (
     step_polynomials,
 )
 from support.oracles.random_tableaus import tableaus
+from support.oracles.word_series import operators_of
 
 TEN = pytest.mark.parametrize("name", BENCHMARKED)
 ROLES = pytest.mark.parametrize("first", ["drift", "kick"])
 
 
-def operators(tableau):
-    """(operator, coefficient) in the order of one step."""
-    inner = "kick" if tableau.first == "drift" else "drift"
-    yield tableau.first, tableau.outer[0]
-    for i in range(tableau.stages):
-        yield inner, tableau.inner[i]
-        yield tableau.first, tableau.outer[i + 1]
-
-
 def step(tableau, tau, q, p, number):
     """One step of the harmonic oscillator from (q, p), in the arithmetic of ``number``."""
-    for operator, coefficient in operators(tableau):
-        if operator == "drift":
-            q += number(coefficient) * tau * p
-        else:
-            p -= number(coefficient) * tau * q
+    for letter, c in operators_of(tableau, number):
+        q, p = (q + c * tau * p, p) if letter == "A" else (q, p - c * tau * q)
     return q, p
 
 
@@ -83,7 +72,7 @@ def test_highest_term_is_product_of_all_coefficients_at_lambda_max(tableau):
     K, highest = step_polynomials(tableau), lambda_max(tableau)
     zeta = [a - b for a, b in zip(K.K11, K.K12, strict=True)]
     assert all(c == 0 for c in zeta[highest + 1 :])
-    coefficients = [Fraction(c) for _, c in operators(tableau)]
+    coefficients = [c for _, c in operators_of(tableau)]
     reaching_q = coefficients if tableau.first == "drift" else coefficients[:-1]
     assert abs(zeta[highest]) == abs(prod(reaching_q))
 

@@ -21,6 +21,7 @@ from nearharmonic.theory.oscillator import kappa, lambda_max, zeta
 from nearharmonic.theory.recursion import closed_sums, momentum_row, position_rows
 from support.methods.ten_methods import EVERY_METHOD, thinned
 from support.oracles.random_tableaus import tableaus
+from support.oracles.word_series import operators_of
 
 ROLES = pytest.mark.parametrize("first", ["drift", "kick"])
 PAIRS = [(name, first) for name in integrators for first in ("drift", "kick")]
@@ -50,15 +51,11 @@ def matrix_product(X, Y):
 def matrices_after_each_drift(tableau):
     """The products of shears up to each drift, and the whole step, as 2x2 matrices of polynomials in tau."""
     one, zero = [Fraction(1)], [Fraction(0)]
-    kicks = [[[one, zero], [[Fraction(0), -Fraction(d)], one]] for d in tableau.kick]
-    drifts = [[[one, [Fraction(0), Fraction(c)]], [zero, one]] for c in tableau.drift]
-    rows = [kicks, drifts] if tableau.first == "kick" else [drifts, kicks]
     product, after = [[one, zero], [zero, one]], []
-    for n in range(2 * tableau.stages + 1):
-        shear = rows[n % 2][n // 2]
-        product = matrix_product(shear, product)
-        if shear in drifts and rows[n % 2] is drifts:
-            after.append(product)
+    for letter, c in operators_of(tableau):
+        drift = letter == "A"
+        product = matrix_product([[one, [0, c] if drift else zero], [zero if drift else [0, -c], one]], product)
+        after += [product] * drift
     return after, product
 
 

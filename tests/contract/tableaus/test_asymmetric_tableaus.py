@@ -7,7 +7,7 @@ from math import isnan
 
 import numpy as np
 import pytest
-from mpmath import eye, inf, matrix, mp, mpf
+from mpmath import inf, matrix, mp, mpf
 
 import nearharmonic as nh
 from nearharmonic.errors import TableauError
@@ -19,6 +19,7 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.user_file import load_tableaus
 from nearharmonic.theory.oscillator import harmonic_energy_error
 from support.oracles.multiprecision import trajectory
+from support.oracles.reference_solutions import oscillator_step
 from support.oracles.structures import structure
 
 ASYMMETRIC = [name for name, tableau in integrators.items() if not tableau.symmetric]
@@ -40,16 +41,6 @@ def test_the_kernel_takes_the_steps_of_a_plain_loop(name, precision):
         # Forty steps of six kicks and drifts with compensated roundings of 1e-16, which the flow carries on.
         assert max(abs(mpf(float(a)) - b) for a, b in zip(found, [*q, *p], strict=True)) < 2e-15
     assert run.evaluations.item() == 40 * integrators[name].stages + 1
-
-
-def oscillator_step(tableau, tau):
-    rows = {"drift": iter(tableau.drift), "kick": iter(tableau.kick)}
-    other = "kick" if tableau.first == "drift" else "drift"
-    step = eye(2)
-    for operator in [tableau.first, *[other, tableau.first] * tableau.stages]:
-        c = tau * mpf(next(rows[operator]))
-        step = (matrix([[1, c], [0, 1]]) if operator == "drift" else matrix([[1, 0], [-c, 1]])) * step
-    return step
 
 
 @BOTH

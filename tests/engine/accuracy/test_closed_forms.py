@@ -14,6 +14,7 @@ from mpmath import mp, mpf
 
 import nearharmonic as nh
 from nearharmonic.math import cos
+from support.oracles.multiprecision import digits_of
 
 PENDULUM = nh.System(
     name="pendulum of two parameters",
@@ -34,17 +35,6 @@ CHAIN = nh.System(
 )
 
 
-@pytest.fixture(autouse=True)
-def forty_digits():
-    with mp.workdps(40):
-        yield
-
-
-def last(run, name):
-    """The last sample in full: a double and the digits below it."""
-    return [mpf(float(x)) + mpf(float(y)) for x, y in zip(run[name][-1], run[f"{name}_low"][-1], strict=True)]
-
-
 def pendulum_state(p0, w, t):
     """Angle and velocity from q = 0, by Jacobi's functions: libration for p0 < 2 w, rotation above."""
     k = p0 / (2 * w)
@@ -59,7 +49,7 @@ def pendulum_state(p0, w, t):
 def test_a_pendulum_follows_elliptic_functions_to_25_digits(p0):
     """s15odr8 with this step has an error of some 1e-27; 2 w = 4.17... separates libration from rotation."""
     run = nh.integrate(PENDULUM, "s15odr8", "2e-4", t_end=3, p0=[p0], precision="extended", samples=2, energy="none")
-    w, (q,), (p,) = mpmath.sqrt(mpf("9.81") / mpf("2.25")), last(run, "q"), last(run, "p")
+    w, (q,), (p,) = mpmath.sqrt(mpf("9.81") / mpf("2.25")), digits_of(run, "q"), digits_of(run, "p")
     angle, velocity = pendulum_state(abs(mpf(p0)), w, mpf(3))
     sign = mpmath.sign(mpf(p0))
     turns = mpmath.nint((sign * q - angle) / (2 * mp.pi))  # the angle of a rotation grows without bound
@@ -72,7 +62,9 @@ def test_a_pendulum_follows_elliptic_functions_to_25_digits(p0):
 def test_position_of_pendulum_converges_with_order_of_method(integrator, order):
     angle, velocity = pendulum_state(mpf(3), mpmath.sqrt(mpf("9.81") / mpf("2.25")), mpf(4))
     runs = [nh.integrate(PENDULUM, integrator, tau, t_end=4, p0=[3.0], samples=1) for tau in (0.04, 0.02)]
-    coarse, fine = (float(mpmath.hypot(last(run, "q")[0] - angle, last(run, "p")[0] - velocity)) for run in runs)
+    coarse, fine = (
+        float(mpmath.hypot(digits_of(run, "q")[0] - angle, digits_of(run, "p")[0] - velocity)) for run in runs
+    )
     assert log2(coarse / fine) == pytest.approx(order, abs=0.3)
 
 
@@ -90,7 +82,5 @@ def test_twelve_coordinate_energy_is_as_accurate_as_double_double():
     start = chain_energy(*(list(map(mpf, x)) for x in (CHAIN.q0, CHAIN.p0)))
     assert double.initial_energy.item() == float(start)
     for i in (1, 20, -1):
-        state = ([mpf(x) for x in double[name].values[i].tolist()] for name in ("q", "p"))
-        low = ([mpf(x) for x in double[name].values[i].tolist()] for name in ("q_low", "p_low"))
-        H = chain_energy(*([x + y for x, y in zip(a, b, strict=True)] for a, b in zip(state, low, strict=True)))
+        H = chain_energy(digits_of(double, "q", i), digits_of(double, "p", i))
         assert abs(float(H / start - 1) - double.energy_error.values[i]) < 2e-15

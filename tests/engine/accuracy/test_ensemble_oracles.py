@@ -8,7 +8,7 @@ from fractions import Fraction
 import mpmath
 import numpy as np
 import pytest
-from mpmath import mp, mpf
+from mpmath import mpf
 
 import nearharmonic as nh
 from nearharmonic.engine.runs import ensemble as ensembles
@@ -29,12 +29,6 @@ DRIVEN = nh.System(
     t_end="10",
     parameters={"F": "0.5", "w": "0.7"},
 )
-
-
-@pytest.fixture(autouse=True)
-def forty_digits():
-    with mp.workdps(40):
-        yield
 
 
 def driven_state(t, q0, p0, F, w):

@@ -7,12 +7,8 @@ from mpmath import mpf
 
 import nearharmonic as nh
 from nearharmonic.integrators import BENCHMARKED
+from support.oracles.multiprecision import digits_of, trajectory
 from support.oracles.reference_solutions import kepler_state, oscillator_state, oscillator_step
-
-
-def exact(dataset, name):
-    """The last sample of q or p with the digits below it."""
-    return [mpf(float(h)) + mpf(float(d)) for h, d in zip(dataset[name][-1], dataset[f"{name}_low"][-1], strict=True)]
 
 
 @pytest.mark.parametrize("integrator", BENCHMARKED)
@@ -21,8 +17,8 @@ def test_extended_oscillator_is_its_matrix_power_to_31_digits_step(integrator):
     tableau = nh.integrators[integrator]
     run = nh.integrate("sho", integrator, 0.25, t_end=250, precision="extended")
     q, p = oscillator_state(tableau, mpf(1) / 4, 1000)
-    assert abs(exact(run, "q")[0] - q) < mpf(2) * 10**-27
-    assert abs(exact(run, "p")[0] - p) < mpf(2) * 10**-27
+    assert abs(digits_of(run, "q")[0] - q) < mpf(2) * 10**-27
+    assert abs(digits_of(run, "p")[0] - p) < mpf(2) * 10**-27
 
 
 @pytest.mark.parametrize("integrator", BENCHMARKED)
@@ -55,7 +51,7 @@ def test_mercury_is_where_keplers_equation_puts_it():
     for tau in (21.915, 10.9575):
         run = nh.integrate("kepler", "yoshida_s7o6a", tau, precision="extended", samples=2)
         wanted = kepler_state("69.82", "0.139896", GM, "87660")
-        found = exact(run, "q") + exact(run, "p")
+        found = digits_of(run, "q") + digits_of(run, "p")
         errors.append(max(abs(a - b) for a, b in zip(found[:2], wanted[:2], strict=True)))
     assert errors[1] < 1e-9 * 1e6
     assert errors[0] / errors[1] == pytest.approx(64, rel=0.05)
@@ -66,21 +62,10 @@ def test_mercury_is_where_keplers_equation_puts_it():
 def test_extended_henon_heiles_agrees_with_multiprecision_to_29_digits(integrator, first):
     """50 steps before chaos has grown errors by more than a factor 10: 50 * 200 operations * 6e-32 * 10 = 6e-27."""
     tableau = nh.integrators[integrator].role(first)
-    rows = {"drift": list(map(mpf, tableau.drift)), "kick": list(map(mpf, tableau.kick))}
-    x, y, u, v = mpf("0.3"), mpf(0), mpf(0), mpf("0.4")
-    tau = mpf(1) / 4
-    other = "kick" if first == "drift" else "drift"
-    for _ in range(50):
-        for i in range(2 * tableau.stages + 1):
-            operator = first if i % 2 == 0 else other
-            h = tau * rows[operator][i // 2]
-            if operator == "drift":
-                x, y = x + h * u, y + h * v
-            else:
-                u, v = u - h * (x + 2 * x * y), v - h * (y + x * x - y * y)
+    q, p = trajectory(tableau, nh.systems["henon_heiles"], mpf(1) / 4, 50)[-1]
     run = nh.integrate("henon_heiles", integrator, 0.25, t_end=12.5, precision="extended", first=first)
-    found = exact(run, "q") + exact(run, "p")
-    assert max(abs(a - b) for a, b in zip(found, (x, y, u, v), strict=True)) < mpf(6) * 10**-27
+    found = digits_of(run, "q") + digits_of(run, "p")
+    assert max(abs(a - b) for a, b in zip(found, q + p, strict=True)) < mpf(6) * 10**-27
 
 
 def test_energy_error_of_sample_is_that_of_its_state():

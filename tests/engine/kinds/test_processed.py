@@ -10,13 +10,14 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from mpmath import mp, mpf
+from mpmath import mpf
 
 import nearharmonic as nh
 from nearharmonic.errors import TableauError
 from nearharmonic.integrators.composition import Processor
 from nearharmonic.theory.order import nystrom_order_of
 from support.oracles import modified_steps
+from support.oracles.multiprecision import digits_of
 
 ROWLANDS = nh.modified_integrators["rowlands"]
 
@@ -29,10 +30,9 @@ def energies(states):
 def test_energy_errors_are_those_of_processed_states_at_the_samples():
     run = nh.integrate("henon_heiles", "rowlands", 0.1, t_end=5, samples=51, precision="extended")
     system = nh.systems["henon_heiles"]
-    with mp.workdps(40):
-        states = modified_steps.states(ROWLANDS, modified_steps.henon_heiles, system.q0, system.p0, mpf(1) / 10, 50)
-        H = energies(states)
-        expected = [float((h - H[0]) / H[0]) for h in H]
+    states = modified_steps.states(ROWLANDS, modified_steps.henon_heiles, system.q0, system.p0, mpf(1) / 10, 50)
+    H = energies(states)
+    expected = [float((h - H[0]) / H[0]) for h in H]
     # Rounded to doubles, from energies in double-double.
     assert run.energy_error.values == pytest.approx(expected, rel=1e-12, abs=1e-25)
     assert float(run.max_energy_error) == pytest.approx(max(map(abs, expected)), rel=1e-12)
@@ -94,13 +94,9 @@ def test_a_sweep_measures_at_many_samples():
 
 def test_states_between_steps_are_those_of_one_shorter_step():
     run = nh.integrate("henon_heiles", "rowlands", 0.1, t_end=1, t=["0.5", "0.53"], precision="extended")
-    with mp.workdps(40):
-        q, p = (
-            [mpf(float(x)) + mpf(float(y)) for x, y in zip(run[k][0], run[f"{k}_low"][0], strict=True)] for k in "qp"
-        )
-        (_, (x, _)) = modified_steps.states(ROWLANDS, modified_steps.henon_heiles, q, p, mpf("0.03"), 1)
-        for found, low, expected in zip(run.q[1], run.q_low[1], x, strict=True):
-            assert abs(mpf(float(found)) + mpf(float(low)) - expected) < 1e-28
+    q, p = (digits_of(run, name, 0) for name in "qp")
+    (_, (x, _)) = modified_steps.states(ROWLANDS, modified_steps.henon_heiles, q, p, mpf("0.03"), 1)
+    assert all(abs(a - b) < 1e-28 for a, b in zip(digits_of(run, "q"), x, strict=True))
 
 
 def test_a_run_that_leaves_its_energy_surface_has_diverged():

@@ -13,16 +13,11 @@ import nearharmonic as nh
 from nearharmonic.engine.batch.regularised import landing_of, unperturbed
 from nearharmonic.errors import SettingError, SystemDefinitionError
 from nearharmonic.systems.formulas.regularisation import Regularisation, RegularisedFormulas
+from support.oracles.multiprecision import digits_of
 
 SYSTEM = nh.systems["kepler_regularised"]
 with mp.workdps(60):
     GM = mpf("1.71994752")
-
-
-@pytest.fixture(autouse=True)
-def digits():
-    with mp.workdps(50):
-        yield
 
 
 def orbit(e, a="57.9"):
@@ -79,8 +74,7 @@ def by_hand(tableau, q, p, t_end, tau, A):
 
 def found(run, name, sample=-1):
     """Position or momentum of a run as a complex number."""
-    return mp.mpc(*(mpf(float(x)) + mpf(float(y)) for x, y in zip(run[name][sample], run[f"{name}_low"][sample],
-                                                                  strict=True)))  # fmt: skip
+    return mp.mpc(*digits_of(run, name, sample))
 
 
 @pytest.mark.parametrize("A", ["0", "2e-3"])
@@ -175,9 +169,8 @@ def test_samples_land_on_their_times_and_positions_converge_to_ellipse(t):
 
 def test_energies_are_those_of_the_physical_state():
     run = nh.integrate("kepler_regularised", "babps9o7h", 400, samples=40)
-    H = [sum(c * c for c in p) / 2 - GM / sqrt(sum(c * c for c in q)) for q, p in zip(
-        *([[mpf(float(x)) + mpf(float(y)) for x, y in zip(*pair, strict=True)] for pair in
-           zip(run[name].values, run[f"{name}_low"].values, strict=True)] for name in "qp"), strict=True)]  # fmt: skip
+    states = [(found(run, "q", i), found(run, "p", i)) for i in range(40)]
+    H = [abs(p) ** 2 / 2 - GM / abs(q) for q, p in states]
     errors = np.array([float((h - H[0]) / abs(H[0])) for h in H])
     assert np.abs(errors - run.energy_error.values).max() < 1e-24
     assert 1e-10 < np.abs(errors).max() <= float(run.max_energy_error)

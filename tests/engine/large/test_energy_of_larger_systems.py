@@ -6,10 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from mpmath import mpf, workdps
+from mpmath import mpf
 
 import nearharmonic as nh
 from nearharmonic.core.formulas.rules import CERTAINTY
+from support.oracles.multiprecision import digits_of
 
 SITES = 10
 
@@ -27,19 +28,14 @@ CHAIN = nh.System(
 
 
 def exact_error(run, sample):
-    """(H - H0)/|H0| of the stored states, with all their digits, in 50 digits."""
-
-    def digits(name, k):
-        pairs = zip(run[name][k].values.tolist(), run[f"{name}_low"][k].values.tolist(), strict=True)
-        return [mpf(high) + mpf(low) for high, low in pairs]
+    """(H - H0)/|H0| of the stored states, with all their digits, in multiprecision."""
 
     def energy(k):
-        q, p = digits("q", k), digits("p", k)
+        q, p = digits_of(run, "q", k), digits_of(run, "p", k)
         difference = [b - a for a, b in pairwise((mpf(0), *q, mpf(0)))]
         return sum(x * x for x in p) / 2 + sum(x * x / 2 + x**4 / 40 for x in difference)
 
-    with workdps(50):
-        return float((energy(sample) - energy(0)) / energy(0))
+    return float((energy(sample) - energy(0)) / energy(0))
 
 
 @pytest.mark.parametrize("first", ["kick", "drift"])
