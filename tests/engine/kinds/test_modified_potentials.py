@@ -91,43 +91,6 @@ def test_errors_fall_with_the_declared_order_in_extended_precision(name, system)
 
 
 @EVERY
-@pytest.mark.parametrize("summation", ["compensated", "plain"])
-def test_lanes_have_the_bits_of_single_runs(name, summation):
-    taus = [0.1, 0.05, 0.2, 0.025, 0.07]
-    both = nh.sweep("henon_heiles", name, taus, t_end=20, summation=summation)
-    for i, tau in enumerate(taus):
-        one = nh.integrate("henon_heiles", name, tau, t_end=20, summation=summation)
-        assert one.max_energy_error == both.max_energy_error[i]
-        assert one.evaluations == both.evaluations[i]
-    many = nh.ensemble("henon_heiles", name, 0.1, q0=[["0", "0.1"], ["0.1", "0.2"]], t_end=20, summation=summation)
-    problem = nh.problem("henon_heiles", name, t_end=20, summation=summation)
-    for i, q0 in enumerate((["0", "0.1"], ["0.1", "0.2"])):
-        alone = nh.integrate("henon_heiles", name, 0.1, q0=q0, t_end=20, samples=2, summation=summation)
-        assert np.array_equal(alone.q[-1], many.q[i, -1])
-        assert np.array_equal(problem(0.1, q0=q0).q[-1], alone.q[-1])
-
-
-@EVERY
-def test_a_run_continued_has_the_bits_of_one_long_run(name):
-    whole = nh.integrate("henon_heiles", name, 0.125, t_end=16, samples=2)
-    half = nh.integrate("henon_heiles", name, 0.125, t_end=8, samples=2)
-    rest = nh.integrate("henon_heiles", name, 0.125, t_end=8, samples=2, start=half)
-    assert np.array_equal(whole.q[-1], rest.q[-1])
-    assert np.array_equal(whole.p[-1], rest.p[-1])
-
-
-@pytest.mark.parametrize("name", [name for name, one in nh.modified_integrators.items() if not one.processed])
-def test_running_back_returns_to_the_start(name):
-    there = nh.integrate("henon_heiles", name, 0.1, t_end=10, precision="extended").isel(sample=-1)
-    back = nh.integrate(
-        "henon_heiles", name, 0.1, t_end=-10, precision="extended", q0=there.q.values, p0=there.p.values
-    )
-    # What is left out of the start of the way back is below 2^-53, which the orbit magnifies.
-    start = [float(x) for x in nh.systems["henon_heiles"].q0]
-    assert np.abs(back.q.values[-1] - start).max() < 1e-13
-
-
-@EVERY
 def test_energy_of_many_coordinates_is_measured_as_at_samples(name):
     chain = nh.System(
         name="chain", V=lambda q: sum((a - b) ** 2 / 2 + (a - b) ** 4 for a, b in zip(q[1:], q[:-1], strict=True)),

@@ -176,30 +176,6 @@ def test_energies_are_those_of_the_physical_state():
     assert 1e-10 < np.abs(errors).max() <= float(run.max_energy_error)
 
 
-@pytest.mark.parametrize("summation", ["plain", "compensated"])
-def test_samples_do_not_change_a_run_and_equal_output_times(summation):
-    one = nh.integrate("kepler_regularised", "aba864", 300, summation=summation, samples=2)
-    many = nh.integrate("kepler_regularised", "aba864", 300, summation=summation, samples=41)
-    assert np.array_equal(one.q[-1], many.q[-1])
-    assert np.array_equal(one.p[-1], many.p[-1])
-    assert one.max_energy_error == many.max_energy_error
-    assert one.steps == many.steps
-    problem = nh.problem("kepler_regularised", "aba864", summation=summation)
-    assert np.array_equal(problem(300).q[-1], one.q[-1])
-    swept = nh.sweep("kepler_regularised", "aba864", [300, 700], summation=summation)
-    assert swept.max_energy_error[0] == one.max_energy_error
-
-
-def test_ensemble_members_are_single_runs_with_their_own_step():
-    starts = [orbit(e, a) for e, a in (("0.1", "57.9"), ("0.5", "100"), ("0.9", "30"))]
-    q0, p0 = (np.array([[float(x) for x in pair[k]] for pair in starts]) for k in (0, 1))
-    together = nh.ensemble("kepler_regularised", "babs7o7h", 200, q0=q0, p0=p0, t_end=20000)
-    for i in range(3):
-        alone = nh.integrate("kepler_regularised", "babs7o7h", 200, q0=q0[i], p0=p0[i], t_end=20000, samples=2)
-        assert np.array_equal(together.q[i], alone.q)
-        assert together.max_energy_error[i] == alone.max_energy_error
-
-
 @pytest.mark.parametrize("e", ["0", "0.3", "0.95"])
 def test_an_orbit_takes_as_many_steps_as_in_physical_time(e):
     q0, p0 = orbit(e)

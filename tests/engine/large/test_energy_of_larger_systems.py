@@ -55,14 +55,3 @@ def test_near_rounding_the_energy_error_is_exact():
     assert 0 < np.abs(exact).max() < 1e-14
     # H in double-double: a few units of 1e-32.
     assert run.energy_error.values == pytest.approx(exact, abs=1e-30)
-
-
-def test_lanes_and_every_way_to_measure_energy_have_same_states():
-    runs = [nh.integrate(CHAIN, "aba864", 0.2, energy=energy, samples=3) for energy in ("every", "samples", "none")]
-    taus = [0.4, 0.3, 0.2]
-    swept = nh.sweep(CHAIN, "aba864", taus, t=[10])
-    assert all(np.array_equal(run.q, runs[0].q) for run in runs)
-    assert np.array_equal(swept.q[2, 0], runs[0].q[-1])
-    assert swept.max_energy_error[2] == runs[0].max_energy_error
-    alone = nh.problem(CHAIN, "aba864")(0.2)
-    assert alone.max_energy_error == runs[0].max_energy_error

@@ -104,26 +104,6 @@ def test_a_hundred_bodies_feel_the_sum_of_all_pairs(bodies):
     assert run.p[-1].reshape(BODIES, 3) == pytest.approx(half + tau / 2 * pull(q), abs=1e-13)
 
 
-def test_members_of_an_ensemble_have_the_bits_of_single_runs():
-    starts = np.stack([mode(k, 70) for k in (1, 2, 5)])
-    system = fput([f"{x:.6f}" for x in mode(1, 70)], sites=70, t_end="5")
-    members = nh.ensemble(system, "aba864", 0.25, q0=starts, t_end="5")
-    swept = nh.sweep(system, "aba864", [0.5, 0.25], t=[5])
-    for i, start in enumerate(starts):
-        alone = nh.integrate(system, "aba864", 0.25, q0=start, samples=2)
-        assert np.array_equal(members.q[i, -1], alone.q[-1])
-        assert members.max_energy_error[i] == alone.max_energy_error
-    assert np.array_equal(swept.q[1, 0], nh.integrate(system, "aba864", 0.25, samples=2).q[-1])
-
-
-def test_a_long_run_can_be_continued_with_its_bits():
-    system = fput([f"{x:.6f}" for x in mode(2, 60)], sites=60, t_end="10")
-    once = nh.integrate(system, "aba864", 0.25, samples=2)
-    half = nh.integrate(system, "aba864", 0.25, t_end="5", samples=2)
-    more = nh.integrate(system, "aba864", 0.25, t_end="5", samples=2, start=half)
-    assert np.array_equal(more.q[-1], once.q[-1])
-
-
 def test_formulas_of_many_coordinates_serve_numpy_and_multiprecision(bodies):
     system = fput([f"{x:.6f}" for x in mode(1, 60)], sites=60)
     q0, p0 = system.start(float)

@@ -24,21 +24,6 @@ from nearharmonic.errors import NearharmonicError
 STARTS = np.random.default_rng(5).uniform(-0.3, 0.3, (21, 4))
 
 
-@pytest.mark.parametrize("how", [{}, {"summation": "plain"}, {"precision": "extended"}], ids=["carry", "plain", "dd"])
-def test_a_prepared_run_has_the_bits_of_integrate(how):
-    problem = nh.problem("henon_heiles", "aba864", t_end=20, **how)
-    for tau, q0, p0 in ((0.1, None, None), (0.25, (0.1, 0.2), None), (0.1, None, ("0.1", "1/7")), (0.1, None, None)):
-        found = problem(tau, q0, p0)
-        expected = nh.integrate("henon_heiles", "aba864", tau, t_end=20, q0=q0, p0=p0, samples=2, **how)
-        assert np.array_equal(found.q, expected.q)
-        assert np.array_equal(found.p, expected.p)
-        assert np.array_equal(found.t, expected.t)
-        assert (found.tau, found.steps, found.status) == (expected.tau, expected.steps, "ok")
-        assert found.max_energy_error == expected.max_energy_error
-        assert found.evaluations == expected.evaluations
-        assert found.to_dataset().drop_attrs().equals(expected.drop_attrs())
-
-
 def test_parameters_of_one_call_do_not_reach_the_next():
     problem = nh.problem("kepler", "ruth", t_end=4000)
     own, other, again = problem(100), problem(100, parameters={"GM": 1.6}), problem(100)
@@ -96,22 +81,6 @@ def test_one_problem_serves_several_threads():
     with ThreadPoolExecutor(4) as pool:
         found = list(pool.map(lambda row: problem(0.05, q0=row[:2], p0=row[2:]).q, np.concatenate([STARTS] * 20)))
     assert all(np.array_equal(a, expected[i % len(STARTS)]) for i, a in enumerate(found))
-
-
-@pytest.mark.parametrize("how", [{}, {"summation": "plain"}, {"precision": "extended"}], ids=["carry", "plain", "dd"])
-@pytest.mark.parametrize("system", ["henon_heiles", "kepler"])
-def test_member_of_ensemble_has_bits_of_single_run(system, how):
-    tau, t_end = (100, 4000) if system == "kepler" else (0.1, 10)
-    given = {"q0": STARTS[:, :2], "p0": STARTS[:, 2:]}
-    if system == "kepler":
-        given = {"q0": 60 + 10 * STARTS[:, :2], "parameters": {"GM": 1.7 + 0.1 * STARTS[:, 0]}}
-    many = nh.ensemble(system, "babps9o7h", tau, t_end=t_end, samples=3, **given, **how)
-    for i in range(len(STARTS)):
-        own = {key: {k: v[i] for k, v in x.items()} if key == "parameters" else x[i] for key, x in given.items()}
-        one = nh.integrate(system, "babps9o7h", tau, t_end=t_end, samples=3, **own, **how)
-        for name in ("q", "p", "energy_error", "max_energy_error", "initial_energy", "status"):
-            assert np.array_equal(many[name][i], one[name]), name
-    assert set(many.sizes) >= {"member", "sample", "component"}
 
 
 def test_bits_do_not_depend_on_threads_blocks_or_width(monkeypatch):
