@@ -13,7 +13,7 @@ from mpmath import mp, mpf, nstr
 
 from nearharmonic.errors import SettingError
 from nearharmonic.exact import lie
-from nearharmonic.exact.words import logarithm, words
+from nearharmonic.exact.words import SQUARE, logarithm, words
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.order_conditions import step_of, tolerance
 from nearharmonic.integrators.tableau import Tableau, palindrome
@@ -26,6 +26,7 @@ from nearharmonic.theory.order import (
     nystrom_order_of,
     order_of,
 )
+from nearharmonic.theory.shifted_kicks import ShiftedKick, shifted_kicks
 from support.methods.ten_methods import EVERY_METHOD
 from support.oracles.reference_solutions import oscillator_step
 
@@ -212,3 +213,25 @@ def test_degree_and_highest_order_must_be_positive_integers(number):
         order_of("ruth", highest=number)
     with pytest.raises(SettingError, match=r"degree = .* is not allowed: an integer >= 1"):
         error_norm("ruth", number)
+
+
+# --- two kicks around a short drift, as one of a modified potential ---------------------------------------------------
+
+
+def test_coefficient_of_square_is_that_of_exact_logarithm():
+    a, d, b = Fraction(-2, 5), Fraction(-1, 90), Fraction(7, 10)
+    found = logarithm([("B", a), ("A", d), ("B", b)], lie.lyndon_words(3))
+    # On the word ABB, C = [B, [A, B]] has -1, and no other bracket of one A and two B is independent of it.
+    square = found["ABB"] / SQUARE["ABB"]
+    kick = ShiftedKick(0, float(a), float(d), float(b))
+    assert kick.square == pytest.approx(float(square), rel=1e-14)
+    assert kick.net == pytest.approx(0.3)
+
+
+def test_pairs_are_found_where_signs_differ_and_drift_is_short():
+    found = shifted_kicks(integrators["babps8o7h"])
+    assert [one.place for one in found] == [2, 5]
+    assert all(one.before * one.behind < 0 for one in found)
+    assert shifted_kicks(integrators["ruth"]) == []
+    # ABA104 drifts first: the drift behind kick i is drift i + 1.
+    assert [round(one.drift, 5) for one in shifted_kicks(integrators["aba104"])] == [-0.01453, -0.01453]

@@ -1,11 +1,7 @@
-"""Systems that a user might write, against solutions in closed form: elliptic functions, and the energy of a chain.
-
-Each system is made once for the whole file, so that its kernels are compiled once.
-"""
+"""A pendulum that a user might write, against elliptic functions."""
 
 from __future__ import annotations
 
-from itertools import pairwise
 from math import log2
 
 import mpmath
@@ -23,15 +19,6 @@ PENDULUM = nh.System(
     p0=("1.5",),
     t_end="10",
     parameters={"g": "9.81", "length": "2.25"},
-)
-SITES = 12
-CHAIN = nh.System(
-    name="linear chain",
-    V=lambda q, k: (q[0] ** 2 + sum((x - y) ** 2 for x, y in pairwise(q)) + q[-1] ** 2) * k / 2,
-    q0=tuple(str((7 * i) % 5 - 2) for i in range(SITES)),
-    p0=tuple(str((3 * i) % 4 - 1) for i in range(SITES)),
-    t_end="25",
-    parameters={"k": "1.25"},
 )
 
 
@@ -66,21 +53,3 @@ def test_position_of_pendulum_converges_with_order_of_method(integrator, order):
         float(mpmath.hypot(digits_of(run, "q")[0] - angle, digits_of(run, "p")[0] - velocity)) for run in runs
     )
     assert log2(coarse / fine) == pytest.approx(order, abs=0.3)
-
-
-def chain_energy(q, p):
-    q = [mpf(0), *q, mpf(0)]
-    return sum(x**2 for x in p) / 2 + mpf("1.25") / 2 * sum((y - x) ** 2 for x, y in pairwise(q))
-
-
-def test_twelve_coordinate_energy_is_as_accurate_as_double_double():
-    """Far above rounding it is measured in double; to rounding, 2^-53 an operation, so are the maxima."""
-    for integrator, tau in (("leapfrog", 0.1), ("blanes_moan_s6o4", 0.1), ("s9odr6a", 0.05)):
-        double, extended = (nh.integrate(CHAIN, integrator, tau, precision=x) for x in ("double", "extended"))
-        for name in ("max_energy_error", "mean_energy_error"):
-            assert abs(double[name].item() - extended[name].item()) < 5e-15
-    start = chain_energy(*(list(map(mpf, x)) for x in (CHAIN.q0, CHAIN.p0)))
-    assert double.initial_energy.item() == float(start)
-    for i in (1, 20, -1):
-        H = chain_energy(digits_of(double, "q", i), digits_of(double, "p", i))
-        assert abs(float(H / start - 1) - double.energy_error.values[i]) < 2e-15
