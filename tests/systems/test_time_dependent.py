@@ -16,7 +16,6 @@ from nearharmonic.core.formulas.number import Constant
 from nearharmonic.engine.grid import check_fit
 from nearharmonic.engine.reference import reference
 from nearharmonic.errors import SystemDefinitionError
-from nearharmonic.systems import Parameter
 from nearharmonic.systems.formulas.gradients import check_gradients
 from nearharmonic.systems.formulas.source import velocity
 from support.methods.own_systems import spring
@@ -25,13 +24,9 @@ from support.oracles.multiprecision import energy_errors
 DRIVE = {"F": "0.5", "w": "0.7"}
 
 
-def parameters(**values):
-    return {name: Parameter(value=value, unit="1", meaning=name) for name, value in values.items()}
-
-
 def driven(**more):
     fields = {"V": lambda q, t, F, w: q[0] ** 2 / 2 - F * q[0] * math.cos(w * t), "grad_V": None}
-    return spring(**(fields | {"time_dependent": True, "parameters": parameters(**DRIVE), "name": "driven"} | more))
+    return spring(**(fields | {"time_dependent": True, "parameters": DRIVE, "name": "driven"} | more))
 
 
 def exact_position(t):

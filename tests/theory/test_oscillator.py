@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
 from itertools import pairwise
 from math import inf, prod
 
@@ -39,13 +38,6 @@ def value(polynomial, tau):
 
 
 # --- the step matrix -------------------------------------------------------------------------------------------------
-
-
-@given(tableaus(), st.fractions(-3, 3, max_denominator=50))
-def test_the_polynomials_are_the_step_itself_in_exact_arithmetic(tableau, tau):
-    K = step_polynomials(tableau)
-    assert (value(K.K11, tau), value(K.K21, tau)) == step(tableau, tau, 1, 0, Fraction)
-    assert (value(K.K12, tau), value(K.K22, tau)) == step(tableau, tau, 0, 1, Fraction)
 
 
 @given(tableaus(), st.fractions(-3, 3, max_denominator=50))

@@ -20,14 +20,10 @@ from support.oracles.multiprecision import energy_errors, trajectory
 
 #: A fraction, because mpmath's numbers take a float for its binary value.
 A = Fraction(7, 10)
-UNITS = dict.fromkeys(("q", "p", "t", "energy"), "1")
 
 
-def one_dimensional(name, V, derivative, q0="0.75", p0="0.5", **more):
-    return System(
-        name=name, label=name, V=V, grad_V=lambda q, *c: (derivative(q, *c),), q0=(q0,), p0=(p0,), t_end="10",
-        units=UNITS, source="test", **more,
-    )  # fmt: skip
+def one_dimensional(name, V, derivative, q0="0.75", p0="0.5"):
+    return System(name=name, V=V, grad_V=lambda q: (derivative(q),), q0=(q0,), p0=(p0,), t_end="10")
 
 
 def gaussian(q):
