@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mpmath import mp, mpf
+from mpmath import mpf
 
 from nearharmonic.exact.words import logarithm, logarithm_slopes, word_slopes, word_sums, words
 from support.oracles.word_series import plus, series, times
@@ -46,11 +46,10 @@ def test_sums_of_fractions_are_the_exact_ones(step):
 @settings(max_examples=30)
 @given(steps)
 def test_sums_in_sixty_digits_are_the_exact_ones(step):
-    with mp.workdps(60):
-        found = word_sums(in_mpmath(step), words(LENGTH))
-        for word, value in exact(step).items():
-            # Sums of at most 6^6 products, none above 1.5^6.
-            assert difference(found[word], value) < mpf(10) ** -50, word
+    found = word_sums(in_mpmath(step), words(LENGTH))
+    for word, value in exact(step).items():
+        # Sums of at most 6^6 products, none above 1.5^6.
+        assert difference(found[word], value) < mpf(10) ** -50, word
 
 
 @settings(max_examples=30)
@@ -68,16 +67,15 @@ def test_sums_of_arrays_are_those_of_each_column(step):
 @settings(max_examples=30)
 @given(steps)
 def test_slopes_in_sixty_digits_are_the_exact_derivatives(step):
-    with mp.workdps(60):
-        sums, slopes = word_slopes(in_mpmath(step), words(LENGTH))
-        h = Fraction(1, 10**40)
-        values = exact(step)
-        for i, (name, c) in enumerate(step):
-            up, down = (exact([*step[:i], (name, c + sign * h), *step[i + 1 :]]) for sign in (1, -1))
-            for word in words(LENGTH):
-                # Without rounding a central difference is off by h^2 alone.
-                assert difference(slopes[word][i], (up[word] - down[word]) / (2 * h)) < mpf(10) ** -48, word
-                assert difference(sums[word], values[word]) < mpf(10) ** -50
+    sums, slopes = word_slopes(in_mpmath(step), words(LENGTH))
+    h = Fraction(1, 10**40)
+    values = exact(step)
+    for i, (name, c) in enumerate(step):
+        up, down = (exact([*step[:i], (name, c + sign * h), *step[i + 1 :]]) for sign in (1, -1))
+        for word in words(LENGTH):
+            # Without rounding a central difference is off by h^2 alone.
+            assert difference(slopes[word][i], (up[word] - down[word]) / (2 * h)) < mpf(10) ** -48, word
+            assert difference(sums[word], values[word]) < mpf(10) ** -50
 
 
 def test_slopes_of_arrays_are_those_of_each_column():

@@ -42,10 +42,9 @@ def file_of(tableau, digits=None, claimed=True):
 
 
 def test_majorant_is_series_of_minus_logarithm_of_two_minus_exp():
-    with mp.workdps(30):
-        for n, coefficient in enumerate(taylor(lambda x: -log(2 - mp.exp(x)), 0, 8)[1:], start=1):
-            one = residuals.majorant(n)
-            assert abs(mpf(one.numerator) / one.denominator - coefficient) < mpf(10) ** -12
+    for n, coefficient in enumerate(taylor(lambda x: -log(2 - mp.exp(x)), 0, 8)[1:], start=1):
+        one = residuals.majorant(n)
+        assert abs(mpf(one.numerator) / one.denominator - coefficient) < mpf(10) ** -12
 
 
 @pytest.mark.parametrize("digits", [6, 10, 16, 30])
@@ -102,15 +101,14 @@ def test_a_residual_is_that_of_matrices():
     """On 3 by 3 matrices that vanish in triple products, log(exp(aA) exp(bB)...) has two degrees alone."""
     A, B = matrix([[0, 1, 0], [0, 0, 2], [0, 0, 0]]), matrix([[0, 3, 0], [0, 0, 1], [0, 0, 0]])
     step = step_of(("0.3", "0.7"), ("0.4", "0.6"), "kick", 0)
-    with mp.workdps(30):
-        product = matrix([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
-        for letter, c in step:
-            product = product * expm({"A": A, "B": B}[letter] * (mpf(c.numerator) / c.denominator))
-        X = product - matrix([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
-        corner = (X - X * X / 2 - A - B)[0, 2]
-        (one,) = residuals.residuals(step, 2, quadratic=False)
-        bracket = (A * B - B * A)[0, 2]
-        assert abs(mpf(one.value.numerator) / one.value.denominator - corner / bracket) < mpf(10) ** -25
+    product = matrix([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    for letter, c in step:
+        product = product * expm({"A": A, "B": B}[letter] * (mpf(c.numerator) / c.denominator))
+    X = product - matrix([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    corner = (X - X * X / 2 - A - B)[0, 2]
+    (one,) = residuals.residuals(step, 2, quadratic=False)
+    bracket = (A * B - B * A)[0, 2]
+    assert abs(mpf(one.value.numerator) / one.value.denominator - corner / bracket) < mpf(10) ** -25
 
 
 @pytest.mark.parametrize(

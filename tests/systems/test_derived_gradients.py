@@ -117,8 +117,7 @@ def test_parameters_are_values_unless_a_formula_needs_to_know_them(case):
     V, expected = PARAMETERS[case]
     made = spring(V=V, grad_V=None, parameters={"k": "1"})
     assert made.parameters_at_run_time == expected
-    with mpmath.workdps(30):
-        exact = mpmath.diff(lambda x: V((x,), mpf(1)), mpf("0.7"))
+    exact = mpmath.diff(lambda x: V((x,), mpf(1)), mpf("0.7"))
     for k in (1.0, mpf(1), Fraction(1), Constant(1)):
         assert float(made.grad_V((mpf("0.7"),), k)[0]) == pytest.approx(float(exact), rel=1e-12)
 

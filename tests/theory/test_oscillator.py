@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from math import inf, prod
 
 import pytest
@@ -11,7 +10,9 @@ from hypothesis import strategies as st
 from mpmath import cos, mp, mpf, sin, taylor
 
 from nearharmonic.errors import SettingError
+from nearharmonic.exact.polynomials import positive_roots, whole
 from nearharmonic.integrators import BENCHMARKED, integrators
+from nearharmonic.reproduction.experiments.stability.linear.run import KNOWN_LIMITS
 from nearharmonic.theory.oscillator import (
     harmonic_energy_error,
     kappa,
@@ -77,14 +78,13 @@ def test_highest_term_is_product_of_all_coefficients_at_lambda_max(tableau):
 def test_kappa_is_taylor_coefficient_of_position_after_one_step(name, first):
     tableau = integrators[name].role(first)
     highest = lambda_max(tableau)
-    with mp.workdps(40):
-        steps = taylor(lambda tau: step(tableau, tau, mpf(1), mpf(-1), mpf)[0], 0, highest)
-        exact = taylor(lambda t: cos(t) - sin(t), 0, highest)
-        for power, error in enumerate(kappa(name, highest, first=first), start=1):
-            scale = mp.factorial(power)
-            # Numerical differentiation to 40 digits; what cancels is as large as the larger of the two terms.
-            size = scale * (abs(steps[power]) + abs(exact[power]))
-            assert abs(error - scale * abs(steps[power] - exact[power])) < size * mpf(10) ** -30
+    steps = taylor(lambda tau: step(tableau, tau, mpf(1), mpf(-1), mpf)[0], 0, highest)
+    exact = taylor(lambda t: cos(t) - sin(t), 0, highest)
+    for power, error in enumerate(kappa(name, highest, first=first), start=1):
+        scale = mp.factorial(power)
+        # Numerical differentiation to 40 digits; what cancels is as large as the larger of the two terms.
+        size = scale * (abs(steps[power]) + abs(exact[power]))
+        assert abs(error - scale * abs(steps[power] - exact[power])) < size * mpf(10) ** -30
 
 
 @TEN
@@ -158,13 +158,12 @@ def test_the_closed_form_is_the_maximum_over_many_steps(name, tau_per_stage):
     tableau = integrators[name]
     tau = tau_per_stage * tableau.stages
     expected = harmonic_energy_error(name, tau)
-    with mp.workdps(30):
-        q, p, largest = mpf(1), mpf(0), mpf(0)
-        K11, K21 = step(tableau, mpf(tau), mpf(1), mpf(0), mpf)
-        K12, K22 = step(tableau, mpf(tau), mpf(0), mpf(1), mpf)
-        for _ in range(4000):
-            q, p = K11 * q + K12 * p, K21 * q + K22 * p
-            largest = max(largest, abs(q * q + p * p - 1))
+    q, p, largest = mpf(1), mpf(0), mpf(0)
+    K11, K21 = step(tableau, mpf(tau), mpf(1), mpf(0), mpf)
+    K12, K22 = step(tableau, mpf(tau), mpf(0), mpf(1), mpf)
+    for _ in range(4000):
+        q, p = K11 * q + K12 * p, K21 * q + K22 * p
+        largest = max(largest, abs(q * q + p * p - 1))
     if expected == inf:
         assert largest > 1e3
     else:
@@ -172,24 +171,17 @@ def test_the_closed_form_is_the_maximum_over_many_steps(name, tau_per_stage):
         assert largest <= expected * (1 + mpf(10) ** -12)
 
 
-FIRST_GAPS = {
-    "ruth": (1.573401947, inf),
-    "s5odr4": (2.720974539, None),
-    "aba104": (3.089617987, 3.2005),
-    "aba864": (3.142177180, 3.1738),
-    "aba1064": (3.146107336, 3.1539),
-    "yoshida_s7o6a": (2.269057996, 2.3278),
-    "abas5o6h": (3.069226671, 3.2201),
-    "babs7o7h": (3.140769602, 3.14152),
-    "babps8o7h": (3.139720728, 3.14288),
-    "babps9o7h": (3.140827789, 3.14217),
-}
+#: Ends of the first gaps, known to 4 or 5 decimals; None where none is known. Their starts are known to 9.
+ENDS = {
+    "ruth": inf, "s5odr4": None, "aba104": 3.2005, "aba864": 3.1738, "aba1064": 3.1539, "yoshida_s7o6a": 2.3278,
+    "abas5o6h": 3.2201, "babs7o7h": 3.14152, "babps8o7h": 3.14288, "babps9o7h": 3.14217,
+}  # fmt: skip
 
 
 @TEN
 def test_first_stability_gap_has_known_edges(name):
-    # Edges known to 9 and to 4 or 5 decimals: within one unit of the last one.
-    start, end = FIRST_GAPS[name]
+    # Within one unit of the last decimal.
+    start, end = float(KNOWN_LIMITS[name]), ENDS[name]
     for tau, stable in ((start - 1e-9, True), (start + 1e-9, False)):
         assert (abs(stability_trace(name, tau)) <= 2) == stable
         assert (harmonic_energy_error(name, tau) < inf) == stable
@@ -200,40 +192,18 @@ def test_first_stability_gap_has_known_edges(name):
         assert abs(stability_trace(name, end + 1e-4)) <= 2
 
 
-def count_roots(polynomial, end):
-    """Number of distinct real roots in (0, end), by Sturm's theorem; ascending coefficients, not all multiples of x."""
-    p = list(polynomial)
-    while p[-1] == 0:
-        p.pop()
-    chain = [p, [n * c for n, c in enumerate(p)][1:]]
-    while len(chain[-1]) > 1:
-        remainder, divisor = list(chain[-2]), chain[-1]
-        while len(remainder) >= len(divisor):
-            factor, shift = remainder[-1] / divisor[-1], len(remainder) - len(divisor)
-            for n, c in enumerate(divisor):
-                remainder[shift + n] -= factor * c
-            remainder.pop()
-        chain.append([-c for c in remainder])
-    signs = [[q > 0 for q in (value(link, x) for link in chain)] for x in (0, end)]
-    at_zero, at_end = (sum(a != b for a, b in pairwise(row)) for row in signs)
-    return at_zero - at_end
-
-
 @TEN
 def test_no_narrower_gap_opens_before_the_known_one(name):
-    # The trace leaves [-2, 2] only where K11^2 - 1 = K12 K21 changes sign: all its roots are counted, none scanned for.
-    K, start = step_polynomials(name), mpf(FIRST_GAPS[name][0])
-    with mp.workdps(300):
-        rows = [[mpf(c.numerator) / c.denominator for c in entry[1::2]] for entry in (K.K12, K.K21)]
-        assert sum(count_roots(row, (start - mpf("1e-9")) ** 2) for row in rows) == 0
-        assert sum(count_roots(row, (start + mpf("1e-9")) ** 2) for row in rows) == 1
+    # The trace leaves [-2, 2] only where K11^2 - 1 = K12 K21 changes sign: all its roots are isolated.
+    K = step_polynomials(name)
+    root, *_ = sorted(root for row in (K.K12, K.K21) for root in positive_roots(whole(row[1::2])))
+    assert abs(float(root) ** 0.5 - float(KNOWN_LIMITS[name])) < 1e-9
 
 
 @TEN
 def test_trace_of_small_step_is_that_of_exact_rotation(name):
     # The phase error of an order-4 method is O(tau^5): of the trace, O(tau^6), with constants below 1e3 / 6!.
-    with mp.workdps(50):
-        assert abs(stability_trace(name, mpf("1e-4")) - 2 * cos(mpf("1e-4"))) < mpf("1e-23")
+    assert abs(stability_trace(name, mpf("1e-4")) - 2 * cos(mpf("1e-4"))) < mpf("1e-23")
 
 
 @pytest.mark.parametrize("tau", [0, -0.1, inf, float("nan"), "quick", None])

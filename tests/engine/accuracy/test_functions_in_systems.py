@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from mpmath import mp, mpf
+from mpmath import mpf
 
 import nearharmonic as nh
 from nearharmonic.core.formulas.number import FUNCTIONS, Constant
@@ -55,8 +55,7 @@ def test_kernels_of_both_precisions_make_the_steps_of_mpmath(system):
     """20 steps: 160 stages of some u each for positions; in double-double some 2^-100 for energies."""
     tableau = nh.integrators["aba864"]
     tau, steps = mpf("0.125"), 20
-    with mp.workdps(50):
-        (q, p), worst = trajectory(tableau, system, tau, steps)[-1], max(energy_errors(tableau, system, tau, steps))
+    (q, p), worst = trajectory(tableau, system, tau, steps)[-1], max(energy_errors(tableau, system, tau, steps))
     for precision in ("double", "extended"):
         run = nh.integrate(system, tableau, tau="0.125", t_end="2.5", precision=precision)
         assert float(run.q[-1, 0]) == pytest.approx(float(q[0]), rel=1e-13, abs=1e-13)
@@ -67,8 +66,7 @@ def test_kernels_of_both_precisions_make_the_steps_of_mpmath(system):
 @pytest.mark.parametrize("system", SYSTEMS, ids=lambda system: system.name)
 def test_written_text_computes_the_velocity(system):
     rate = velocity(system)(0.75, 0.5)[1]
-    with mp.workdps(30):
-        assert rate == pytest.approx(float(-system.grad_V((mpf("0.75"),))[0]), rel=1e-14)
+    assert rate == pytest.approx(float(-system.grad_V((mpf("0.75"),))[0]), rel=1e-14)
 
 
 def test_numba_and_heyoka_understand_every_function():

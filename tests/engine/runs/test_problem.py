@@ -151,6 +151,52 @@ def test_ensembles_that_make_no_sense_are_refused(given, words):
         nh.ensemble("henon_heiles", "ruth", 1e-5 if "samples" in given else 0.1, **given)
 
 
+def test_a_result_knows_the_parameters_that_it_was_computed_with():
+    """Invariants, what continues from it, and its description are those of its own parameters."""
+    spring = nh.System(
+        name="spring of a constant",
+        V=lambda q, k: k * q[0] ** 2 / 2,
+        q0=("1",),
+        p0=("0",),
+        t_end="2",
+        parameters={"k": "1"},
+        invariants={"twice_the_energy": lambda q, p, k: k * q[0] ** 2 + p[0] ** 2},
+    )
+    problem = nh.problem(spring, "leapfrog", samples=5)
+    for value in ("4", np.float32(0.1), np.array(2.5), [0.3]):
+        given = {"q0": [1.5], "parameters": {"k": value}}
+        result, single = problem(0.1, **given).to_dataset(), nh.integrate(spring, "leapfrog", 0.1, samples=5, **given)
+        assert result.identical(single)
+        assert result.twice_the_energy.values[0] == pytest.approx(2 * result.initial_energy.item(), rel=1e-15)
+        whole = nh.integrate(spring, "leapfrog", 0.1, t_end=4, **given)
+        rest = nh.integrate(spring, "leapfrog", 0.1, start=result)
+        assert np.array_equal(rest.q.values[-1], whole.q.values[-1])
+        assert np.array_equal(rest.q_low.values[-1], whole.q_low.values[-1])
+        whole_drift = nh.integrate(spring, "leapfrog", 0.1, **given).twice_the_energy_drift
+        assert nh.integrate(spring, "leapfrog", 0.1, samples=1, **given).twice_the_energy_drift.item() > 0
+        assert nh.integrate(spring, "leapfrog", 0.1, t=[0.5, 2], **given).twice_the_energy_drift <= whole_drift
+    # Members of energy 0 are measured absolutely, and the Dataset says so of them alone.
+    some = nh.ensemble(spring, "leapfrog", 0.1, q0=np.array([[0.0], [2.0]])).max_energy_error
+    none = nh.ensemble(spring, "leapfrog", 0.1, q0=np.array([[0.0], [0.0]])).max_energy_error
+    assert "|H - H0|/|H0| (absolute, in 1, where H0 = 0)" in some.long_name
+    assert "|H - H0| over" in none.long_name
+    assert some.values[1] == nh.integrate(spring, "leapfrog", 0.1, q0=[2.0]).max_energy_error
+
+
+def test_parameters_that_are_compiled_in_serve_ensembles_too():
+    """A power that the formula branches on; two blocks of members, and a value that is refused."""
+    system = nh.System(
+        name="power", V=lambda q, n: q[0] ** 4 / 4 if n > 2 else q[0] ** 2 / 2, q0=["1"], p0=["0"], t_end="1",
+        parameters={"n": "4"},
+    )  # fmt: skip
+    q0 = np.linspace(0.5, 1, module.BLOCK + 3)[:, None]
+    members = nh.ensemble(system, "leapfrog", 0.1, q0=q0, threads=1)
+    for i in (0, module.BLOCK, module.BLOCK + 2):
+        assert np.array_equal(members.q[i], nh.integrate(system, "leapfrog", 0.1, q0=q0[i]).q[[0, -1]])
+    with pytest.raises(NearharmonicError, match="they are compiled in"):
+        nh.ensemble(system, "leapfrog", 0.1, q0=q0, parameters={"n": "2"})
+
+
 LONG = """
 import signal, sys, time, nearharmonic as nh
 signal.signal(signal.SIGINT, signal.default_int_handler)  # which a process in the background ignores
