@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from mpmath import cos, mp, mpf, sin, taylor
 
 from nearharmonic.errors import SettingError
-from nearharmonic.exact.polynomials import positive_roots, whole
 from nearharmonic.integrators import BENCHMARKED, integrators
 from nearharmonic.reproduction.experiments.stability.linear.run import KNOWN_LIMITS
 from nearharmonic.theory.oscillator import (
@@ -190,14 +189,6 @@ def test_first_stability_gap_has_known_edges(name):
     elif end is not None:
         assert abs(stability_trace(name, end - 1e-4)) > 2
         assert abs(stability_trace(name, end + 1e-4)) <= 2
-
-
-@TEN
-def test_no_narrower_gap_opens_before_the_known_one(name):
-    # The trace leaves [-2, 2] only where K11^2 - 1 = K12 K21 changes sign: all its roots are isolated.
-    K = step_polynomials(name)
-    root, *_ = sorted(root for row in (K.K12, K.K21) for root in positive_roots(whole(row[1::2])))
-    assert abs(float(root) ** 0.5 - float(KNOWN_LIMITS[name])) < 1e-9
 
 
 @TEN

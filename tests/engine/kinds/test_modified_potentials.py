@@ -13,6 +13,7 @@ import nearharmonic as nh
 from nearharmonic.errors import SettingError, TableauError, UnknownNameError
 from nearharmonic.integrators import plain_integrators
 from nearharmonic.math import cos
+from support.methods.own_systems import sites
 from support.oracles import modified_steps
 from support.oracles.multiprecision import digits_of
 
@@ -92,11 +93,7 @@ def test_errors_fall_with_the_declared_order_in_extended_precision(name, system)
 
 @EVERY
 def test_energy_of_many_coordinates_is_measured_as_at_samples(name):
-    chain = nh.System(
-        name="chain", V=lambda q: sum((a - b) ** 2 / 2 + (a - b) ** 4 for a, b in zip(q[1:], q[:-1], strict=True)),
-        q0=tuple(f"0.{i}" for i in (3, 1, 4, 1, 5, 9, 2, 6, 5)), p0=("0",) * 9, t_end="5",
-    )  # fmt: skip
-    every = nh.integrate(chain, name, 0.1, samples=1000)
+    every = nh.integrate(sites(10), name, 0.5, samples=1000)
     # Errors in double are exact to four digits: CERTAINTY of the kernel.
     assert float(every.max_energy_error) == pytest.approx(np.abs(every.energy_error.values).max(), rel=1e-3)
     assert float(every.max_energy_error) < 1e-3

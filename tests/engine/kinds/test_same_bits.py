@@ -3,32 +3,18 @@
 from __future__ import annotations
 
 import pickle
-from itertools import pairwise
 
 import numpy as np
 import pytest
 
 import nearharmonic as nh
+from nearharmonic.engine.runs import ensemble
 from support.methods.numba_potentials import springs
+from support.methods.own_systems import mode, sites
 from support.oracles.oscillator_steps import CHAIN
 
 PLAIN, EXTENDED, EXACT = {"summation": "plain"}, {"precision": "extended"}, {"split": "exact_oscillator"}
 RNG = np.random.default_rng(5)
-
-
-def bonds(q):
-    q = (0, *q, 0)
-    return sum((b - a) ** 2 / 2 + (b - a) ** 4 / 40 for a, b in pairwise(q))
-
-
-def sites(count):
-    """A chain whose first mode is displaced: from nine sites on, its energy has a formula of its own."""
-    wave = np.sin(np.pi * np.arange(1, count + 1) / (count + 1)).round(6)
-    return nh.System(name=f"{count}_sites", V=bonds, q0=wave, p0=[0] * count, t_end=10)
-
-
-def waves(count):
-    return {"q0": np.sin(np.pi * np.outer([1, 2, 5], np.arange(1, count + 1)) / (count + 1))}
 
 
 ONE, THREE = {"q0": [[1.0], [0.5]], "p0": [[0.0], [0.2]]}, {"q0": [[0.1, 0.2, 0.3]] * 3}
@@ -54,8 +40,8 @@ KINDS = {
         for method in nh.modified_integrators for how in ({}, PLAIN, EXTENDED)
     },
     "processed, with parameters": ("kepler", "rowlands", 16.0, PLANETS, {}),
-    "ten sites": (sites(10), "aba864", 0.25, waves(10), {}),
-    "loops": (sites(70), "aba864", 0.25, waves(70), {}),
+    "ten sites": (sites(10), "aba864", 0.25, {"q0": [mode(10, k) for k in (1, 2, 5)]}, {}),
+    "loops": (sites(70), "aba864", 0.25, {"q0": [mode(70, k) for k in (1, 2, 5)]}, {}),
     "numba": (springs(), "ruth", 0.125, {"q0": RNG.uniform(-1, 1, (9, 1)), "parameters": {"k": np.arange(1, 10)}}, {}),
     **{f"regularised {how}": ("kepler_regularised", "babs7o7h", 256.0, BOUND, how) for how in ({}, PLAIN)},
 }  # fmt: skip
@@ -85,10 +71,11 @@ def assert_same(found, expected, names):
 
 
 @every()
-def test_every_call_gives_the_bits_of_integrate(system, method, tau, members, how):
-    """An ensemble and a prepared problem, which is called again and again."""
+def test_every_call_gives_the_bits_of_integrate(system, method, tau, members, how, monkeypatch):
+    """An ensemble in blocks, and a prepared problem, which is called again and again."""
+    monkeypatch.setattr(ensemble, "BLOCK", 4)
     how = how | {"t_end": 40 * tau, "samples": 3}
-    many, problem = nh.ensemble(system, method, tau, **members, **how), nh.problem(system, method, **how)
+    many, problem = nh.ensemble(system, method, tau, threads=1, **members, **how), nh.problem(system, method, **how)
     if isinstance(system, str):
         problem = pickle.loads(pickle.dumps(problem))
     for i in range(len(members["q0"])):

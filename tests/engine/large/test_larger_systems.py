@@ -9,6 +9,7 @@ from mpmath import mp, mpf
 import nearharmonic as nh
 from nearharmonic.core.formulas.rules import CERTAINTY
 from nearharmonic.math import array, sqrt, sum
+from support.methods.own_systems import mode, sites
 from support.oracles.multiprecision import digits_of
 
 SITES, BODIES = 1024, 100
@@ -36,10 +37,6 @@ def fput(q0, beta="0.1", t_end="50", sites=SITES):
     )  # fmt: skip
 
 
-def mode(k, sites=SITES):
-    return np.sin(np.pi * k * np.arange(1, sites + 1) / (sites + 1))
-
-
 @pytest.fixture(scope="module")
 def bodies():
     rng = np.random.default_rng(7)
@@ -53,18 +50,18 @@ def bodies():
 def test_a_linear_chain_of_1024_sites_follows_its_normal_modes():
     """Leapfrog turns a mode of frequency w = 2 sin(pi k / 2 (n + 1)) by the angle 2 asin(w tau / 2) a step."""
     modes, tau, steps = {1: 1.0, 7: 0.3, 600: 0.2, 1024: 0.1}, 0.25, 200
-    start = [f"{x:.12f}" for x in np.sum([a * mode(k) for k, a in modes.items()], axis=0)]
+    start = [f"{x:.12f}" for x in np.sum([a * mode(SITES, k) for k, a in modes.items()], axis=0)]
     run = nh.integrate(fput(start, beta="0"), "leapfrog", tau, first="kick", energy="none", samples=2)
     exact = np.zeros(SITES)
     for k, a in modes.items():
         frequency = 2 * np.sin(np.pi * k / 2 / (SITES + 1))
-        exact += a * mode(k) * np.cos(steps * 2 * np.arcsin(frequency * tau / 2))
+        exact += a * mode(SITES, k) * np.cos(steps * 2 * np.arcsin(frequency * tau / 2))
     # Initial values of 12 digits, and the rounding of forces over 200 steps.
     assert np.abs(run.q[-1].values - exact).max() < 5e-12
 
 
 def test_energy_of_chain_of_1024_sites_is_measured_to_rounding():
-    run = nh.integrate(fput([f"{x:.6f}" for x in mode(3)]), "aba864", 0.5, samples=5)
+    run = nh.integrate(fput([f"{x:.6f}" for x in mode(SITES, 3)]), "aba864", 0.5, samples=5)
 
     def energy(k):
         q, p = np.longdouble(run.q[k].values), np.longdouble(run.p[k].values)
@@ -108,7 +105,7 @@ def test_a_hundred_bodies_feel_the_sum_of_all_pairs(bodies):
 
 
 def test_formulas_of_many_coordinates_serve_numpy_and_multiprecision(bodies):
-    system = fput([f"{x:.6f}" for x in mode(1, 60)], sites=60)
+    system = fput([f"{x:.6f}" for x in mode(60)], sites=60)
     q0, p0 = system.start(float)
     direct = np.sum(np.diff([0, *q0, 0]) ** 2 / 2 + 0.1 * np.diff([0, *q0, 0]) ** 4 / 4)
     assert system.energy(q0, p0, (0.1,)) == pytest.approx(direct, rel=1e-13)
@@ -119,7 +116,7 @@ def test_formulas_of_many_coordinates_serve_numpy_and_multiprecision(bodies):
 
 # --- energy of more than eight coordinates: in double far above rounding, in double-double near it --------------------
 
-TEN_SITES = fput(mode(1, 10).round(6), sites=10, t_end="10")
+TEN_SITES = sites(10)
 
 
 def exact_error(run, sample):
@@ -127,7 +124,7 @@ def exact_error(run, sample):
 
     def energy(k):
         q, p = digits_of(run, "q", k), digits_of(run, "p", k)
-        return mp.fdot(p, p) / 2 + TEN_SITES.V(q, mpf("0.1"))
+        return mp.fdot(p, p) / 2 + TEN_SITES.V(q)
 
     return float((energy(sample) - energy(0)) / energy(0))
 
@@ -159,7 +156,7 @@ def test_energy_of_ten_sites_is_as_accurate_as_double_double():
             assert abs(double[name].item() - extended[name].item()) < 5e-15
     for i in (1, 20, -1):
         assert abs(exact_error(double, i) - double.energy_error.values[i]) < 2e-15
-    assert double.initial_energy.item() == float(TEN_SITES.V(list(map(mpf, TEN_SITES.q0)), mpf("0.1")))
+    assert double.initial_energy.item() == float(TEN_SITES.V(list(map(mpf, TEN_SITES.q0))))
 
 
 # --- ten bodies, from V alone: energy, momentum and angular momentum by sums of their own, in long doubles ------------

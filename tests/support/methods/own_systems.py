@@ -1,6 +1,10 @@
-"""A system that a user might have written."""
+"""Systems that users might have written: a spring, and chains of any number of sites."""
 
 from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
 
 from nearharmonic.systems import System
 
@@ -18,3 +22,18 @@ def spring(name="spring", **more):
         "source": "Hooke",
     }
     return System(**(settings | more))
+
+
+def bonds(q):
+    """The potential of a chain with fixed ends; energies of more than eight sites have a formula of their own."""
+    q = (0, *q, 0)
+    return sum((b - a) ** 2 / 2 + (b - a) ** 4 / 40 for a, b in pairwise(q))
+
+
+def mode(count, k=1):
+    return np.sin(np.pi * k * np.arange(1, count + 1) / (count + 1))
+
+
+def sites(count):
+    """A chain whose first mode is displaced; of many sites, its formulas are compiled as loops."""
+    return System(name=f"{count}_sites", V=bonds, q0=mode(count).round(6), p0=[0] * count, t_end=10)
