@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
-from fractions import Fraction
 from math import log2
 from types import SimpleNamespace
 
@@ -20,20 +18,8 @@ from nearharmonic.engine.reference import reference
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.formulas.gradients import check_gradients
 from nearharmonic.systems.formulas.source import velocity
-from support.methods.own_systems import spring
+from support.methods.own_systems import DRIVE, driven, spring
 from support.oracles.multiprecision import digits_of, energy_errors
-
-DRIVE = {"F": "0.5", "w": "0.7"}
-
-
-def potential(q, t, F, w):
-    """A function of the module, so that the system pickles."""
-    return q[0] ** 2 / 2 - F * q[0] * math.cos(w * t)
-
-
-def driven(**more):
-    fields = {"V": potential, "grad_V": None, "time_dependent": True, "parameters": DRIVE, "name": "driven"}
-    return spring(**(fields | more))
 
 
 def exact_state(t, q0=1, p0=0, F=DRIVE["F"], w=DRIVE["w"]):
@@ -83,16 +69,6 @@ def test_driven_oscillators_follow_closed_forms_for_all_frequencies_and_amplitud
             assert abs(many.p.values[i, k, 0] - p) < 1e-11
     assert np.array_equal(many.parameter_F, F)
     assert np.array_equal(many.parameter_w, w)
-
-
-def test_problems_with_parameters_and_time_pickle_with_results():
-    problem = nh.problem(driven(), "blanes_moan_s6o4", t_end=10, samples=4, energy_scale=1)
-    given = {"q0": [0.25], "parameters": {"w": Fraction(1, 3)}}
-    result, again = problem(0.1, **given), pickle.loads(pickle.dumps(problem))(0.1, **given)
-    copied = pickle.loads(pickle.dumps(result))
-    single = nh.integrate(driven(), "blanes_moan_s6o4", 0.1, t_end=10, samples=4, energy_scale=1, **given)
-    for other in (again.to_dataset(), copied.to_dataset(), single):
-        assert result.to_dataset().identical(other)
 
 
 def test_extended_energy_is_conserved_and_p_t_is_work():

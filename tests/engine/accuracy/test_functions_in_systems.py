@@ -63,12 +63,6 @@ def test_kernels_of_both_precisions_make_the_steps_of_mpmath(system):
     assert float(run.max_energy_error) == pytest.approx(float(worst), abs=1e-26, rel=1e-12)
 
 
-@pytest.mark.parametrize("system", SYSTEMS, ids=lambda system: system.name)
-def test_written_text_computes_the_velocity(system):
-    rate = velocity(system)(0.75, 0.5)[1]
-    assert rate == pytest.approx(float(-system.grad_V((mpf("0.75"),))[0]), rel=1e-14)
-
-
 def test_numba_and_heyoka_understand_every_function():
     """One system whose force is the sum of all of them."""
     whole = one_dimensional("sum", lambda q: 0, lambda q: sum(system.grad_V(q)[0] + system.V(q) for system in SYSTEMS))

@@ -10,7 +10,7 @@ import pytest
 import nearharmonic as nh
 from nearharmonic.engine.runs import ensemble
 from support.methods.numba_potentials import springs
-from support.methods.own_systems import mode, sites
+from support.methods.own_systems import driven, mode, sites
 from support.oracles.oscillator_steps import CHAIN
 
 PLAIN, EXTENDED, EXACT = {"summation": "plain"}, {"precision": "extended"}, {"split": "exact_oscillator"}
@@ -40,6 +40,10 @@ KINDS = {
         for method in nh.modified_integrators for how in ({}, PLAIN, EXTENDED)
     },
     "processed, with parameters": ("kepler", "rowlands", 16.0, PLANETS, {}),
+    **{
+        f"driven {how}": (driven(), "aba864", 0.25, ONE | {"parameters": {"F": [0.5, 1.5], "w": [0.7, 0.3]}}, how)
+        for how in ({}, EXTENDED)
+    },
     "ten sites": (sites(10), "aba864", 0.25, {"q0": [mode(10, k) for k in (1, 2, 5)]}, {}),
     "loops": (sites(70), "aba864", 0.25, {"q0": [mode(70, k) for k in (1, 2, 5)]}, {}),
     "numba": (springs(), "ruth", 0.125, {"q0": RNG.uniform(-1, 1, (9, 1)), "parameters": {"k": np.arange(1, 10)}}, {}),
@@ -75,12 +79,11 @@ def test_every_call_gives_the_bits_of_integrate(system, method, tau, members, ho
     """An ensemble in blocks, and a prepared problem, which is called again and again."""
     monkeypatch.setattr(ensemble, "BLOCK", 4)
     how = how | {"t_end": 40 * tau, "samples": 3}
-    many, problem = nh.ensemble(system, method, tau, threads=1, **members, **how), nh.problem(system, method, **how)
-    if isinstance(system, str):
-        problem = pickle.loads(pickle.dumps(problem))
+    many = nh.ensemble(system, method, tau, threads=1, **members, **how)
+    problem = pickle.loads(pickle.dumps(nh.problem(system, method, **how)))
     for i in range(len(members["q0"])):
         own = {key: {k: v[i] for k, v in x.items()} if key == "parameters" else x[i] for key, x in members.items()}
-        alone, found = nh.integrate(system, method, tau, **own, **how), problem(tau, **own)
+        alone, found = nh.integrate(system, method, tau, **own, **how), pickle.loads(pickle.dumps(problem(tau, **own)))
         names = ("q", "p", "energy_error", "max_energy_error", "initial_energy", "status")
         assert_same(many.isel(member=i), alone, names)
         assert found.to_dataset().drop_attrs().identical(alone.drop_attrs())

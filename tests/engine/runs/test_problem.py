@@ -51,13 +51,11 @@ def test_states_are_read_without_energies_and_are_the_readers_own():
     assert found.q.any()
 
 
-def test_problems_and_results_pickle():
+def test_a_problem_and_its_copy_show_system_and_method():
     problem = nh.problem("kepler", "srkn_a14", t_end=4000, energy="samples", samples=5)
-    copy, result = (pickle.loads(pickle.dumps(x)) for x in (problem, problem(100)))
-    assert np.array_equal(copy(100).q, problem(100).q)
-    assert np.array_equal(result.q, problem(100).q)
-    assert result.q.shape == (5, 2)
+    copy = pickle.loads(pickle.dumps(problem))
     assert repr(copy) == repr(problem) == "Problem('kepler', 'srkn_a14', t_end=4000)"
+    assert copy(100).q.shape == (5, 2)
 
 
 def test_result_of_system_in_file_is_read_in_another_process(tmp_path):

@@ -67,13 +67,6 @@ def test_a_parameter_that_decides_is_compiled_in_and_says_so():
         nh.integrate(well, "ruth", 0.1, parameters={"n": 5})
 
 
-def test_a_continued_run_keeps_its_parameters_exactly():
-    given = {"parameters": {"GM": 1.7}}
-    whole = nh.integrate("kepler", "ruth", 100, t_end=4000, **given)
-    half = nh.integrate("kepler", "ruth", 100, t_end=2000, **given)
-    assert same(nh.integrate("kepler", "ruth", 100, t_end=2000, start=half)[{"sample": -1}], whole[{"sample": -1}])
-
-
 @pytest.mark.parametrize(
     "method", sorted(name for name, one in nh.integrators.items() if one.symmetric and not one.processed)
 )

@@ -1,4 +1,4 @@
-"""Systems that users might have written: a spring, and chains of any number of sites."""
+"""Systems that users might have written: a spring, one that is driven, and chains of any number of sites."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from nearharmonic import math
 from nearharmonic.systems import System
 
 
@@ -22,6 +23,18 @@ def spring(name="spring", **more):
         "source": "Hooke",
     }
     return System(**(settings | more))
+
+
+DRIVE = {"F": "0.5", "w": "0.7"}
+
+
+def _driven(q, t, F, w):
+    return q[0] ** 2 / 2 - F * q[0] * math.cos(w * t)
+
+
+def driven(**more):
+    fields = {"V": _driven, "grad_V": None, "time_dependent": True, "parameters": DRIVE, "name": "driven"}
+    return spring(**(fields | more))
 
 
 def bonds(q):
