@@ -233,5 +233,6 @@ def test_pairs_are_found_where_signs_differ_and_drift_is_short():
     assert [one.place for one in found] == [2, 5]
     assert all(one.before * one.behind < 0 for one in found)
     assert shifted_kicks(integrators["ruth"]) == []
+    assert shifted_kicks(method("one sign", "drift", ("0.49", "0.02", "0.49"), ("0.5", "0.5"), 30)) == []
     # ABA104 drifts first: the drift behind kick i is drift i + 1.
     assert [round(one.drift, 5) for one in shifted_kicks(integrators["aba104"])] == [-0.01453, -0.01453]

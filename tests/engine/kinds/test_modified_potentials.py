@@ -163,12 +163,6 @@ def test_view_names_missing_entries_and_is_pickled_as_itself():
     assert nh.modified_integrators.module_of("chin_4a") == "nearharmonic.integrators.chin_1997"
 
 
-def test_a_tableau_passed_directly_runs_like_the_registered_one():
-    own = replace(nh.modified_integrators["chin_4a"], name="mine")
-    runs = [nh.integrate("henon_heiles", method, 0.1, t_end=5) for method in (own, "chin_4a")]
-    assert runs[0].max_energy_error == runs[1].max_energy_error
-
-
 @pytest.mark.parametrize("kind", ["Tableau", "ModifiedTableau"])
 def test_users_file_has_modified_tableau_whose_order_is_proved(tmp_path, kind):
     """The leapfrog with the force of Takahashi and Imada has order two, and three for processed states alone."""

@@ -27,10 +27,6 @@ def orbit(e, a="57.9"):
     return (mp.nstr(a * (1 + e), 40), "0"), ("0", mp.nstr(speed, 40))
 
 
-def of(system, q0, p0, **changes):
-    return replace(system, q0=q0, p0=p0, **changes)
-
-
 def levi_civita(q, p, A):
     """u, v and -H by complex square roots."""
     z, momentum = mp.mpc(*q), mp.mpc(*p)

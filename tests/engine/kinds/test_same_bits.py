@@ -126,6 +126,7 @@ def test_a_run_in_two_parts_has_the_bits_of_one(system, method, tau, members, ho
     rest = nh.integrate(system, method, tau, t_end=20 * tau, samples=333, start=half, **how)
     names = ["q", "p", "energy_error", *(name for name in ("q_low", "p_low") if name in whole)]
     assert_same(rest.isel(sample=-1), whole.isel(sample=-1), names)
+    assert_same(rest.isel(sample=0), half.isel(sample=-1), names)
     assert (rest.t[0], rest.t[-1]) == (half.t[-1], whole.t[-1])
     if not nh.integrators[method].processed:
         assert max(half.max_energy_error, rest.max_energy_error) == whole.max_energy_error
