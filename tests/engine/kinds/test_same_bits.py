@@ -126,7 +126,10 @@ def test_a_run_in_two_parts_has_the_bits_of_one(system, method, tau, members, ho
     rest = nh.integrate(system, method, tau, t_end=20 * tau, samples=333, start=half, **how)
     names = ["q", "p", "energy_error", *(name for name in ("q_low", "p_low") if name in whole)]
     assert_same(rest.isel(sample=-1), whole.isel(sample=-1), names)
-    assert_same(rest.isel(sample=0), half.isel(sample=-1), names)
+    assert_same(rest.isel(sample=0), half.isel(sample=-1), ("q", "p"))
+    # Relative to the energy of the first start, which is a double-double; that of many coordinates is a double.
+    close = 1e-6 if whole.sizes["component"] > 8 else 1e-12
+    assert rest.energy_error[0].item() == pytest.approx(half.energy_error[-1].item(), rel=close, abs=0)
     assert (rest.t[0], rest.t[-1]) == (half.t[-1], whole.t[-1])
     if not nh.integrators[method].processed:
         assert max(half.max_energy_error, rest.max_energy_error) == whole.max_energy_error
