@@ -182,7 +182,7 @@ def test_a_result_knows_the_parameters_that_it_was_computed_with():
 
 
 def test_parameters_that_are_compiled_in_serve_ensembles_too():
-    """A power that the formula branches on; two blocks of members, and a value that is refused."""
+    """A power that the formula branches on; two blocks of members, and values that are refused."""
     system = nh.System(
         name="power", V=lambda q, n: q[0] ** 4 / 4 if n > 2 else q[0] ** 2 / 2, q0=["1"], p0=["0"], t_end="1",
         parameters={"n": "4"},
@@ -191,8 +191,12 @@ def test_parameters_that_are_compiled_in_serve_ensembles_too():
     members = nh.ensemble(system, "leapfrog", 0.1, q0=q0, threads=1)
     for i in (0, module.BLOCK, module.BLOCK + 2):
         assert np.array_equal(members.q[i], nh.integrate(system, "leapfrog", 0.1, q0=q0[i]).q[[0, -1]])
+    own, given = (nh.integrate(system, "leapfrog", 0.1, parameters=x) for x in (None, {"n": "4"}))
+    assert own.max_energy_error == given.max_energy_error
     with pytest.raises(NearharmonicError, match="they are compiled in"):
         nh.ensemble(system, "leapfrog", 0.1, q0=q0, parameters={"n": "2"})
+    with pytest.raises(NearharmonicError, match=r"parameters = \[5\.0\].*compiled in.*dataclasses\.replace"):
+        nh.integrate(system, "leapfrog", 0.1, parameters={"n": 5})
 
 
 LONG = """

@@ -56,17 +56,6 @@ def test_new_values_compile_nothing():
     assert kernel_of.cache_info().misses == before
 
 
-def test_a_parameter_that_decides_is_compiled_in_and_says_so():
-    well = spring("well", V=lambda q, n: sum(q[0] ** 2 for _ in range(int(n))) / 8,
-                  grad_V=lambda q, n: (sum(q[0] for _ in range(int(n))) / 4,), parameters={"n": "4"})  # fmt: skip
-    assert (
-        nh.integrate(well, "ruth", 0.1).max_energy_error
-        == nh.integrate(well, "ruth", 0.1, parameters={"n": "4"}).max_energy_error
-    )
-    with pytest.raises(NearharmonicError, match=r"parameters = \[5\.0\].*compiled in.*dataclasses\.replace"):
-        nh.integrate(well, "ruth", 0.1, parameters={"n": 5})
-
-
 @pytest.mark.parametrize(
     "method", sorted(name for name, one in nh.integrators.items() if one.symmetric and not one.processed)
 )
