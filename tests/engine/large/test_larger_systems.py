@@ -15,12 +15,6 @@ SITES, BODIES = 1024, 100
 MASSES = [1 + i % 7 for i in range(BODIES)]
 
 
-def chain(q, beta):
-    q = array((0, *q, 0))
-    stretched = q[1:] - q[:-1]
-    return sum(stretched**2 / 2 + beta * stretched**4 / 4)
-
-
 def attraction(q):
     """Potential of softened bodies, for all pairs at once."""
     first, second = np.triu_indices(BODIES, 1)
@@ -28,12 +22,6 @@ def attraction(q):
     distance = r[first] - r[second]
     square = (distance * distance) @ [1, 1, 1]
     return -sum(masses[first] * masses[second] / sqrt(square + 0.01))
-
-
-def fput(q0, beta="0.1", t_end="50", sites=SITES):
-    return nh.System(
-        name=f"fput_{sites}", V=chain, q0=q0, p0=["0"] * sites, t_end=t_end, parameters={"beta": beta},
-    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +38,8 @@ def test_a_linear_chain_of_1024_sites_follows_its_normal_modes():
     """Leapfrog turns a mode of frequency w = 2 sin(pi k / 2 (n + 1)) by the angle 2 asin(w tau / 2) a step."""
     modes, tau, steps = {1: 1.0, 7: 0.3, 600: 0.2, 1024: 0.1}, 0.25, 200
     start = [f"{x:.12f}" for x in np.sum([a * mode(SITES, k) for k, a in modes.items()], axis=0)]
-    run = nh.integrate(fput(start, beta="0"), "leapfrog", tau, first="kick", energy="none", samples=2)
+    linear = {"q0": start, "parameters": {"beta": 0}, "t_end": 50}
+    run = nh.integrate(sites(SITES), "leapfrog", tau, first="kick", energy="none", samples=2, **linear)
     exact = np.zeros(SITES)
     for k, a in modes.items():
         frequency = 2 * np.sin(np.pi * k / 2 / (SITES + 1))
@@ -60,7 +49,7 @@ def test_a_linear_chain_of_1024_sites_follows_its_normal_modes():
 
 
 def test_energy_of_chain_of_1024_sites_is_measured_to_rounding():
-    run = nh.integrate(fput([f"{x:.6f}" for x in mode(SITES, 3)]), "aba864", 0.5, samples=5)
+    run = nh.integrate(sites(SITES), "aba864", 0.5, t_end=50, q0=mode(SITES, 3).round(6), samples=5)
 
     def energy(k):
         q, p = np.longdouble(run.q[k].values), np.longdouble(run.p[k].values)
@@ -104,7 +93,7 @@ def test_a_hundred_bodies_feel_the_sum_of_all_pairs(bodies):
 
 
 def test_formulas_of_many_coordinates_serve_numpy_and_multiprecision(bodies):
-    system = fput([f"{x:.6f}" for x in mode(60)], sites=60)
+    system = sites(60)
     q0, p0 = system.start(float)
     direct = np.sum(np.diff([0, *q0, 0]) ** 2 / 2 + 0.1 * np.diff([0, *q0, 0]) ** 4 / 4)
     assert system.energy(q0, p0, (0.1,)) == pytest.approx(direct, rel=1e-13)
@@ -123,7 +112,7 @@ def exact_error(run, sample):
 
     def energy(k):
         q, p = digits_of(run, "q", k), digits_of(run, "p", k)
-        return mp.fdot(p, p) / 2 + TEN_SITES.V(q)
+        return mp.fdot(p, p) / 2 + TEN_SITES.V(q, mpf("0.1"))
 
     return float((energy(sample) - energy(0)) / energy(0))
 
@@ -155,7 +144,7 @@ def test_energy_of_ten_sites_is_as_accurate_as_double_double():
             assert abs(double[name].item() - extended[name].item()) < 5e-15
     for i in (1, 20, -1):
         assert abs(exact_error(double, i) - double.energy_error.values[i]) < 2e-15
-    assert double.initial_energy.item() == float(TEN_SITES.V(list(map(mpf, TEN_SITES.q0))))
+    assert double.initial_energy.item() == float(TEN_SITES.V(list(map(mpf, TEN_SITES.q0)), mpf("0.1")))
 
 
 # --- ten bodies, from V alone: energy, momentum and angular momentum by sums of their own, in long doubles ------------

@@ -89,8 +89,8 @@ def test_step_of_every_method_has_bits_of_run(name, summation, methods):
     ],
 )
 def test_a_step_of_numba_has_the_bits_of_a_run(system, method, summation):
+    settings = {"summation": summation, "parameters": {"GM": "0.7"} if system == "kepler" else None}
     system = nh.systems[system] if isinstance(system, str) else system
-    settings = {"summation": summation, "parameters": {"GM": "0.7"} if system.parameters else None}
     step = nh.stepper(system, method, **settings)
     for tau in (0.25, -0.125, 0.25):  # the moves of the third are remembered
         state = random_state(system, compensated=summation == "compensated")

@@ -37,10 +37,10 @@ def driven(**more):
     return spring(**(fields | more))
 
 
-def bonds(q):
+def bonds(q, beta):
     """The potential of a chain with fixed ends; energies of more than eight sites have a formula of their own."""
     q = (0, *q, 0)
-    return sum((b - a) ** 2 / 2 + (b - a) ** 4 / 40 for a, b in pairwise(q))
+    return sum((b - a) ** 2 / 2 + beta * (b - a) ** 4 / 4 for a, b in pairwise(q))
 
 
 def mode(count, k=1):
@@ -49,4 +49,5 @@ def mode(count, k=1):
 
 def sites(count):
     """A chain whose first mode is displaced; of many sites, its formulas are compiled as loops."""
-    return System(name=f"{count}_sites", V=bonds, q0=mode(count).round(6), p0=[0] * count, t_end=10)
+    start = {"q0": mode(count).round(6), "p0": [0] * count, "t_end": 10}
+    return System(name=f"{count}_sites", V=bonds, parameters={"beta": "0.1"}, **start)
