@@ -34,7 +34,7 @@ TENTH, THREE, ZERO = ("constant", "0.1", 0.1), ("constant", "3", 3), ("constant"
 OPERATIONS = (
     "+",
     ("+", ("*", TENTH, ("**", ("abs", 0), -1.5)), ("/", ("sqrt", ("**", 1, 6)), ("pos", 0))),
-    ("-", ("-", THREE, ("/", 0, THREE)), ("+", ("/", TENTH, ("neg", 1)), ("-", ("+", ("*", 0, 1), ZERO), TENTH))),
+    ("-", ("-", THREE, ("/", 0, THREE)), ("+", ("/", TENTH, ("neg", 1)), ("-", ("+", ("neg", ("*", 0, 1)), ZERO), TENTH))),
 )
 EVERY = OPERATIONS
 for _name, _arity in FUNCTIONS.items():
