@@ -121,11 +121,7 @@ def test_the_stability_limit_is_where_the_trace_leaves_two(kick, drift, first, l
 
 
 def test_asymmetric_stability_limit_matches_multiprecision_trace():
-    file = CoefficientFile(
-        path="", name="", label="", source="", first="drift",
-        kick=("0.515352837431122936", "-0.085782019412973646", "0.441583023616466524", "0.128846158365384185"),
-        drift=("0.134496199277431089", "-0.224819803079420806", "0.756320000515668291", "0.334003603286321425"),
-    )  # fmt: skip
+    file = file_of(integrators["mclachlan_atela_4"])
     step = step_of(file.kick, file.drift, file.first, digits_of(file).number)
 
     def trace(tau):

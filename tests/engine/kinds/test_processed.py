@@ -22,16 +22,11 @@ from support.oracles.multiprecision import digits_of
 ROWLANDS = nh.modified_integrators["rowlands"]
 
 
-def energies(states):
-    """H of the Henon-Heiles system."""
-    return [(u * u + v * v + x * x + y * y) / 2 + x * x * y - y**3 / 3 for (x, y), (u, v) in states]
-
-
 def test_energy_errors_are_those_of_processed_states_at_the_samples():
     run = nh.integrate("henon_heiles", "rowlands", 0.1, t_end=5, samples=51, precision="extended")
     system = nh.systems["henon_heiles"]
     states = modified_steps.states(ROWLANDS, modified_steps.henon_heiles, system.q0, system.p0, mpf(1) / 10, 50)
-    H = energies(states)
+    H = [(u * u + v * v + x * x + y * y) / 2 + x * x * y - y**3 / 3 for (x, y), (u, v) in states]
     expected = [float((h - H[0]) / H[0]) for h in H]
     # Rounded to doubles, from energies in double-double.
     assert run.energy_error.values == pytest.approx(expected, rel=1e-12, abs=1e-25)
