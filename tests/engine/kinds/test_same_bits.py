@@ -18,7 +18,7 @@ RNG = np.random.default_rng(5)
 
 
 ONE, THREE = {"q0": [[1.0], [0.5]], "p0": [[0.0], [0.2]]}, {"q0": [[0.1, 0.2, 0.3]] * 3}
-STARTS = {"q0": RNG.uniform(-0.3, 0.3, (9, 2)), "p0": RNG.uniform(-0.3, 0.3, (9, 2))}
+STARTS = {"q0": RNG.uniform(-0.3, 0.3, (5, 2)), "p0": RNG.uniform(-0.3, 0.3, (5, 2))}
 TEXTS = {"q0": [["0", "0.1"], ["0.1", "1/7"]], "p0": [["0.1", "1/7"], ["0", "0.4"]]}
 PLANETS = {"q0": 60 + 10 * STARTS["q0"], "parameters": {"GM": 1.7 + 0.1 * STARTS["q0"][:, 0]}}
 #: Members have steps of their own.
@@ -46,7 +46,7 @@ KINDS = {
     },
     "ten sites": (sites(10), "aba864", 0.25, {"q0": [mode(10, k) for k in (1, 2, 5)]}, {}),
     "loops": (sites(70), "aba864", 0.25, {"q0": [mode(70, k) for k in (1, 2, 5)]}, {}),
-    "numba": (springs(), "ruth", 0.125, {"q0": RNG.uniform(-1, 1, (9, 1)), "parameters": {"k": np.arange(1, 10)}}, {}),
+    "numba": (springs(), "ruth", 0.125, {"q0": RNG.uniform(-1, 1, (5, 1)), "parameters": {"k": np.arange(1, 6)}}, {}),
     **{f"regularised {how}": ("kepler_regularised", "babs7o7h", 256.0, BOUND, how) for how in ({}, PLAIN)},
 }  # fmt: skip
 #: Oscillators solved exactly again, which take seconds more.
@@ -77,14 +77,15 @@ def assert_same(found, expected, names):
 @every()
 def test_every_call_gives_the_bits_of_integrate(system, method, tau, members, how, monkeypatch):
     """An ensemble in blocks, and a prepared problem, which is called again and again."""
-    monkeypatch.setattr(ensemble, "BLOCK", 4)
+    monkeypatch.setattr(ensemble, "BLOCK", 2)
     how = how | {"t_end": 40 * tau, "samples": 3}
     many = nh.ensemble(system, method, tau, threads=1, **members, **how)
     problem = pickle.loads(pickle.dumps(nh.problem(system, method, **how)))
     for i in range(many.sizes["member"]):
         own = {key: {k: v[i] for k, v in x.items()} if key == "parameters" else x[i] for key, x in members.items()}
         problem(2 * tau)  # another step size, and the system's own start
-        alone, found = nh.integrate(system, method, tau, **own, **how), pickle.loads(pickle.dumps(problem(tau, **own)))
+        alone, found = nh.integrate(system, method, tau, **own, **how), problem(tau, **own)
+        found = found if i else pickle.loads(pickle.dumps(found))
         names = ("q", "p", "energy_error", "max_energy_error", "initial_energy", "status")
         assert_same(many.isel(member=i), alone, names)
         assert found.to_dataset().drop_attrs().identical(alone.drop_attrs())
