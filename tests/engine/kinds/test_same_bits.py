@@ -16,14 +16,13 @@ from support.oracles.oscillator_steps import CHAIN
 PLAIN, EXTENDED, EXACT = {"summation": "plain"}, {"precision": "extended"}, {"split": "exact_oscillator"}
 RNG = np.random.default_rng(5)
 
-
 ONE, THREE = {"q0": [[1.0], [0.5]], "p0": [[0.0], [0.2]]}, {"q0": [[0.1, 0.2, 0.3]] * 3}
 STARTS = {"q0": RNG.uniform(-0.3, 0.3, (5, 2)), "p0": RNG.uniform(-0.3, 0.3, (5, 2))}
 TEXTS = {"q0": [["0", "0.1"], ["0.1", "1/7"]], "p0": [["0.1", "1/7"], ["0", "0.4"]]}
 PLANETS = {"q0": 60 + 10 * STARTS["q0"], "parameters": {"GM": 1.7 + 0.1 * STARTS["q0"][:, 0]}}
 #: Members have steps of their own.
 BOUND = {"q0": [[60.0, 3.0], [100.0, 0.0], [40.0, 10.0]], "p0": [[0.0, 0.15], [0.0, 0.05], [-0.05, 0.17]]}
-#: System, method, step size, initial values and parameters of members, settings. Steps are few binary digits long.
+#: System, method, step size, initial values and parameters of members, settings. Most step sizes are short in binary.
 KINDS = {
     **{
         f"henon_heiles {method} {how}": ("henon_heiles", method, 0.125, starts, how)
