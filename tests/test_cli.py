@@ -156,6 +156,13 @@ def test_the_command_is_installed_under_its_name():
     assert project["scripts"] == {"nearharmonic": "nearharmonic.cli:main"}
 
 
+def output_of(*arguments, **variables):
+    """Standard output and errors of a process that ends well."""
+    environment, command = ENVIRONMENT | variables, [sys.executable, *arguments]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    return done.stdout, done.stderr
+
+
 def unread(*arguments):
     """(messages, exit status) of a process whose standard output nobody reads."""
     reader, writer = os.pipe()
@@ -180,17 +187,14 @@ def test_answer_status_survives_closed_output(folder_of_commands):
 
 
 def test_terminal_without_letters_of_name_shows_question_marks():
-    command = [sys.executable, "-m", "nearharmonic.cli", "list", "systems"]
-    environment = {**ENVIRONMENT, "PYTHONIOENCODING": "ascii"}
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    assert "H?non-Heiles" in done.stdout
-    assert done.stderr == ""
+    shown, errors = output_of("-m", "nearharmonic.cli", "list", "systems", PYTHONIOENCODING="ascii")
+    assert "H?non-Heiles" in shown
+    assert errors == ""
 
 
 def test_help_loads_no_library_that_is_slow_to_load():
     text = "import sys; from nearharmonic.cli import main; main(['--help']); print(*sys.modules, file=sys.stderr)"
-    done = subprocess.run([sys.executable, "-c", text], env=ENVIRONMENT, capture_output=True, text=True, check=True)
-    loaded = {name.partition(".")[0] for name in done.stderr.split()}
+    loaded = {name.partition(".")[0] for name in output_of("-c", text)[1].split()}
     assert not loaded & {"numpy", "xarray", "pandas", "h5py", "matplotlib", "numba", "tabulate", "rocrate", "bokeh"}
 
 
@@ -201,8 +205,7 @@ def test_help_loads_few_modules_and_makes_few_calls():
         "def help():\n    from nearharmonic.cli import main\n    main(['--help'])\n"
         "print(calls_of(help), len(sys.modules) - loaded, file=sys.stderr)"
     )
-    environment = {**ENVIRONMENT, "PYTHONPATH": os.pathsep.join([str(ROOT / "tests"), ENVIRONMENT["PYTHONPATH"]])}
-    done = subprocess.run([sys.executable, "-c", text], env=environment, capture_output=True, text=True, check=True)
-    calls, modules = map(int, done.stderr.split())
+    path = os.pathsep.join([str(ROOT / "tests"), ENVIRONMENT["PYTHONPATH"]])
+    calls, modules = map(int, output_of("-c", text, PYTHONPATH=path)[1].split())
     assert calls < 80_000
     assert modules < 150

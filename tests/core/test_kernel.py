@@ -48,16 +48,6 @@ def test_lanes_of_any_number_equal_the_scalar_bit_for_bit(system, precision, sum
             assert same_bits(batch(system, integrator, width=width, **numerics), scalar), (integrator, width)
 
 
-@pytest.mark.parametrize("system", SYSTEMS)
-def test_neither_neighbours_nor_sampling_change_a_run(system):
-    """One run alone, cut at 333 samples, against the same run among others, cut at 20."""
-    together, alone = batch(system, "aba104"), batch(system, "aba104", steps=COUNTS[2:3], samples=333)
-    assert alone.max_energy_error[0] == together.max_energy_error[2]
-    assert np.array_equal(alone.q[0, -1], together.q[2, -1])
-    # The mean is summed in other blocks: 20 or 333 roundings of its sum.
-    assert alone.mean_energy_error[0] == pytest.approx(together.mean_energy_error[2], rel=1e-13)
-
-
 def test_block_holds_maximum_and_mean_of_its_own_steps_alone():
     every, few = (batch("henon_heiles", "ruth", steps=[800], samples=n) for n in (801, 9))
     errors = np.abs(every.energy_error[0])

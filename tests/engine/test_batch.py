@@ -14,6 +14,7 @@ from nearharmonic.engine.batch.kernels import kernel_of
 from nearharmonic.engine.numbers.coefficients import moves
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import SettingError
+from support.oracles.word_series import operators_of
 
 
 @pytest.mark.parametrize(
@@ -53,13 +54,8 @@ def test_a_batch_that_looks_more_often_loads_no_other_kernel():
 
 
 def substeps(tableau, tau, steps):
-    """Kicks and drifts of so many steps, one after the other, as (operator, coefficient) without those that are 0."""
-    outer, inner = tableau.outer, tableau.inner
-    other = "drift" if tableau.first == "kick" else "kick"
-    one = [(tableau.first, outer[0])]
-    for i, text in enumerate(inner):
-        one += [(other, text), (tableau.first, outer[i + 1])]
-    return [(name, Fraction(text) * (-tau if name == "kick" else tau)) for name, text in one * steps if Fraction(text)]
+    """Kicks and drifts of so many steps, one after the other, as (letter, coefficient) without those that are 0."""
+    return [(x, c * (-tau if x == "B" else tau)) for x, c in operators_of(tableau) * steps if c]
 
 
 def joined(pieces):
@@ -84,7 +80,7 @@ def test_moves_are_rounded_substeps_independent_of_earlier_requests():
                 opening, merged, *inner, closing = row
                 run = [opening, *inner, merged, *inner, merged, *inner, closing]
                 order = [(name, move[k * parts : (k + 1) * parts]) for move in run
-                         for k, name in enumerate(("kick", "drift")) if move[k * parts]]  # fmt: skip
+                         for k, name in enumerate("BA") if move[k * parts]]  # fmt: skip
                 exact = joined(substeps(tableau, tau, 3))
                 assert [name for name, _ in order] == [name for name, _ in exact]
                 for (_, found), (_, c) in zip(order, exact, strict=True):

@@ -17,17 +17,13 @@ import nearharmonic.math
 from nearharmonic.core.arithmetic import sqrt
 from nearharmonic.core.formulas.number import FUNCTIONS, Constant
 from nearharmonic.errors import SystemDefinitionError
-from nearharmonic.systems import Parameter, System
+from nearharmonic.systems import System
 from nearharmonic.systems.formulas.gradients import Multiprecision, check_gradients
 from support.oracles.random_formulas import mpmaths
 
-UNITS = dict.fromkeys(("q", "p", "t", "energy"), "1")
 
-
-def system(V, grad_V, q0=("1",), parameters=None, **more):
-    constants = {k: Parameter(value=v, unit="1", meaning="a constant") for k, v in (parameters or {}).items()}
-    fields = {"p0": ("0.5",) * len(q0), "t_end": "1", "units": UNITS, "source": "test"}
-    return System(name="mine", label="mine", V=V, grad_V=grad_V, q0=q0, parameters=constants, **(fields | more))
+def system(V, grad_V, q0=("1",), **more):
+    return System(name="mine", V=V, grad_V=grad_V, q0=q0, **({"p0": ("0.5",) * len(q0), "t_end": "1"} | more))
 
 
 def contradiction(made):

@@ -85,12 +85,11 @@ def test_rank_counts_independent_values_and_pivots_have_largest_slopes():
 
 
 def test_zero_that_is_near_is_proved_and_its_distance_bounded():
-    with mp.workdps(60):
-        exact = sqrt(mpf(2))
-        near = [exact + mpf("2e-21"), exact - mpf("1e-21")]
-        proof = prove(circle_and_line, slopes, near, radius="1e-20")
-        assert proof.proved
-        assert mpf("2e-21") <= proof.distance < mpf("2.001e-21")
+    exact = sqrt(mpf(2))
+    near = [exact + mpf("2e-21"), exact - mpf("1e-21")]
+    proof = prove(circle_and_line, slopes, near, radius="1e-20")
+    assert proof.proved
+    assert mpf("2e-21") <= proof.distance < mpf("2.001e-21")
 
 
 @pytest.mark.parametrize(

@@ -84,10 +84,9 @@ def test_polynomial_without_roots_on_side_asked_for_has_none():
 
 
 def test_irrational_roots_are_those_of_the_quadratic_formula():
-    with mp.workdps(50):
-        expected = [(7 - sqrt(mpf(17))) / 4, (7 + sqrt(mpf(17))) / 4]
-        for root, value in zip(positive_roots([4, -7, 2]), expected, strict=True):
-            assert 0 <= value - mpf(root.numerator) / root.denominator < value * mpf(2) ** -109
+    expected = [(7 - sqrt(mpf(17))) / 4, (7 + sqrt(mpf(17))) / 4]
+    for root, value in zip(positive_roots([4, -7, 2]), expected, strict=True):
+        assert 0 <= value - mpf(root.numerator) / root.denominator < value * mpf(2) ** -109
 
 
 def test_roots_of_a_polynomial_with_thousands_of_digits_are_found():
@@ -97,10 +96,9 @@ def test_roots_of_a_polynomial_with_thousands_of_digits_are_found():
         doubled = [0, *(2 * c for c in polynomial)]
         previous, polynomial = polynomial, [a - b for a, b in zip(doubled, [*previous, 0, 0], strict=True)]
     moved = [c * (10**2000 + 1) + 10**1000 * (n % 3) for n, c in enumerate(polynomial)]
-    with mp.workdps(50):
-        expected = sorted(mp.cos((2 * k - 1) * mp.pi / 30) for k in range(1, 16))
-        found = [mpf(root.numerator) / root.denominator for root in real_roots(moved, 130)]
-        assert max(abs(a - b) for a, b in zip(found, expected, strict=True)) < mpf(10) ** -38
+    expected = sorted(mp.cos((2 * k - 1) * mp.pi / 30) for k in range(1, 16))
+    found = [mpf(root.numerator) / root.denominator for root in real_roots(moved, 130)]
+    assert max(abs(a - b) for a, b in zip(found, expected, strict=True)) < mpf(10) ** -38
 
 
 def test_sturm_counts_and_isolates_the_roots_of_known_polynomials():

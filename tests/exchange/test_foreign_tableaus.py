@@ -1,17 +1,22 @@
 """Coefficients from other sources: proofs of published claims, and descriptions of errors.
 
 The orders of the published files are those of their papers. The states that show the order of a library's method are
-computed here, by a loop of drifts and kicks in multiprecision that shares no code with the proofs.
+computed in multiprecision, with steps that share no code with the proofs.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from itertools import chain, pairwise
+from pathlib import Path
 
 import pytest
-from mpmath import log, mp, mpf
+from mpmath import cbrt, log, mpf
 
+import nearharmonic as nh
 from support.methods.tableau_files import failing, names, verdict
+from support.oracles.multiprecision import energy_errors, trajectory
 
 #: General order, order for quadratic T, and order on the oscillator.
 PUBLISHED = {
@@ -50,34 +55,16 @@ def orders(found):
     return found.order.order, found.quadratic_order.order, found.oscillator.order
 
 
-def henon_heiles(q):
-    return [q[0] + 2 * q[0] * q[1], q[1] + q[0] ** 2 - q[1] ** 2]
+#: The systems in which the methods show their orders, and starts on which no error term vanishes by chance.
+HENON_HEILES = nh.systems["henon_heiles"], ([mpf("0.3"), mpf("0.1")], [mpf("0.2"), mpf("0.4")])
+OSCILLATOR = nh.systems["sho"], ([mpf("0.3")], [mpf("0.4")])
 
 
-def oscillator(q):
-    return q
-
-
-def final_state(file, gradient, steps):
-    kick, drift = ([mpf(text) for text in row] for row in (file.kick, file.drift))
-    turns = [kick, drift] if file.first == "kick" else [drift, kick]
-    q, p, tau = [mpf("0.3"), mpf("0.1")], [mpf("0.2"), mpf("0.4")], mpf(2) / steps
-    for _ in range(steps):
-        for i in range(len(turns[0])):
-            for row in turns:
-                if i < len(row) and row is drift:
-                    q = [x + tau * row[i] * y for x, y in zip(q, p, strict=True)]
-                elif i < len(row):
-                    p = [y - tau * row[i] * f for y, f in zip(p, gradient(q), strict=True)]
-    return q + p
-
-
-def observed_order(file, gradient):
+def observed_order(file, system, start):
     """From three step sizes; its own next order leaves 0.05 at these."""
-    with mp.workdps(40):
-        coarse, middle, fine = (final_state(file, gradient, steps) for steps in (64, 128, 256))
-        errors = [max(abs(x - y) for x, y in zip(a, b, strict=True)) for a, b in ((coarse, middle), (middle, fine))]
-        return float(log(errors[0] / errors[1], 2))
+    ends = ([*chain(*trajectory(file, system, mpf(2) / n, n, start)[-1])] for n in (64, 128, 256))
+    errors = [max(abs(x - y) for x, y in zip(a, b, strict=True)) for a, b in pairwise(ends)]
+    return float(log(errors[0] / errors[1], 2))
 
 
 def test_every_file_is_in_a_table_of_this_test():
@@ -106,8 +93,8 @@ def test_order_that_library_states_is_refuted_if_it_is_wrong(name):
 @pytest.mark.parametrize("name", [name for name in LIBRARIES if name.startswith("ordinarydiffeq")])
 def test_what_is_proved_of_library_is_what_its_steps_show(name):
     found = verdict("libraries", name)
-    assert observed_order(found.file, henon_heiles) == pytest.approx(found.quadratic_order.order, abs=0.1)
-    assert observed_order(found.file, oscillator) == pytest.approx(found.oscillator.order, abs=0.1)
+    assert observed_order(found.file, *HENON_HEILES) == pytest.approx(found.quadratic_order.order, abs=0.1)
+    assert observed_order(found.file, *OSCILLATOR) == pytest.approx(found.oscillator.order, abs=0.1)
 
 
 @pytest.mark.parametrize(("name", "order"), [("ordinarydiffeq_mcate4", 4), ("ordinarydiffeq_mcate5", 5)])
@@ -145,7 +132,7 @@ def test_verify_finds_wrong_digit_at_twenty_first_decimal():
     start = "drift[5] and its mirror image drift[11] = 0.26500275499062083398"
     assert suspect.says.startswith(start)
     mended = replace(found.file, kick=suspect.rows.kick, drift=suspect.rows.drift)
-    assert observed_order(mended, henon_heiles) == pytest.approx(8, abs=0.1)
+    assert observed_order(mended, *HENON_HEILES) == pytest.approx(8, abs=0.1)
 
 
 @pytest.mark.parametrize(
@@ -174,20 +161,6 @@ def test_of_a_wrong_claim_no_coefficient_is_suspected():
     assert found.suspects == []
 
 
-def energy_error(file, tau):
-    """The largest relative error of the oscillator's energy in the steps of a time of 40."""
-    kick, drift = ([mpf(text) for text in row] for row in (file.kick, file.drift))
-    turns = [kick, drift] if file.first == "kick" else [drift, kick]
-    q, p, worst = mpf("0.3"), mpf("0.4"), mpf(0)
-    for _ in range(int(40 / tau)):
-        for i in range(len(turns[0])):
-            for row in turns:
-                if i < len(row):
-                    q, p = (q + tau * row[i] * p, p) if row is drift else (q, p - tau * row[i] * q)
-        worst = max(worst, abs((q * q + p * p) / mpf("0.25") - 1))
-    return worst
-
-
 @pytest.mark.parametrize(
     ("kind", "name", "position", "energy"),
     [
@@ -202,6 +175,54 @@ def test_energy_order_on_oscillator_is_that_of_many_steps(kind, name, position, 
     """BAB's9o7H is of order 7 in the position (Nielsen 2015, Table 4)."""
     found = verdict(kind, name)
     assert (found.oscillator.harmonic_order, found.oscillator.energy_order) == (position, energy)
-    with mp.workdps(30):
-        slope = log(energy_error(found.file, mpf(1) / 8) / energy_error(found.file, mpf(1) / 16), 2)
-    assert float(slope) == pytest.approx(energy, abs=0.1)
+    system, start = OSCILLATOR
+    coarse, fine = (max(energy_errors(found.file, system, mpf(1) / n, 40 * n, start)) for n in (8, 16))
+    assert float(log(coarse / fine, 2)) == pytest.approx(energy, abs=0.1)
+
+
+# --- the page ---------------------------------------------------------------------------------------------------------
+
+
+def page():
+    return " ".join(
+        " ".join(
+            path.read_text(encoding="utf-8")
+            for path in sorted((Path(__file__).parents[2] / "docs").glob("exchange*.md"))
+        ).split()
+    )
+
+
+def test_table_holds_every_file_of_library_whose_order_is_wrong():
+    rows = set()
+    for name in names("libraries"):
+        found = verdict("libraries", name)
+        if not found.holds and all(orders(found)):  # a row whose sum is wrong has no order
+            claimed = f"{found.file.order}{', quadratic T' if found.file.requires else ''}"
+            rows.add(f"| {found.file.label} | {claimed} | {' | '.join(map(str, orders(found)))} |")
+    assert len(rows) == 9
+    assert rows == set(re.findall(r"\| [^|]+ of [^|]+ \| \d[^|]* \| \d \| \d \| \d \|", page()))
+
+
+def test_the_wrong_decimal_is_that_of_the_page():
+    found = verdict("libraries", "teloy_8a17c")
+    (decimal,) = re.findall(r"as decimal (\d+)", found.suspects[0].says)
+    assert re.search(rf"\b{decimal}st decimal of `drift\[5\]` and of its mirror image", page())
+    assert f"the drifts sum to 1 + {float(found.sums['drift'].value):.0e}" in page()
+
+
+@pytest.mark.parametrize("n", [3, 5])
+def test_weights_of_gromacs_have_root_of_page_upside_down(n):
+    weights = [mpf(text) for text in verdict("libraries", f"suzuki_yoshida_{n}").file.kick]
+    root = cbrt(mpf(n - 1))
+    assert abs(weights[0] - 1 / (n - 1 - 1 / root)) < 1e-15
+    assert abs(sum(weights) - 1) < 1e-15
+    assert abs(sum(w**3 for w in weights)) > 0.02
+    right = [1 / (n - 1 - root)] * (n - 1)
+    right.insert(n // 2, 1 - sum(right))
+    assert abs(sum(w**3 for w in right)) < 1e-14
+
+
+def test_ordinarydiffeq_methods_have_page_orders_with_exchanged_roles():
+    warning = verdict("libraries", "ordinarydiffeq_calvosanz4").warnings[0]
+    assert warning == "for quadratic T the order is 3 with the drift first, and 4 with the roles exchanged"
+    assert "CalvoSanz4 has order 4 for quadratic T" in page()

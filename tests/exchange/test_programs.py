@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
 from importlib.util import find_spec
+from shutil import which
 
 import pytest
 
@@ -23,18 +23,24 @@ int main(void) { char text[64]; return strfromf128(text, sizeof text, "%g", 1.0f
 """
 SUNDIALS = ("-lsundials_arkode", "-lsundials_nvecserial", "-lsundials_core", "-lm")
 
-needs_c = pytest.mark.skipif(not shutil.which("cc"), reason="there is no C compiler")
-needs_fortran = pytest.mark.skipif(not shutil.which("gfortran"), reason="gfortran is not installed")
-needs_julia = pytest.mark.skipif(not shutil.which("julia"), reason="julia is not installed")
-needs_rebound = pytest.mark.skipif(not find_spec("rebound"), reason="rebound is not installed")
-needs_diffrax = pytest.mark.skipif(not find_spec("diffrax"), reason="diffrax is not installed")
-
-
-def compiles(text, folder, libraries=()):
-    """True if the C compiler accepts a small program, which tests what is installed."""
-    (folder / "probe.c").write_text(text, encoding="utf-8")
-    words = ["cc", "-std=c11", "-o", "probe", "probe.c", *libraries]
-    return subprocess.run(words, cwd=folder, capture_output=True, check=False).returncode == 0
+DOUBLE, EXTENDED = (None,), (None, 36)
+STRICT = ("-Wall", "-Wextra", "-Werror", "-o", "program")
+#: Target -> suffix, methods, digits, what has to be there, and the command that compiles or runs a file.
+LANGUAGES = {
+    "c": ("c", METHODS, DOUBLE, which("cc"), ("cc", "-std=c99", "-pedantic", *STRICT)),
+    "c, quadruple": ("c", ("leapfrog", *ROLES), (36,), which("cc"), ("cc", "-std=c11", *STRICT)),
+    "fortran": ("f90", METHODS, DOUBLE, which("gfortran"), ("gfortran", "-std=f2008", *STRICT)),
+    "fortran, quadruple": ("f90", ROLES, (36,), which("gfortran"), ("gfortran", "-std=f2008", *STRICT)),
+    "julia": ("jl", ROLES, EXTENDED, which("julia"), ("julia", "--startup-file=no")),
+    "rebound": ("py", ("leapfrog", *ROLES, "srkn_a14"), DOUBLE, find_spec("rebound"), (sys.executable,)),
+    "diffrax": ("py", (*ROLES, "srkn_b11"), DOUBLE, find_spec("diffrax"), (sys.executable,)),
+    "sundials": ("c", METHODS, DOUBLE, which("cc"), ("cc", "-std=c99", "-Wall", "-Werror", "-o", "program")),
+}
+#: A small program that tests what is installed beside a compiler.
+PROBES = {
+    "c, quadruple": (QUADRUPLE, "-std=c11"),
+    "sundials": ("#include <arkode/arkode_sprkstep.h>\nint main(void) { return 0; }\n", "-std=c11", *SUNDIALS),
+}
 
 
 def test_the_tolerance_tells_exchanged_roles():
@@ -47,43 +53,28 @@ def test_the_tolerance_tells_exchanged_roles():
             check(name, "q = {} {}\np = {} {}".format(*other.q.values[-1], *other.p.values[-1]))
 
 
-@needs_c
-@pytest.mark.parametrize("name", METHODS)
-def test_program_in_c_compiles_without_warnings_and_reproduces_our_states(name, tmp_path):
-    file = written(tmp_path, name, "c", "c")
-    run(["cc", "-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-o", "program", file], tmp_path)
-    check(name, run(["./program"], tmp_path))
+CASES = [
+    pytest.param(language, name, digits, marks=[pytest.mark.slow] * (language == "diffrax"))  # JAX starts in seconds
+    for language, (_, methods, numbers, *_) in LANGUAGES.items() for name in methods for digits in numbers
+]  # fmt: skip
 
 
-@needs_c
-@pytest.mark.parametrize("name", ["leapfrog", *ROLES])
-def test_program_in_c_with_more_digits_reproduces_our_extended_states(name, tmp_path):
-    if not compiles(QUADRUPLE, tmp_path):
-        pytest.skip("the C compiler or its library has no _Float128")
-    file = written(tmp_path, name, "c", "c", digits=36)
-    run(["cc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-o", "program", file], tmp_path)
-    check(name, run(["./program"], tmp_path), "extended")
-
-
-@needs_fortran
-@pytest.mark.parametrize(("name", "digits"), [*((name, None) for name in METHODS), *((name, 36) for name in ROLES)])
-def test_program_in_fortran_compiles_without_warnings_and_reproduces_our_states(name, digits, tmp_path):
-    file = written(tmp_path, name, "fortran", "f90", digits)
-    run(["gfortran", "-std=f2008", "-Wall", "-Wextra", "-Werror", "-o", "program", file], tmp_path)
-    check(name, run(["./program"], tmp_path), "extended" if digits else "double")
-
-
-@needs_julia
-@pytest.mark.parametrize(("name", "digits"), [*((name, None) for name in ROLES), *((name, 36) for name in ROLES)])
-def test_a_program_in_julia_reproduces_our_states(name, digits, tmp_path):
-    file = written(tmp_path, name, "julia", "jl", digits)
-    check(name, run(["julia", "--startup-file=no", file], tmp_path), "extended" if digits else "double")
-
-
-@needs_rebound
-@pytest.mark.parametrize("name", ["leapfrog", *ROLES, "srkn_a14"])
-def test_an_integrator_of_rebound_reproduces_our_states(name, tmp_path):
-    check(name, run([sys.executable, written(tmp_path, name, "rebound", "py")], tmp_path))
+@pytest.mark.parametrize(("language", "name", "digits"), CASES)
+def test_an_exported_program_reproduces_our_states_without_warnings(language, name, digits, tmp_path):
+    suffix, _, _, installed, command = LANGUAGES[language]
+    if not installed:
+        pytest.skip(f"{language.partition(',')[0]} or its compiler is not installed")
+    if language in PROBES:
+        text, *words = PROBES[language]
+        (tmp_path / "probe.c").write_text(text, encoding="utf-8")
+        probe = ["cc", *words[:1], "-o", "probe", "probe.c", *words[1:]]
+        if subprocess.run(probe, cwd=tmp_path, capture_output=True, check=False).returncode:
+            pytest.skip(f"the C compiler does not know {language}; CPATH and LIBRARY_PATH tell it where libraries are")
+    file = written(tmp_path, name, language.partition(",")[0], suffix, digits)
+    printed = run([*command, file, *(SUNDIALS if language == "sundials" else ())], tmp_path)
+    if "program" in command:
+        printed = run(["./program"], tmp_path)
+    check(name, printed, "extended" if digits else "double")
 
 
 PLANETS = """
@@ -106,27 +97,10 @@ print(errors[0] / errors[1])
 """
 
 
-@needs_rebound
+@pytest.mark.skipif(not find_spec("rebound"), reason="rebound is not installed")
 @pytest.mark.parametrize("name", ROLES)
 def test_integrator_of_rebound_moves_its_planets_with_order_of_integrator(name, tmp_path):
     written(tmp_path, name, "rebound", "py")
     (tmp_path / "planets.py").write_text(PLANETS.format(name=name), encoding="utf-8")
     ratio = float(run([sys.executable, "planets.py"], tmp_path))
     assert ratio > 2**4 / 1.5  # order 4 halves the step: 16, less what higher orders add
-
-
-@needs_diffrax
-@pytest.mark.slow  # JAX takes seconds to start
-@pytest.mark.parametrize("name", [*ROLES, "srkn_b11"])
-def test_a_solver_of_diffrax_reproduces_our_states(name, tmp_path):
-    check(name, run([sys.executable, written(tmp_path, name, "diffrax", "py")], tmp_path))
-
-
-@needs_c
-@pytest.mark.parametrize("name", METHODS)
-def test_a_table_of_sundials_reproduces_our_states(name, tmp_path):
-    if not compiles("#include <arkode/arkode_sprkstep.h>\nint main(void) { return 0; }\n", tmp_path, SUNDIALS):
-        pytest.skip("the C compiler does not find SUNDIALS; CPATH and LIBRARY_PATH tell it where")
-    file = written(tmp_path, name, "sundials", "c")
-    run(["cc", "-std=c99", "-Wall", "-Werror", "-o", "program", file, *SUNDIALS], tmp_path)
-    check(name, run(["./program"], tmp_path))

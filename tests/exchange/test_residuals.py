@@ -16,6 +16,7 @@ from nearharmonic.exchange.proof import residuals
 from nearharmonic.exchange.proof.oscillator import OscillatorStep
 from nearharmonic.exchange.proof.verdict import Verdict
 from nearharmonic.integrators import plain_integrators as integrators
+from support.oracles.reference_solutions import oscillator_step
 
 SOME = ("ruth", "abas5o6h", "babps8o7h", "srkn_b11", "yoshida_s7o6a", "s15odr8")
 
@@ -41,10 +42,9 @@ def file_of(tableau, digits=None, claimed=True):
 
 
 def test_majorant_is_series_of_minus_logarithm_of_two_minus_exp():
-    with mp.workdps(30):
-        for n, coefficient in enumerate(taylor(lambda x: -log(2 - mp.exp(x)), 0, 8)[1:], start=1):
-            one = residuals.majorant(n)
-            assert abs(mpf(one.numerator) / one.denominator - coefficient) < mpf(10) ** -12
+    for n, coefficient in enumerate(taylor(lambda x: -log(2 - mp.exp(x)), 0, 8)[1:], start=1):
+        one = residuals.majorant(n)
+        assert abs(mpf(one.numerator) / one.denominator - coefficient) < mpf(10) ** -12
 
 
 @pytest.mark.parametrize("digits", [6, 10, 16, 30])
@@ -101,15 +101,14 @@ def test_a_residual_is_that_of_matrices():
     """On 3 by 3 matrices that vanish in triple products, log(exp(aA) exp(bB)...) has two degrees alone."""
     A, B = matrix([[0, 1, 0], [0, 0, 2], [0, 0, 0]]), matrix([[0, 3, 0], [0, 0, 1], [0, 0, 0]])
     step = step_of(("0.3", "0.7"), ("0.4", "0.6"), "kick", 0)
-    with mp.workdps(30):
-        product = matrix([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
-        for letter, c in step:
-            product = product * expm({"A": A, "B": B}[letter] * (mpf(c.numerator) / c.denominator))
-        X = product - matrix([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
-        corner = (X - X * X / 2 - A - B)[0, 2]
-        (one,) = residuals.residuals(step, 2, quadratic=False)
-        bracket = (A * B - B * A)[0, 2]
-        assert abs(mpf(one.value.numerator) / one.value.denominator - corner / bracket) < mpf(10) ** -25
+    product = matrix([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    for letter, c in step:
+        product = product * expm({"A": A, "B": B}[letter] * (mpf(c.numerator) / c.denominator))
+    X = product - matrix([[1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    corner = (X - X * X / 2 - A - B)[0, 2]
+    (one,) = residuals.residuals(step, 2, quadratic=False)
+    bracket = (A * B - B * A)[0, 2]
+    assert abs(mpf(one.value.numerator) / one.value.denominator - corner / bracket) < mpf(10) ** -25
 
 
 @pytest.mark.parametrize(
@@ -122,24 +121,17 @@ def test_the_stability_limit_is_where_the_trace_leaves_two(kick, drift, first, l
 
 
 def test_asymmetric_stability_limit_matches_multiprecision_trace():
-    file = CoefficientFile(
-        path="", name="", label="", source="", first="drift",
-        kick=("0.515352837431122936", "-0.085782019412973646", "0.441583023616466524", "0.128846158365384185"),
-        drift=("0.134496199277431089", "-0.224819803079420806", "0.756320000515668291", "0.334003603286321425"),
-    )  # fmt: skip
+    file = file_of(integrators["mclachlan_atela_4"])
     step = step_of(file.kick, file.drift, file.first, digits_of(file).number)
 
     def trace(tau):
-        K = matrix([[1, 0], [0, 1]])
-        for d, k in zip(file.drift, file.kick, strict=True):
-            K = matrix([[1, 0], [-tau * mpf(k), 1]]) * matrix([[1, tau * mpf(d)], [0, 1]]) * K
+        K = oscillator_step(file, tau)
         return K[0, 0] + K[1, 1]
 
-    with mp.workdps(40):
-        limit = mpf(OscillatorStep(step).stability_limit())
-        assert abs(abs(trace(limit)) - 2) < mpf(10) ** -25
-        assert abs(diff(trace, limit)) > 0.01
-        assert all(abs(trace(limit * k / 200)) < 2 for k in range(1, 200))
+    limit = mpf(OscillatorStep(step).stability_limit())
+    assert abs(abs(trace(limit)) - 2) < mpf(10) ** -25
+    assert abs(diff(trace, limit)) > 0.01
+    assert all(abs(trace(limit * k / 200)) < 2 for k in range(1, 200))
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,6 @@ from mpmath import mpf
 import nearharmonic as nh
 from nearharmonic.engine.grid import check_fit
 from nearharmonic.errors import NearharmonicError, SystemDefinitionError
-from nearharmonic.systems import Parameter
 from support.methods.own_systems import spring
 from support.oracles.multiprecision import energy_errors
 
@@ -52,8 +51,7 @@ def test_the_inverse_of_a_mass_matrix_is_exact(rows):
 
 
 def test_masses_are_numbers_or_names_of_parameters():
-    parameters = {"m": Parameter(value="4", unit="kg", meaning="mass"), "k": Parameter(value="1", unit="1", meaning="")}
-    made = masses(("0.5", "1/3", "m"), V=lambda q, m, k: k * chain(q), parameters=parameters)
+    made = masses(("0.5", "1/3", "m"), V=lambda q, m, k: k * chain(q), parameters={"m": "4", "k": "1"})
     assert made.grad_T((1.0, 1.0, 1.0), 4.0, 1.0) == (2.0, 3.0, 0.25)
     assert made.T((1.0, 1.0, 1.0), 4.0, 1.0) == pytest.approx(5.25 / 2)
     assert made.energy((0.0, 0.0, 1.0), (1.0, 1.0, 1.0), (4.0, 3.0)) == pytest.approx(5.25 / 2 + 3)
@@ -122,9 +120,8 @@ def test_nystrom_methods_take_every_quadratic_kinetic_energy(T):
 
 def test_a_kinetic_energy_may_depend_on_parameters():
     """p^2 / 2m of an oscillator: frequency sqrt(k / m)."""
-    parameters = {k: Parameter(value=v, unit="1", meaning=k) for k, v in (("m", "4"), ("k", "9"))}
     made = spring(V=lambda q, m, k: k * q[0] ** 2 / 2, grad_V=None, T=lambda p, m, k: p[0] ** 2 / (2 * m),
-                  parameters=parameters)  # fmt: skip
+                  parameters={"m": "4", "k": "9"})  # fmt: skip
     assert (made.quadratic_kinetic_energy, made.unit_masses) == (True, False)
     assert made.grad_T((3.0,), 4.0, 9.0) == (0.75,)
     assert made.energy((1.0,), (2.0,), (4.0, 9.0)) == 5.0

@@ -16,36 +16,28 @@ from nearharmonic.core.formulas.number import Constant
 from nearharmonic.engine.grid import check_fit
 from nearharmonic.engine.reference import reference
 from nearharmonic.errors import SystemDefinitionError
-from nearharmonic.systems import Parameter
 from nearharmonic.systems.formulas.gradients import check_gradients
 from nearharmonic.systems.formulas.source import velocity
-from support.methods.own_systems import spring
-from support.oracles.multiprecision import energy_errors
-
-DRIVE = {"F": "0.5", "w": "0.7"}
+from support.methods.own_systems import DRIVE, driven, spring
+from support.oracles.multiprecision import digits_of, energy_errors
 
 
-def parameters(**values):
-    return {name: Parameter(value=value, unit="1", meaning=name) for name, value in values.items()}
-
-
-def driven(**more):
-    fields = {"V": lambda q, t, F, w: q[0] ** 2 / 2 - F * q[0] * math.cos(w * t), "grad_V": None}
-    return spring(**(fields | {"time_dependent": True, "parameters": parameters(**DRIVE), "name": "driven"} | more))
+def exact_state(t, q0=1, p0=0, F=DRIVE["F"], w=DRIVE["w"]):
+    """q'' = -q + F cos(w t): q = (q0 - a) cos t + p0 sin t + a cos(w t), a = F / (1 - w^2)."""
+    q0, p0, F, w, t = map(mpf, (q0, p0, F, w, t))
+    a = F / (1 - w * w)
+    q = (q0 - a) * mpmath.cos(t) + p0 * mpmath.sin(t) + a * mpmath.cos(w * t)
+    return q, (a - q0) * mpmath.sin(t) + p0 * mpmath.cos(t) - a * w * mpmath.sin(w * t)
 
 
 def exact_position(t):
-    """q'' = -q + F cos(w t) from (1, 0): q = (1 - a) cos t + a cos(w t), a = F / (1 - w^2)."""
-    a = mpf("0.5") / (1 - mpf("0.49"))
-    return (1 - a) * mpmath.cos(t) + a * mpmath.cos(mpf("0.7") * t)
+    return exact_state(t)[0]
 
 
 def exact_momentum_of_time(t):
-    """p_t = -integral of dV/dt = -(T + V - H0)."""
-    a = mpf("0.5") / (1 - mpf("0.49"))
-    q, p = exact_position(t), -(1 - a) * mpmath.sin(t) - mpf("0.7") * a * mpmath.sin(mpf("0.7") * t)
-    V = q**2 / 2 - mpf("0.5") * q * mpmath.cos(mpf("0.7") * t)
-    return -(p**2 / 2 + V - (mpf("0.5") - mpf("0.5")))
+    """p_t = -integral of dV/dt = -(T + V - H0), with H0 = 0."""
+    q, p = exact_state(t)
+    return -(p**2 / 2 + q**2 / 2 - mpf("0.5") * q * mpmath.cos(mpf("0.7") * t))
 
 
 def anharmonic(q, t):
@@ -57,11 +49,26 @@ def test_a_driven_oscillator_follows_its_closed_form(precision):
     """The method's error at this step size is 2e-14; double-double adds the digits below."""
     tau, close = (0.02, 2e-13) if precision == "double" else (0.01, mpf("1e-15"))
     run = nh.integrate(driven(), "srkn_a14", tau, t_end=20, precision=precision, samples=21, energy_scale=1)
-    q = run.q.values[:, 0].astype(object)
-    low = run.q_low.values[:, 0] if precision == "extended" else np.zeros(len(q))
-    for t, high, rest in zip(run.t.values, q, low, strict=True):
-        assert abs(mpf(high) + mpf(rest) - exact_position(mpf(t))) < close
+    for i, t in enumerate(run.t.values):
+        assert abs(digits_of(run, "q", i)[0] - exact_position(t)) < close
     assert run.max_energy_error.item() < 1e-12
+
+
+@pytest.mark.parametrize("t", [None, [0.3, 2.5, 9.99]], ids=["samples", "output times"])
+def test_driven_oscillators_follow_closed_forms_for_all_frequencies_and_amplitudes(t):
+    """Members have frequencies, amplitudes and starts of their own; the method's error at this step is 1e-12."""
+    rng = np.random.default_rng(5)
+    q0, p0 = rng.uniform(-2, 2, (2, 37, 1))
+    F, w = rng.uniform(0, 2, 37), rng.uniform(0.1, 0.8, 37)
+    given = {"q0": q0, "p0": p0, "parameters": {"F": F, "w": w}, "t_end": 10}
+    many = nh.ensemble(driven(), "srkn_a14", 0.04, t=t, samples=3, energy_scale=1, **given)
+    for i in range(37):
+        for k, time in enumerate(many.t[i].values):
+            q, p = exact_state(time, q0[i, 0], p0[i, 0], F[i], w[i])
+            assert abs(many.q.values[i, k, 0] - q) < 1e-11
+            assert abs(many.p.values[i, k, 0] - p) < 1e-11
+    assert np.array_equal(many.parameter_F, F)
+    assert np.array_equal(many.parameter_w, w)
 
 
 def test_extended_energy_is_conserved_and_p_t_is_work():

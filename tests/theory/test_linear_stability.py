@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 import pytest
-from mpmath import eig, inf, linspace, log, matrix, mp, mpf, nstr, pi, sin, sqrt
+from mpmath import eig, inf, linspace, log, matrix, mpf, nstr, pi, sin, sqrt
 
 import nearharmonic as nh
 from nearharmonic.integrators import BENCHMARKED, integrators
@@ -48,11 +48,10 @@ def test_where_the_trace_only_touches_two_no_gap_opens():
 def test_gap_of_two_stages_is_where_its_quadratic_equations_say():
     # Kicks b, 1 - 2b, b and drifts 1/2: with x = tau^2, K12/tau = 1 - x(1 - 2b)/4 and K21/tau has a factor
     # 1 - b x/2; at b = 1/4 these roots, 4/(1 - 2b) and 2/b, meet.
-    with mp.workdps(30):
-        (start, end), (last, forever) = stability_gaps(symmetric(("0.3", "0.4", "0.3"), ("0.5", "0.5")))
-        assert abs(start - sqrt(mpf(20) / 3)) < mpf(10) ** -28
-        assert abs(end - sqrt(mpf(10))) < mpf(10) ** -28
-        assert (last > end, forever) == (True, inf)
+    (start, end), (last, forever) = stability_gaps(symmetric(("0.3", "0.4", "0.3"), ("0.5", "0.5")))
+    assert abs(start - sqrt(mpf(20) / 3)) < mpf(10) ** -28
+    assert abs(end - sqrt(mpf(10))) < mpf(10) ** -28
+    assert (last > end, forever) == (True, inf)
 
 
 def beside(name, edge):
@@ -71,12 +70,11 @@ def test_each_edge_is_crossing_of_two_to_twelve_digits(name):
     assert stability_limit(name) == gaps[0][0]
     assert stability_end(name) == gaps[-1][0]
     assert gaps[-1][1] == inf
-    with mp.workdps(60):
-        for start, end in gaps:
-            if near := beside(name, start):
-                assert abs(trace(tableau, start - near)) < 2 < abs(trace(tableau, start + near))
-            if end != inf and (near := beside(name, end)):
-                assert abs(trace(tableau, end - near)) > 2 > abs(trace(tableau, end + near))
+    for start, end in gaps:
+        if near := beside(name, start):
+            assert abs(trace(tableau, start - near)) < 2 < abs(trace(tableau, start + near))
+        if end != inf and (near := beside(name, end)):
+            assert abs(trace(tableau, end - near)) > 2 > abs(trace(tableau, end + near))
 
 
 def test_stability_edges_are_distinguished_in_30_digits():

@@ -13,10 +13,10 @@ from mpmath import mp, mpf, nstr
 
 from nearharmonic.errors import SettingError
 from nearharmonic.exact import lie
-from nearharmonic.exact.words import logarithm, words
+from nearharmonic.exact.words import SQUARE, logarithm, words
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.order_conditions import step_of, tolerance
-from nearharmonic.integrators.tableau import Tableau, palindrome
+from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.theory.order import (
     ErrorTerm,
     error_norm,
@@ -26,7 +26,9 @@ from nearharmonic.theory.order import (
     nystrom_order_of,
     order_of,
 )
+from nearharmonic.theory.shifted_kicks import ShiftedKick, shifted_kicks
 from support.methods.ten_methods import EVERY_METHOD
+from support.oracles.reference_solutions import oscillator_step
 
 
 def method(name, first, outer, inner, digits, order=2):
@@ -56,30 +58,6 @@ def composed(base, order, digits=60):
     return method(f"triple jump of {base.name}", base.first, *rows, digits)
 
 
-#: Blanes & Moan (2002), J. Comput. Appl. Math. 142, 313, method SRKN 11 b: order 6 for quadratic kinetic energy.
-SRKN11 = method(
-    "srkn11b",
-    "kick",
-    palindrome(
-        "0.0414649985182624",
-        "0.198128671918067",
-        "-0.0400061921041533",
-        "0.0752539843015807",
-        "-0.0115113874206879",
-        "0.2366699247869311",
-    ),
-    palindrome(
-        "0.123229775946271",
-        "0.290553797799558",
-        "-0.127049212625417",
-        "-0.246331761062075",
-        "0.357208872795928",
-        centre="0.20477705429147",
-    ),
-    digits=15,
-)
-
-
 # --- orders that are known -------------------------------------------------------------------------------------------
 
 
@@ -106,8 +84,8 @@ def test_each_triple_jump_adds_two_orders_up_to_eight():
 
 
 def test_nystrom_method_has_its_order_only_for_quadratic_kinetic_energy():
-    assert (order_of(SRKN11), nystrom_order_of(SRKN11)) == (4, 6)
-    assert nystrom_order_of(SRKN11, first="drift") == 4
+    assert (order_of("srkn_b11"), nystrom_order_of("srkn_b11")) == (4, 6)
+    assert nystrom_order_of("srkn_b11", first="drift") == 4
 
 
 @EVERY_METHOD
@@ -156,16 +134,11 @@ def test_the_nystrom_norm_is_the_distance_to_what_vanishes(name, degree):
 @pytest.mark.parametrize("name", ["ruth", "abas5o6h", "babs7o7h"])
 def test_harmonic_error_is_limit_of_step_minus_rotation(name):
     degree, norm = leading_errors(name).harmonic
-    tableau = integrators[name]
-    with mp.workdps(60):
-        tau = mpf(10) ** -5
-        step = mp.eye(2)
-        for letter, c in step_of(tableau):
-            x = mpf(c.numerator) / c.denominator * tau
-            step = mp.matrix([[1, x], [0, 1]] if letter == "A" else [[1, 0], [-x, 1]]) * step
-        rotation = mp.matrix([[mp.cos(tau), mp.sin(tau)], [-mp.sin(tau), mp.cos(tau)]])
-        # The next term is smaller by the order of tau.
-        assert mp.mnorm(step - rotation, "f") / tau**degree == pytest.approx(norm, rel=1e-3)
+    tau = mpf(10) ** -5
+    rotation = mp.matrix([[mp.cos(tau), mp.sin(tau)], [-mp.sin(tau), mp.cos(tau)]])
+    # The next term is smaller by the order of tau.
+    error = mp.mnorm(oscillator_step(integrators[name], tau) - rotation, "f")
+    assert error / tau**degree == pytest.approx(norm, rel=1e-3)
 
 
 # --- digits ----------------------------------------------------------------------------------------------------------
@@ -216,3 +189,26 @@ def test_degree_and_highest_order_must_be_positive_integers(number):
         order_of("ruth", highest=number)
     with pytest.raises(SettingError, match=r"degree = .* is not allowed: an integer >= 1"):
         error_norm("ruth", number)
+
+
+# --- two kicks around a short drift, as one of a modified potential ---------------------------------------------------
+
+
+def test_coefficient_of_square_is_that_of_exact_logarithm():
+    a, d, b = Fraction(-2, 5), Fraction(-1, 90), Fraction(7, 10)
+    found = logarithm([("B", a), ("A", d), ("B", b)], lie.lyndon_words(3))
+    # On the word ABB, C = [B, [A, B]] has -1, and no other bracket of one A and two B is independent of it.
+    square = found["ABB"] / SQUARE["ABB"]
+    kick = ShiftedKick(0, float(a), float(d), float(b))
+    assert kick.square == pytest.approx(float(square), rel=1e-14)
+    assert kick.net == pytest.approx(0.3)
+
+
+def test_pairs_are_found_where_signs_differ_and_drift_is_short():
+    found = shifted_kicks(integrators["babps8o7h"])
+    assert [one.place for one in found] == [2, 5]
+    assert all(one.before * one.behind < 0 for one in found)
+    assert shifted_kicks(integrators["ruth"]) == []
+    assert shifted_kicks(method("one sign", "drift", ("0.49", "0.02", "0.49"), ("0.5", "0.5"), 30)) == []
+    # ABA104 drifts first: the drift behind kick i is drift i + 1.
+    assert [round(one.drift, 5) for one in shifted_kicks(integrators["aba104"])] == [-0.01453, -0.01453]

@@ -6,8 +6,10 @@ import re
 from dataclasses import replace
 from fractions import Fraction
 
+import numpy as np
 import pytest
 from hypothesis import assume, given
+from numpy.polynomial.polynomial import polyadd, polymul
 
 from nearharmonic.errors import SettingError, TableauError
 from nearharmonic.integrators import plain_integrators as integrators
@@ -21,6 +23,7 @@ from nearharmonic.theory.oscillator import kappa, lambda_max, zeta
 from nearharmonic.theory.recursion import closed_sums, momentum_row, position_rows
 from support.methods.ten_methods import EVERY_METHOD, thinned
 from support.oracles.random_tableaus import tableaus
+from support.oracles.word_series import operators_of
 
 ROLES = pytest.mark.parametrize("first", ["drift", "kick"])
 PAIRS = [(name, first) for name in integrators for first in ("drift", "kick")]
@@ -30,41 +33,24 @@ WITH_LAST_DRIFT = pytest.mark.parametrize(
 )
 
 
-def multiply(x, y):
-    result = [Fraction(0)] * (len(x) + len(y) - 1)
-    for i, a in enumerate(x):
-        for j, b in enumerate(y):
-            result[i + j] += a * b
-    return result
-
-
-def add(x, y):
-    width = max(len(x), len(y))
-    return [a + b for a, b in zip([*x, *[0] * (width - len(x))], [*y, *[0] * (width - len(y))], strict=True)]
-
-
 def matrix_product(X, Y):
-    return [[add(multiply(X[i][0], Y[0][j]), multiply(X[i][1], Y[1][j])) for j in (0, 1)] for i in (0, 1)]
+    return [[polyadd(polymul(X[i][0], Y[0][j]), polymul(X[i][1], Y[1][j])) for j in (0, 1)] for i in (0, 1)]
 
 
 def matrices_after_each_drift(tableau):
     """The products of shears up to each drift, and the whole step, as 2x2 matrices of polynomials in tau."""
-    one, zero = [Fraction(1)], [Fraction(0)]
-    kicks = [[[one, zero], [[Fraction(0), -Fraction(d)], one]] for d in tableau.kick]
-    drifts = [[[one, [Fraction(0), Fraction(c)]], [zero, one]] for c in tableau.drift]
-    rows = [kicks, drifts] if tableau.first == "kick" else [drifts, kicks]
+    one, zero = np.array([Fraction(1)]), np.array([Fraction(0)])
     product, after = [[one, zero], [zero, one]], []
-    for n in range(2 * tableau.stages + 1):
-        shear = rows[n % 2][n // 2]
-        product = matrix_product(shear, product)
-        if shear in drifts and rows[n % 2] is drifts:
-            after.append(product)
+    for letter, c in operators_of(tableau):
+        drift = letter == "A"
+        product = matrix_product([[one, [0, c] if drift else zero], [zero if drift else [0, -c], one]], product)
+        after += [product] * drift
     return after, product
 
 
 def merged(from_q, from_p, length):
-    """Coefficients by power of two polynomials without a power in common."""
-    total = add(from_q, from_p)
+    """Coefficients by power of the sum of two polynomials, of which no others are left."""
+    total = polyadd(from_q, from_p)
     assert not any(total[length:])
     return [*total, *[0] * length][:length]
 
@@ -97,11 +83,9 @@ def test_momentum_of_recursion_is_that_of_whole_step(tableau):
 def test_zeta_is_step_from_one_and_minus_one_by_order(tableau):
     _, step = matrices_after_each_drift(tableau)
     for variable, (from_q, from_p) in zip(("position", "momentum"), step, strict=True):
-        expected = add(from_q, [-c for c in from_p])
         found = zeta(tableau, variable=variable)
         assert len(found) == lambda_max(tableau, variable=variable) + 1
-        assert list(found) == expected[: len(found)]
-        assert not any(expected[len(found) :])
+        assert list(found) == merged(from_q, -from_p, len(found))
 
 
 @EVERY_METHOD

@@ -7,7 +7,7 @@ from math import isnan
 
 import numpy as np
 import pytest
-from mpmath import eye, inf, matrix, mp, mpf
+from mpmath import inf, mp, mpf
 
 import nearharmonic as nh
 from nearharmonic.errors import TableauError
@@ -40,28 +40,6 @@ def test_the_kernel_takes_the_steps_of_a_plain_loop(name, precision):
         # Forty steps of six kicks and drifts with compensated roundings of 1e-16, which the flow carries on.
         assert max(abs(mpf(float(a)) - b) for a, b in zip(found, [*q, *p], strict=True)) < 2e-15
     assert run.evaluations.item() == 40 * integrators[name].stages + 1
-
-
-def oscillator_step(tableau, tau):
-    rows = {"drift": iter(tableau.drift), "kick": iter(tableau.kick)}
-    other = "kick" if tableau.first == "drift" else "drift"
-    step = eye(2)
-    for operator in [tableau.first, *[other, tableau.first] * tableau.stages]:
-        c = tau * mpf(next(rows[operator]))
-        step = (matrix([[1, c], [0, 1]]) if operator == "drift" else matrix([[1, 0], [-c, 1]])) * step
-    return step
-
-
-@BOTH
-@pytest.mark.parametrize("first", ["drift", "kick"])
-def test_closed_form_of_energy_error_is_that_of_many_steps(name, first):
-    tableau, tau = integrators[name].role(first), mpf("0.7")
-    state, step, worst = matrix([1, 0]), oscillator_step(tableau, tau), mpf(0)
-    for _ in range(4000):
-        state = step * state
-        worst = max(worst, abs(state[0] ** 2 + state[1] ** 2 - 1))
-    # 4000 points fill the ellipse: its ends are missed by the square of half a gap, (pi / 4000)^2, of the error.
-    assert float(harmonic_energy_error(tableau, tau)) == pytest.approx(float(worst), rel=1e-4)
 
 
 def test_energy_error_has_no_bound_beyond_limit_of_stability():

@@ -6,14 +6,14 @@ from dataclasses import replace
 from decimal import Decimal, localcontext
 
 import pytest
-from mpmath import eye, matrix, mp, mpf
+from mpmath import eye, mpf
 
 import nearharmonic as nh
 from nearharmonic.exact.step import oscillator
 from nearharmonic.integrators.order_conditions import step_of
 from nearharmonic.theory.order import harmonic_orders_of, leading_errors, nystrom_order_of
 from nearharmonic.theory.oscillator import lambda_max, zeta
-from support.oracles import modified_steps
+from support.oracles.reference_solutions import oscillator_step
 
 EVERY = pytest.mark.parametrize("name", list(nh.modified_integrators))
 
@@ -58,27 +58,20 @@ def test_without_the_square_the_order_is_two(name):
     assert nystrom_order_of(replace(tableau, square=("0",) * len(tableau.kick))) == 2
 
 
-def matrix_of(operator):
-    if isinstance(operator, tuple):
-        return matrix([[1, 0], [-operator[0] + 2 * operator[1], 1]])
-    return matrix([[1, operator], [0, 1]])
+def step_matrix(tableau, tau):
+    """The product of the matrices of a step, between its processor and the inverse."""
+    step = oscillator_step(tableau, tau)
+    behind = oscillator_step(tableau.processor, tau) if tableau.processed else eye(2)
+    return behind * step * behind**-1
 
 
 @EVERY
 def test_step_matrices_on_the_oscillator_are_products_of_matrices(name):
-    """V = q^2/2 has |V'|^2 = q^2, whose gradient is 2 q."""
-    tableau = nh.modified_integrators[name]
-    with mp.workdps(60):
-        tau, step = mpf("0.7"), eye(2)
-        behind = modified_steps.operators_of(tableau.processor, tau) if tableau.processed else []
-        for operator in [*modified_steps.operators_of(tableau, tau), *behind]:
-            step = matrix_of(operator) * step
-        for operator in behind:
-            step = step * matrix_of(operator) ** -1
-        K = oscillator(step_of(tableau))
-        for place, row in zip(((0, 0), (0, 1), (1, 0), (1, 1)), (K.K11, K.K12, K.K21, K.K22), strict=True):
-            value = sum(mpf(c.numerator) / c.denominator * tau**n for n, c in enumerate(row))
-            assert abs(value - step[place]) < mpf(10) ** -50
+    tau, K = mpf("0.7"), oscillator(step_of(nh.modified_integrators[name]))
+    step = step_matrix(nh.modified_integrators[name], tau)
+    for place, row in zip(((0, 0), (0, 1), (1, 0), (1, 1)), (K.K11, K.K12, K.K21, K.K22), strict=True):
+        value = sum(mpf(c.numerator) / c.denominator * tau**n for n, c in enumerate(row))
+        assert abs(value - step[place]) < mpf(10) ** -50
 
 
 @EVERY
@@ -106,22 +99,13 @@ def test_gradient_is_counted_where_kicks_of_neighbouring_steps_meet_too():
 def test_error_terms_reach_to_the_highest_power_of_the_step(name):
     """The coefficients of the new position from q = -p = 1, as the derivatives of products of matrices."""
     tableau = nh.modified_integrators[name]
-
-    def position(tau):
-        behind = modified_steps.operators_of(tableau.processor, tau) if tableau.processed else []
-        step = eye(2)
-        for operator in [*modified_steps.operators_of(tableau, tau), *behind]:
-            step = matrix_of(operator) * step
-        for operator in behind:
-            step = step * matrix_of(operator) ** -1
-        return step[0, 0] - step[0, 1]
-
-    highest = lambda_max(tableau)
-    with mp.workdps(60):
-        found = zeta(tableau)
-        assert len(found) == highest + 1
-        for tau in (mpf("0.3"), mpf("1.7")):
-            value = sum(mpf(c.numerator) / c.denominator * tau**n for n, c in enumerate(found))
-            assert abs(value - position(tau)) < mpf(10) ** -45
+    highest, found = lambda_max(tableau), zeta(tableau)
+    assert len(found) == highest + 1
+    for tau in (mpf("0.3"), mpf("1.7")):
+        value, step = (
+            sum(mpf(c.numerator) / c.denominator * tau**n for n, c in enumerate(found)),
+            step_matrix(tableau, tau),
+        )
+        assert abs(value - (step[0, 0] - step[0, 1])) < mpf(10) ** -45
     assert nh.kappa(tableau, highest + 2)[-2:] == [1, 1]
     assert nh.kappa(tableau, highest)[-1] != 1

@@ -62,24 +62,13 @@ def test_types_that_numba_knows_leave_digests_alone():
     assert str(module_of(rules, 1, ())) == before
 
 
-@numba.njit
-def whole(q):
-    return np.sum(q * q) / 2
-
-
-@numba.njit
-def both(q):
-    return q
-
-
-@numba.njit
-def three(q):
-    return (1.0, 2.0, 3.0)
-
-
-@numba.njit
-def misspelt(q):
-    return nowhere(q)  # noqa: F821
+whole = numba.njit(lambda q: np.sum(q * q) / 2)
+both = numba.njit(lambda q: q)
+three = numba.njit(lambda q: (1.0, 2.0, 3.0))
+misspelt = numba.njit(lambda q: nowhere(q[0]))  # noqa: F821
+one_number = numba.njit("float64(float64)")(lambda x: x)
+LARGE = np.ones(200_000)
+addressed = numba.njit(lambda q: LARGE[int(q[0])] * q[0])
 
 
 @numba.njit(parallel=True)
@@ -102,24 +91,7 @@ def factorial(n):
     return 1.0 if n <= 1 else n * factorial(n - 1)
 
 
-@numba.njit
-def recursive(q):
-    return factorial(3) * q[0]
-
-
-@numba.njit("float64(float64)")
-def one_number(x):
-    return x
-
-
-LARGE = np.ones(200_000)
-
-
-@numba.njit
-def addressed(q):
-    return LARGE[int(q[0])] * q[0]
-
-
+recursive = numba.njit(lambda q: factorial(3) * q[0])
 REFUSED = {
     "gradient of another length": (whole, three, "grad_V returns UniTuple.*, expected a tuple of 2 real numbers"),
     "gradient that is a number": (whole, whole, r"^V is not compiled .* mul\(UniTuple.*; grad_V returns float64"),

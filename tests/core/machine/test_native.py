@@ -23,6 +23,7 @@ from nearharmonic.engine.batch.kernels import kernel_of, physics_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.math import sqrt
 from support.methods.function_arguments import arguments, evaluated, in_double, in_extended, pairs
+from support.methods.own_systems import sites
 from support.projects.kept_loops import keep_loops
 
 OSCILLATOR = nh.systems["sho"]
@@ -47,13 +48,6 @@ def run(system=OSCILLATOR, **settings):
 
 def kernels_in(folder):
     return list(folder.glob("advance-*.kernel"))
-
-
-def test_a_second_process_finds_the_kernel_without_the_compiler(own_cache):
-    run()
-    text = "import sys, nearharmonic as nh; print(nh.sweep('sho', 'ruth', [0.2]).steps.item(), 'numba' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["2500", "False"]
 
 
 def test_a_numba_that_must_not_compile_is_one_clear_error(tmp_path):
@@ -112,8 +106,7 @@ def test_kernels_of_all_and_of_sampled_energies_share_a_cache(own_cache):
 
 def test_an_energy_seen_in_doubles_alone_gets_its_own_code():
     """For many coordinates, a separate formula first evaluates the energy error at every step in doubles."""
-    chain = nh.System(name="nine", V=lambda q: sum(x**2 / 2 + x**4 for x in q), q0=["1"] * 9, p0=["0"] * 9, t_end="10")
-    physics = physics_of(chain)
+    physics = physics_of(sites(10))
     kept, other = (
         fingerprint(Rules(replace(physics, balanced_T=T), extended=False, compensated=True))
         for T in (physics.balanced_T, lambda p, *parameters: 2 * physics.balanced_T(p, *parameters))

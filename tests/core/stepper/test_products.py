@@ -1,16 +1,20 @@
-"""Products of rational coefficients and powers of a step size against rational arithmetic."""
+"""Products of rational coefficients and powers of a step size against rational arithmetic, and their cache."""
 
 from __future__ import annotations
 
 import random
+from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 
+import numba
 import numpy as np
 import pytest
 
 import nearharmonic as nh
 from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, REST
+from nearharmonic.core.stepper.call import address_of
 from nearharmonic.core.stepper.products import fill, table_of
+from nearharmonic.core.stepper.recent_moves import SLOTS, empty_slots, recall
 from nearharmonic.engine.numbers.coefficients import exact_products, moves
 from nearharmonic.integrators import plain_integrators
 
@@ -78,3 +82,25 @@ def test_ties_and_what_is_near_them_are_rounded_once(name):
 def test_a_step_size_that_is_no_number_gives_none():
     for tau in (np.nan, np.inf):
         assert not np.isfinite(filled([(Fraction(1, 3), Fraction(1, 3), Fraction(1, 9))], 2, tau)).any()
+
+
+def test_threads_recall_the_moves_that_they_ask_for():
+    """Different moves at one memory address."""
+    rows = [(Fraction(1, k), Fraction(-k, 7), Fraction(-1, 7)) for k in range(1, 10)]
+    table, flags = table_of(rows, (1, 1, 2)), np.zeros(len(rows))
+    slots = address_of(empty_slots(COLUMNS * len(rows)))
+
+    @numba.njit(nogil=True)
+    def differences(taus):
+        found, expected, wrong = np.empty(COLUMNS * len(flags)), np.empty(COLUMNS * len(flags)), 0
+        for tau in taus:
+            recall(slots(), table, flags, 2, tau, found)
+            fill(table, flags, 2, tau, expected)
+            wrong += (found != expected).any()
+        return wrong
+
+    values = np.random.default_rng(1).uniform(0.1, 1, 2 * SLOTS)  # so that most slots have readers and writers
+    taus = np.random.default_rng(2).choice(values, (4, 200_000))
+    differences(taus[0, :1])
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(differences, taus)) == [0] * 4

@@ -17,6 +17,7 @@ from nearharmonic.engine.stepper import step_of
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import plain_integrators
 from support.methods.numba_potentials import springs
+from support.methods.own_systems import sites
 
 RNG = np.random.default_rng(1)
 ALL = list(plain_integrators)
@@ -24,14 +25,7 @@ ALL = list(plain_integrators)
 FEW = ["leapfrog", "ruth", "ruth_s3o3", "babs7o7h", "mclachlan_atela_4", "rnia12", "s15odr8", "sofspa_s35o10"]
 PLAIN = [name for name, tableau in plain_integrators.items() if tableau.requires is None]
 MODIFIED = [name for name, tableau in nh.modified_integrators.items() if not tableau.processed]
-#: A chain whose formulas are compiled as loops.
-CHAIN = nh.System(
-    name="chain",
-    V=lambda q: sum((x - y) ** 2 / 2 + (x - y) ** 4 / 4 for x, y in zip(q[1:], q[:-1], strict=True)),
-    q0=["0"] * 60,
-    p0=["0"] * 60,
-    t_end=1,
-)
+CHAIN = sites(70)  # whose formulas are compiled as loops
 DRIVEN = nh.System(
     name="driven", V=lambda q, t, a: q[0] ** 4 / 4 - a * t * q[0], time_dependent=True, parameters={"a": 2}, q0=[1],
     p0=[0], t_end=1,
@@ -95,8 +89,8 @@ def test_step_of_every_method_has_bits_of_run(name, summation, methods):
     ],
 )
 def test_a_step_of_numba_has_the_bits_of_a_run(system, method, summation):
+    settings = {"summation": summation, "parameters": {"GM": "0.7"} if system == "kepler" else None}
     system = nh.systems[system] if isinstance(system, str) else system
-    settings = {"summation": summation, "parameters": {"GM": "0.7"} if system.parameters else None}
     step = nh.stepper(system, method, **settings)
     for tau in (0.25, -0.125, 0.25):  # the moves of the third are remembered
         state = random_state(system, compensated=summation == "compensated")

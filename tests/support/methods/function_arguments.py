@@ -24,10 +24,7 @@ NEAREST_TO_A_MULTIPLE = 6381956970095103 * 2.0**797
 
 def any_doubles(random, count):
     """Finite doubles whose bit patterns are uniform."""
-    bits = random.integers(0, 2**63, 2 * count, dtype=np.uint64) | (
-        random.integers(0, 2, 2 * count, dtype=np.uint64) << np.uint64(63)
-    )
-    numbers = bits.view(np.float64)
+    numbers = random.integers(0, 2**64, 2 * count, dtype=np.uint64).view(np.float64)
     return numbers[np.isfinite(numbers)][:count]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 from nearharmonic.exchange.coefficient_file import read
@@ -20,6 +21,7 @@ def names(kind):
     return sorted(one.stem for one in (FOLDER / kind).iterdir())
 
 
+@cache
 def verdict(kind, name):
     return Verdict(read(path(kind, name)))
 

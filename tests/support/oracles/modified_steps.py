@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from mpmath import cos, mpf, sin, sqrt
 
+from support.oracles.multiprecision import applied, states_of
+from support.oracles.word_series import operators_of
+
 
 def henon_heiles(q, _):
     x, y = q
@@ -43,14 +46,6 @@ def driven_pendulum(q, t):
     return (f,), (2 * cos(q[0]) * f,)
 
 
-def operators_of(step, tau):
-    """The operators of a step in their order: (kick, square) pairs and drifts, times powers of tau."""
-    kicks = [(mpf(k) * tau, mpf(m) * tau**3) for k, m in zip(step.kick, step.square, strict=True)]
-    drifts = [mpf(c) * tau for c in step.drift]
-    rows = (kicks, drifts) if step.first == "kick" else (drifts, kicks)
-    return [row[i] for i in range(len(rows[0])) for row in rows if i < len(row)]
-
-
 def states(tableau, rates, q, p, tau, steps, masses=None):
     """States (q, p) after 0, 1, ..., ``steps`` steps of ``tau``, in mpmath's current precision.
 
@@ -58,21 +53,18 @@ def states(tableau, rates, q, p, tau, steps, masses=None):
     """
     masses = [mpf(1)] * len(q) if masses is None else masses
 
-    def moved(state, operators):
-        q, p, t = state
-        for operator in operators:
-            if isinstance(operator, tuple):
-                f, g = rates(q, t)
-                p = [x - operator[0] * a + operator[1] * b for x, a, b in zip(p, f, g, strict=True)]
-            else:
-                q = [x + operator * v / m for x, v, m in zip(q, p, masses, strict=True)]
-                t += operator
-        return q, p, t
+    def moved(row, h, slopes):
+        return [x + h * slope for x, slope in zip(row, slopes, strict=True)]
 
-    behind = operators_of(tableau.processor, tau) if tableau.processed else []
-    negated = [tuple(-x for x in operator) if isinstance(operator, tuple) else -operator for operator in behind]
-    state = moved(([mpf(x) for x in q], [mpf(x) for x in p], mpf(0)), reversed(negated))
-    found = [state]
-    for _ in range(steps):
-        found.append(moved(found[-1], operators_of(tableau, tau)))
-    return [moved(state, behind)[:2] for state in found]
+    flows = {
+        "A": lambda h, q, p, t: (moved(q, h, [v / m for v, m in zip(p, masses, strict=True)]), p, t + h),
+        "B": lambda h, q, p, t: (q, moved(p, -h, rates(q, t)[0]), t),
+        "C": lambda h, q, p, t: (q, moved(p, h, rates(q, t)[1]), t),
+    }
+    start = [mpf(x) for x in q], [mpf(x) for x in p], mpf(0)
+    if not tableau.processed:
+        return [state[:2] for state in states_of(tableau, flows, start, tau, steps)]
+    for letter, c in reversed(operators_of(tableau.processor, mpf)):
+        start = flows[letter](-c * tau ** (3 if letter == "C" else 1), *start)
+    found = states_of(tableau, flows, start, tau, steps)
+    return [applied(tableau.processor, flows, state, tau)[:2] for state in found]

@@ -1,31 +1,51 @@
-"""The oracle of the contract tests: a step in mpmath that shares no code with the kernel, reading the same strings."""
+"""Steps in mpmath, one flow after the other: they share no code with the kernels, and read the same strings."""
 
 from __future__ import annotations
 
-from mpmath import mp, mpf, sqrt
+from mpmath import mpf, sqrt
 
 from nearharmonic.core.formulas.number import Constant, Number, constant
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems import System
+from support.oracles.random_formulas import mpmaths
+from support.oracles.word_series import operators_of
+
+
+def digits_of(run, name, sample=-1):
+    """The components of a sample with the digits below the doubles, where the run has them."""
+    low = run[f"{name}_low"][sample] if f"{name}_low" in run else 0 * run[name][sample]
+    return [mpf(float(x)) + mpf(float(y)) for x, y in zip(run[name][sample], low, strict=True)]
+
+
+def applied(step, flows, state, tau):
+    """The state after one step; a flow (h, *state) -> state of each letter takes its coefficient times tau or tau^3."""
+    for letter, c in operators_of(step, mpf):
+        state = flows[letter](c * tau ** (3 if letter == "C" else 1), *state)
+    return state
+
+
+def drift(velocity):
+    return lambda h, q, p: ([x + h * v for x, v in zip(q, velocity(p), strict=True)], p)
+
+
+def kick(force):
+    return lambda h, q, p: (q, [u - h * f for u, f in zip(p, force(q), strict=True)])
+
+
+def states_of(step, flows, start, tau, steps):
+    """States after 0, 1, ..., ``steps`` steps of ``tau``, in mpmath's current precision."""
+    found = [start]
+    for _ in range(steps):
+        found.append(applied(step, flows, found[-1], tau))
+    return found
 
 
 def trajectory(tableau: Tableau, system: System, tau, steps, state=None):
     """States (q, p) after 0, 1, ..., ``steps`` steps of ``tau``, in mpmath's current precision."""
-    rows = {"drift": [mpf(c) * tau for c in tableau.drift], "kick": [mpf(c) * tau for c in tableau.kick]}
     constants = [mpf(parameter.value) for parameter in system.parameters.values()]
-    q, p = state or ([mpf(x) for x in system.q0], [mpf(x) for x in system.p0])
-    states = [(q, p)]
-    operators = [tableau.first, "kick" if tableau.first == "drift" else "drift"] * tableau.stages + [tableau.first]
-    for _ in range(steps):
-        pending = {operator: iter(row) for operator, row in rows.items()}
-        for operator in operators:
-            h = next(pending[operator])
-            if operator == "drift":
-                q = [x + h * v for x, v in zip(q, system.grad_T(p), strict=True)]
-            else:
-                p = [u - h * f for u, f in zip(p, system.grad_V(q, *constants), strict=True)]
-        states.append((q, p))
-    return states
+    flows = {"A": drift(system.grad_T), "B": kick(lambda q: system.grad_V(q, *constants))}
+    start = state or ([mpf(x) for x in system.q0], [mpf(x) for x in system.p0])
+    return states_of(tableau, flows, start, tau, steps)
 
 
 def energy_errors(tableau: Tableau, system: System, tau, steps, state=None):
@@ -68,10 +88,7 @@ class Multiprecision(Number):
         return Multiprecision(self._mpf(number))
 
     def apply(self, function, *others):
-        if function == "cbrt":  # mpmath's of a negative number is complex
-            return Multiprecision(mp.sign(self.value) * mp.cbrt(abs(self.value)))
-        name = "power" if function == "pow" else function
-        return Multiprecision(getattr(mp, name)(self.value, *map(self._mpf, others)))
+        return Multiprecision(mpmaths(function)(self.value, *map(self._mpf, others)))
 
 
 def value_of(result):

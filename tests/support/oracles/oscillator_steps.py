@@ -8,6 +8,7 @@ from typing import Any
 from mpmath import cos, mpf, sin
 
 from nearharmonic import System
+from support.oracles.multiprecision import kick, states_of
 
 
 @dataclass(frozen=True)
@@ -25,21 +26,10 @@ class Oscillators:
 
     def states(self, tableau, tau, steps):
         """States (q, p) after 0, 1, ..., ``steps`` steps, with nothing merged."""
-        q, p = [mpf(x) for x in self.system.q0], [mpf(x) for x in self.system.p0]
-        found = [(q, p)]
-        drift_comes = tableau.first == "drift"
-        for _ in range(steps):
-            drifts, kicks = iter(tableau.drift), iter(tableau.kick)
-            for i in range(2 * tableau.stages + 1):
-                if (i % 2 == 0) == drift_comes:
-                    q, p = self._rotated(q, p, mpf(next(drifts)) * tau)
-                else:
-                    k = mpf(next(kicks)) * tau
-                    p = [u - k * f for u, f in zip(p, self.gradient(*q), strict=True)]
-            found.append((q, p))
-        return found
+        flows = {"A": self._rotated, "B": kick(lambda q: self.gradient(*q))}
+        return states_of(tableau, flows, self.system.start(mpf), tau, steps)
 
-    def _rotated(self, q, p, t):
+    def _rotated(self, t, q, p):
         turned = [], []
         for x, u, w in zip(q, p, map(mpf, self.frequencies), strict=True):
             turned[0].append(x * cos(w * t) + (u * sin(w * t) / w if w else u * t))

@@ -29,12 +29,16 @@ AWAY, LARGE = mpf("0.05"), mpf(2000)
 #: Relative errors of operations that are not rounded.
 NONE = dict.fromkeys(("constant", "+", "*", "/", "root", "function"), mpf(0))
 
-TENTH, THREE, ZERO = ("constant", "0.1", 0.1), ("constant", "3", 3), ("constant", "0", 0)
+TENTH, THREE, FOUR, ZERO = (("constant", str(x), x) for x in (0.1, 3, 4, 0))
 #: Every operation with each order of its operands, and every function; the random formulas nest them.
 OPERATIONS = (
     "+",
     ("+", ("*", TENTH, ("**", ("abs", 0), -1.5)), ("/", ("sqrt", ("**", 1, 6)), ("pos", 0))),
-    ("-", ("-", THREE, ("/", 0, THREE)), ("+", ("/", TENTH, ("neg", 1)), ("-", ("+", ("*", 0, 1), ZERO), TENTH))),
+    (
+        "-",
+        ("-", THREE, ("/", 0, THREE)),
+        ("+", ("/", TENTH, ("neg", 1)), ("-", ("+", ("/", ("neg", ("*", 0, 1)), FOUR), ZERO), TENTH)),
+    ),
 )
 EVERY = OPERATIONS
 for _name, _arity in FUNCTIONS.items():

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from mpmath import cos, eye, findroot, matrix, mpf, pi, sin, sqrt
 
+from support.oracles.word_series import operators_of
+
 
 def oscillator_step(tableau, tau):
-    """The 2x2 matrix of one step on H = (p^2 + q^2)/2 from the tableau's own decimal strings."""
-    rows = {
-        "drift": [matrix([[1, mpf(c) * tau], [0, 1]]) for c in tableau.drift],
-        "kick": [matrix([[1, 0], [-mpf(c) * tau, 1]]) for c in tableau.kick],
-    }
-    other = "kick" if tableau.first == "drift" else "drift"
+    """The 2x2 matrix of one step on H = (p^2 + q^2)/2 from the tableau's own decimal strings.
+
+    V = q^2/2 has |V'|^2 = q^2, whose gradient is 2 q.
+    """
     step = eye(2)
-    for i in range(tableau.stages + 1):
-        step = rows[tableau.first][i] * step
-        if i < tableau.stages:
-            step = rows[other][i] * step
+    for letter, c in operators_of(tableau, mpf):
+        entry = {"A": c * tau, "B": -c * tau, "C": 2 * c * tau**3}[letter]
+        step = matrix([[1, entry], [0, 1]] if letter == "A" else [[1, 0], [entry, 1]]) * step
     return step
 
 

@@ -15,7 +15,7 @@ def operators_of(tableau, number=Fraction):
             operators.append(("C", number(text)))
     drifts = [[("A", number(text))] for text in tableau.drift]
     rows = (kicks, drifts) if tableau.first == "kick" else (drifts, kicks)
-    return [x for i in range(tableau.stages + 1) for row in rows for operators in row[i : i + 1] for x in operators]
+    return [x for i in range(len(rows[0])) for row in rows for operators in row[i : i + 1] for x in operators]
 
 
 def series(step, length):
