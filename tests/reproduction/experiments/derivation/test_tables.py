@@ -98,20 +98,3 @@ def test_both_routes_list_worst_residual_and_their_seconds(reached):
         "reached": "not converged" if reached is None else "solution 2", "largest kappa": "3.3e-600",
         "agrees to": "" if reached is None else "6.6e-590", "evaluations": 25000, "restarts": 4, "seconds": 1.5,
     }  # fmt: skip
-
-
-def test_errors_of_solutions_stand_at_their_step_size_and_system():
-    errors = [
-        tables.SolutionErrors(
-            solution=3, first="drift", tau_per_stage=tau, harmonic_oscillator=oscillator, henon_heiles=henon_heiles
-        )
-        for tau, oscillator, henon_heiles in ((0.1, 1e-9, 1e-5), (0.2, 1e-6, 1e-3))
-    ]
-    first, second = cells(tables.solution_errors(errors))
-    assert first == {
-        "solution": 4, "first": "drift", "tau/s": 0.1, "max error, harmonic oscillator": 1e-9,
-        "max error, Henon-Heiles": 1e-5,
-    }  # fmt: skip
-    assert (second["tau/s"], second["max error, harmonic oscillator"], second["max error, Henon-Heiles"]) == (
-        0.2, 1e-6, 1e-3,
-    )  # fmt: skip

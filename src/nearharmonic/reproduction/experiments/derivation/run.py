@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from time import perf_counter
 from typing import Any
@@ -26,7 +26,14 @@ from nearharmonic.reproduction.experiments.derivation.families import (
     printed_point,
     rank_printed,
 )
-from nearharmonic.reproduction.experiments.derivation.isolated import CASES, IsolatedSolutions, Reach, reach, solve
+from nearharmonic.reproduction.experiments.derivation.isolated import (
+    CASES,
+    IsolatedSolutions,
+    Reach,
+    Solving,
+    reach,
+    solve,
+)
 from nearharmonic.reproduction.experiments.derivation.search.simplex import Simplex, SimplexRun, simplex_runs
 from nearharmonic.reproduction.experiments.derivation.settings import DerivationSettings
 
@@ -52,14 +59,7 @@ class Derivation:
 
 
 def derive(settings: DerivationSettings, report: Report) -> dict[str, Table | dict[str, Any]]:
-    """Derive the sets of Nielsen (2015), Table 4, and tabulate the results.
-
-    Parameters
-    ----------
-    settings : DerivationSettings
-        Effort of the search.
-    report : callable
-        Function that is called with a line on the progress.
+    """Derive the sets of Nielsen (2015), Table 4; ``report`` is called with lines on the progress.
 
     Returns
     -------
@@ -76,28 +76,20 @@ def derive(settings: DerivationSettings, report: Report) -> dict[str, Table | di
         "derived_families": tables.families(found.printed, found.rankings),
         "derived_orders": tables.reach_of_stages(found.reaches),
         "derived_routes": tables.routes(found.isolated, found.simplex, found.seconds),
-        "derived_errors": tables.solution_errors(tables.compare(found.isolated[0], TAU_PER_STAGE)),
+        "derived_errors": tables.solution_errors(found.isolated[0], TAU_PER_STAGE),
     }
 
 
 def derivation(settings: DerivationSettings, *, digits: int = 128, report: Report = lambda _: None) -> Derivation:
-    """Derive the sets of Nielsen (2015), Table 4, to ``digits`` decimals; the table itself is read only to compare.
-
-    The other parameters are those of :func:`derive`.
-
-    Raises
-    ------
-    SettingError
-        A number of starts below 1, or of stages below 3.
-    """
-    seed, seconds = settings.seed, dict[str, float]()
+    """Derive the sets of Nielsen (2015), Table 4, to ``digits`` decimals; the table itself is read only to compare."""
+    seed, seconds, solving = settings.seed, dict[str, float](), Solving(digits=digits)
     part = partial(_timed, seconds, report)
     isolated: list[IsolatedSolutions] = []
     for stages, order in CASES:
         with part(f"isolated_{stages}"):
             equations = Equations(stages, order)
             starts = RandomStarts(settings.starts, seed, box=2.5, bound=20.0)
-            isolated.append(solve(equations, starts, digits=digits, report=report))
+            isolated.append(solve(equations, starts, settings=solving, report=report))
     simplex: list[SimplexRun] = []
     each = Simplex(digits=digits, evaluations=settings.simplex_evaluations)
     for case in isolated:
@@ -111,7 +103,7 @@ def derivation(settings: DerivationSettings, *, digits: int = 128, report: Repor
     known = {case.equations.stages: case for case in isolated}
     with part("growth"):
         starts = RandomStarts(settings.growth_starts, seed, bound=20.0)
-        reaches = reach(settings.growth_stages, starts, known=known, report=report)
+        reaches = reach(settings.growth_stages, starts, known, settings=solving, report=report)
     return Derivation(
         seed=seed,
         digits=digits,
@@ -134,29 +126,17 @@ def _timed(seconds: dict[str, float], report: Report, part: str) -> Iterator[Non
 
 
 def document(found: Derivation) -> dict[str, Any]:
-    """Return all results except times, in types of TOML; None is omitted."""
-    told = plain(found)
-    told.pop("seconds")
-    for run in told["simplex"]:
-        run["outcome"].pop("seconds")
-        run["outcome"]["unknowns"] = [str(x) for x in run["outcome"]["unknowns"]]
-    return _without_none(told)  # type: ignore[no-any-return]
+    """Return all results except times, in types of TOML."""
+    told: dict[str, Any] = _plain(asdict(found))
+    for timed in (told, *(run["outcome"] for run in told["simplex"])):
+        timed.pop("seconds")
+    return told
 
 
-def plain(value: Any) -> Any:
-    """Return ``value`` as numbers, strings, lists and dicts: dataclasses by field, mpf as strings of five digits."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return {key: plain(item) for key, item in asdict(value).items()}
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    return mp.nstr(value, 5) if isinstance(value, mpf) else value
-
-
-def _without_none(value: Any) -> Any:
+def _plain(value: Any) -> Any:
+    """Return ``value`` with lists in place of tuples, strings of five digits in place of mpf, and without None."""
     if isinstance(value, dict):
-        return {key: _without_none(item) for key, item in value.items() if item is not None}
-    if isinstance(value, list):
-        return [_without_none(item) for item in value]
-    return value
+        return {key: _plain(item) for key, item in value.items() if item is not None}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return mp.nstr(value, 5) if isinstance(value, mpf) else value

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import factorial
 from time import perf_counter
 from typing import Any
@@ -44,6 +44,10 @@ class Simplex:
     edge_factor : int
         Maximum ratio of edges to objective: with conditions as badly scaled as those of the sets in Table 4, a solution
         is within this multiple of the objective.
+    box : float
+        Random starts are uniform in [-box, box].
+    near : str
+        Distance from a root, as a decimal, below which the simplex has reached it.
     """
 
     bits: int = 2048
@@ -52,10 +56,13 @@ class Simplex:
     collapsed_bits: int = 12
     longest_edge: int = 20
     edge_factor: int = 10_000
+    box: float = 1.0
+    near: str = "1e-6"
 
-
-#: Settings of the short run that selects random starts for long runs.
-SHORT = Simplex(bits=192, digits=4, evaluations=800)
+    @property
+    def short(self) -> Simplex:
+        """Settings of the short run that selects random starts for long runs."""
+        return replace(self, bits=192, digits=4, evaluations=800)
 
 
 @dataclass(frozen=True)
@@ -120,16 +127,21 @@ def minimise(
 
 
 def promising_starts(
-    equations: Equations, *, starts: int, seed: int, box: float = 1.0, report: Callable[[str], None] = lambda _: None
+    equations: Equations,
+    *,
+    starts: int,
+    seed: int,
+    settings: Simplex = Simplex(),
+    report: Callable[[str], None] = lambda _: None,
 ) -> list[list[float]]:
-    """Return the points among ``starts`` in [-box, box] from which a short run in low precision comes near a root.
+    """Return the points among ``starts`` random ones from which a short run in low precision comes near a root.
 
     A start in a ridge of the maximum norm stalls at once in any precision; a short run detects this.
     """
     generator, found = random.Random(seed), []
     for number in range(starts):
-        start = [generator.uniform(-box, box) for _ in range(equations.unknowns)]
-        if minimise(equations, start, seed=number, settings=SHORT).converged:
+        start = [generator.uniform(-settings.box, settings.box) for _ in range(equations.unknowns)]
+        if minimise(equations, start, seed=number, settings=settings.short).converged:
             found.append(start)
             report(f"simplex: {len(found)} of {number + 1} random starts lead near a root")
     return found
@@ -145,34 +157,24 @@ def simplex_runs(
 ) -> list[SimplexRun]:
     """Solve a case by the method of the paper, from every random point that a short run finds promising.
 
-    Parameters
-    ----------
-    case : IsolatedSolutions
-        The case, with its known roots.
-    starts, seed : int
-        Number of random points, and seed of the points and of the simplex.
-    settings : Simplex
-        Settings of each run.
-    report : callable
-        Function that is called with a line on the progress.
+    ``starts`` is the number of random points, and ``seed`` the seed of these and of the simplex.
     """
-    promising = promising_starts(case.equations, starts=starts, seed=seed, report=report)
+    promising = promising_starts(case.equations, starts=starts, seed=seed, settings=settings, report=report)
     runs = []
     for start in promising:
         outcome = minimise(case.equations, start, seed=seed, settings=settings, report=report)
-        reached, distance = _nearest_root(case, outcome, settings.digits)
-        stages = case.equations.stages
-        runs.append(SimplexRun(stages, starts, len(promising), tuple(start), outcome, reached, distance))
+        reached, distance = _nearest_root(case, outcome, settings)
+        runs.append(SimplexRun(case.equations.stages, starts, len(promising), tuple(start), outcome, reached, distance))
     return runs
 
 
-def _nearest_root(case: IsolatedSolutions, outcome: Minimum, digits: int) -> tuple[int | None, Any]:
+def _nearest_root(case: IsolatedSolutions, outcome: Minimum, settings: Simplex) -> tuple[int | None, Any]:
     """Return the index of the root to which a simplex converged, and the distance of its end from the root."""
-    with mp.workdps(digits + 30):
+    with mp.workdps(settings.digits + 30):
         for number, other in enumerate(case.roots) if outcome.converged else ():
             centre = [mpf(c) for c in case.equations.halved(other.outer, other.inner)]
             apart = max(abs(a - b) for a, b in zip(outcome.unknowns, centre, strict=True))
-            if apart < mpf("1e-6"):
+            if apart < mpf(settings.near):
                 return number, apart
     return None, None
 
@@ -229,7 +231,7 @@ class _Objective:
     def __call__(self, x: list[int]) -> int:
         self.calls += 1
         bits, highest, s = self._bits, self._equations.harmonic_order, self._equations.stages
-        one, cut = mpz(1) << bits, self._equations.outer_unknowns
+        one, cut = mpz(1) << bits, self._equations.halves[0]
         outer, inner = _closed(x[:cut], s + 1, one), _closed(x[cut:], s, one)
         own, other = [one] + [0] * highest, [-one] + [0] * highest  # position and momentum, by powers of tau
         if self._equations.first == "kick":
