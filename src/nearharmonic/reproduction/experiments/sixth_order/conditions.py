@@ -24,7 +24,6 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from nearharmonic.errors import bad_setting
 from nearharmonic.exact.words import LETTERS
 from nearharmonic.integrators.tableau import First
 from nearharmonic.theory.symmetric import ConditionedSteps, Equation
@@ -34,8 +33,6 @@ Integers = npt.NDArray[np.int64]
 
 #: Order for quadratic kinetic energy.
 NYSTROM_ORDER = 6
-#: Fewer stages have no solution; more stages have not been searched.
-STAGES = range(7, 12)
 
 
 @dataclass(frozen=True)
@@ -67,38 +64,12 @@ class WordTable:
 
 @dataclass(frozen=True)
 class NystromEquations(ConditionedSteps):
-    """The equations for one number of stages, one first operator, and one harmonic order.
-
-    Parameters
-    ----------
-    stages : int
-        Number s of stages, one of ``STAGES``.
-    first : {"drift", "kick"}
-        Operator of the outer row.
-    harmonic_order : int
-        Harmonic order lambda_H, from 6 to s - 1.
-
-    Raises
-    ------
-    SettingError
-        A number of stages that is not among ``STAGES``, an unknown operator, or a harmonic order below 6 or beyond what
-        the number of coefficients allows.
-    """
+    """The equations for s ``stages``, the ``first`` operator, and a ``harmonic_order`` lambda_H from 6 to s - 1."""
 
     stages: int
     first: First
     harmonic_order: int
     order: int = field(default=NYSTROM_ORDER, init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        allowed = range(NYSTROM_ORDER, self.stages)
-        for key, value, known in (
-            ("stages", self.stages, STAGES),
-            ("first", self.first, ("drift", "kick")),
-            ("harmonic_order", self.harmonic_order, allowed),
-        ):
-            if value not in known:
-                raise bad_setting(key, value, f"it is one of {', '.join(map(str, known))}")
 
     @property
     def free(self) -> int:
