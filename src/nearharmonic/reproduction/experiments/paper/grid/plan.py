@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import groupby
 from math import ceil, floor, log10
-from typing import Any
+from typing import NamedTuple
 
 from nearharmonic.engine.batch.numba_runs import check_precision
 from nearharmonic.engine.grid import check_fit, shard, steps_of, tau_grid
@@ -43,15 +43,13 @@ class Run(SharedSettings):
     system: str
     integrator: str
     precision: str
-    first: str | None
     t_end: str
     tau_per_stage: tuple[float, ...]
     steps: tuple[int, ...]
     samples: int
 
 
-@dataclass(frozen=True, kw_only=True)
-class Omission:
+class Omission(NamedTuple):
     """Omitted work, the reason, and the number of ``runs`` and force ``evaluations`` saved."""
 
     system: str
@@ -63,23 +61,8 @@ class Omission:
     evaluations: int
 
 
-@dataclass(frozen=True, kw_only=True)
-class Plan:
-    """All runs of some sweeps, and all omissions."""
-
-    runs: tuple[Run, ...]
-    omissions: tuple[Omission, ...]
-
-
 def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
     """Raise an error for too many steps, runs or too much memory; keys are named as in a config.
-
-    Parameters
-    ----------
-    sweep : Sweep
-        The runs of every method on one system.
-    methods : sequence of str
-        Names of the methods.
 
     Raises
     ------
@@ -149,7 +132,6 @@ def runs_of(sweep: Sweep, integrator: str, index: int) -> list[Run]:
                     system=sweep.system,
                     integrator=integrator,
                     precision=precision,
-                    first=None,
                     t_end=sweep.t_end,
                     tau_per_stage=taus,
                     steps=steps,
@@ -158,18 +140,6 @@ def runs_of(sweep: Sweep, integrator: str, index: int) -> list[Run]:
                 )
             )
     return runs
-
-
-def plan(sweeps: Sequence[Sweep], methods: Sequence[str]) -> Plan:
-    """Return all runs of the ``sweeps`` of ``methods``, and all omissions."""
-    runs = [
-        run
-        for sweep in sweeps
-        for name in methods
-        for index in range(shards_of(sweep, name))
-        for run in runs_of(sweep, name, index)
-    ]
-    return Plan(runs=tuple(runs), omissions=tuple(_omissions(sweeps, methods)))
 
 
 GridPoint = tuple[float, int]
@@ -207,15 +177,9 @@ def _extended_up_to(sweep: Sweep, tableau: Tableau) -> float:
     return grid[near - 1] if near else 0.0
 
 
-def _omissions(sweeps: Sequence[Sweep], methods: Sequence[str]) -> Iterator[Omission]:
-    for sweep in sweeps:
-        for name in methods:
-            for row in _left_out(sweep, integrators[name]):
-                yield Omission(system=sweep.system, integrator=name, **row)
-
-
-def _left_out(sweep: Sweep, tableau: Tableau) -> Iterator[dict[str, Any]]:
-    """Yield the omissions of one method's runs on one system, as the other fields of :class:`Omission`."""
+def omissions(sweep: Sweep, integrator: str) -> Iterator[Omission]:
+    """Yield the omissions among the runs of a method on a system."""
+    tableau = integrators[integrator]
     groups = _distinct(sweep, tableau)
 
     def cost(steps: Iterable[int]) -> int:
@@ -236,5 +200,4 @@ def _left_out(sweep: Sweep, tableau: Tableau) -> Iterator[dict[str, Any]]:
             ("the force that opens a step", "it closed the step before", handed_on, sum(n - 1 for n in handed_on)),
         ):
             if runs:
-                row = {"precision": precision, "what": what, "reason": reason, "runs": len(runs)}
-                yield row | {"evaluations": evaluations}
+                yield Omission(sweep.system, integrator, precision, what, reason, len(runs), evaluations)

@@ -25,15 +25,7 @@ PER_DECADE = 24
 
 
 def displaced(integrator: str, iterations: int) -> dict[str, Contents]:
-    """Return the contents of the file ``cube``: :func:`displaced_paths` of panel D.
-
-    Parameters
-    ----------
-    integrator : str
-        Name of the method.
-    iterations : int
-        Steps of each run.
-    """
+    """Return the contents of the file ``cube``: :func:`displaced_paths` of panel D with the method ``integrator``."""
     tableau, (_, panel) = integrators[integrator], PAPER_PANELS["D"]
     system = panel["system"]
     variables = displaced_paths(tableau, panel, iterations)
@@ -49,14 +41,7 @@ def displaced(integrator: str, iterations: int) -> dict[str, Contents]:
 def displaced_paths(tableau: Tableau, panel: dict[str, Any], iterations: int) -> Variables:
     """Integrate a panel with each of :data:`DISPLACEMENTS` in place of q_x = 0, with both summations.
 
-    Parameters
-    ----------
-    tableau : Tableau
-        Method.
-    panel : dict
-        System, start in the plane q_x = p_x = 0 and step size, as in ``substeps.PAPER_PANELS``.
-    iterations : int
-        Steps of each run.
+    ``panel`` has the system, the start in the plane q_x = p_x = 0 and the step size, as in ``substeps.PAPER_PANELS``.
 
     Returns
     -------

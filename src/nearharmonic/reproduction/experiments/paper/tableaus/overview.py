@@ -39,25 +39,10 @@ HARMONIC = ("position", "momentum", "energy")
 
 
 def overview(*names: str) -> Columns:
-    """Return one row for each method: properties for a comparison, computed without integration.
+    """Return the columns and one row for each method, by default for each one without modified potentials.
 
     Errors are powers of tau with the norms of :func:`nearharmonic.theory.order.leading_errors`. An effective error is s
     norm^(1/order), which includes the cost of s stages. Edges of stability have 12 decimals.
-
-    Parameters
-    ----------
-    *names : str
-        Names of the methods; by default all registered methods without modified potentials.
-
-    Returns
-    -------
-    Columns
-        Names of the columns, those of :func:`columns_of`, and the rows, in the order of the names.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has one of the names.
     """
     tableaus = [methods_by_name[name] for name in names or plain_integrators]
     keys = [coefficients_digest([tableau]) for tableau in tableaus]
