@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.experiments.stability.ensembles import stacked
 from nearharmonic.reproduction.experiments.stability.henon_heiles.reductions import (
     henon_heiles_cube,
     henon_heiles_table,
@@ -23,7 +24,7 @@ def cells(table):
 
 
 def cube_of(reduction, runs):
-    return reduction([integrators[name] for name in runs], runs)
+    return reduction(stacked([integrators[name] for name in runs], list(runs.values())))
 
 
 def henon_heiles(shares):
@@ -41,10 +42,10 @@ def henon_heiles(shares):
 @pytest.fixture
 def ensembles():
     runs = {
-        "ruth": henon_heiles([[0, 0, 0, 0], [0, 0, 0.2, 0.1]]),
         "leapfrog": henon_heiles([[0, 0.01, 0.011, 0], [0.5, 0, 0, 0]]),
+        "ruth": henon_heiles([[0, 0, 0, 0], [0, 0, 0.2, 0.1]]),
     }
-    return henon_heiles_cube([integrators["leapfrog"], integrators["ruth"]], runs)  # in this order
+    return cube_of(henon_heiles_cube, runs)
 
 
 def test_row_has_largest_trusted_step_errors_and_share_of_limit(ensembles):

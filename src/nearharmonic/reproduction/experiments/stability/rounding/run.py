@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from decimal import Decimal, localcontext
 from fractions import Fraction
 from math import ceil, pi, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -49,19 +50,8 @@ _CONSTANTS = SYSTEM.constants(Decimal)
 SOURCES = ("plain", "compensated", "extended", "coefficients")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Schedule:
-    """Division of a run.
-
-    Attributes
-    ----------
-    steps : int
-        Steps in all.
-    samples : int
-        Number of states after the start; the spacing is an integer number of periods.
-    periods : int
-        Periods in all.
-    """
+class Schedule(NamedTuple):
+    """Division of a run: all steps, all periods, and samples after the start, an integer number of periods apart."""
 
     steps: int
     samples: int
@@ -85,11 +75,6 @@ def warm_up() -> dict[str, Contents]:
     for precision, summation in (("double", "plain"), ("double", "compensated"), ("extended", "compensated")):
         kernel_of(SYSTEM, Numerics(precision=precision, summation=summation, width=WIDTH, energy="samples"))
     return {}
-
-
-def measure(integrator: str, settings: RoundingSettings) -> dict[str, Contents]:
-    """Return the contents of the file ``run``, :func:`rounding_errors` of the method named ``integrator``."""
-    return {"run": rounding_errors(integrators[integrator], settings)}
 
 
 def starts(settings: RoundingSettings) -> Floats:
@@ -132,22 +117,10 @@ def _energy(state: list[Decimal]) -> Decimal:
 
 
 def errors(paths: _Paths, reference: _Paths, samples: Integers) -> tuple[Floats, Floats]:
-    """Return the errors of one run against another.
+    """Return energy error / |H0| and lag in mean anomaly (rad) of runs against others, (orbits, samples).
 
     The lag is the displacement along the velocity, divided by the speed, times the mean motion, which is 1. It is a
     mean anomaly, which grows evenly, while the distance along the track oscillates with the speed.
-
-    Parameters
-    ----------
-    paths, reference : _Paths
-        The runs of the same orbits.
-    samples : array of int
-        Indices of the samples compared.
-
-    Returns
-    -------
-    tuple of two arrays of shape (orbits, samples)
-        Energy error / |H0|, and lag in mean anomaly (rad).
     """
     orbits = len(paths.paths.q)
     energy, lag = np.empty((orbits, len(samples))), np.empty((orbits, len(samples)))
@@ -172,8 +145,9 @@ def _integrate(
     return _Paths(paths, scale)
 
 
-def rounding_errors(tableau: Tableau, settings: RoundingSettings) -> Contents:
-    """Return energy error and lag by rounding alone over (source, orbit, sample), for one method."""
+def measure(integrator: str, settings: RoundingSettings) -> dict[str, Contents]:
+    """Return the file ``run``: energy error and lag by rounding alone over (source, orbit, sample), for one method."""
+    tableau = integrators[integrator]
     plan, start = schedule(settings, tableau.stages), starts(settings)
     samples = np.unique(np.array(geometric(1, plan.samples, TIMES)).round().astype(np.int64))
     exact = _integrate(tableau, plan, start, "extended")
@@ -197,4 +171,4 @@ def rounding_errors(tableau: Tableau, settings: RoundingSettings) -> Contents:
         "lag": variable(over, lag, "displacement along the track as mean anomaly, by rounding alone", "rad"),
         **coordinate("source", list(SOURCES), "arithmetic of the run, or its coefficients alone"),
     }
-    return Contents(variables=variables, coordinates=("time",))
+    return {"run": Contents(variables=variables, coordinates=("time",))}
