@@ -25,17 +25,7 @@ NARROWEST = 1.5
 
 @dataclass(frozen=True, kw_only=True)
 class Chain:
-    """Families of increasing numbers of stages, each extended from the previous one.
-
-    Attributes
-    ----------
-    first : {"drift", "kick"}
-        Operator of the outer row.
-    stages : tuple of int
-        Stages, ascending.
-    order, harmonic_order, squares
-        As for :class:`Family`.
-    """
+    """Families of increasing numbers of ``stages``, each extended from the previous one; see :class:`Family`."""
 
     first: First
     stages: tuple[int, ...]
@@ -111,14 +101,7 @@ class Purpose:
     def ensembles(self, systems: int, seed: int, longer: float = 1.0) -> list[Ensemble]:
         """Return the problems: half of them in two coordinates and half in three, or orbits.
 
-        Parameters
-        ----------
-        systems : int
-            Number of problems.
-        seed : int
-            Of the draw.
-        longer : float
-            Factor of the interval.
+        The intervals are ``longer`` by a factor.
         """
         t_end = self.t_end * longer
         if self.band is None:
