@@ -14,7 +14,7 @@ from nearharmonic.reproduction.experiments.paper.figures.fig2_decomposition impo
 from nearharmonic.reproduction.experiments.paper.grid.plan import shards_of
 from nearharmonic.reproduction.experiments.paper.reduce import reduce
 from nearharmonic.reproduction.experiments.paper.run import integrate
-from nearharmonic.reproduction.experiments.paper.tableaus.decompose import harmonic_terms
+from nearharmonic.reproduction.experiments.paper.tableaus.decompose import decompose
 from nearharmonic.reproduction.experiments.paper.tableaus.overview import overview
 from support.projects.plans import planned_runs
 
@@ -68,7 +68,7 @@ def test_a_plan_counts_a_modified_force_as_a_force():
 
 
 def test_role_that_modified_kick_does_not_have_has_no_terms():
-    terms = harmonic_terms(METHODS)
+    terms = decompose(METHODS)["cube"]
     drawn = fig2_decomposition(terms)
     assert drawn.legends
     plt.close("all")

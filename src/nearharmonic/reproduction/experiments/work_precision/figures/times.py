@@ -51,14 +51,7 @@ def work_precision(system: str, cube: str) -> dict[str, Figure]:
 def work_precision_figure(label: str, parts: Sequence[Part], facts: Mapping[str, object]) -> Figure:
     """Draw a row of panels for each measure of each part, and the machine below.
 
-    Parameters
-    ----------
-    label : str
-        Label of the system in titles.
-    parts : sequence of Part
-        Measurements on each interval.
-    facts : mapping
-        Properties of the machine from :func:`nearharmonic.numerics.clock.machine`.
+    ``facts`` are properties of the machine, from :func:`nearharmonic.numerics.clock.machine`.
     """
     rows = [(t_end, measure, curves) for t_end, measures, curves in parts for measure in measures]
     legend = 0.5 + 0.145 * max(ceil(len(_column(rows[0][2], i)) / per_row) for i, (_, per_row) in enumerate(_COLUMNS))
