@@ -82,15 +82,8 @@ def _padded(part: Variables, whole: Mapping[str, Variable]) -> Variables:
         if name in whole and name in dims:
             found[name] = whole[name]
             continue
-        filled = np.full(
-            [sizes.get(d, n) for d, n in zip(dims, values.shape, strict=True)], _filling(name, values), values.dtype
-        )
+        filler = "skipped" if name == "status" else np.nan if values.dtype.kind == "f" else 0
+        filled = np.full([sizes.get(d, n) for d, n in zip(dims, values.shape, strict=True)], filler, values.dtype)
         filled[np.ix_(rows, *map(np.arange, values.shape[1:]))] = values
         found[name] = dims, filled, notes
     return found
-
-
-def _filling(name: str, values: np.ndarray) -> object:
-    if name == "status":
-        return "skipped"
-    return np.nan if values.dtype.kind == "f" else 0

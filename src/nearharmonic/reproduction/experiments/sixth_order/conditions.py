@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -75,13 +74,3 @@ class NystromEquations(ConditionedSteps):
     def free(self) -> int:
         """Number of free parameters."""
         return self.unknowns - self.harmonic_order
-
-    @cached_property
-    def table(self) -> WordTable:
-        """The words of the equations."""
-        return WordTable.of(word for left, _ in self.equations for word in left)
-
-    @cached_property
-    def letters(self) -> Integers:
-        """0 for a drift and 1 for a kick, for each of the 2s + 1 operators of a step."""
-        return (np.arange(2 * self.stages + 1) + (self.first == "kick")) % 2

@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from hashlib import sha256
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -55,13 +56,8 @@ class Selection:
     longer: float = 2.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class Candidate:
-    """A method of the short list: its family, its search result, and its objective on the validation set."""
-
-    family: Family
-    found: Found
-    validation: float
+#: A method of the short list: its objective on the validation set, and its search result.
+Candidate = tuple[float, Found]
 
 
 def train(
@@ -91,7 +87,7 @@ def train(
     )
     all_findings = _all_findings(goal, settings, training, begun, report)
     short = [one for findings in all_findings for one in _short_list(findings, validation, selection.short_list)]
-    best = min(short, key=lambda one: one.validation)
+    _, best = min(short, key=itemgetter(0))
     rows = [_row(findings, short, test) for findings in all_findings]
     low, high = goal.window
     caption = CAPTION.format(title=goal.title, what=goal.what, low=low, high=high, problems=goal.problems)
@@ -148,9 +144,9 @@ class _Judge:
             family, self.ensembles, self._goal.tau_per_stage, self.references, size=size, charge=self._goal.charge,
         )  # fmt: skip
 
-    def gains(self, family: Family, found: Found) -> Any:
+    def gains(self, found: Found) -> Any:
         """Gains in decades (T,), the mean over the ensembles."""
-        return self.objective(family).gains(found.unknowns[None])[:, 0].mean(axis=0)
+        return self.objective(found.family).gains(found.unknowns[None])[:, 0].mean(axis=0)
 
 
 def _method(place: Path) -> Tableau:
@@ -166,27 +162,24 @@ def _short_list(findings: Searcher, validation: _Judge, count: int) -> list[Cand
     ranked = sorted(findings.found, key=lambda one: one.value)[:count]
     objective = validation.objective(findings.best.family, count)
     values = objective(np.stack([one.unknowns for one in ranked])).tolist()
-    return [
-        Candidate(family=findings.best.family, found=one, validation=value)
-        for one, value in zip(ranked, values, strict=True)
-    ]
+    return list(zip(values, ranked, strict=True))
 
 
 def _row(findings: Searcher, short: Sequence[Candidate], test: _Judge) -> list[Any]:
     family, best = findings.best.family, findings.best
-    own = min((one for one in short if one.family == family), key=lambda one: one.validation)
-    gains = test.gains(family, own.found)
+    validation, own = min((one for one in short if one[1].family == family), key=itemgetter(0))
+    gains = test.gains(own)
     return [
         "BAB" if family.first == "kick" else "ABA", family.stages, family.order, family.harmonic_order,
         " ".join(map(str, family.squares)), len(findings.found), findings.trials, findings.again, best.origin,
-        best.value, own.validation, float(gains.min()), float(gains.mean()),
+        best.value, validation, float(gains.min()), float(gains.mean()),
     ]  # fmt: skip
 
 
-def _document(goal: Purpose, settings: SearchSettings, best: Candidate, test: _Judge) -> Mapping[str, Any]:
+def _document(goal: Purpose, settings: SearchSettings, best: Found, test: _Judge) -> Mapping[str, Any]:
     """Return the method with all digits, its proved properties, and its search."""
-    tableau = tableau_of(best.family, best.found.unknowns.tolist(), name=goal.title, source=SOURCE)
-    gains = test.gains(best.family, best.found)
+    tableau = tableau_of(best.family, best.unknowns.tolist(), name=goal.title, source=SOURCE)
+    gains = test.gains(best)
     squares = {"square": list(tableau.square)} if tableau.modified else {}
     return {
         "name": tableau.name,
@@ -205,7 +198,7 @@ def _document(goal: Purpose, settings: SearchSettings, best: Candidate, test: _J
         "window": list(goal.window),
         "ensemble": goal.problems,
         "seed": settings.seed,
-        "origin": best.found.origin,
+        "origin": best.origin,
         "tau_per_stage": list(goal.tau_per_stage),
         "gain": gains.tolist(),
         "digest": _digest(goal, settings, tableau),

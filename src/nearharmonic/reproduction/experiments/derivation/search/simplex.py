@@ -13,6 +13,7 @@ import random
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import factorial
+from operator import itemgetter
 from time import perf_counter
 from typing import Any
 
@@ -118,7 +119,8 @@ def minimise(
             simplex.append((objective(vertex), vertex))
         best = _collapse(simplex, objective, tolerance, settings)
         restarts += 1
-        report(f"simplex: {objective.calls} evaluations, kappa_max {_decimal_exponent(best[0], bits)}")
+        with mp.workprec(bits):
+            report(f"simplex: {objective.calls} evaluations, kappa_max {mp.nstr(mpf(max(best[0], 1)) / one, 3)}")
     converged = best[0] < tolerance
     with mp.workprec(bits):
         unknowns = tuple(mpf(c) / one for c in best[1]) if converged else ()
@@ -183,11 +185,11 @@ def _collapse(
     simplex: list[Vertex], objective: Callable[[list[int]], int], tolerance: int, settings: Simplex
 ) -> Vertex:
     """Return the best vertex after collapse, convergence, or the last evaluation."""
-    n, bits = len(simplex) - 1, settings.bits
+    n, bits, by_value = len(simplex) - 1, settings.bits, itemgetter(0)
     one = mpz(1) << bits
     expansion, contraction = one + 2 * one // n, 3 * one // 4 - one // (2 * n)
     shrinkage = one - one // n
-    simplex = sorted(simplex, key=_first)
+    simplex = sorted(simplex, key=by_value)
     while simplex[0][0] >= tolerance and objective.calls < settings.evaluations:  # type: ignore[attr-defined]
         (lowest, best), (highest, worst) = simplex[0], simplex[-1]
         if (highest - lowest) << settings.collapsed_bits < lowest:
@@ -195,7 +197,7 @@ def _collapse(
         centroid = [sum(column) // n for column in zip(*(x for _, x in simplex[:-1]), strict=True)]
         reflected = _moved(objective, centroid, worst, one, bits)
         if reflected[0] < lowest:
-            simplex[-1] = min(reflected, _moved(objective, centroid, worst, expansion, bits), key=_first)
+            simplex[-1] = min(reflected, _moved(objective, centroid, worst, expansion, bits), key=by_value)
         elif reflected[0] < simplex[-2][0]:
             simplex[-1] = reflected
         else:
@@ -208,7 +210,7 @@ def _collapse(
                     [b + (shrinkage * (c - b) >> bits) for b, c in zip(best, x, strict=True)] for _, x in simplex[1:]
                 ]
                 simplex[1:] = [(objective(x), x) for x in shrunk]
-        simplex.sort(key=_first)
+        simplex.sort(key=by_value)
     return simplex[0]
 
 
@@ -233,24 +235,19 @@ class _Objective:
         bits, highest, s = self._bits, self._equations.harmonic_order, self._equations.stages
         one, cut = mpz(1) << bits, self._equations.halves[0]
         outer, inner = _closed(x[:cut], s + 1, one), _closed(x[cut:], s, one)
-        own, other = [one] + [0] * highest, [-one] + [0] * highest  # position and momentum, by powers of tau
-        if self._equations.first == "kick":
-            _shear(other, own, outer[0], -1, bits)
-        else:
-            _shear(own, other, outer[0], 1, bits)
+        q, p = [one] + [0] * highest, [-one] + [0] * highest  # by powers of tau
+        kick, drift = (p, q, -1), (q, p, 1)
+        of_outer, of_inner = (kick, drift) if self._equations.first == "kick" else (drift, kick)
+        _shear(*of_outer, outer[0], bits)
         for c, d in zip(inner, outer[1:], strict=True):
-            if self._equations.first == "kick":
-                _shear(own, other, c, 1, bits)
-                _shear(other, own, d, -1, bits)
-            else:
-                _shear(other, own, c, -1, bits)
-                _shear(own, other, d, 1, bits)
-        kappa = [abs(DERIVATIVES[n % 4] * one - self._scale[n] * own[n]) for n in range(1, highest + 1)]
+            _shear(*of_inner, c, bits)
+            _shear(*of_outer, d, bits)
+        kappa = [abs(DERIVATIVES[n % 4] * one - self._scale[n] * q[n]) for n in range(1, highest + 1)]
         largest: int = max(kappa)
         return largest
 
 
-def _shear(moved: list[int], by: list[int], c: int, sign: int, bits: int) -> None:
+def _shear(moved: list[int], by: list[int], sign: int, c: int, bits: int) -> None:
     """Add sign c tau ``by`` to ``moved``; tau shifts each coefficient by one power."""
     for n in range(len(moved) - 1, 0, -1):
         moved[n] += sign * (c * by[n - 1] >> bits)
@@ -259,12 +256,3 @@ def _shear(moved: list[int], by: list[int], c: int, sign: int, bits: int) -> Non
 def _closed(half: list[int], length: int, one: int) -> list[int]:
     rest = one - 2 * sum(half)
     return [*half, rest, *reversed(half)] if length % 2 else [*half, rest // 2, rest // 2, *reversed(half)]
-
-
-def _first(vertex: Vertex) -> int:
-    return vertex[0]
-
-
-def _decimal_exponent(number: int, bits: int) -> str:
-    with mp.workprec(bits):
-        return str(mp.nstr(mpf(max(number, 1)) / (1 << bits), 3))

@@ -92,10 +92,8 @@ def draw_panels(panels: Mapping[str, xr.Dataset]) -> Figure:
         panel_letter(axes, letter, f"{panel.attrs['label']}, {panel.attrs['system_label']}")
     for axes in grid[len(panels) :]:
         axes.set_axis_off()
-    handles, labels = _legend_entries()
-    drawn.legend(
-        handles=handles, labels=labels, loc="upper center", bbox_to_anchor=(0.5, 0.998), ncols=3, columnspacing=2.0
-    )
+    labels, handles = zip(*_legend_entries(), strict=True)
+    drawn.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0.998), ncols=3, columnspacing=2.0)
     return drawn
 
 
@@ -158,12 +156,11 @@ def _draw_iteration(axes: Axes, path: xr.Dataset, legs: str) -> None:
     axes.plot(q[-1:], p[-1:], linestyle="none", zorder=3.6, **_FINAL)
 
 
-def _legend_entries() -> tuple[list[Any], list[str]]:
-    entries = [("initial position", (_INITIAL,)), ("final position", (_FINAL,)), *_DOTS.values()]
-    handles: list[Any] = [
-        tuple(Line2D([], [], linestyle="none", **marker) for marker in markers) for _, markers in entries
+def _legend_entries() -> list[tuple[str, Any]]:
+    """Text and handle of each entry; a handle of markers is a tuple of them, drawn over each other."""
+    looks = [("initial position", (_INITIAL,)), ("final position", (_FINAL,)), *_DOTS.values()]
+    entries: list[tuple[str, Any]] = [
+        (says, tuple(Line2D([], [], linestyle="none", **marker) for marker in markers)) for says, markers in looks
     ]
-    handles.insert(2, Line2D([], [], color=_SURFACE["colors"], linestyle=_SURFACE["linestyles"][0], linewidth=1.0))
-    labels = [says for says, _ in entries]
-    labels.insert(2, "energy surface of the start")
-    return handles, labels
+    surface = Line2D([], [], color=_SURFACE["colors"], linestyle=_SURFACE["linestyles"][0], linewidth=1.0)
+    return [*entries[:2], ("energy surface of the start", surface), *entries[2:]]

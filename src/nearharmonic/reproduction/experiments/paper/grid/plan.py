@@ -76,8 +76,20 @@ def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
         check_oscillator(systems[sweep.system], f"systems.{sweep.system}.split")
     for tableau in tableaus:
         check_fit(systems[sweep.system], tableau, sweep.split)
-    for key, value, allowed in _excesses(sweep, tableaus):
-        raise bad_setting(key, value, allowed)
+    here = f"systems.{sweep.system}.tau_per_stage"
+    steps_of(sweep.t_end, sweep.lowest * min(t.stages for t in tableaus), key=f"{here}.lowest", given=sweep.lowest)
+    points = _grid_points(sweep.lowest, sweep.highest, sweep.points_per_decade)
+    if points > MOST_POINTS:
+        allowed = f"the grid would have {points} step sizes, and may have {MOST_POINTS}"
+        raise bad_setting(f"{here}.points_per_decade", sweep.points_per_decade, allowed)
+    evaluations = sum(t.evaluations(n) for t in tableaus for _, n in _points(sweep, t)) * len(sweep.precision)
+    if evaluations > MOST_EVALUATIONS:
+        allowed = f"all runs would take {evaluations:.2g} force evaluations, and may take {MOST_EVALUATIONS:.0e}"
+        raise bad_setting(f"{here}.lowest", sweep.lowest, allowed)
+    size = _bytes(systems[sweep.system], ceil(points / sweep.shards), sweep.samples)
+    if size > MOST_BYTES:
+        allowed = f"a job would hold {size:.2g} bytes, and may hold {MOST_BYTES:.0e}: add shards"
+        raise bad_setting("samples", sweep.samples, allowed)
 
 
 def _bytes(system: System, points: int, samples: int) -> int:
@@ -93,23 +105,6 @@ def fewest_shards(system: System, grid: StepSizes, samples: int) -> int:
 
 def _grid_points(lowest: float, highest: float, points_per_decade: int) -> int:
     return floor(log10(highest / lowest) * points_per_decade) + 1
-
-
-def _excesses(sweep: Sweep, tableaus: Sequence[Tableau]) -> Iterator[tuple[str, object, str]]:
-    """Yield each limit that ``sweep`` exceeds, as (key, value, allowed values); cheap checks come first."""
-    here = f"systems.{sweep.system}.tau_per_stage"
-    steps_of(sweep.t_end, sweep.lowest * min(t.stages for t in tableaus), key=f"{here}.lowest", given=sweep.lowest)
-    points = _grid_points(sweep.lowest, sweep.highest, sweep.points_per_decade)
-    if points > MOST_POINTS:
-        allowed = f"the grid would have {points} step sizes, and may have {MOST_POINTS}"
-        yield f"{here}.points_per_decade", sweep.points_per_decade, allowed
-    evaluations = sum(t.evaluations(n) for t in tableaus for _, n in _points(sweep, t)) * len(sweep.precision)
-    if evaluations > MOST_EVALUATIONS:
-        allowed = f"all runs would take {evaluations:.2g} force evaluations, and may take {MOST_EVALUATIONS:.0e}"
-        yield f"{here}.lowest", sweep.lowest, allowed
-    size = _bytes(systems[sweep.system], ceil(points / sweep.shards), sweep.samples)
-    if size > MOST_BYTES:
-        yield "samples", sweep.samples, f"a job would hold {size:.2g} bytes, and may hold {MOST_BYTES:.0e}: add shards"
 
 
 def shards_of(sweep: Sweep, integrator: str) -> int:

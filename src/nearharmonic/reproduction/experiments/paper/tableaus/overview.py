@@ -105,14 +105,12 @@ def columns_of(tableau: Tableau) -> dict[str, Cell]:
 
 def _leading(kind: str, error: ErrorTerm | None, tableau: Tableau) -> dict[str, Cell]:
     """The leading error of a kind with its norm, and the effective error."""
-    cells = ("", "", "") if error is None else (*error, _effective(error, tableau))
+    cells: tuple[Cell, ...] = ("", "", "")
+    if error is not None:
+        cells = (*error, float(tableau.stages * pow(error.norm, 1 / (error.degree - 1))))
     names = (f"{kind}leading error", f"{kind}leading error norm", f"{kind}effective error")
     return dict(zip(names, cells, strict=True))
 
 
 def _generalised(tableau: Tableau, *, quadratic: bool) -> str:
     return "(" + ", ".join(map(str, generalised_order_of(tableau, quadratic=quadratic))) + ")"
-
-
-def _effective(error: ErrorTerm, tableau: Tableau) -> float:
-    return float(tableau.stages * pow(error.norm, 1 / (error.degree - 1)))
