@@ -147,7 +147,7 @@ def test_unreached_family_is_skipped_and_no_family_is_refused(monkeypatch):
 
 def test_the_landscape_has_a_row_for_each_family(monkeypatch):
     table = trained(monkeypatch)["landscape"]
-    rows = [dict(zip(table.header, row, strict=True)) for row in table.rows]
+    rows = table.records()
     assert [row["stages"] for row in rows] == [6, 7]
     # srkn_b6 from two spreads, and around the best; babs7o7h likewise, what is grown from 6, and around the best.
     assert rows[0]["searches"] == 3
