@@ -92,10 +92,10 @@ def test_errors_are_those_that_were_put_in():
     moved[0, -1] += 1e-9 * p / speed
     faster[0, -1] *= 1 + 1e-9
     last = np.array([1])
-    energy, lag = rounding.errors(rounding._Paths(replace(paths, q=moved)), rounding._Paths(paths), last)
+    energy, lag = rounding.errors(rounding.states(replace(paths, q=moved), last), rounding.states(paths, last))
     assert lag[0, 0] == pytest.approx(1e-9 / speed, rel=1e-6)  # 1e-16 of q in a step of 1e-9
     assert energy[0, 0] == pytest.approx(2 * 1e-9 * float(q @ p) / speed / float(np.hypot(*q)) ** 3, rel=1e-5)
-    energy, lag = rounding.errors(rounding._Paths(replace(paths, p=faster)), rounding._Paths(paths), last)
+    energy, lag = rounding.errors(rounding.states(replace(paths, p=faster), last), rounding.states(paths, last))
     assert energy[0, 0] == pytest.approx(2e-9 * speed**2, rel=1e-6)
     assert lag[0, 0] == 0
 
