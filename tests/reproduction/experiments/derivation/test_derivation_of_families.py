@@ -15,11 +15,10 @@ from nearharmonic.errors import SettingError
 from nearharmonic.exact.newton import rank_and_pivots
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.search.random_starts import RandomStarts
-from nearharmonic.reproduction.experiments.derivation import run
 from nearharmonic.reproduction.experiments.derivation.conditions import Equations, polish
 from nearharmonic.reproduction.experiments.derivation.families import PRINTED, UNIQUE, printed_point, rank_printed
 from nearharmonic.reproduction.experiments.derivation.isolated import reach
-from nearharmonic.reproduction.experiments.derivation.run import derivation, document
+from nearharmonic.reproduction.experiments.derivation.run import derive
 from nearharmonic.reproduction.experiments.derivation.search.simplex import (
     Simplex,
     _Objective,
@@ -138,26 +137,21 @@ FEW = DerivationSettings(
 def twice():
     """Two derivations with the same settings, and what they reported."""
     lines = []
-    return [derivation(FEW, digits=60, report=lines.append) for _ in range(2)], lines
+    with covered(task("reproduction.experiments.derivation.run:derive", settings=FEW)):
+        return [derive(FEW, lines.append, digits=60) for _ in range(2)], lines
 
 
 def test_same_seed_gives_same_table_and_progress_is_reported(twice):
-    runs, lines = twice
-    first, second = map(document, runs)
-    assert first == second
-    assert {a.name: a.decimals for a in runs[0].agreements} == dict.fromkeys(UNIQUE, 60)
+    (first, second), lines = twice
+    assert first["document"] == second["document"]
+    assert {a["name"]: a["decimals"] for a in first["document"]["agreements"]} == dict.fromkeys(UNIQUE, 60)
     assert any("starts" in line for line in lines)
     other = search(Equations(5, 6), RandomStarts(300, 4, box=2.5))
     assert other.hits != search(Equations(5, 6), RandomStarts(300, 3, box=2.5)).hits
 
 
-def test_what_is_derived_is_tabulated_and_documented(twice, monkeypatch):
-    (found, _), _ = twice
-    asked = {}
-    monkeypatch.setattr(run, "derivation", lambda settings, **more: asked.update(more, settings=settings) or found)
-    with covered(task("reproduction.experiments.derivation.run:derive", settings=FEW)):
-        made = run.derive(FEW, print)
-    assert asked == {"settings": FEW, "report": print}
+def test_what_is_derived_is_tabulated_and_documented(twice):
+    (made, _), _ = twice
     printed = made["table4_derived"].rows
     assert len({row[0] for row in printed}) == len(UNIQUE) + len(PRINTED)
     fixed = {integrators[name].label for name in UNIQUE}
@@ -172,7 +166,7 @@ def test_what_is_derived_is_tabulated_and_documented(twice, monkeypatch):
     text = tomli_w.dumps(made["document"])
     assert tomllib.loads(text) == made["document"]
     assert "seconds" not in text
-    assert len(made["document"]["isolated"]) == 3
+    assert (made["document"]["seed"], made["document"]["digits"], len(made["document"]["isolated"])) == (3, 60, 3)
 
 
 def test_the_fourth_solution_has_the_largest_errors_of_the_four(five):
