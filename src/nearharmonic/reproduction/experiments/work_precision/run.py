@@ -24,7 +24,6 @@ from nearharmonic.recommendation.curve import (
     MEASURES,
     TARGETS,
     Curve,
-    Point,
     ranking,
 )
 from nearharmonic.recommendation.own import ensemble_call, grid, splitting_curve, way_of
@@ -106,19 +105,21 @@ def curves_on(
     sizes and the summation.
     """
     exact = reference(problem.system, problem.t_end) if "position" in problem.measures else None
+    system, t_end, steps = problem.system, problem.t_end, (sweep.lowest, sweep.highest)
     curves = []
     for tableau in tableaus:
-        points = grid(
-            tableau, problem.t_end, sweep.lowest, sweep.highest, settings.points_per_decade, settings.evaluations
-        )
-        curves.append(splitting_curve(problem.system, tableau, problem.t_end, points, exact, sweep.summation))
-    for name in settings.solvers():
-        steps = (sweep.lowest, sweep.highest)
-        curves.append(peer_curve(PEERS[name], problem.system, problem.t_end, steps, exact, settings.longest))
+        points = grid(tableau, t_end, *steps, settings.points_per_decade, settings.evaluations)
+        curves.append(splitting_curve(system, tableau, t_end, points, exact, sweep.summation))
+    peers = [PEERS[name] for name in settings.solvers()]
+    curves += [peer_curve(peer, system, t_end, steps, exact, settings.longest) for peer in peers]
     clock(curves, ("trajectory", "energy"))
-    for name in front_runners(curves, problem.measures):
-        (curve,) = (curve for curve in curves if curve.method == name)
-        _prepare_ensembles(problem, integrators[name], curve.points)
+    front = front_runners(curves, problem.measures)
+    for curve in curves:
+        for point in curve.points if curve.method in front else ():
+            if point.calls:
+                tableau = integrators[curve.method]
+                call, members = ensemble_call(system, tableau, t_end, int(point.steps), way_of(point))
+                point.calls["lanes"], point.members = call, members
     clock(curves, ("lanes",))
     return curves, exact
 
@@ -135,13 +136,6 @@ def front_runners(curves: Sequence[Curve], measures: Sequence[str]) -> list[str]
             order = [curve.method for curve, found in ranking(own, measure, target) if isfinite(found.time)]
             names += order[:FRONT]
     return list(dict.fromkeys(names))
-
-
-def _prepare_ensembles(problem: Problem, tableau: Tableau, points: Sequence[Point]) -> None:
-    for point in points:
-        if point.calls:
-            call, members = ensemble_call(problem.system, tableau, problem.t_end, int(point.steps), way_of(point))
-            point.calls["lanes"], point.members = call, members
 
 
 def clock(curves: Iterable[Curve], modes: Iterable[str]) -> None:

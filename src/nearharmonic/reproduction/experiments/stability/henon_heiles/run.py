@@ -112,12 +112,12 @@ def measure(integrator: str, settings: EnsembleSettings) -> dict[str, Contents]:
     rows = [integrate_ensemble(tableau, tau * tableau.stages, t_end, start, len(settings.energies)) for tau in grid]
     over = ("energy", "tau_per_stage")
     looks = f"quantile of the largest |H - H0|/|H0| over {LOOKS} or more evenly spaced instants, inf if escaped"
-    errors = np.stack([row.quantiles for row in rows], axis=1)
-    steps, evaluations = ([getattr(row, name) for row in rows] for name in ("steps", "evaluations"))
-    escaped = np.stack([row.escaped for row in rows], axis=1)
+    escaped, errors, steps, evaluations = zip(*rows, strict=True)
     variables = {
-        "escaped": variable(over, escaped, "fraction of the trajectories that left their energy surface"),
-        "energy_error": variable((*over, "quantile"), errors, looks),
+        "escaped": variable(
+            over, np.stack(escaped, axis=1), "fraction of the trajectories that left their energy surface"
+        ),
+        "energy_error": variable((*over, "quantile"), np.stack(errors, axis=1), looks),
         "steps": variable("tau_per_stage", steps, "steps of a run that does not escape"),
         "evaluations": variable("tau_per_stage", evaluations, "force evaluations of all trajectories and surfaces"),
         **coordinate("tau_per_stage", [float(tau) for tau in grid], "step size per stage"),

@@ -19,8 +19,6 @@ STRONG, WEAK = (0.01, 0.5), (0.001, 0.03)
 ECCENTRICITIES = (0.02, 0.35)
 #: Cost of the gradient of the square of grad V, in forces, for polynomials and for Kepler: docs/methods.md.
 CHARGE, CHARGE_OF_ORBITS = 1.1, 0.3
-#: Minimum width of a window: ratio of largest to smallest step size.
-NARROWEST = 1.5
 
 
 @dataclass(frozen=True, kw_only=True)
