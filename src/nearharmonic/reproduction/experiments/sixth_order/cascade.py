@@ -125,7 +125,7 @@ def find_solutions(
 
 
 def winners(findings: Findings) -> tuple[Candidate, ...]:
-    """Return the best four candidates whose harmonic order exceeds their order, one per stages and composition.
+    """Return the four best candidates of a harmonic order above their order, one per number of stages and composition.
 
     Candidates of one family, and of successive harmonic orders, are similar: one represents all.
     """

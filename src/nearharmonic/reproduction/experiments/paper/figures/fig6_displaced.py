@@ -70,7 +70,7 @@ def _draw(axes: Axes, runs: xr.Dataset, limit: float) -> None:
 
 
 def _look(place: int) -> dict[str, Any]:
-    """Broad for the plane itself, which comes first."""
+    """Look of a line: broad for the plane itself, which comes first."""
     return {"linewidth": 1.2 if place else 2.0}
 
 

@@ -119,7 +119,8 @@ def measure(integrator: str, settings: MapSettings) -> dict[str, Contents]:
 def kepler_apoapsis(eccentricity: Floats, orientation: Floats | float = 0.0) -> Floats:
     """Return starts (n, 8) in the layout of the kernel, at the apoapsis of orbits of semi-major axis 1 with GM = 1.
 
-    ``orientation``, (n,) or one for all, is the direction from the centre to the apoapsis in rad.
+    ``eccentricity`` (n,) is at least 0 and below 1; ``orientation``, (n,) or one for all, is the direction from the
+    centre to the apoapsis in rad.
     """
     e = eccentricity
     cosine, sine = cos(orientation), sin(orientation)
