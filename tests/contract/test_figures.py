@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from itertools import combinations
 from pathlib import Path
@@ -37,7 +38,10 @@ SHOWN = [stem for one in EXPERIMENTS.values() for stem in one.cubes]
 DECLARED = {one.stem: one for one in figures_of("reproduction.experiments", ("henon_heiles", "kepler", "sho"), SHOWN)}
 # Those of the systems that the paper has a figure of are drawn by that figure; every other system is shown like this.
 OWN = {stem: DECLARED.pop(stem) for stem in ("sho_energy_error", "henon_heiles_energy_error", "kepler_energy_error")}
-(DECLARED["sho_energy_error"],) = figures_of("reproduction.experiments.paper.figures.energy_error", ("sho",))
+(DECLARED["sho_energy_error"],) = (
+    replace(one, stem="sho_energy_error")
+    for one in figures_of("reproduction.experiments.paper.figures.energy_error", ("other",))
+)
 
 
 def drawing(name):

@@ -213,11 +213,9 @@ def test_importing_figures_loads_no_pyplot_and_changes_no_setting():
     program = """
 import sys, matplotlib
 before = matplotlib.rcParams.copy()
-from nearharmonic.reproduction.experiments.paper.figures import fig1_sho
+from nearharmonic.reproduction.experiments.paper.figures import energy_error
 from nearharmonic.reproduction.experiments.paper.figures import fig2_decomposition
-from nearharmonic.reproduction.experiments.paper.figures import fig3_henon_heiles
 from nearharmonic.reproduction.experiments.paper.figures import fig4_perihelion
-from nearharmonic.reproduction.experiments.paper.figures import fig5_kepler
 from nearharmonic.reproduction.experiments.paper.figures import fig6_substeps
 print([m for m in ("matplotlib.pyplot", "xarray", "pandas") if m in sys.modules], matplotlib.rcParams.copy() == before)
 """

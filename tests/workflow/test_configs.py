@@ -9,7 +9,7 @@ import yaml
 
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.reproduction.config.reading import load
-from nearharmonic.reproduction.experiments.paper.grid.plan import plan
+from support.projects.plans import omitted, planned_runs
 
 ROOT = Path(__file__).parents[2]
 
@@ -54,7 +54,7 @@ def test_paper_has_intervals_and_grids_that_its_figures_show():
 
 
 def test_the_plan_of_the_paper_has_every_run_once():
-    runs = plan(*planned(loaded("config.yaml"))).runs
+    runs = planned_runs(*planned(loaded("config.yaml")))
     points = [(r.system, r.integrator, r.precision, tau) for r in runs for tau in r.tau_per_stage]
     assert len(points) == len(set(points))
     double = [point for point in points if point[2] == "double"]
@@ -63,7 +63,7 @@ def test_the_plan_of_the_paper_has_every_run_once():
 
 
 def test_the_plan_of_the_paper_states_the_evaluations_it_spares():
-    omissions = plan(*planned(loaded("config.yaml"))).omissions
+    omissions = omitted(*planned(loaded("config.yaml")))
     assert all(row.evaluations > 0 and row.runs > 0 and row.reason for row in omissions)
     assert {row.integrator for row in omissions if row.precision == "extended"} == set(BENCHMARKED)
     assert {row.system for row in omissions if "share one pass" in row.reason} == {"kepler"}
@@ -73,6 +73,6 @@ def test_smoke_run_has_shape_of_paper_with_fewer_steps():
     paper, smoke = loaded("config.yaml"), loaded("smoke.yaml")
     assert [s.system for s in smoke.sweeps] == [s.system for s in paper.sweeps]
     assert [s.precision for s in smoke.sweeps] == [s.precision for s in paper.sweeps]
-    assert {run.precision for run in plan(*planned(smoke)).runs} == {"double", "extended"}
-    steps = {c.name: sum(sum(run.steps) for run in plan(*planned(c)).runs) for c in (paper, smoke)}
+    assert {run.precision for run in planned_runs(*planned(smoke))} == {"double", "extended"}
+    steps = {c.name: sum(sum(run.steps) for run in planned_runs(*planned(c))) for c in (paper, smoke)}
     assert steps["smoke"] < steps["paper"] / 1000

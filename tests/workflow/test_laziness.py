@@ -9,7 +9,7 @@ import yaml
 
 from nearharmonic.output.store import read_precisions
 from nearharmonic.reproduction.config.reading import load
-from nearharmonic.reproduction.experiments.paper.grid.plan import plan
+from support.projects.plans import planned_runs
 from support.projects.targets import METHODS, RECORD, figures
 
 TINY = ("--configfile", "config/tiny.yaml")
@@ -69,7 +69,7 @@ def test_made_target_keeps_its_files_and_jobs_follow_plan(project, target):
     loaded = load(config)
     planned = {
         (run.system, run.integrator, run.precision, tau)
-        for run in plan(loaded.sweeps, loaded.integrators).runs
+        for run in planned_runs(loaded.sweeps, loaded.integrators)
         for tau in run.tau_per_stage
         if f"cubes/{run.system}.h5" in made
     }

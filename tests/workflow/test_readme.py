@@ -38,7 +38,7 @@ def beside_results(tmp_path, monkeypatch):
     for name, stages in (("ruth", 3), ("babps8o7h", 8)):
         steps = tuple(steps_of("50", tau * stages) for tau in (0.05, 0.1, 0.2))
         run = Run(
-            system="henon_heiles", integrator=name, precision="double", summation="compensated", first=None,
+            system="henon_heiles", integrator=name, precision="double", summation="compensated",
             t_end="50", tau_per_stage=(0.05, 0.1, 0.2), steps=steps, samples=10,
         )  # fmt: skip
         runs = assembled(integrate_run(run), ["t"], {"system": "henon_heiles", "integrator": name})

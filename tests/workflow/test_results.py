@@ -138,7 +138,7 @@ def jobs_after_edit(finished, module, more, *arguments):
                 "decide_claims": 1,
             },
         ),
-        ("reproduction/experiments/paper/figures/fig3_henon_heiles.py", {"draw_henon_heiles": 1}),
+        ("reproduction/experiments/paper/figures/fig2_decomposition.py", {"draw_sho_terms": 1}),
         (
             "plotting/style.py",
             {f"draw_{name}": 1 for name in (*SYSTEMS, "sho_terms", "substeps", "substeps_displaced")},

@@ -60,6 +60,12 @@ def FIGURE(stem):
     return multiext(f"{RESULTS}/figures/{stem}", ".pdf", ".svg", ".png")
 
 
+def shown(stem, category, label):
+    """Return the three files of a figure, with its picture marked for the report."""
+    *vector, png = FIGURE(stem)
+    return [*vector, report(png, caption="../report/figures.rst", category=category, labels={"figure": label})]
+
+
 def FILES(experiment, **values):
     """Return the files of an experiment's target; values are those of placeholders except {system}."""
     return [f"{RESULTS}/{name}" for name in EXPERIMENTS[experiment].files(system=CONFIG.systems, **values)]

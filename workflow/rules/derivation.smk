@@ -3,14 +3,8 @@
 
 rule derive_coefficients:
     output:
+        **{stem: TABLE(stem) for stem in EXPERIMENTS["derivation"].tables},
         document=f"{RESULTS}/derived/coefficients.toml",
-        table4_derived=TABLE("table4_derived"),
-        derived_solutions=TABLE("derived_solutions"),
-        derived_counts=TABLE("derived_counts"),
-        derived_families=TABLE("derived_families"),
-        derived_orders=TABLE("derived_orders"),
-        derived_routes=TABLE("derived_routes"),
-        derived_errors=TABLE("derived_errors"),
     log:
         LOG("derive"),
     priority: 1  # the longest job on one core starts first, so that no core is idle at the end

@@ -1,13 +1,5 @@
 """Figures: one job draws all declared figures of a cube, which it reads once; each figure is a target."""
 
-
-def drawn(one):
-    """Return the files of a figure, with its picture marked for the report."""
-    *vector, png = FIGURE(one.stem)
-    labels = {"figure": one.target}
-    return [*vector, report(png, caption="../report/figures.rst", category=one.category, labels=labels)]
-
-
 for _cube in dict.fromkeys(one.cube for one in FIGURES):
     _figures = [one for one in FIGURES if one.cube == _cube]
 
@@ -17,7 +9,7 @@ for _cube in dict.fromkeys(one.cube for one in FIGURES):
         input:
             **({"cube": CUBE(_cube)} if _cube else {}),
         output:
-            **{one.stem: drawn(one) for one in _figures},
+            **{one.stem: shown(one.stem, one.category, one.target) for one in _figures},
         log:
             LOG(f"figures/{_cube or 'substeps'}"),
         params:

@@ -3,10 +3,8 @@
 
 rule search_sixth_order:
     output:
+        **{stem: TABLE(stem) for stem in EXPERIMENTS["sixth_order"].tables},
         document=f"{RESULTS}/derived/sixth_order.toml",
-        sixth_order_counts=TABLE("sixth_order_counts"),
-        sixth_order_ranking=TABLE("sixth_order_ranking"),
-        sixth_order_measured=TABLE("sixth_order_measured"),
     log:
         LOG("sixth_order"),
     priority: 2  # two cores are free together only at the start

@@ -26,16 +26,7 @@ rule work_precision_figure:
     input:
         cube=CUBE("work_precision"),
     output:
-        figure=[
-            f"{RESULTS}/figures/work_precision_{{system}}.pdf",
-            f"{RESULTS}/figures/work_precision_{{system}}.svg",
-            report(
-                f"{RESULTS}/figures/work_precision_{{system}}.png",
-                caption="../report/figures.rst",
-                category="Timings",
-                labels={"figure": "run time against error, {system}"},
-            ),
-        ],
+        figure=shown("work_precision_{system}", "Timings", "run time against error, {system}"),
     log:
         LOG("work_precision/figure_{system}"),
     params:

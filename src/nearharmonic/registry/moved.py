@@ -108,6 +108,11 @@ MOVED |= {
     for old in ("reduce", "tables")
 }  # fmt: skip
 
+MOVED |= {
+    f"reproduction.experiments.paper.figures.{old}": "reproduction.experiments.paper.figures.energy_error"
+    for old in ("fig1_sho", "fig3_henon_heiles", "fig5_kepler")
+}
+
 PACKAGE = "nearharmonic"
 
 

@@ -41,7 +41,7 @@ def digests(root):
     return {
         **of_runs,
         "cubes": code_digest(f"{folder}.reduce", root=root),
-        "fig1": code_digest(f"{folder}.figures.fig1_sho", root=root),
+        "fig1": code_digest(f"{folder}.figures.energy_error", root=root),
     }
 
 

@@ -16,7 +16,7 @@ import xarray as xr
 from nearharmonic.integrators import BENCHMARKED, integrators, plain_integrators
 from nearharmonic.reproduction.claims.results import Results
 from nearharmonic.reproduction.experiments.paper.orbits.substeps import paper_panels
-from nearharmonic.reproduction.experiments.paper.tableaus.decompose import harmonic_terms
+from nearharmonic.reproduction.experiments.paper.tableaus.decompose import decompose
 from nearharmonic.reproduction.experiments.paper.tableaus.tables import paper_tables
 
 NEW = BENCHMARKED[-4:]
@@ -264,7 +264,7 @@ class HeldResults(Results):
 def _parts():
     cubes = {system: curves(system) for system in CURVES} | _stability() | _long_orbits()
     cubes["trained"] = _trained()
-    cubes["sho_terms"] = harmonic_terms(["aba864", "aba1064", "yoshida_s7o6a", *NEW])
+    cubes["sho_terms"] = decompose(["aba864", "aba1064", "yoshida_s7o6a", *NEW])["cube"]
     tables = _derived_tables()
     for stem, table in paper_tables(BENCHMARKED).items():
         tables[stem] = [dict(zip(table.header, map(str, row), strict=True)) for row in table.rows]

@@ -19,7 +19,7 @@ from nearharmonic.numerics.search.random_starts import RandomStarts
 from nearharmonic.reproduction.experiments.derivation.conditions import Equations, agreeing_decimals, polish
 from nearharmonic.reproduction.experiments.derivation.elimination import eliminate, reduced_system
 from nearharmonic.reproduction.experiments.derivation.families import PRINTED, UNIQUE, agreement
-from nearharmonic.reproduction.experiments.derivation.isolated import _root, solve
+from nearharmonic.reproduction.experiments.derivation.isolated import Solving, _root, solve
 from nearharmonic.reproduction.experiments.derivation.search.starts import sample, search
 
 SEED = 20150106
@@ -215,7 +215,9 @@ def test_solution_that_is_counted_but_not_found_leaves_set_incomplete(monkeypatc
     more = replace(exact, real_solutions=exact.real_solutions + 1)
     monkeypatch.setattr("nearharmonic.reproduction.experiments.derivation.isolated.eliminate", lambda _: more)
     assert not solve(Equations(5, 6), RandomStarts(500, SEED, box=2.5, bound=20.0)).complete
-    assert not solve(Equations(5, 6), RandomStarts(500, SEED, box=2.5, bound=20.0), exact=False).complete
+    assert not solve(
+        Equations(5, 6), RandomStarts(500, SEED, box=2.5, bound=20.0), settings=Solving(eliminable=0)
+    ).complete
 
 
 # --- proofs and digits -----------------------------------------------------------------------------------------------

@@ -11,16 +11,14 @@ import tomli_w
 from mpmath import mpf
 
 from nearharmonic.engine.runs.trajectory import sweep
-from nearharmonic.errors import SettingError, UnknownNameError
+from nearharmonic.errors import SettingError
 from nearharmonic.exact.newton import rank_and_pivots
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.search.random_starts import RandomStarts
-from nearharmonic.reproduction.experiments.derivation import run
 from nearharmonic.reproduction.experiments.derivation.conditions import Equations, polish
-from nearharmonic.reproduction.experiments.derivation.elimination import eliminate
 from nearharmonic.reproduction.experiments.derivation.families import PRINTED, UNIQUE, printed_point, rank_printed
 from nearharmonic.reproduction.experiments.derivation.isolated import reach
-from nearharmonic.reproduction.experiments.derivation.run import derivation, plain
+from nearharmonic.reproduction.experiments.derivation.run import derive
 from nearharmonic.reproduction.experiments.derivation.search.simplex import (
     Simplex,
     _Objective,
@@ -29,7 +27,7 @@ from nearharmonic.reproduction.experiments.derivation.search.simplex import (
 )
 from nearharmonic.reproduction.experiments.derivation.search.starts import sample, search
 from nearharmonic.reproduction.experiments.derivation.settings import DerivationSettings
-from nearharmonic.reproduction.experiments.derivation.tables import compare
+from nearharmonic.reproduction.experiments.derivation.tables import solution_errors
 from nearharmonic.reproduction.tasks.job import covered
 from nearharmonic.reproduction.tasks.provenance import task
 from nearharmonic.theory.oscillator import harmonic_energy_error
@@ -124,7 +122,7 @@ def test_simplex_without_evaluations_gives_residual_without_digits():
 
 
 def test_each_stage_from_five_adds_harmonic_order_and_two_powers():
-    reached = reach(range(3, 8), RandomStarts(2000, SEED, bound=20.0))
+    reached = reach(range(3, 8), RandomStarts(2000, SEED, bound=20.0), known={})
     assert [r.harmonic_order for r in reached] == [4, 4, 6, 7, 8]
     assert [r.lambda_max for r in reached] == [6, 8, 10, 12, 14]
     assert all(r.proved_largest for r in reached)
@@ -139,26 +137,21 @@ FEW = DerivationSettings(
 def twice():
     """Two derivations with the same settings, and what they reported."""
     lines = []
-    return [derivation(FEW, digits=60, report=lines.append) for _ in range(2)], lines
+    with covered(task("reproduction.experiments.derivation.run:derive", settings=FEW)):
+        return [derive(FEW, lines.append, digits=60) for _ in range(2)], lines
 
 
 def test_same_seed_gives_same_table_and_progress_is_reported(twice):
-    runs, lines = twice
-    first, second = ({k: v for k, v in plain(run).items() if k != "seconds"} for run in runs)
-    assert first == second
-    assert {a.name: a.decimals for a in runs[0].agreements} == dict.fromkeys(UNIQUE, 60)
+    (first, second), lines = twice
+    assert first["document"] == second["document"]
+    assert {a["name"]: a["decimals"] for a in first["document"]["agreements"]} == dict.fromkeys(UNIQUE, 60)
     assert any("starts" in line for line in lines)
     other = search(Equations(5, 6), RandomStarts(300, 4, box=2.5))
     assert other.hits != search(Equations(5, 6), RandomStarts(300, 3, box=2.5)).hits
 
 
-def test_what_is_derived_is_tabulated_and_documented(twice, monkeypatch):
-    (found, _), _ = twice
-    asked = {}
-    monkeypatch.setattr(run, "derivation", lambda settings, **more: asked.update(more, settings=settings) or found)
-    with covered(task("reproduction.experiments.derivation.run:derive", settings=FEW)):
-        made = run.derive(FEW, print)
-    assert asked == {"settings": FEW, "report": print}
+def test_what_is_derived_is_tabulated_and_documented(twice):
+    (made, _), _ = twice
     printed = made["table4_derived"].rows
     assert len({row[0] for row in printed}) == len(UNIQUE) + len(PRINTED)
     fixed = {integrators[name].label for name in UNIQUE}
@@ -173,41 +166,24 @@ def test_what_is_derived_is_tabulated_and_documented(twice, monkeypatch):
     text = tomli_w.dumps(made["document"])
     assert tomllib.loads(text) == made["document"]
     assert "seconds" not in text
-    assert len(made["document"]["isolated"]) == 3
+    assert (made["document"]["seed"], made["document"]["digits"], len(made["document"]["isolated"])) == (3, 60, 3)
 
 
 def test_the_fourth_solution_has_the_largest_errors_of_the_four(five):
-    errors = {(e.solution, e.first): e for e in compare(five, [0.05], t_end=20.0)}
+    table = solution_errors(five, [0.05])
+    assert [row[:3] for row in table.rows] == [(n, first, 0.05) for n in (1, 2, 3, 4) for first in ("drift", "kick")]
+    errors = {row[:2]: row[3:] for row in table.rows}
     for first in ("drift", "kick"):
-        by_solution = [errors[n, first] for n in range(4)]
-        assert max(by_solution, key=lambda e: e.harmonic_oscillator).solution == 3
-        assert max(by_solution, key=lambda e: e.henon_heiles).solution == 3
-    assert not any(isnan(e.henon_heiles) for e in errors.values())
-    # Solution 1 is the registered set A: five stages of 0.05 are a step of 0.25.
-    registered = sweep("henon_heiles", "abas5o6h", [0.25], t_end=20.0).max_energy_error.values[0]
-    assert errors[1, "drift"].henon_heiles == pytest.approx(registered, rel=1e-9)
-    assert errors[1, "drift"].harmonic_oscillator == pytest.approx(float(harmonic_energy_error("abas5o6h", 0.25)))
+        of_role = [errors[n, first] for n in (1, 2, 3, 4)]
+        assert of_role[-1] == tuple(map(max, zip(*of_role, strict=True)))
+    assert not any(isnan(henon_heiles) for _, henon_heiles in errors.values())
+    # Solution 2 is the registered set A: five stages of 0.05 are a step of 0.25.
+    registered = sweep("henon_heiles", "abas5o6h", [0.25]).max_energy_error.values[0]
+    oscillator, henon_heiles = errors[2, "drift"]
+    assert henon_heiles == pytest.approx(registered, rel=1e-9)
+    assert oscillator == pytest.approx(float(harmonic_energy_error("abas5o6h", 0.25)))
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: Equations(2, 3), r"stages = 2 is not allowed: an integer >= 3"),
-        (lambda: Equations(5, 6, "both"), r"first = 'both' is not allowed: it is 'drift' or 'kick'"),
-        (
-            lambda: search(Equations(5, 5), RandomStarts(10, 1, box=2.5)),
-            r"harmonic_order = 5 is not allowed: 6, which leaves",
-        ),
-        (lambda: sample(Equations(5, 7), RandomStarts(10, 1)), r"harmonic_order = 7 is not allowed: at most 6"),
-        (lambda: sample(Equations(5, 5), RandomStarts(0, 1)), r"starts = 0 is not allowed: an integer >= 1"),
-        (lambda: eliminate(Equations(5, 5)), r"harmonic_order = 5 is not allowed: 6, which alone"),
-    ],
-)
-def test_a_case_that_makes_no_sense_is_refused(call, message):
-    with pytest.raises(SettingError, match=message):
-        call()
-
-
-def test_an_unknown_printed_set_is_refused():
-    with pytest.raises(UnknownNameError, match="babps8o7"):
-        printed_point("babps8o7")
+def test_a_search_without_starts_is_refused():
+    with pytest.raises(SettingError, match=r"starts = 0 is not allowed: an integer >= 1"):
+        RandomStarts(0, 1)

@@ -20,12 +20,8 @@ CASE = Made(
 )  # fmt: skip
 
 
-def cells(table):
-    return [dict(zip(table.header, row, strict=True)) for row in table.rows]
-
-
 def test_root_has_its_halves_and_how_well_it_is_known():
-    first, second = cells(tables.solutions([CASE]))
+    first, second = tables.solutions([CASE]).records()
     assert first == {
         "stages": 5, "harmonic order": 6, "solution": 1, "half of the outer row": "0.12500000 0.37500000",
         "half of the inner row": "0.30000000 0.40000000", "sum of absolute values": 2.5, "hits": 11,
@@ -38,7 +34,7 @@ def test_root_has_its_halves_and_how_well_it_is_known():
 
 def test_counts_are_those_of_the_case_and_of_its_proofs():
     uncounted = Made(**(vars(CASE) | {"complex_solutions": None, "real_solutions": None, "complete": True}))
-    first, second = cells(tables.counts([CASE, uncounted]))
+    first, second = tables.counts([CASE, uncounted]).records()
     assert first == {
         "stages": 5, "harmonic order": 6, "complex solutions": 10, "real solutions by Sturm": 4, "proved to exist": 1,
         "complete": "no", "starts": 300, "converged": 210,
@@ -49,7 +45,7 @@ def test_counts_are_those_of_the_case_and_of_its_proofs():
 
 def test_the_reach_of_stages_is_that_found():
     reach = Made(stages=6, lambda_max=12, harmonic_order=7, solutions=3, starts=50, proved_largest=True)
-    (row,) = cells(tables.reach_of_stages([reach]))
+    (row,) = tables.reach_of_stages([reach]).records()
     assert row == {
         "stages": 6, "lambda_max": 12, "harmonic order reached": 7, "solutions at order s + 1": 3, "starts": 50,
         "proved largest": "yes",
@@ -71,7 +67,7 @@ def test_printed_set_has_its_own_rank_whatever_order_of_ranking():
 
     printed = point("babs7o7h", 75), point("babps8o7h", 70)
     rankings = rank("babps8o7h", 9), rank("babs7o7h", 8)
-    first, second = cells(tables.families(printed, rankings))
+    first, second = tables.families(printed, rankings).records()
     assert first == {
         "set": "BABs7o7H", "stages": 7, "harmonic order": 7, "free parameters": 1, "printed residual": "1.5e-75",
         "decimals after continuation": 75, "residual after continuation": "2.5e-130", "proved": "yes",
@@ -89,7 +85,7 @@ def test_both_routes_list_worst_residual_and_their_seconds(reached):
         stages=5, starts=1500, promising=6, outcome=outcome, reached=reached,
         distance=None if reached is None else mpf("6.6e-590"),
     )  # fmt: skip
-    ours, theirs = cells(tables.routes([CASE], [run], {"isolated_5": 12.5, "isolated_6": 99.0}))
+    ours, theirs = tables.routes([CASE], [run], {"isolated_5": 12.5, "isolated_6": 99.0}).records()
     assert (ours["stages"], ours["start"], ours["reached"], ours["largest kappa"], ours["seconds"]) == (
         5, "300 random", "all 2", "7.9e-110", 12.5,
     )  # fmt: skip
@@ -98,20 +94,3 @@ def test_both_routes_list_worst_residual_and_their_seconds(reached):
         "reached": "not converged" if reached is None else "solution 2", "largest kappa": "3.3e-600",
         "agrees to": "" if reached is None else "6.6e-590", "evaluations": 25000, "restarts": 4, "seconds": 1.5,
     }  # fmt: skip
-
-
-def test_errors_of_solutions_stand_at_their_step_size_and_system():
-    errors = [
-        tables.SolutionErrors(
-            solution=3, first="drift", tau_per_stage=tau, harmonic_oscillator=oscillator, henon_heiles=henon_heiles
-        )
-        for tau, oscillator, henon_heiles in ((0.1, 1e-9, 1e-5), (0.2, 1e-6, 1e-3))
-    ]
-    first, second = cells(tables.solution_errors(errors))
-    assert first == {
-        "solution": 4, "first": "drift", "tau/s": 0.1, "max error, harmonic oscillator": 1e-9,
-        "max error, Henon-Heiles": 1e-5,
-    }  # fmt: skip
-    assert (second["tau/s"], second["max error, harmonic oscillator"], second["max error, Henon-Heiles"]) == (
-        0.2, 1e-6, 1e-3,
-    )  # fmt: skip

@@ -137,7 +137,7 @@ def test_exact_oscillator_pays_only_at_small_amplitudes(small):
 def test_table_has_row_for_each_pair_and_amplitudes_of_energies(small):
     table = small["table"]
     assert len(table.rows) == 2 * len(CHARGES) * 3
-    rows = [dict(zip(table.header, row, strict=True)) for row in table.rows]
+    rows = table.records()
     assert {row["T + V"] for row in rows} == {"Ruth", "BAB's8o7H", BEST}
     for row in rows:
         assert row["amplitude"] == pytest.approx((2 * row["energy"]) ** 0.5, rel=1e-15)
@@ -163,7 +163,7 @@ def test_times_are_measured_and_charged(small, tmp_path, monkeypatch):
     job.write(small["cube"], [str(tmp_path / "cube.h5")], {})
     cube = read(tmp_path / "cube.h5")
     table = times.measure(str(tmp_path / "cube.h5"), ("aba864",), SMALL)["table"]
-    rows = [dict(zip(table.header, row, strict=True)) for row in table.rows]
+    rows = table.records()
     assert [(row["runs"], row["tau_per_stage"]) for row in rows] == [
         (runs, tau) for runs in ("one trajectory", "ensemble") for tau in (0.1, 0.05)
     ]
@@ -178,7 +178,7 @@ def test_page_states_crossings_and_leads_of_paper_config(tmp_path):
     asked = load({key: config[key] for key in ("name", "integrators", "systems", "exact_oscillator")})
     page = (ROOT / "docs/exact_oscillator.md").read_text(encoding="utf-8")
     found = made(asked.methods, asked.exact_oscillator.methods, asked.exact_oscillator, tmp_path)
-    rows = [dict(zip(found["table"].header, row, strict=True)) for row in found["table"].rows]
+    rows = found["table"].records()
     values = {name: entry.values for name, entry in found["cube"].variables.items()}
     found = {(r["exact oscillator"], f"{r['tau_per_stage']:g}", r["charge"]): r for r in rows if r["T + V"] == BEST}
     stated = re.findall(r"^\| (\S.*?) \| (0\.05|0\.1) \| (.*?) \| (.*?) \|$", page, re.MULTILINE)

@@ -11,11 +11,12 @@ from nearharmonic.errors import SettingError
 from nearharmonic.output.store import write
 from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.experiments.paper.figures.fig2_decomposition import fig2_decomposition
-from nearharmonic.reproduction.experiments.paper.grid.plan import plan, shards_of
+from nearharmonic.reproduction.experiments.paper.grid.plan import shards_of
 from nearharmonic.reproduction.experiments.paper.reduce import reduce
 from nearharmonic.reproduction.experiments.paper.run import integrate
-from nearharmonic.reproduction.experiments.paper.tableaus.decompose import harmonic_terms
+from nearharmonic.reproduction.experiments.paper.tableaus.decompose import decompose
 from nearharmonic.reproduction.experiments.paper.tableaus.overview import overview
+from support.projects.plans import planned_runs
 
 METHODS = ("ruth", "rowlands", "chin_4a", "trained_modified")
 GRID = {"lowest": 0.04, "highest": 0.4, "points_per_decade": 3}
@@ -60,14 +61,14 @@ def test_a_cube_has_the_errors_and_evaluations_of_single_runs(cubes, system, nam
 
 def test_a_plan_counts_a_modified_force_as_a_force():
     config = load(CONFIG)
-    runs = [run for run in plan(config.sweeps, METHODS).runs if run.integrator == "chin_4a"]
+    runs = [run for run in planned_runs(config.sweeps, METHODS) if run.integrator == "chin_4a"]
     assert {run.precision for run in runs} == {"double", "extended"}
     for run in runs:
         assert run.steps == tuple(max(1, round(20 / (2 * tau))) for tau in run.tau_per_stage)
 
 
 def test_role_that_modified_kick_does_not_have_has_no_terms():
-    terms = harmonic_terms(METHODS)
+    terms = decompose(METHODS)["cube"]
     drawn = fig2_decomposition(terms)
     assert drawn.legends
     plt.close("all")

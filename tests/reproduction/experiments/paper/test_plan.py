@@ -13,7 +13,8 @@ from nearharmonic.engine.grid import shard, tau_grid
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.errors import NearharmonicError, SettingError
 from nearharmonic.integrators import integrators
-from nearharmonic.reproduction.experiments.paper.grid.plan import check_sweep, plan, runs_of, shards_of
+from nearharmonic.reproduction.experiments.paper.grid.plan import check_sweep, runs_of, shards_of
+from support.projects.plans import omitted, planned_runs
 
 SHO = Sweep(
     system="sho",
@@ -123,7 +124,7 @@ def test_extended_precision_alone_covers_the_whole_grid():
     alone = replace(SHO, precision=("extended",), shards=1)
     (run,) = runs_of(alone, "ruth", 0)
     assert run.tau_per_stage == tau_grid(SHO.lowest, SHO.highest, SHO.points_per_decade)
-    assert {row.reason for row in plan(*config(alone)).omissions}.isdisjoint(
+    assert {row.reason for row in omitted(*config(alone))}.isdisjoint(
         {"in double, the error is over 100 times the rounding floor"}
     )
 
@@ -141,16 +142,17 @@ def test_step_sizes_with_equal_steps_share_shard():
         assert list(run.steps) == sorted(run.steps, reverse=True)
         for steps in run.steps:
             assert seen.setdefault(steps, index) == index
-    repeated = [row for row in plan(*config(short)).omissions if "neighbour" in row.reason and row.integrator == "ruth"]
+    repeated = [row for row in omitted(*config(short)) if "neighbour" in row.reason and row.integrator == "ruth"]
     assert sum(row.runs for row in repeated) == 161 - len(seen)
 
 
 def test_runs_and_omissions_add_up_to_the_whole_product():
-    made = plan(*config(SHO, HENON_HEILES))
-    extended = sum(len(run.steps) for run in made.runs if run.precision == "extended")
-    left_out = sum(row.runs for row in made.omissions if row.what == "runs in extended precision")
+    sweeps, methods = config(SHO, HENON_HEILES)
+    runs = planned_runs(sweeps, methods)
+    extended = sum(len(run.steps) for run in runs if run.precision == "extended")
+    left_out = sum(row.runs for row in omitted(sweeps, methods) if row.what == "runs in extended precision")
     assert extended + left_out == 2 * 161
-    assert sum(len(run.steps) for run in made.runs if run.precision == "double") == 4 * 161
+    assert sum(len(run.steps) for run in runs if run.precision == "double") == 4 * 161
 
 
 @pytest.mark.parametrize("name", ["ruth", "babs7o7h"])
@@ -164,7 +166,7 @@ def test_evaluations_count_the_kicks_that_are_left_when_neighbours_merge(name, s
 
 
 def test_kick_first_method_saves_reused_force():
-    (row,) = plan(*config(replace(HENON_HEILES, lowest=0.1, highest=0.1, t_end="70"), methods=("babs7o7h",))).omissions
+    (row,) = omitted(*config(replace(HENON_HEILES, lowest=0.1, highest=0.1, t_end="70"), methods=("babs7o7h",)))
     assert (row.runs, row.evaluations) == (1, 99)  # 100 steps of 7 x 0.1: 800 kicks are made with 701 forces
 
 

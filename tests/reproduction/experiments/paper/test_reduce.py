@@ -17,7 +17,7 @@ from nearharmonic.reproduction.experiments.paper import reduce
 from nearharmonic.reproduction.experiments.paper.grid.plan import runs_of, shards_of
 from nearharmonic.reproduction.experiments.paper.reduce import numbers
 from nearharmonic.reproduction.experiments.paper.run import integrate, integrate_run
-from nearharmonic.reproduction.experiments.paper.tableaus.decompose import harmonic_terms
+from nearharmonic.reproduction.experiments.paper.tableaus.decompose import decompose
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
 
@@ -264,14 +264,14 @@ def taylor_errors(tableau, highest):
 def test_the_terms_of_the_leapfrog_are_those_found_by_hand():
     """From (1, -1), drift first q = 1 - tau - tau^2/2 + tau^3/4, kick first the same without the last; exactly
     1 - t - t^2/2 + t^3/6 + ...: kappa_3 = 3! (1/4 - 1/6) = 1/2; kick first there is no third term."""
-    terms = harmonic_terms(["leapfrog"])
+    terms = decompose(["leapfrog"])["cube"]
     assert terms.order.values.tolist() == [1, 2, 3]
     assert terms.kappa.sel(integrator="leapfrog", first="drift").values.tolist() == [0, 0, 0.5]
     assert terms.kappa.sel(integrator="leapfrog", first="kick").values == pytest.approx([0, 0, np.nan], nan_ok=True)
 
 
 def test_terms_stand_at_their_method_composition_and_order():
-    terms = harmonic_terms(["ruth", "babs7o7h"])
+    terms = decompose(["ruth", "babs7o7h"])["cube"]
     assert terms.kappa.shape == (2, 2, 15)
     for name, reach in (("ruth", {"drift": 7, "kick": 6}), ("babs7o7h", {"drift": 15, "kick": 14})):
         for first, highest in reach.items():

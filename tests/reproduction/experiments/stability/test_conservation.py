@@ -20,7 +20,7 @@ from nearharmonic.reproduction.experiments.stability.kinetic_energy.reductions i
     kinetic_energy_cube,
     kinetic_energy_table,
 )
-from nearharmonic.reproduction.experiments.stability.kinetic_energy.run import energy_errors
+from nearharmonic.reproduction.experiments.stability.kinetic_energy.run import measure
 from nearharmonic.systems import systems
 from support.oracles.structures import runs_of, structure
 
@@ -158,16 +158,15 @@ def test_a_force_without_a_potential_is_found_out(monkeypatch):
 
 
 def test_method_that_needs_quadratic_kinetic_energy_is_left_out():
-    nystrom = replace(integrators["ruth"], name="nystrom", requires="quadratic kinetic energy")
-    with pytest.raises(NearharmonicError, match=r"nystrom.*relativistic_oscillator does not have"):
-        nh.integrate("relativistic_oscillator", nystrom, 0.1)
-    assert energy_errors([nystrom, integrators["ruth"]])["integrator"][1].tolist() == ["ruth"]
+    with pytest.raises(NearharmonicError, match=r"srkn_a17.*relativistic_oscillator does not have"):
+        nh.integrate("relativistic_oscillator", "srkn_a17", 0.1)
+    assert measure(["srkn_a17", "ruth"])["run"].variables["integrator"][1].tolist() == ["ruth"]
 
 
 @pytest.fixture(scope="module")
 def cube():
-    variables = energy_errors([integrators[name] for name in ("ruth", "babs7o7h", "babps9o7h")])
-    return kinetic_energy_cube(assembled(variables, ["label"], {}))
+    contents = measure(("ruth", "babs7o7h", "babps9o7h"))["run"]
+    return kinetic_energy_cube(assembled(contents.variables, contents.coordinates, {}))
 
 
 @pytest.mark.parametrize("amplitude", [0.01, 1.0])

@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.experiments.stability.ensembles import stacked
 from nearharmonic.reproduction.experiments.stability.henon_heiles.reductions import (
     henon_heiles_cube,
     henon_heiles_table,
@@ -18,12 +19,8 @@ ONE = {"units": "1", "long_name": "made by hand"}
 QUANTILES = (0.05, 0.5, 0.95, 1.0)
 
 
-def cells(table):
-    return [dict(zip(table.header, row, strict=True)) for row in table.rows]
-
-
 def cube_of(reduction, runs):
-    return reduction([integrators[name] for name in runs], runs)
+    return reduction(stacked([integrators[name] for name in runs], list(runs.values())))
 
 
 def henon_heiles(shares):
@@ -41,15 +38,15 @@ def henon_heiles(shares):
 @pytest.fixture
 def ensembles():
     runs = {
-        "ruth": henon_heiles([[0, 0, 0, 0], [0, 0, 0.2, 0.1]]),
         "leapfrog": henon_heiles([[0, 0.01, 0.011, 0], [0.5, 0, 0, 0]]),
+        "ruth": henon_heiles([[0, 0, 0, 0], [0, 0, 0.2, 0.1]]),
     }
-    return henon_heiles_cube([integrators["leapfrog"], integrators["ruth"]], runs)  # in this order
+    return cube_of(henon_heiles_cube, runs)
 
 
 def test_row_has_largest_trusted_step_errors_and_share_of_limit(ensembles):
     """One percent is trusted; a loss ends it, though coarser steps lose none. Limits: 2, and 1.573401947 over 3."""
-    rows = {(row["integrator"], row["energy"]): row for row in cells(henon_heiles_table(ensembles))}
+    rows = {(row["integrator"], row["energy"]): row for row in henon_heiles_table(ensembles).records()}
     assert rows["leapfrog", 0.125] == {
         "integrator": "leapfrog",
         "energy": 0.125,
@@ -67,7 +64,9 @@ def test_row_has_largest_trusted_step_errors_and_share_of_limit(ensembles):
 
 
 def test_a_method_that_is_never_trusted_has_no_errors_there(ensembles):
-    (row,) = [r for r in cells(henon_heiles_table(ensembles)) if (r["integrator"], r["energy"]) == ("leapfrog", 1 / 6)]
+    (row,) = [
+        r for r in henon_heiles_table(ensembles).records() if (r["integrator"], r["energy"]) == ("leapfrog", 1 / 6)
+    ]
     assert np.isnan(
         [v for k, v in row.items() if k not in {"integrator", "energy", "linear_limit_tau_per_stage"}]
     ).all()
@@ -94,7 +93,7 @@ def test_kepler_evaluations_are_steps_times_stages_at_nearest_eccentricity():
     assert not {"q", "p", "sample", "component"} & set(cube.variables)
     assert cube.evaluations_per_orbit.sel(integrator="leapfrog").values.tolist() == [10, 1000]
     assert cube.evaluations_per_orbit.sel(integrator="babs7o7h").values.tolist() == [70, 7000]
-    first, second = cells(kepler_table(cube))
+    first, second = kepler_table(cube).records()
     shown = {"e_0.000": 100, "e_0.210": 121, "e_0.520": 152, "e_0.790": 179, "e_0.900": 190, "e_0.960": 196,
              "e_0.990": 199}  # fmt: skip
     assert first == {"integrator": "leapfrog"} | {k: pytest.approx(v) for k, v in shown.items()}
@@ -124,7 +123,7 @@ def rounding(scale):
 def test_rounding_rows_have_power_law_final_rms_and_bias():
     """At t = 16: rms of energies 4 sqrt((1 + 9)/2) and mean |-1| 4; of lags 64 sqrt((4 + 16)/2) and 3 x 64."""
     cube = cube_of(rounding_cube, {"leapfrog": rounding(1.0), "ruth": rounding(10.0)})
-    rows = {(r["integrator"], r["source"], r["quantity"]): r for r in cells(rounding_table(cube))}
+    rows = {(r["integrator"], r["source"], r["quantity"]): r for r in rounding_table(cube).records()}
     assert len(rows) == 8
     for name, scale in (("leapfrog", 1), ("ruth", 10)):
         energy, lag = rows[name, "plain", "energy_error"], rows[name, "plain", "lag"]
@@ -161,6 +160,6 @@ def test_interval_of_exponent_is_jackknife_of_its_orbits():
         {"energy_error": (over, [errors], ONE), "lag": (over, [errors], ONE), "time": ("sample", [1.0, 4.0], ONE)},
         coords={"source": ["plain"]},
     )
-    first, _ = cells(rounding_table(cube_of(rounding_cube, {"leapfrog": part})))
+    first, _ = rounding_table(cube_of(rounding_cube, {"leapfrog": part})).records()
     assert first["exponent"] == pytest.approx(np.log(4) / (2 * np.log(4)), rel=1e-14)
     assert first["interval_95"] == pytest.approx(4.302652729749462 * 2 / 3 * np.log(2.5) / (2 * np.log(4)), rel=1e-13)

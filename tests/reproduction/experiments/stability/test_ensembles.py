@@ -26,7 +26,7 @@ from nearharmonic.reproduction.experiments.stability.settings import (
 
 def dataset(contents):
     """The contents of a run file, as they are read from it."""
-    return xr.Dataset(contents.variables)
+    return xr.Dataset(contents["run"].variables)
 
 
 def looked_at(integrator, tau, start, samples=2, **how):
@@ -120,9 +120,7 @@ def test_step_size_is_trusted_below_first_loss():
 def test_ensemble_map_is_bitwise_reproducible_and_depends_on_seed():
     grid = EvenStepSizes(lowest="0.2", highest="0.3", spacing="0.1")
     settings = {"trajectories": 20, "energies": ("1/12",), "t_end": "20", "tau_per_stage": grid}
-    first, again, other = (
-        dataset(hh.ensemble_map(nh.integrators["ruth"], EnsembleSettings(**settings, seed=seed))) for seed in (1, 1, 2)
-    )
+    first, again, other = (dataset(hh.measure("ruth", EnsembleSettings(**settings, seed=seed))) for seed in (1, 1, 2))
     assert first.identical(again)
     assert not np.array_equal(first.energy_error, other.energy_error)
     assert first.tau_per_stage.values.tolist() == [0.2, 0.3]

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from mpmath import findroot, mpf
 
-from nearharmonic.errors import SettingError
 from nearharmonic.numerics.quasi_random import quasi_random
 from nearharmonic.reproduction.experiments.stability.henon_heiles.run import henon_heiles_surface
 from nearharmonic.reproduction.experiments.stability.kepler.run import kepler_apoapsis
@@ -72,12 +71,6 @@ def test_starts_have_the_microcanonical_measure(energy):
     for mode in (1, 2, 3):
         assert abs(np.exp(1j * mode * angle).mean()) < 8e-3
         assert abs((np.exp(1j * mode * angle) * y).mean()) < 8e-3
-
-
-@pytest.mark.parametrize("energy", [Fraction(0), Fraction(-1, 8), Fraction(1, 5)])
-def test_an_energy_without_bounded_surface_is_refused(energy):
-    with pytest.raises(SettingError, match=r"above 0 and at most 1/6"):
-        henon_heiles_surface(energy, 10, 1)
 
 
 def test_kepler_orbits_start_at_apoapsis_with_requested_eccentricity():

@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 
 import nearharmonic as nh
+from nearharmonic.reproduction.experiments.stability.ensembles import stacked
 from nearharmonic.reproduction.experiments.stability.kepler import run as maps
 from nearharmonic.reproduction.experiments.stability.kepler.reductions import (
     evaluations_below,
@@ -24,7 +25,7 @@ from nearharmonic.reproduction.experiments.stability.settings import (
 
 def dataset(contents):
     """The contents of a run file, as they are read from it."""
-    return xr.Dataset(contents.variables)
+    return xr.Dataset(contents["run"].variables)
 
 
 MAP = MapSettings(
@@ -97,7 +98,7 @@ def test_ellipse_that_turns_by_more_than_quarter_has_no_advance():
 
 def test_orbits_that_are_not_run_would_err_less_than_floor():
     tableau = nh.integrators["yoshida_s7o6a"]
-    result = dataset(maps.orbit_map(tableau, MAP))
+    result = dataset(maps.measure("yoshida_s7o6a", MAP))
     skipped = np.argwhere(np.isnan(result.energy_error.values))
     assert len(skipped)
     for j in set(skipped[:, 1]):
@@ -109,7 +110,7 @@ def test_orbits_that_are_not_run_would_err_less_than_floor():
 
 def test_map_separates_lost_from_kept_orbits_and_circles_from_ellipses():
     ruth = nh.integrators["ruth"]
-    result = kepler_cube([ruth], {"ruth": dataset(maps.orbit_map(ruth, MAP))}).isel(integrator=0)
+    result = kepler_cube(stacked([ruth], [dataset(maps.measure("ruth", MAP))])).isel(integrator=0)
     lost = np.isinf(result.energy_error)
     assert lost.any()
     assert (result.orbits_kept.where(lost, drop=True) < MAP.orbits).any()

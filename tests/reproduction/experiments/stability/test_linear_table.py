@@ -32,7 +32,7 @@ def half_trace(tableau, tau):
 
 def cells(tableau):
     table = linear_stability_table([tableau])
-    return [dict(zip(table.header, row, strict=True)) for row in table.rows]
+    return table.records()
 
 
 def test_the_leapfrog_is_stable_up_to_two():

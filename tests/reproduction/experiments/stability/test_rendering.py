@@ -8,6 +8,7 @@ import xarray as xr
 
 from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import assembled
+from nearharmonic.reproduction.experiments.stability.ensembles import stacked
 from nearharmonic.reproduction.experiments.stability.henon_heiles.reductions import henon_heiles_cube
 from nearharmonic.reproduction.experiments.stability.kepler.reductions import kepler_cube
 from nearharmonic.reproduction.experiments.stability.rounding.reductions import rounding_cube
@@ -100,7 +101,9 @@ def test_cube_holds_runs_in_order_of_methods(cubes, name):
     module = f"reproduction.experiments.stability.{name}.run:measure"
     made = {method: results(task(module, integrator=method, settings=SMALL[name]))["run"] for method in METHODS}
     parts = {method: assembled(run.variables, run.coordinates, {}) for method, run in made.items()}
-    expected = REDUCTIONS[name]([integrators[method] for method in METHODS], parts)
+    expected = REDUCTIONS[name](
+        stacked([integrators[method] for method in METHODS], [parts[method] for method in METHODS])
+    )
     xr.testing.assert_equal(cubes[name], expected)
     assert cubes[name].integrator.values.tolist() == list(METHODS)
     assert cubes[name].attrs == {}

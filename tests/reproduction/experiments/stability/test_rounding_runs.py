@@ -11,7 +11,6 @@ import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.engine.batch.batch import integrate_batch
-from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.reproduction.experiments.stability.kepler import run as maps
 from nearharmonic.reproduction.experiments.stability.kepler.run import kepler_apoapsis
 from nearharmonic.reproduction.experiments.stability.rounding import run as rounding
@@ -23,7 +22,7 @@ from nearharmonic.reproduction.experiments.stability.settings import (
 
 def dataset(contents):
     """The contents of a run file, as they are read from it."""
-    return xr.Dataset(contents.variables)
+    return xr.Dataset(contents["run"].variables)
 
 
 LONG = RoundingSettings(ensemble=32, steps=40_000, evaluations_per_orbit=400, seed=1)
@@ -31,7 +30,7 @@ LONG = RoundingSettings(ensemble=32, steps=40_000, evaluations_per_orbit=400, se
 
 @pytest.fixture(scope="module")
 def lost_digits():
-    return dataset(rounding.rounding_errors(nh.integrators["aba104"], LONG))
+    return dataset(rounding.measure("aba104", LONG))
 
 
 def law(result, source, variable):
@@ -65,12 +64,8 @@ def test_rounded_coefficients_alone_shift_the_phase_in_proportion_to_time(lost_d
 
 def test_coefficients_that_are_doubles_shift_nothing():
     """Leapfrog's 1/2 and 1 times a period over 64 are doubles: what is left is the rounding of double-double."""
-    leapfrog = Tableau(
-        name="leapfrog", label="leapfrog", order=2, first="kick", kick=("0.5", "0.5"), drift=("1",), source="here",
-        digits=30,
-    )  # fmt: skip
     settings = RoundingSettings(ensemble=3, steps=2000, evaluations_per_orbit=64, seed=1)
-    assert np.abs(dataset(rounding.rounding_errors(leapfrog, settings)).lag.sel(source="coefficients")).max() < 1e-25
+    assert np.abs(dataset(rounding.measure("leapfrog", settings)).lag.sel(source="coefficients")).max() < 1e-25
 
 
 def test_the_scaled_orbit_is_the_same_orbit():
@@ -97,10 +92,10 @@ def test_errors_are_those_that_were_put_in():
     moved[0, -1] += 1e-9 * p / speed
     faster[0, -1] *= 1 + 1e-9
     last = np.array([1])
-    energy, lag = rounding.errors(rounding._Paths(replace(paths, q=moved)), rounding._Paths(paths), last)
+    energy, lag = rounding.errors(rounding.states(replace(paths, q=moved), last), rounding.states(paths, last))
     assert lag[0, 0] == pytest.approx(1e-9 / speed, rel=1e-6)  # 1e-16 of q in a step of 1e-9
     assert energy[0, 0] == pytest.approx(2 * 1e-9 * float(q @ p) / speed / float(np.hypot(*q)) ** 3, rel=1e-5)
-    energy, lag = rounding.errors(rounding._Paths(replace(paths, p=faster)), rounding._Paths(paths), last)
+    energy, lag = rounding.errors(rounding.states(replace(paths, p=faster), last), rounding.states(paths, last))
     assert energy[0, 0] == pytest.approx(2e-9 * speed**2, rel=1e-6)
     assert lag[0, 0] == 0
 

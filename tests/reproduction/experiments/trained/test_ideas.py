@@ -130,7 +130,7 @@ def test_table_has_row_and_equal_numbers_for_each_cell(tmp_path):
     job.write(measure(METHODS, EXACT, SMALL)["run"], [str(tmp_path / "run.h5")], {})
     made_here = reduce(METHODS, EXACT, SMALL, str(tmp_path / "run.h5"))
     values = {name: entry.values for name, entry in made_here["cube"].variables.items()}
-    rows = [dict(zip(made_here["table"].header, row, strict=True)) for row in made_here["table"].rows]
+    rows = made_here["table"].records()
     assert len(rows) == 2 * STRENGTHS
     for n, row in enumerate(rows):
         t, j = divmod(n, STRENGTHS)

@@ -74,7 +74,7 @@ def test_rounding_errors_are_few_units_and_smaller_when_compensated():
 def test_table_has_rows_of_method_beside_and_of_all_others():
     found = measure(("ruth",), "babps8o7h", SMALL)["run"]
     table = long_table(assembled(found.variables, found.coordinates, {}))
-    rows = [dict(zip(table.header, row, strict=True)) for row in table.rows]
+    rows = table.records()
     assert [(row["system"], row["method"]) for row in rows] == [
         (system, method) for system in ("morse", "henon_heiles") for method in ("babps8o7h", "ruth")
     ]
@@ -96,7 +96,7 @@ def test_gains_at_equal_time_use_measured_charge(monkeypatch, tmp_path):
     job.write(proof.measure(methods, SMALL)["run"], [str(tmp_path / "run.h5")], {})
     job.write(reduce(methods, SMALL, str(tmp_path / "run.h5"))["cube"], [str(tmp_path / "cube.h5")], {})
     table = times.measure(str(tmp_path / "cube.h5"), methods, SMALL)["table"]
-    rows = [dict(zip(table.header, row, strict=True)) for row in table.rows]
+    rows = table.records()
     assert {(row["ns_lanes"], row["ns_single"], row["charge_lanes"]) for row in rows} == {(2.0, 8.0, 3.0)}
     for trial, row in zip(times.proof_ensembles(SMALL), rows, strict=True):
         for mode, charge in (("lanes", 3.0), ("single", 1e-9)):

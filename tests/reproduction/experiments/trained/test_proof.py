@@ -223,7 +223,7 @@ def test_the_table_of_gains_has_each_number_in_its_column():
 
 def test_the_table_of_methods_has_each_number_in_its_column():
     table = method_table(BY_HAND)
-    assert [dict(zip(table.header, row, strict=True)) for row in table.rows] == [
+    assert table.records() == [
         {"method": "b", "ensemble": "one", "ahead_from": 0.1, "ahead_to": 0.1, "ratio": 1.0, "largest_gain": 0.5,
          "gain_at": 0.1, "largest_loss": 1.0, "loss_at": 0.2},
         {"method": "b", "ensemble": "two", "ahead_from": 0.3, "ahead_to": 0.3, "ratio": 1.0, "largest_gain": 1.25,

@@ -142,5 +142,4 @@ def test_one_seed_gives_same_systems_and_others_none_of_them():
 
 def test_the_name_says_what_is_drawn():
     assert drawn(2, 1, band=(0.05, 0.5)).name == "d = 2, 0.05 to 0.5"
-    assert random_ensemble(2, 1, 1, band=(0.1, 0.2), t_end=1.0, name="mine").name == "mine"
     assert drawn(3, 7).size == 7

@@ -126,7 +126,7 @@ def test_task_tells_of_one_system_what_file_has_on_it(tmp_path):
     groups = {name: variables(CURVES if name == "far" else [SLOW], "h") for name in told}
     store.write(tmp_path / "times.h5", {}, {**FACTS, "problems": json.dumps(told)}, groups=groups)
     made = time_to_error("kepler", str(tmp_path / "times.h5"))
-    lines = [dict(zip(made["csv"].header, row, strict=True)) for row in made["csv"].rows]
+    lines = made["csv"].records()
     # Four targets for each measure and method: one method near, four far.
     assert [(line["t_end"], line["measure"]) for line in lines] == (
         [("5", "position")] * 4 + [("7", "mean")] * 16 + [("7", "max")] * 16

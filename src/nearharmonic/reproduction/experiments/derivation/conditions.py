@@ -9,7 +9,6 @@ from typing import Any
 
 from mpmath import mp
 
-from nearharmonic.errors import bad_setting
 from nearharmonic.exact.decimals import BigFloat, decimals_in_common, fixed_point
 from nearharmonic.exact.newton import GUARD, newton
 from nearharmonic.exact.step import POSITION, slopes, states
@@ -39,40 +38,16 @@ class Equations(SymmetricSteps):
         Harmonic order lambda, at least 3.
     first : {"kick", "drift"}
         Operator of the outer row.
-
-    Raises
-    ------
-    SettingError
-        Fewer than 3 stages, a harmonic order below 3, or an unknown operator.
     """
 
     stages: int
     harmonic_order: int
     first: First = "kick"
 
-    def __post_init__(self) -> None:
-        for key, lowest in (("stages", 3), ("harmonic_order", LOWEST_CONDITION)):
-            number = getattr(self, key)
-            if isinstance(number, bool) or not isinstance(number, int) or number < lowest:
-                raise bad_setting(key, number, f"an integer >= {lowest}")
-        if self.first not in ("drift", "kick"):
-            key = "first"
-            raise bad_setting(key, self.first, "it is 'drift' or 'kick'")
-
-    @property
-    def outer_unknowns(self) -> int:
-        """Number of unknowns of the outer row."""
-        return self.halves[0]
-
-    @property
-    def conditions(self) -> int:
-        """lambda - 2."""
-        return self.harmonic_order - LOWEST_CONDITION + 1
-
     @property
     def free_parameters(self) -> int:
         """Dimension of the solution set if the conditions are independent; 0 for isolated solutions."""
-        return self.unknowns - self.conditions
+        return self.unknowns - (self.harmonic_order - LOWEST_CONDITION + 1)
 
     def tableau_unknowns(self, tableau: Tableau) -> Numbers:
         """Return the exact unknowns of ``tableau`` in its declared role."""
@@ -144,19 +119,8 @@ def equations_of(tableau: Tableau) -> Equations:
 def agreeing_decimals(tableau: Tableau, outer: Sequence[str], inner: Sequence[str]) -> int:
     """Return the number of decimals to which a tableau and derived rows agree.
 
-    Agreement to n decimals is a difference below 10^-n: less than one unit of the last digit, for any rounding.
-
-    Parameters
-    ----------
-    tableau : Tableau
-        A printed set.
-    outer, inner : sequence of str
-        The derived rows.
-
-    Returns
-    -------
-    int
-        The minimum over the independent coefficients, at most the guaranteed decimals of the tableau.
+    Agreement to n decimals is a difference below 10^-n: less than one unit of the last digit, for any rounding. The
+    number is the minimum over the independent coefficients, at most the guaranteed decimals of the tableau.
     """
     equations = equations_of(tableau)
     printed = equations.halved(tableau.outer, tableau.inner)

@@ -26,7 +26,7 @@ from nearharmonic.reproduction.experiments.derivation.conditions import (
     equations_of,
     polish,
 )
-from nearharmonic.reproduction.experiments.derivation.isolated import IsolatedSolutions, Root
+from nearharmonic.reproduction.experiments.derivation.isolated import IsolatedSolutions
 from nearharmonic.reproduction.experiments.derivation.search.starts import sample
 
 #: The sets of Nielsen (2015), Table 4, that the conditions determine uniquely.
@@ -96,48 +96,16 @@ class Ranking:
 
 
 def agreement(name: str, isolated: Sequence[IsolatedSolutions]) -> Agreement:
-    """Find the root that equals a printed set, and the number of equal decimals.
-
-    Parameters
-    ----------
-    name : str
-        Name of the printed set.
-    isolated : sequence of IsolatedSolutions
-        The solutions of the cases; without the case of the set, the set is no root.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    """
+    """Find the root of the cases that equals a printed set, and the number of equal decimals."""
     tableau = integrators[name]
-    equations = equations_of(tableau)
-    roots: Sequence[Root] = ()
-    for case in isolated:
-        if (case.equations.stages, case.equations.harmonic_order) == (equations.stages, equations.harmonic_order):
-            roots = case.roots
+    (roots,) = (case.roots for case in isolated if case.equations.stages == tableau.stages)
     decimals = [agreeing_decimals(tableau, root.outer, root.inner) for root in roots]
-    best = max(range(len(roots)), key=decimals.__getitem__, default=None)
-    if best is None or decimals[best] == 0:
-        return Agreement(name, None, 0)
-    return Agreement(name, best, decimals[best])
+    most = max(decimals, default=0)
+    return Agreement(name, decimals.index(most) if most else None, most)
 
 
 def printed_point(name: str, *, digits: int = 128) -> PrintedPoint:
-    """Prove and continue a printed set.
-
-    Parameters
-    ----------
-    name : str
-        Name of the set; it must declare its harmonic order.
-    digits : int
-        Decimals of the continued solution.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    """
+    """Prove a printed set, and continue it to ``digits`` decimals."""
     tableau = integrators[name]
     equations = equations_of(tableau)
     printed = equations.tableau_unknowns(tableau)
@@ -163,23 +131,9 @@ def printed_point(name: str, *, digits: int = 128) -> PrintedPoint:
 def rank_printed(
     names: Sequence[str], starts: RandomStarts, report: Callable[[str], None] = lambda _: None
 ) -> list[Ranking]:
-    """Rank printed sets among members of their families, found from random starts.
+    """Rank printed sets among members of their families, found from random starts in each family.
 
     The sample of members is not uniform. Sets of one family share a sample.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Names of the sets.
-    starts : RandomStarts
-        Starts of the search in each family.
-    report : callable
-        Function that is called with a line on the progress.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has one of these names.
     """
     families: dict[Equations, Any] = {}
     rankings = []
@@ -200,16 +154,7 @@ def derived_tableaus(
 ) -> dict[str, Tableau]:
     """Return the derived counterpart of each printed set, by name: a root, or the nearest member of its family.
 
-    Parameters
-    ----------
-    isolated : sequence of IsolatedSolutions
-        The solutions of the cases.
-    agreements : sequence of Agreement
-        Agreements of the sets without free parameters; a set without an equal root is omitted.
-    printed : sequence of PrintedPoint
-        The other sets; a set that was not continued is omitted.
-    digits : int
-        Decimals of the solutions and of the continued sets.
+    Sets without an equal root, and those that were not continued to ``digits`` decimals, are omitted.
     """
     cases = {case.equations.stages: case for case in isolated}
     tableaus = {}

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 from typing import Any
 
 from mpmath import mp, mpf
@@ -23,15 +22,36 @@ from nearharmonic.reproduction.experiments.derivation.search.starts import sampl
 
 #: The cases of Nielsen (2015) without free parameters, as (stages, harmonic order).
 CASES = ((5, 6), (6, 7), (7, 8))
-#: Largest number of stages for which elimination takes seconds; 9 stages have a ring of 126 dimensions and take
-#: minutes.
-ELIMINABLE_STAGES = 8
-#: Number of starts of a search for any solution of an order, and bound of the unknowns.
-FEW, NEAR = 500, 10.0
 #: Unknowns near a solution, number of random starts that lead there, and True if elimination finds it.
 Candidate = tuple[tuple[Any, ...], int, bool]
-#: Threshold: a higher kappa above this is nonzero for a solution proved to 100 digits.
-NOT_ZERO = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solving:
+    """Settings of the solution of cases.
+
+    Attributes
+    ----------
+    digits : int
+        Decimals of the solutions.
+    eliminable : int
+        Largest number of stages for elimination, which takes seconds; 9 stages have a ring of 126 dimensions and take
+        minutes.
+    same : float
+        Relative difference of unknowns below which elimination and search have found the same solution.
+    not_zero : float
+        A higher kappa above this is nonzero for a solution proved to 100 digits.
+    few, near, tried : int, float and int
+        Number of starts of a search for any solution of an order, bound of its unknowns, and ends that are tried.
+    """
+
+    digits: int = 128
+    eliminable: int = 8
+    same: float = 1e-6
+    not_zero: float = 1e-9
+    few: int = 500
+    near: float = 10.0
+    tried: int = 10
 
 
 @dataclass(frozen=True)
@@ -111,36 +131,16 @@ def solve(
     equations: Equations,
     starts: RandomStarts,
     *,
-    digits: int = 128,
-    exact: bool | None = None,
+    settings: Solving = Solving(),
     report: Callable[[str], None] = lambda _: None,
 ) -> IsolatedSolutions:
-    """Find all real solutions of a case, from random starts and by elimination.
-
-    Parameters
-    ----------
-    equations : Equations
-        The case.
-    starts : RandomStarts
-        Starts of the search.
-    digits : int
-        Decimals of the solutions.
-    exact : bool, optional
-        True to eliminate; by default up to 8 stages.
-    report : callable
-        Is told of the progress.
-
-    Raises
-    ------
-    SettingError
-        A case with free parameters.
-    """
+    """Find all real solutions of a case without free parameters, from random starts and by elimination."""
     found = search(equations, starts, report)
-    eliminable = equations.stages <= ELIMINABLE_STAGES if exact is None else exact
-    elimination = eliminate(equations) if eliminable else None
+    elimination = eliminate(equations) if equations.stages <= settings.eliminable else None
     candidates = [(tuple(point.tolist()), hits, False) for point, hits in zip(found.points, found.hits, strict=True)]
-    candidates = reduce(_joined, elimination.starts if elimination else (), candidates)
-    roots, unfinished = _proved(equations, candidates, digits, report)
+    for start in elimination.starts if elimination else ():
+        candidates = _joined(candidates, start, settings.same)
+    roots, unfinished = _proved(equations, candidates, settings.digits, report)
     complete = bool(elimination and elimination.simple and elimination.real_solutions == len(roots) and not unfinished)
     return IsolatedSolutions(
         equations=equations,
@@ -159,47 +159,31 @@ def solve(
 def reach(
     stages: Sequence[int],
     starts: RandomStarts,
+    known: Mapping[int, IsolatedSolutions],
     *,
-    known: Mapping[int, IsolatedSolutions] | None = None,
+    settings: Solving = Solving(),
     report: Callable[[str], None] = lambda _: None,
 ) -> list[Reach]:
-    """Find the largest harmonic order for each number of stages.
+    """Find the largest harmonic order for each number of stages; ``known`` are solved cases of order s + 1, by stages.
 
     Order s + 1 determines all unknowns. If it has real solutions, a higher order could only be that of one of them; if
     it has none, order s is tried.
-
-    Parameters
-    ----------
-    stages : sequence of int
-        The numbers of stages.
-    starts : RandomStarts
-        Starts of the search for each of them.
-    known : mapping of int to IsolatedSolutions, optional
-        Already solved cases of order s + 1, by their stages.
-    report : callable
-        Is told of the progress.
-
-    Raises
-    ------
-    SettingError
-        Fewer than 3 stages.
     """
     results = []
     for s in stages:
-        equations = Equations(s, s + 1)
-        case = (known or {}).get(s) or solve(equations, starts, exact=s <= ELIMINABLE_STAGES, report=report)
-        results.append(_reach_of(case, starts))
+        case = known.get(s) or solve(Equations(s, s + 1), starts, settings=settings, report=report)
+        results.append(_reach_of(case, starts, settings))
         report(f"{s} stages: harmonic order {results[-1].harmonic_order}")
     return results
 
 
-def _reach_of(case: IsolatedSolutions, starts: RandomStarts) -> Reach:
+def _reach_of(case: IsolatedSolutions, starts: RandomStarts, settings: Solving) -> Reach:
     """Return the largest harmonic order, from the solutions of order s + 1."""
     s = case.equations.stages
     if case.roots:
-        highest, settled = s + 1, case.complete and all(root.higher[0] > NOT_ZERO for root in case.roots)
+        highest, settled = s + 1, case.complete and all(root.higher[0] > settings.not_zero for root in case.roots)
     else:
-        highest = s if _exists(Equations(s, s), starts) else 0
+        highest = s if _exists(Equations(s, s), starts, settings) else 0
         settled = case.complete and highest > 0
     return Reach(
         stages=s,
@@ -212,11 +196,11 @@ def _reach_of(case: IsolatedSolutions, starts: RandomStarts) -> Reach:
     )
 
 
-def _joined(candidates: list[Candidate], start: Sequence[Any]) -> list[Candidate]:
+def _joined(candidates: list[Candidate], start: Sequence[Any], same: float) -> list[Candidate]:
     """Mark the solution from elimination among ``candidates``, or add it if no start led to it."""
     scale = max(1.0, *(abs(float(c)) for c in start))
     for i, (point, hits, _) in enumerate(candidates):
-        if max(abs(float(a) - b) for a, b in zip(start, point, strict=True)) < 1e-6 * scale:
+        if max(abs(float(a) - b) for a, b in zip(start, point, strict=True)) < same * scale:
             return [*candidates[:i], (point, hits, True), *candidates[i + 1 :]]
     return [*candidates, (tuple(start), 0, True)]
 
@@ -265,9 +249,10 @@ def _root(equations: Equations, start: Sequence[Any], digits: int, hits: int, el
     )
 
 
-def _exists(equations: Equations, starts: RandomStarts) -> bool:
+def _exists(equations: Equations, starts: RandomStarts, settings: Solving) -> bool:
     """Return True if a random start leads to a proved solution."""
-    for x in sample(equations, replace(starts, count=min(starts.count, FEW), bound=NEAR))[:10].tolist():
+    few = replace(starts, count=min(starts.count, settings.few), bound=settings.near)
+    for x in sample(equations, few)[: settings.tried].tolist():
         _, pivots = rank_and_pivots(equations.jacobian, x)
         fixed = [j for j in range(equations.unknowns) if j not in pivots]
         polished = polish(equations, x, digits=50, fixed=fixed)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import astuple, dataclass
 from typing import Any
 
 from mpmath import nstr
@@ -22,47 +21,6 @@ from nearharmonic.theory.table_4 import table_4
 ROLES: tuple[First, ...] = ("drift", "kick")
 #: Decimals of the coefficients in measurements of errors.
 DIGITS = 40
-
-
-@dataclass(frozen=True)
-class SolutionErrors:
-    """Energy errors of one solution in one role at one step size: |H - H0|/|H0|, infinite where it left its surface.
-
-    ``harmonic_oscillator`` is the exact supremum over arbitrarily many steps, ``henon_heiles`` the maximum over all
-    steps of the interval of the system.
-    """
-
-    solution: int
-    first: First
-    tau_per_stage: float
-    harmonic_oscillator: float
-    henon_heiles: float
-
-
-def compare(
-    isolated: IsolatedSolutions, tau_per_stage: Sequence[float], *, t_end: float | None = None
-) -> list[SolutionErrors]:
-    """Measure every solution of a case on two systems, drift first and kick first.
-
-    Parameters
-    ----------
-    isolated : IsolatedSolutions
-        The case; its solutions are numbered from 0 in their order.
-    tau_per_stage : sequence of float
-        Step sizes per stage, dimensionless.
-    t_end : float, optional
-        End of the runs on the Henon-Heiles system; that of the system by default.
-    """
-    equations, rows = isolated.equations, []
-    taus = [tau * equations.stages for tau in tau_per_stage]
-    for number, root in enumerate(isolated.roots):
-        tableau = root.tableau(equations, f"solution_{number}", DIGITS)
-        for first in ROLES:
-            measured = sweep(SYSTEM, tableau.role(first), taus, t_end=t_end).max_energy_error.values.tolist()
-            for per_stage, tau, error in zip(tau_per_stage, taus, measured, strict=True):
-                known = float(harmonic_energy_error(tableau, tau, first=first))
-                rows.append(SolutionErrors(number, first, per_stage, known, error))
-    return rows
 
 
 def printed_and_derived(derived: Mapping[str, Tableau]) -> Table:
@@ -115,15 +73,7 @@ def reach_of_stages(reaches: Sequence[Reach]) -> Table:
 
 
 def families(printed: Sequence[PrintedPoint], rankings: Sequence[Ranking]) -> Table:
-    """Tabulate each printed set with free parameters.
-
-    Parameters
-    ----------
-    printed : sequence of PrintedPoint
-        The sets.
-    rankings : sequence of Ranking
-        The rank of each within its family, in any order.
-    """
+    """Tabulate each printed set with free parameters, with its ranking; ``rankings`` are in any order."""
     header = (
         "set", "stages", "harmonic order", "free parameters", "printed residual", "decimals after continuation",
         "residual after continuation", "proved", "members found", "sum of absolute values",
@@ -144,16 +94,9 @@ def families(printed: Sequence[PrintedPoint], rankings: Sequence[Ranking]) -> Ta
 
 
 def routes(cases: Sequence[IsolatedSolutions], simplex: Sequence[SimplexRun], seconds: Mapping[str, float]) -> Table:
-    """Compare the two methods for the coefficients by digits and work.
+    """Compare our method (``cases``) with that of the paper (``simplex``) by digits and work.
 
-    Parameters
-    ----------
-    cases : sequence of IsolatedSolutions
-        Results of our method.
-    simplex : sequence of SimplexRun
-        Results of the method of the paper.
-    seconds : mapping
-        Wall time of our method by case, in seconds on this machine.
+    ``seconds`` are wall times on this machine, of our method by case among others.
     """
     header = ("route", "stages", "start", "reached", "largest kappa", "agrees to", "evaluations", "restarts", "seconds")
     rows: list[tuple[Any, ...]] = []
@@ -176,12 +119,24 @@ def routes(cases: Sequence[IsolatedSolutions], simplex: Sequence[SimplexRun], se
     return Table(header=header, rows=rows, caption=caption, volatile=["seconds"])
 
 
-def solution_errors(rows: Sequence[SolutionErrors]) -> Table:
-    """Tabulate energy errors of every solution of a case, in both roles."""
+def solution_errors(isolated: IsolatedSolutions, tau_per_stage: Sequence[float]) -> Table:
+    """Measure every solution of a case on two systems, drift first and kick first.
+
+    The error |H - H0|/|H0| is the exact supremum over arbitrarily many steps on the harmonic oscillator. On the
+    Henon-Heiles system it is the maximum over all steps of the interval, infinite if a run left its energy surface.
+    """
     header = ("solution", "first", "tau/s", "max error, harmonic oscillator", "max error, Henon-Heiles")
-    lines = [(row.solution + 1, *astuple(row)[1:]) for row in rows]
+    equations, rows = isolated.equations, []
+    taus = [tau * equations.stages for tau in tau_per_stage]
+    for number, root in enumerate(isolated.roots):
+        tableau = root.tableau(equations, f"solution_{number}", DIGITS)
+        for first in ROLES:
+            measured = sweep(SYSTEM, tableau.role(first), taus).max_energy_error.values.tolist()
+            for per_stage, tau, error in zip(tau_per_stage, taus, measured, strict=True):
+                known = float(harmonic_energy_error(tableau, tau, first=first))
+                rows.append((number + 1, first, per_stage, known, error))
     caption = "The five-stage solutions at work: energy errors of all of them, in both roles."
-    return Table(header=header, rows=lines, caption=caption)
+    return Table(header=header, rows=rows, caption=caption)
 
 
 def _yes(fact: bool) -> str:

@@ -66,17 +66,10 @@ def _draw(axes: Axes, one: xr.Dataset) -> None:
     log_scale(axes, "xy")
     axes.set_xlim(energy[0] / 1.15, energy[-1] * 1.15)
     axes.set_xlabel(r"energy $H$")
-    above = axes.secondary_xaxis("top", functions=(_amplitude, _energy))
+    amplitude_and_energy: Any = (lambda H: np.sqrt(2 * np.abs(H)), lambda a: a * a / 2)
+    above = axes.secondary_xaxis("top", functions=amplitude_and_energy)
     above.set_xlabel(r"amplitude $\sqrt{2H}$", labelpad=3)
     axes.tick_params(axis="x", which="both", top=False)
-
-
-def _amplitude(energy: Any) -> Any:
-    return np.sqrt(2 * np.abs(energy))
-
-
-def _energy(amplitude: Any) -> Any:
-    return amplitude * amplitude / 2
 
 
 def _legend(drawn: Figure, cube: xr.Dataset) -> None:

@@ -85,18 +85,9 @@ def crossings_of_medians(runs: xr.Dataset) -> xr.Dataset:
 def crossing(logarithms: Floats, energies: Floats) -> Floats:
     """Return the energies (...) up to which the error with the exact oscillator is smaller.
 
-    Parameters
-    ----------
-    logarithms : (..., E) array of float
-        Logarithm of its error over that of the other method, at each energy.
-    energies : (E,) array of float
-        Ascending.
-
-    Returns
-    -------
-    array of float
-        First energy at which the logarithm exceeds 0, interpolated in the logarithm of the energy; 0 if it exceeds 0 at
-        the first energy, infinite if it never does.
+    ``logarithms`` (..., E) are those of its error over that of the other method, at each of the ascending ``energies``.
+    The result is the first energy at which the logarithm exceeds 0, interpolated in the logarithm of the energy; 0 if
+    it exceeds 0 at the first energy, infinite if it never does.
     """
     log_energy, worse = log(energies), logarithms > 0
     first = worse.argmax(axis=-1)

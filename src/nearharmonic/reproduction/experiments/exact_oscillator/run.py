@@ -23,14 +23,7 @@ WHAT = "largest |H - H0|/|H0| over every step"
 
 
 def measure(split: Sequence[str], exact: Sequence[str], settings: ExactOscillatorSettings) -> dict[str, Contents]:
-    """Integrate all trajectories with all methods.
-
-    Parameters
-    ----------
-    split, exact : sequence of str
-        Names of the methods for T and V, and of the methods for the exactly solved oscillator.
-    settings : ExactOscillatorSettings
-        Energies, starts, interval and step sizes.
+    """Integrate all trajectories with methods for T and V (``split``) and for the exact oscillator (``exact``).
 
     Returns
     -------
@@ -72,19 +65,7 @@ def measure(split: Sequence[str], exact: Sequence[str], settings: ExactOscillato
 
 
 def largest_error(tableau: Tableau, tau_per_stage: Fraction, t_end: Fraction, start: Floats, split: str) -> Floats:
-    """Return the largest |dH/H0| of each run.
-
-    Parameters
-    ----------
-    tableau : Tableau
-        The method.
-    tau_per_stage, t_end : Fraction
-        Step size divided by the stages, and interval; the step size is adapted to an integer number of steps.
-    start : (runs, 8) array of float
-        Initial conditions.
-    split : str
-        Splitting: the parts of H that the two operators solve.
-    """
+    """Return the largest |dH/H0| of each run from ``start`` (runs, 8), of an integer number of steps in [0, t_end]."""
     steps = tableau.steps(tau_per_stage, t_end)
     paths = integrate_batch(
         SYSTEM, tableau, t_end=t_end, steps=np.full(len(start), steps), samples=1, numerics=Numerics(split=split),
@@ -106,16 +87,8 @@ def starts_on(energy: float, count: int, seed: int) -> Floats:
     """Return starts (count, 8) in the layout of the kernel, in the microcanonical measure of H = ``energy``.
 
     The position is uniform where V < ``energy``, the direction of the momentum uniform on the circle. Surfaces of
-    different energies have nearly the same points, in units of their radius.
-
-    Parameters
-    ----------
-    energy : float
-        Energy, above 0 and at most 1/6, the escape energy.
-    count : int
-        Number of starts.
-    seed : int
-        Chooses the quasi-random points.
+    different energies have nearly the same points, in units of their radius. ``energy`` is above 0 and at most 1/6, the
+    escape energy.
     """
     side = radius(energy)
     u = quasi_random(8 * count + 64, 3, seed)  # at least 1/4 of the square is inside

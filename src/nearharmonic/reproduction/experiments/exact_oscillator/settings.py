@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
 from nearharmonic.engine.grid import check_fit
 from nearharmonic.engine.settings import EXACT_OSCILLATOR
@@ -15,8 +14,6 @@ from nearharmonic.numerics.geometric import geometric
 from nearharmonic.reproduction.entries import POSITIVE, STRICT, PositiveDecimal, check_affordable, setting, whole_from
 from nearharmonic.systems.henon_heiles import SYSTEM
 
-#: Energies of the smallest and the largest amplitude; the largest is the escape energy.
-LOWEST, HIGHEST = Fraction(1, 80_000), Fraction(1, 6)
 #: Cost ratios of a step with the exact oscillator for the comparison.
 CHARGES = (1.0, 1.1, 1.25, 1.5, 2.0)
 
@@ -72,5 +69,5 @@ class ExactOscillatorSettings:
         return expanded(self.integrators)
 
     def surfaces(self) -> list[float]:
-        """Return the energies."""
-        return geometric(float(LOWEST), float(HIGHEST), self.energies)
+        """Return the energies from the smallest amplitude to that of escape."""
+        return geometric(1 / 80_000, 1 / 6, self.energies)

@@ -37,16 +37,9 @@ CAPTION = (
 
 @measures_time
 def measure(cube: str, exact: Sequence[str], settings: ExactOscillatorSettings) -> dict[str, Any]:
-    """Return the ``table`` of times and of crossings at equal time.
+    """Return the ``table`` of times and of crossings at equal time; the first step size of the settings is timed.
 
-    Parameters
-    ----------
-    cube : str
-        Path of the cube of crossings at given charges.
-    exact : sequence of str
-        Names of the methods that solve the oscillator exactly.
-    settings : ExactOscillatorSettings
-        The step sizes; the first one is timed.
+    ``cube`` is the path of the cube of crossings at given charges.
     """
     found, timed = read(cube), []
     with pinned():

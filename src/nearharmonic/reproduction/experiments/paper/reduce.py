@@ -24,21 +24,9 @@ TAKEN_OVER = ("tau_per_stage", "tau", "steps", "evaluations", "status", "diverge
 
 
 def reduce(sweep: Sweep, integrators: Sequence[str], **runs: Sequence[str]) -> dict[str, xr.Dataset]:
-    """Assemble the cube of a system from its run files.
+    """Return the ``cube`` of a system, :func:`cube_of` the run files of each method, by its name in ``runs``.
 
-    Parameters
-    ----------
-    sweep : Sweep
-        Settings of the runs on this system.
-    integrators : sequence of str
-        Names of the methods, in the order of the cube.
-    **runs
-        Run files of each method, by its name.
-
-    Returns
-    -------
-    dict
-        ``cube``, the result of :func:`cube_of`.
+    The methods are in the order of ``integrators``.
     """
     leave_out = STATES if sweep.system in PAPER else ()
     return {"cube": cube_of(sweep.system, {name: numbers_of(runs[name], leave_out) for name in integrators})}
@@ -64,19 +52,10 @@ def numbers(runs: xr.Dataset) -> xr.Dataset:
 
 
 def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:
-    """Assemble the cube of a system.
+    """Return the cube of a system, over (precision, integrator, tau_per_stage).
 
-    Parameters
-    ----------
-    system : str
-        Name of the system.
-    methods : mapping
-        Numbers of each method over (precision, tau_per_stage), by its name.
-
-    Returns
-    -------
-    xarray.Dataset
-        Over (precision, integrator, tau_per_stage). Runs that the plan omits have the status "skipped" and NaN errors.
+    ``methods`` has the numbers of each method over (precision, tau_per_stage), by its name. Runs that the plan omits
+    have the status "skipped" and NaN errors.
     """
     problem = systems[system]
     labels = [methods_by_name[name].label for name in methods]

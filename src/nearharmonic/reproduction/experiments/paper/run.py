@@ -18,16 +18,7 @@ COORDINATES = ("t",)
 
 
 def integrate(sweep: Sweep, integrator: str, shard: int) -> dict[str, Contents]:
-    """Integrate one shard of the step sizes of a method on a system.
-
-    Parameters
-    ----------
-    sweep : Sweep
-        Settings of the runs on this system.
-    integrator : str
-        Name of the method.
-    shard : int
-        Number of the shard, from 0.
+    """Integrate one shard, numbered from 0, of the step sizes of a method on a system.
 
     Returns
     -------
@@ -77,10 +68,8 @@ def integrate_run(run: Run) -> Variables:
 
 
 def _problem(run: Run) -> Problem:
-    return Problem(
-        systems[run.system], run.integrator, t_end=run.t_end, precision=run.precision, first=run.first,
-        **run.shared_settings,
-    )  # fmt: skip
+    system = systems[run.system]
+    return Problem(system, run.integrator, t_end=run.t_end, precision=run.precision, **run.shared_settings)
 
 
 def _padded(part: Variables, whole: Mapping[str, Variable]) -> Variables:
@@ -93,15 +82,8 @@ def _padded(part: Variables, whole: Mapping[str, Variable]) -> Variables:
         if name in whole and name in dims:
             found[name] = whole[name]
             continue
-        filled = np.full(
-            [sizes.get(d, n) for d, n in zip(dims, values.shape, strict=True)], _filling(name, values), values.dtype
-        )
+        filler = "skipped" if name == "status" else np.nan if values.dtype.kind == "f" else 0
+        filled = np.full([sizes.get(d, n) for d, n in zip(dims, values.shape, strict=True)], filler, values.dtype)
         filled[np.ix_(rows, *map(np.arange, values.shape[1:]))] = values
         found[name] = dims, filled, notes
     return found
-
-
-def _filling(name: str, values: np.ndarray) -> object:
-    if name == "status":
-        return "skipped"
-    return np.nan if values.dtype.kind == "f" else 0

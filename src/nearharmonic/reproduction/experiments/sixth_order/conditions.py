@@ -19,12 +19,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from nearharmonic.errors import bad_setting
 from nearharmonic.exact.words import LETTERS
 from nearharmonic.integrators.tableau import First
 from nearharmonic.theory.symmetric import ConditionedSteps, Equation
@@ -34,8 +32,6 @@ Integers = npt.NDArray[np.int64]
 
 #: Order for quadratic kinetic energy.
 NYSTROM_ORDER = 6
-#: Fewer stages have no solution; more stages have not been searched.
-STAGES = range(7, 12)
 
 
 @dataclass(frozen=True)
@@ -67,50 +63,14 @@ class WordTable:
 
 @dataclass(frozen=True)
 class NystromEquations(ConditionedSteps):
-    """The equations for one number of stages, one first operator, and one harmonic order.
-
-    Parameters
-    ----------
-    stages : int
-        Number s of stages, one of ``STAGES``.
-    first : {"drift", "kick"}
-        Operator of the outer row.
-    harmonic_order : int
-        Harmonic order lambda_H, from 6 to s - 1.
-
-    Raises
-    ------
-    SettingError
-        A number of stages that is not among ``STAGES``, an unknown operator, or a harmonic order below 6 or beyond what
-        the number of coefficients allows.
-    """
+    """The equations for s ``stages``, the ``first`` operator, and a ``harmonic_order`` lambda_H from 6 to s - 1."""
 
     stages: int
     first: First
     harmonic_order: int
     order: int = field(default=NYSTROM_ORDER, init=False, repr=False)
 
-    def __post_init__(self) -> None:
-        allowed = range(NYSTROM_ORDER, self.stages)
-        for key, value, known in (
-            ("stages", self.stages, STAGES),
-            ("first", self.first, ("drift", "kick")),
-            ("harmonic_order", self.harmonic_order, allowed),
-        ):
-            if value not in known:
-                raise bad_setting(key, value, f"it is one of {', '.join(map(str, known))}")
-
     @property
     def free(self) -> int:
         """Number of free parameters."""
         return self.unknowns - self.harmonic_order
-
-    @cached_property
-    def table(self) -> WordTable:
-        """The words of the equations."""
-        return WordTable.of(word for left, _ in self.equations for word in left)
-
-    @cached_property
-    def letters(self) -> Integers:
-        """0 for a drift and 1 for a kick, for each of the 2s + 1 operators of a step."""
-        return (np.arange(2 * self.stages + 1) + (self.first == "kick")) % 2

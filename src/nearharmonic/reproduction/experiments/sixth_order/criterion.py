@@ -122,6 +122,7 @@ def criterion_of(stages: int) -> Criterion:
 @cache
 def system_of(equations: NystromEquations) -> System:
     """Return the arrays of ``equations``."""
-    table = equations.table
+    table = WordTable.of(word for left, _ in equations.equations for word in left)
+    letters = (np.arange(2 * equations.stages + 1) + (equations.first == "kick")) % 2  # 0 for a drift, 1 for a kick
     weights, wanted = table.weights(equations.equations)
-    return System(table.parent, table.letter, equations.letters, *equations.placement, weights, wanted)
+    return System(table.parent, table.letter, letters, *equations.placement, weights, wanted)

@@ -6,6 +6,8 @@ c^k/k! S(v) to S(w) for w = v X^k.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from nearharmonic.core.layout import Flags
@@ -30,8 +32,18 @@ DAMPING = Damping(
 #: Number of steps of Newton's method to the solution near a point.
 PROJECTION = Damping(iterations=7, enough=1e-12, solved=1e-12, lost=1.0, monotone=False)
 
-#: Descent: length of the first random step, and the factors after success and failure.
-FIRST_LENGTH, LONGER, SHORTER = 0.05, 1.6, 0.85
+
+class Walk(NamedTuple):
+    """Settings of a walk.
+
+    The length of the random steps is ``first`` at the start, and again once it is below ``least``; it grows by the
+    factor ``longer`` after a success and falls by ``shorter`` after a failure.
+    """
+
+    first: float = 0.05
+    longer: float = 1.6
+    shorter: float = 0.85
+    least: float = 1e-7
 
 
 @jit
@@ -44,14 +56,16 @@ def solve(system: System, starts: Doubles, bound: float) -> tuple[Doubles, Flags
 
 
 @jit
-def descend(system: System, criterion: Criterion, bound: float, noise: Doubles, starts: Doubles) -> Doubles:
+def descend(
+    system: System, criterion: Criterion, bound: float, settings: Walk, noise: Doubles, starts: Doubles
+) -> Doubles:
     """Return solutions of lower J, found by random walks with ``noise`` (start, step, unknown) from ``starts``.
 
     A random step, projected back to the solutions, is accepted if J decreases; its length is adapted to the success.
     """
     ends, trial = starts.copy(), np.empty(starts.shape[1])
     for walk in range(len(ends)):
-        x, length = ends[walk], FIRST_LENGTH
+        x, length = ends[walk], settings.first
         least = merit(system, criterion, x)[4]
         for step in range(noise.shape[1]):
             for u in range(len(x)):
@@ -64,12 +78,12 @@ def descend(system: System, criterion: Criterion, bound: float, noise: Doubles, 
                 for u in range(len(x)):
                     x[u] = trial[u]
                 least = value
-                length *= LONGER
+                length *= settings.longer
             else:
-                length *= SHORTER
+                length *= settings.shorter
             # A walk with vanishing steps restarts with long steps, because gaps of stability make J discontinuous.
-            if length < 1e-7:
-                length = FIRST_LENGTH
+            if length < settings.least:
+                length = settings.first
     return ends
 
 

@@ -23,15 +23,6 @@ DECIMALS = 4
 def registered(candidate: Candidate, *, source: str, digits: int = 76) -> Tableau:
     """Return the tableau of a candidate, with a name like in the paper and the order before the harmonic order.
 
-    Parameters
-    ----------
-    candidate : Candidate
-        The solution in doubles.
-    source : str
-        Source of the tableau.
-    digits : int
-        Guaranteed decimals.
-
     Raises
     ------
     NotConvergedError
@@ -49,23 +40,10 @@ def registered(candidate: Candidate, *, source: str, digits: int = 76) -> Tablea
 
 
 def short_decimals(equations: NystromEquations, x: Sequence[float], decimals: int) -> dict[int, str]:
-    """Choose the free parameters of a family: the unknowns that vary most along it.
+    """Choose the free parameters of a family: the unknowns that vary most along it at the solution ``x``.
 
-    The other unknowns are then well-conditioned functions of them.
-
-    Parameters
-    ----------
-    equations : NystromEquations
-        The family.
-    x : sequence of float
-        A solution.
-    decimals : int
-        Decimals to which the values are rounded.
-
-    Returns
-    -------
-    dict
-        The decimal number of each chosen unknown, by its index.
+    The other unknowns are then well-conditioned functions of them. The result has the value of each chosen unknown,
+    rounded to ``decimals``, by its index.
     """
     with mp.workdps(40):
         J = np.array(equations.slopes(list(map(mpf, x))), dtype=float)

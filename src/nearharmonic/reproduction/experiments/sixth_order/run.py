@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import astuple
 from typing import Any
 
 from nearharmonic.engine.runs.trajectory import sweep
@@ -24,19 +24,9 @@ PUBLISHED = zymplectic.TABLEAUS
 def search(
     settings: SixthOrderSettings, integrators: Sequence[str], threads: int, report: Callable[[str], None]
 ) -> dict[str, Table | Mapping[str, Any]]:
-    """Search for methods of order six with a harmonic order, and tabulate the results.
+    """Search for methods of order six with a harmonic order, and compare them with :data:`PUBLISHED` and other methods.
 
-    Parameters
-    ----------
-    settings : SixthOrderSettings
-        Effort of the search.
-    integrators : sequence of str
-        Names of the methods for comparison, in addition to :data:`PUBLISHED`; methods with modified potentials are
-        omitted.
-    threads : int
-        Number of threads; the result does not depend on it.
-    report : callable
-        Function that is called with a line on the progress.
+    Among the ``integrators``, methods with modified potentials are omitted. The result does not depend on ``threads``.
 
     Returns
     -------
@@ -69,7 +59,7 @@ MEASURED = (
 def counts(findings: Findings) -> Table:
     """Tabulate the numbers of solutions of each kind, or of samples if parameters are free."""
     header = ("stages", "first", "harmonic order", "free parameters", "starts", "hits", "distinct solutions")
-    rows = [tuple(asdict(count).values()) for count in findings.counts]
+    rows = [astuple(count) for count in findings.counts]
     return Table(header=header, rows=rows, caption="Solutions by stages, composition and harmonic order.")
 
 

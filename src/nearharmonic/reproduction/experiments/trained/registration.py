@@ -31,13 +31,7 @@ LONGEST = 120
 
 
 def register(documents: Sequence[str]) -> dict[str, str]:
-    """Return the text of the ``module``.
-
-    Parameters
-    ----------
-    documents : sequence of str
-        Paths of the TOML files of searches.
-    """
+    """Return the text of the ``module``, from the paths of the TOML files of searches."""
     methods = [tomllib.loads(Path(place).read_text(encoding="utf-8")) for place in documents]
     names = [*(["QUADRATIC_KINETIC_ENERGY"] if any(map(_needs_requirement, methods)) else []), "Tableau", "palindrome"]
     imports = f"from nearharmonic.integrators.tableau import {', '.join(names)}"

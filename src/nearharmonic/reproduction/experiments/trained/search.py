@@ -7,6 +7,7 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from hashlib import sha256
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +29,6 @@ from nearharmonic.training.published import published_methods
 from nearharmonic.training.search import Effort, Found, Searcher, search, starts_of
 
 SOURCE = "trained by nearharmonic.reproduction.experiments.trained"
-#: Number of methods of each family that are compared on the validation set.
-SHORT_LIST = 3
-#: The seed of each set is three times the seed of the settings plus one of these.
-TRAINING, VALIDATION, TEST = 0, 1, 2
-#: Ratios of the intervals of validation and test to those of training.
-LONGER = 2.0
 CAPTION = (
     "{title}: the families searched for {what}, tau/s {low:.3g} to {high:.3g}, {problems}. Objective: worst over the "
     "window of the mean log10 of the largest energy error against the best published method, and half of its mean; "
@@ -46,12 +41,23 @@ HEADER = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Candidate:
-    """A method of the short list: its family, its search result, and its objective on the validation set."""
+class Selection:
+    """Settings of the choice of a method.
 
-    family: Family
-    found: Found
-    validation: float
+    Attributes
+    ----------
+    short_list : int
+        Number of methods of each family that are compared on the validation set.
+    longer : float
+        Ratio of the intervals of validation and test to those of training.
+    """
+
+    short_list: int = 3
+    longer: float = 2.0
+
+
+#: A method of the short list: its objective on the validation set, and its search result.
+Candidate = tuple[float, Found]
 
 
 def train(
@@ -60,21 +66,12 @@ def train(
     known: Sequence[str],
     report: Callable[[str], None],
     before: Sequence[str] = (),
+    selection: Selection = Selection(),
 ) -> dict[str, Any]:
     """Search for the method of a purpose.
 
-    Parameters
-    ----------
-    purpose : str
-        Name among :data:`PURPOSES`.
-    settings : SearchSettings
-        Effort of the search.
-    known : sequence of str
-        Names of the starting methods; published ones among them are the reference.
-    report : callable
-        Function that is called with a line on the progress.
-    before : sequence of str
-        Paths of the documents of other purposes, whose methods are additional starts.
+    Starts are the ``known`` methods, of which the published ones are the reference, and the methods of other purposes,
+    from the paths of their documents ``before``.
 
     Returns
     -------
@@ -84,11 +81,13 @@ def train(
     goal = PURPOSES[purpose]
     begun = [*(_method(Path(place)) for place in before), *map(integrators.__getitem__, known)]
     published = published_methods(known)
-    all_findings = _all_findings(goal, settings, published, begun, report)
-    validation = _Judge(goal, settings, published, VALIDATION)
-    short = [one for findings in all_findings for one in _short_list(findings, validation)]
-    best = min(short, key=lambda one: one.validation)
-    test = _Judge(goal, settings, published, TEST)
+    training, validation, test = (
+        _Judge(goal, settings, published, which, longer)
+        for which, longer in enumerate((1.0, selection.longer, selection.longer))
+    )
+    all_findings = _all_findings(goal, settings, training, begun, report)
+    short = [one for findings in all_findings for one in _short_list(findings, validation, selection.short_list)]
+    _, best = min(short, key=itemgetter(0))
     rows = [_row(findings, short, test) for findings in all_findings]
     low, high = goal.window
     caption = CAPTION.format(title=goal.title, what=goal.what, low=low, high=high, problems=goal.problems)
@@ -101,19 +100,18 @@ def train(
 def _all_findings(
     goal: Purpose,
     settings: SearchSettings,
-    published: Sequence[Tableau],
+    training: _Judge,
     begun: Sequence[Tableau],
     report: Callable[[str], None],
 ) -> list[Searcher]:
     """Return the findings of each family, each chain from its first."""
-    judge = _Judge(goal, settings, published, TRAINING)
     effort = Effort(trials=settings.trials, random=settings.random, refinements=settings.refinements)
     found: list[Searcher] = []
     for chain in goal.chains:
         before: list[Searcher] = []
         for family in chain.families():
             starts = starts_of(family, begun, [one.best for one in before if one.found], effort)
-            before.append(search(judge.objective(family, effort.population), starts, effort, settings.seed, None))
+            before.append(search(training.objective(family, effort.population), starts, effort, settings.seed, None))
             if not before[-1].found:  # no published method has its shape, and there are no random starts
                 continue
             best = before[-1].best
@@ -128,11 +126,12 @@ def _all_findings(
 
 
 class _Judge:
-    """The objective on one of the three sets."""
+    """The objective on a set, 0 training, 1 validation or 2 test, with intervals ``longer`` by a factor."""
 
-    def __init__(self, goal: Purpose, settings: SearchSettings, published: Sequence[Tableau], which: int) -> None:
-        count = settings.systems if which == TRAINING else settings.held_out
-        longer = 1.0 if which == TRAINING else LONGER
+    def __init__(
+        self, goal: Purpose, settings: SearchSettings, published: Sequence[Tableau], which: int, longer: float
+    ) -> None:
+        count = settings.held_out if which else settings.systems
         self._goal = goal
         self.ensembles: list[Ensemble] = goal.ensembles(count, 3 * settings.seed + which, longer)
         self.references = [
@@ -145,9 +144,9 @@ class _Judge:
             family, self.ensembles, self._goal.tau_per_stage, self.references, size=size, charge=self._goal.charge,
         )  # fmt: skip
 
-    def gains(self, family: Family, found: Found) -> Any:
+    def gains(self, found: Found) -> Any:
         """Gains in decades (T,), the mean over the ensembles."""
-        return self.objective(family).gains(found.unknowns[None])[:, 0].mean(axis=0)
+        return self.objective(found.family).gains(found.unknowns[None])[:, 0].mean(axis=0)
 
 
 def _method(place: Path) -> Tableau:
@@ -158,32 +157,29 @@ def _method(place: Path) -> Tableau:
     return Tableau(**about, **rows, source=SOURCE)
 
 
-def _short_list(findings: Searcher, validation: _Judge) -> list[Candidate]:
-    """Return the best few methods of a family, with objectives on the validation set."""
-    ranked = sorted(findings.found, key=lambda one: one.value)[:SHORT_LIST]
-    objective = validation.objective(findings.best.family, SHORT_LIST)
+def _short_list(findings: Searcher, validation: _Judge, count: int) -> list[Candidate]:
+    """Return the best ``count`` methods of a family, with objectives on the validation set."""
+    ranked = sorted(findings.found, key=lambda one: one.value)[:count]
+    objective = validation.objective(findings.best.family, count)
     values = objective(np.stack([one.unknowns for one in ranked])).tolist()
-    return [
-        Candidate(family=findings.best.family, found=one, validation=value)
-        for one, value in zip(ranked, values, strict=True)
-    ]
+    return list(zip(values, ranked, strict=True))
 
 
 def _row(findings: Searcher, short: Sequence[Candidate], test: _Judge) -> list[Any]:
     family, best = findings.best.family, findings.best
-    own = min((one for one in short if one.family == family), key=lambda one: one.validation)
-    gains = test.gains(family, own.found)
+    validation, own = min((one for one in short if one[1].family == family), key=itemgetter(0))
+    gains = test.gains(own)
     return [
         "BAB" if family.first == "kick" else "ABA", family.stages, family.order, family.harmonic_order,
         " ".join(map(str, family.squares)), len(findings.found), findings.trials, findings.again, best.origin,
-        best.value, own.validation, float(gains.min()), float(gains.mean()),
+        best.value, validation, float(gains.min()), float(gains.mean()),
     ]  # fmt: skip
 
 
-def _document(goal: Purpose, settings: SearchSettings, best: Candidate, test: _Judge) -> Mapping[str, Any]:
+def _document(goal: Purpose, settings: SearchSettings, best: Found, test: _Judge) -> Mapping[str, Any]:
     """Return the method with all digits, its proved properties, and its search."""
-    tableau = tableau_of(best.family, best.found.unknowns.tolist(), name=goal.title, source=SOURCE)
-    gains = test.gains(best.family, best.found)
+    tableau = tableau_of(best.family, best.unknowns.tolist(), name=goal.title, source=SOURCE)
+    gains = test.gains(best)
     squares = {"square": list(tableau.square)} if tableau.modified else {}
     return {
         "name": tableau.name,
@@ -202,7 +198,7 @@ def _document(goal: Purpose, settings: SearchSettings, best: Candidate, test: _J
         "window": list(goal.window),
         "ensemble": goal.problems,
         "seed": settings.seed,
-        "origin": best.found.origin,
+        "origin": best.origin,
         "tau_per_stage": list(goal.tau_per_stage),
         "gain": gains.tolist(),
         "digest": _digest(goal, settings, tableau),

@@ -68,12 +68,7 @@ class Pair:
 def original_of(name: str, names: Sequence[str]) -> str:
     """Return the first of ``names`` with the original equations of a regularised system, or "".
 
-    Parameters
-    ----------
-    name : str
-        A system; one that is not regularised has no original.
-    names : sequence of str
-        Candidates: the original system has no regularisation, but equal initial values, units and energy.
+    The original system has no regularisation, but equal initial values, units and energy.
     """
     system = systems[name]
     if system.regularisation is None:
@@ -91,18 +86,10 @@ def _is_original(other: System, system: System) -> bool:
 def pairs(
     cube: str, names: Sequence[str], quartile: str = "min", measure: str = "max"
 ) -> tuple[list[Pair], dict[str, object]]:
-    """Return the measurements on each system, and the properties of the machine.
+    """Return the measurements on each system, from the path of the cube of times, and the properties of the machine.
 
-    Parameters
-    ----------
-    cube : str
-        Path of the cube that :func:`nearharmonic.reproduction.experiments.work_precision.run.measure` makes.
-    names : sequence of str
-        Systems; systems without this ``measure`` are omitted.
-    quartile : str
-        Quartile of the times of each point: one of :data:`nearharmonic.numerics.clock.QUARTILES`.
-    measure : str
-        The error: a key of :data:`nearharmonic.recommendation.curve.MEASURES`.
+    ``quartile`` is that of the times of each point, one of :data:`nearharmonic.numerics.clock.QUARTILES`, and
+    ``measure`` the error, a key of :data:`nearharmonic.recommendation.curve.MEASURES`; systems without it are omitted.
     """
     measured: dict[str, tuple[str, Sequence[Curve]]] = {}
     facts: dict[str, object] = {}

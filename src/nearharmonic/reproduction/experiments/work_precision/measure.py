@@ -10,7 +10,7 @@ from __future__ import annotations
 import subprocess
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
@@ -88,7 +88,8 @@ def peer_curve(
     curve.version = version_of(peer.module)
     end = float(t_end)
     with quiet():
-        for setting in peer.settings or _steps(peer, steps_per_stage):
+        taus = reversed(tau_grid(*steps_per_stage, POINTS_PER_DECADE))
+        for setting in peer.settings or [tau * peer.stages for tau in taus]:
             point, seconds = _measured(peer, system, end, setting, exact)
             # A diverging coarse run may take very long; finer runs are then still useful.
             if seconds > longest:
@@ -114,10 +115,6 @@ def _misfit(peer: Peer, system: System) -> str:
     if peer.gravity_only and not system.gravity:
         return "does not fit: it requires V = -GM/|q|"
     return "" if system.unit_masses or not peer.quadratic_only else "does not fit: it requires T = p.p/2"
-
-
-def _steps(peer: Peer, per_stage: tuple[float, float]) -> Sequence[float]:
-    return [tau * peer.stages for tau in reversed(tau_grid(*per_stage, POINTS_PER_DECADE))]
 
 
 def _measured(peer: Peer, system: System, t_end: float, setting: float, exact: Reference | None) -> tuple[Point, float]:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from math import isfinite
+from typing import NamedTuple
 
 from nearharmonic.engine.reference import Reference, position_t_end, reference
 from nearharmonic.engine.settings import Sweep
@@ -24,7 +24,6 @@ from nearharmonic.recommendation.curve import (
     MEASURES,
     TARGETS,
     Curve,
-    Point,
     ranking,
 )
 from nearharmonic.recommendation.own import ensemble_call, grid, splitting_curve, way_of
@@ -42,26 +41,13 @@ ENSEMBLES = Patience(least=5, most=15, seconds=0.05, longest=0.1)
 FRONT = 3
 
 
-@dataclass(frozen=True, kw_only=True)
-class Problem:
-    """One system over one interval.
+class Problem(NamedTuple):
+    """One system over one interval."""
 
-    Attributes
-    ----------
-    name : str
-        Name of its group in the cube.
-    system : System
-        The system, from its initial state.
-    t_end : str
-        End of the interval [0, t_end], in the unit of time of the system.
-    measures : tuple of str
-        Errors of interest, keys of :data:`nearharmonic.recommendation.curve.MEASURES`.
-    """
-
-    name: str
+    name: str  # of its group in the cube
     system: System
-    t_end: str
-    measures: tuple[str, ...]
+    t_end: str  # end of the interval [0, t_end], in the unit of time of the system
+    measures: tuple[str, ...]  # errors of interest, keys of :data:`nearharmonic.recommendation.curve.MEASURES`
 
 
 @measures_time
@@ -70,17 +56,8 @@ def measure(
 ) -> dict[str, Contents]:
     """Time methods and other libraries on every problem of a config.
 
-    Parameters
-    ----------
-    sweeps : sequence of Sweep
-        Runs on each system.
-    methods : sequence of str
-        Names of integrators.
-    settings : WorkPrecisionSettings
-        Further timed methods and libraries, resolution, and time limit.
-    installed : mapping of str to bool
-        Libraries, and True if they are installed. The measurement does not use it. It is one of the settings that a
-        workflow compares, so that the measurement is repeated after the installation of a library.
+    The measurement does not use ``installed``, which is True for each installed library. It is one of the settings that
+    a workflow compares, so that the measurement is repeated after the installation of a library.
 
     Returns
     -------
@@ -111,61 +88,38 @@ def measure(
 
 
 def problems(system: System, t_end: str) -> tuple[Problem, ...]:
-    """Return the intervals of the timing: one, and a second one for positions if the system is chaotic.
-
-    Parameters
-    ----------
-    system : System
-        The system.
-    t_end : str
-        End of the requested interval, in the unit of time of the system.
-    """
+    """Return the intervals of the timing: [0, t_end], and a second one for positions if the system is chaotic."""
     short = position_t_end(system, t_end)
     if Fraction(short) == Fraction(t_end):
-        return (Problem(name=system.name, system=system, t_end=t_end, measures=tuple(MEASURES)),)
-    return (
-        Problem(name=system.name, system=system, t_end=t_end, measures=("max", "mean")),
-        Problem(name=f"{system.name}_position", system=system, t_end=short, measures=("position",)),
-    )
+        return (Problem(system.name, system, t_end, tuple(MEASURES)),)
+    positions = Problem(f"{system.name}_position", system, short, ("position",))
+    return Problem(system.name, system, t_end, ("max", "mean")), positions
 
 
 def curves_on(
     problem: Problem, tableaus: Sequence[Tableau], sweep: Sweep, settings: WorkPrecisionSettings
 ) -> tuple[list[Curve], Reference | None]:
-    """Return the curves of methods and peers on one problem, timed in interleaved order on this thread.
+    """Return the curves of methods, then of peers, on one problem, timed in interleaved order on this thread.
 
-    Parameters
-    ----------
-    problem : Problem
-        System and interval.
-    tableaus : sequence of Tableau
-        Methods of this package.
-    sweep : Sweep
-        Range of step sizes, and the summation.
-    settings : WorkPrecisionSettings
-        The peers, resolution, and time limit.
-
-    Returns
-    -------
-    curves : list of Curve
-        The methods, then the peers.
-    exact : Reference or None
-        Reference of the positions, if their errors are measured.
+    The second result is the reference of the positions, if their errors are measured. ``sweep`` has the range of step
+    sizes and the summation.
     """
     exact = reference(problem.system, problem.t_end) if "position" in problem.measures else None
+    system, t_end, steps = problem.system, problem.t_end, (sweep.lowest, sweep.highest)
     curves = []
     for tableau in tableaus:
-        points = grid(
-            tableau, problem.t_end, sweep.lowest, sweep.highest, settings.points_per_decade, settings.evaluations
-        )
-        curves.append(splitting_curve(problem.system, tableau, problem.t_end, points, exact, sweep.summation))
-    for name in settings.solvers():
-        steps = (sweep.lowest, sweep.highest)
-        curves.append(peer_curve(PEERS[name], problem.system, problem.t_end, steps, exact, settings.longest))
+        points = grid(tableau, t_end, *steps, settings.points_per_decade, settings.evaluations)
+        curves.append(splitting_curve(system, tableau, t_end, points, exact, sweep.summation))
+    peers = [PEERS[name] for name in settings.solvers()]
+    curves += [peer_curve(peer, system, t_end, steps, exact, settings.longest) for peer in peers]
     clock(curves, ("trajectory", "energy"))
-    for name in front_runners(curves, problem.measures):
-        (curve,) = (curve for curve in curves if curve.method == name)
-        _prepare_ensembles(problem, integrators[name], curve.points)
+    front = front_runners(curves, problem.measures)
+    for curve in curves:
+        for point in curve.points if curve.method in front else ():
+            if point.calls:
+                tableau = integrators[curve.method]
+                call, members = ensemble_call(system, tableau, t_end, int(point.steps), way_of(point))
+                point.calls["lanes"], point.members = call, members
     clock(curves, ("lanes",))
     return curves, exact
 
@@ -184,22 +138,10 @@ def front_runners(curves: Sequence[Curve], measures: Sequence[str]) -> list[str]
     return list(dict.fromkeys(names))
 
 
-def _prepare_ensembles(problem: Problem, tableau: Tableau, points: Sequence[Point]) -> None:
-    for point in points:
-        if point.calls:
-            call, members = ensemble_call(problem.system, tableau, problem.t_end, int(point.steps), way_of(point))
-            point.calls["lanes"], point.members = call, members
-
-
 def clock(curves: Iterable[Curve], modes: Iterable[str]) -> None:
-    """Time the calls of all points in interleaved order, and store the times in ``times``.
+    """Time the calls of all points in interleaved order; ``times`` get the seconds of each repeat, per trajectory.
 
-    Parameters
-    ----------
-    curves : iterable of Curve
-        Their points get the seconds of each repeat, per trajectory.
-    modes : iterable of str
-        Of :data:`nearharmonic.recommendation.curve.MODES`.
+    ``modes`` are some of :data:`nearharmonic.recommendation.curve.MODES`.
     """
     waiting = [(point, mode, call) for curve in curves for point in curve.points for mode, call in point.calls.items()]
     # One mode at a time, because wide registers may reduce the clock rate for other code.

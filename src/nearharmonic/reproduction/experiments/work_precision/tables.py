@@ -40,20 +40,7 @@ MORE = ("lanes", "energy")
 
 @measures_time
 def time_to_error(system: str, cube: str) -> dict[str, Table | str]:
-    """Tabulate the cost of each method for given errors on one system.
-
-    Parameters
-    ----------
-    system : str
-        Name of the system.
-    cube : str
-        Path of the cube that :func:`nearharmonic.reproduction.experiments.work_precision.run.measure` makes.
-
-    Returns
-    -------
-    dict
-        ``csv``: the :func:`table`; ``md``: the page, see :func:`markdown`.
-    """
+    """Return the cost of each method for given errors on one system: a :func:`table`, ``csv``, and a page, ``md``."""
     parts, facts = read_parts(cube, system)
     label = systems[system].label
     return {
@@ -90,15 +77,7 @@ def rows(system: str, t_end: str, measures: Sequence[str], curves: Sequence[Curv
 
 
 def table(label: str, lines: Sequence[Row]) -> Table:
-    """Return lines as a table of text, floats to six digits.
-
-    Parameters
-    ----------
-    label : str
-        Label of the system in titles.
-    lines : sequence of mappings
-        From :func:`rows`, one at least.
-    """
+    """Return the lines of :func:`rows`, one at least, as a table of text, floats to six digits."""
     return Table(
         header=list(lines[0]),
         rows=[[f"{c:.6g}" if isinstance(c, float) else str(c) for c in line.values()] for line in lines],
@@ -109,27 +88,18 @@ def table(label: str, lines: Sequence[Row]) -> Table:
 def markdown(label: str, parts: Sequence[Part], facts: Mapping[str, object]) -> str:
     """The page for one system: a table for each measure of each part (t_end, measures, curves), who wins, how it was
     measured, and what is missing."""
-    lines = [f"# {label}: time and evaluations to reach an error", "", *_basis(facts), "", HOW, ""]
+    basis = (
+        f"Measured {facts['measured']} on {facts['cpu']}, one thread on core {facts['pinned_core']}, repeats of all "
+        f"methods in turns, least time; load average {facts['load_average']}; {facts['clock']}."
+    )
+    lines = [f"# {label}: time and evaluations to reach an error", "", basis, "", HOW, ""]
     for t_end, measures, curves in parts:
         for measure in measures:
-            lines += [
-                f"## {NAMES[measure]}, t = {t_end}",
-                "",
-                *_table(measure, curves),
-                "",
-                *_winners(measure, curves),
-                "",
-            ]
+            lines += [f"## {NAMES[measure]}, t = {t_end}", "", *_table(measure, curves), ""]
+            lines += [*_winners(measure, curves), ""]
     lines += ["## ns per evaluation of the force, and calls around the kernel", "", *_speeds(parts[0][2]), ""]
     absent = [f"- {curve.label}: {curve.status}" for curve in parts[0][2] if curve.status != "ok"]
     return "\n".join([*lines, "## Missing, or ended early", "", *(absent or ["nothing"]), ""])
-
-
-def _basis(facts: Mapping[str, object]) -> list[str]:
-    return [
-        f"Measured {facts['measured']} on {facts['cpu']}, one thread on core {facts['pinned_core']}, repeats of all "
-        f"methods in turns, least time; load average {facts['load_average']}; {facts['clock']}."
-    ]
 
 
 def _table(measure: str, curves: Sequence[Curve]) -> list[str]:

@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import factorial
+from operator import itemgetter
 from time import perf_counter
 from typing import Any
 
@@ -44,6 +45,10 @@ class Simplex:
     edge_factor : int
         Maximum ratio of edges to objective: with conditions as badly scaled as those of the sets in Table 4, a solution
         is within this multiple of the objective.
+    box : float
+        Random starts are uniform in [-box, box].
+    near : str
+        Distance from a root, as a decimal, below which the simplex has reached it.
     """
 
     bits: int = 2048
@@ -52,10 +57,13 @@ class Simplex:
     collapsed_bits: int = 12
     longest_edge: int = 20
     edge_factor: int = 10_000
+    box: float = 1.0
+    near: str = "1e-6"
 
-
-#: Settings of the short run that selects random starts for long runs.
-SHORT = Simplex(bits=192, digits=4, evaluations=800)
+    @property
+    def short(self) -> Simplex:
+        """Settings of the short run that selects random starts for long runs."""
+        return replace(self, bits=192, digits=4, evaluations=800)
 
 
 @dataclass(frozen=True)
@@ -111,7 +119,8 @@ def minimise(
             simplex.append((objective(vertex), vertex))
         best = _collapse(simplex, objective, tolerance, settings)
         restarts += 1
-        report(f"simplex: {objective.calls} evaluations, kappa_max {_decimal_exponent(best[0], bits)}")
+        with mp.workprec(bits):
+            report(f"simplex: {objective.calls} evaluations, kappa_max {mp.nstr(mpf(max(best[0], 1)) / one, 3)}")
     converged = best[0] < tolerance
     with mp.workprec(bits):
         unknowns = tuple(mpf(c) / one for c in best[1]) if converged else ()
@@ -120,16 +129,21 @@ def minimise(
 
 
 def promising_starts(
-    equations: Equations, *, starts: int, seed: int, box: float = 1.0, report: Callable[[str], None] = lambda _: None
+    equations: Equations,
+    *,
+    starts: int,
+    seed: int,
+    settings: Simplex = Simplex(),
+    report: Callable[[str], None] = lambda _: None,
 ) -> list[list[float]]:
-    """Return the points among ``starts`` in [-box, box] from which a short run in low precision comes near a root.
+    """Return the points among ``starts`` random ones from which a short run in low precision comes near a root.
 
     A start in a ridge of the maximum norm stalls at once in any precision; a short run detects this.
     """
     generator, found = random.Random(seed), []
     for number in range(starts):
-        start = [generator.uniform(-box, box) for _ in range(equations.unknowns)]
-        if minimise(equations, start, seed=number, settings=SHORT).converged:
+        start = [generator.uniform(-settings.box, settings.box) for _ in range(equations.unknowns)]
+        if minimise(equations, start, seed=number, settings=settings.short).converged:
             found.append(start)
             report(f"simplex: {len(found)} of {number + 1} random starts lead near a root")
     return found
@@ -145,34 +159,24 @@ def simplex_runs(
 ) -> list[SimplexRun]:
     """Solve a case by the method of the paper, from every random point that a short run finds promising.
 
-    Parameters
-    ----------
-    case : IsolatedSolutions
-        The case, with its known roots.
-    starts, seed : int
-        Number of random points, and seed of the points and of the simplex.
-    settings : Simplex
-        Settings of each run.
-    report : callable
-        Function that is called with a line on the progress.
+    ``starts`` is the number of random points, and ``seed`` the seed of these and of the simplex.
     """
-    promising = promising_starts(case.equations, starts=starts, seed=seed, report=report)
+    promising = promising_starts(case.equations, starts=starts, seed=seed, settings=settings, report=report)
     runs = []
     for start in promising:
         outcome = minimise(case.equations, start, seed=seed, settings=settings, report=report)
-        reached, distance = _nearest_root(case, outcome, settings.digits)
-        stages = case.equations.stages
-        runs.append(SimplexRun(stages, starts, len(promising), tuple(start), outcome, reached, distance))
+        reached, distance = _nearest_root(case, outcome, settings)
+        runs.append(SimplexRun(case.equations.stages, starts, len(promising), tuple(start), outcome, reached, distance))
     return runs
 
 
-def _nearest_root(case: IsolatedSolutions, outcome: Minimum, digits: int) -> tuple[int | None, Any]:
+def _nearest_root(case: IsolatedSolutions, outcome: Minimum, settings: Simplex) -> tuple[int | None, Any]:
     """Return the index of the root to which a simplex converged, and the distance of its end from the root."""
-    with mp.workdps(digits + 30):
+    with mp.workdps(settings.digits + 30):
         for number, other in enumerate(case.roots) if outcome.converged else ():
             centre = [mpf(c) for c in case.equations.halved(other.outer, other.inner)]
             apart = max(abs(a - b) for a, b in zip(outcome.unknowns, centre, strict=True))
-            if apart < mpf("1e-6"):
+            if apart < mpf(settings.near):
                 return number, apart
     return None, None
 
@@ -181,11 +185,11 @@ def _collapse(
     simplex: list[Vertex], objective: Callable[[list[int]], int], tolerance: int, settings: Simplex
 ) -> Vertex:
     """Return the best vertex after collapse, convergence, or the last evaluation."""
-    n, bits = len(simplex) - 1, settings.bits
+    n, bits, by_value = len(simplex) - 1, settings.bits, itemgetter(0)
     one = mpz(1) << bits
     expansion, contraction = one + 2 * one // n, 3 * one // 4 - one // (2 * n)
     shrinkage = one - one // n
-    simplex = sorted(simplex, key=_first)
+    simplex = sorted(simplex, key=by_value)
     while simplex[0][0] >= tolerance and objective.calls < settings.evaluations:  # type: ignore[attr-defined]
         (lowest, best), (highest, worst) = simplex[0], simplex[-1]
         if (highest - lowest) << settings.collapsed_bits < lowest:
@@ -193,7 +197,7 @@ def _collapse(
         centroid = [sum(column) // n for column in zip(*(x for _, x in simplex[:-1]), strict=True)]
         reflected = _moved(objective, centroid, worst, one, bits)
         if reflected[0] < lowest:
-            simplex[-1] = min(reflected, _moved(objective, centroid, worst, expansion, bits), key=_first)
+            simplex[-1] = min(reflected, _moved(objective, centroid, worst, expansion, bits), key=by_value)
         elif reflected[0] < simplex[-2][0]:
             simplex[-1] = reflected
         else:
@@ -206,7 +210,7 @@ def _collapse(
                     [b + (shrinkage * (c - b) >> bits) for b, c in zip(best, x, strict=True)] for _, x in simplex[1:]
                 ]
                 simplex[1:] = [(objective(x), x) for x in shrunk]
-        simplex.sort(key=_first)
+        simplex.sort(key=by_value)
     return simplex[0]
 
 
@@ -229,26 +233,21 @@ class _Objective:
     def __call__(self, x: list[int]) -> int:
         self.calls += 1
         bits, highest, s = self._bits, self._equations.harmonic_order, self._equations.stages
-        one, cut = mpz(1) << bits, self._equations.outer_unknowns
+        one, cut = mpz(1) << bits, self._equations.halves[0]
         outer, inner = _closed(x[:cut], s + 1, one), _closed(x[cut:], s, one)
-        own, other = [one] + [0] * highest, [-one] + [0] * highest  # position and momentum, by powers of tau
-        if self._equations.first == "kick":
-            _shear(other, own, outer[0], -1, bits)
-        else:
-            _shear(own, other, outer[0], 1, bits)
+        q, p = [one] + [0] * highest, [-one] + [0] * highest  # by powers of tau
+        kick, drift = (p, q, -1), (q, p, 1)
+        of_outer, of_inner = (kick, drift) if self._equations.first == "kick" else (drift, kick)
+        _shear(*of_outer, outer[0], bits)
         for c, d in zip(inner, outer[1:], strict=True):
-            if self._equations.first == "kick":
-                _shear(own, other, c, 1, bits)
-                _shear(other, own, d, -1, bits)
-            else:
-                _shear(other, own, c, -1, bits)
-                _shear(own, other, d, 1, bits)
-        kappa = [abs(DERIVATIVES[n % 4] * one - self._scale[n] * own[n]) for n in range(1, highest + 1)]
+            _shear(*of_inner, c, bits)
+            _shear(*of_outer, d, bits)
+        kappa = [abs(DERIVATIVES[n % 4] * one - self._scale[n] * q[n]) for n in range(1, highest + 1)]
         largest: int = max(kappa)
         return largest
 
 
-def _shear(moved: list[int], by: list[int], c: int, sign: int, bits: int) -> None:
+def _shear(moved: list[int], by: list[int], sign: int, c: int, bits: int) -> None:
     """Add sign c tau ``by`` to ``moved``; tau shifts each coefficient by one power."""
     for n in range(len(moved) - 1, 0, -1):
         moved[n] += sign * (c * by[n - 1] >> bits)
@@ -257,12 +256,3 @@ def _shear(moved: list[int], by: list[int], c: int, sign: int, bits: int) -> Non
 def _closed(half: list[int], length: int, one: int) -> list[int]:
     rest = one - 2 * sum(half)
     return [*half, rest, *reversed(half)] if length % 2 else [*half, rest // 2, rest // 2, *reversed(half)]
-
-
-def _first(vertex: Vertex) -> int:
-    return vertex[0]
-
-
-def _decimal_exponent(number: int, bits: int) -> str:
-    with mp.workprec(bits):
-        return str(mp.nstr(mpf(max(number, 1)) / (1 << bits), 3))

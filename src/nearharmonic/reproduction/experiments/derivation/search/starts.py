@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nearharmonic.errors import bad_setting
 from nearharmonic.numerics.search.distinct import distinct
 from nearharmonic.numerics.search.random_starts import RandomStarts
 from nearharmonic.numerics.types import Floats
@@ -29,30 +28,11 @@ class SearchResult:
 
 
 def search(equations: Equations, starts: RandomStarts, report: Callable[[str], None] = lambda _: None) -> SearchResult:
-    """Return the distinct isolated solutions that are found from random points.
+    """Return the distinct isolated solutions that are found from random points, without free parameters.
 
-    Parameters
-    ----------
-    equations : Equations
-        As many conditions as unknowns.
-    starts : RandomStarts
-        The points; solutions are the same if they agree relative to their largest unknown.
-    report : callable
-        Function that is called with a line on the progress after each batch of starts.
-
-    Returns
-    -------
-    SearchResult
-        The solutions, most frequent first.
-
-    Raises
-    ------
-    SettingError
-        The solutions are not isolated, because there is a free parameter.
+    Solutions are the same if they agree relative to their largest unknown. ``report`` is called with a line on the
+    progress after each batch of starts.
     """
-    if equations.free_parameters != 0:
-        key = "harmonic_order"
-        raise bad_setting(key, equations.harmonic_order, f"{equations.stages + 1}, which leaves nothing free")
     points = sample(equations, starts, report)
     merged, hits = distinct(points, starts.same, relative=True)
     order = sorted(range(len(hits)), key=lambda i: (-hits[i], tuple(merged[i])))
@@ -63,22 +43,7 @@ def sample(equations: Equations, starts: RandomStarts, report: Callable[[str], N
     """Return one solution (solution, unknown) per convergent start, in the order of the starts.
 
     With free parameters, a start converges to a point near it by steps of minimal length. The sample is not uniform.
-
-    Parameters
-    ----------
-    equations, starts, report
-        As for :func:`search`, but free parameters are allowed.
-
-    Raises
-    ------
-    SettingError
-        More conditions than unknowns.
     """
-    if equations.free_parameters < 0:
-        key = "harmonic_order"
-        raise bad_setting(
-            key, equations.harmonic_order, f"at most {equations.stages + 1} with {equations.stages} stages"
-        )
     case = Case(equations.stages, equations.harmonic_order, equations.first == "drift")
     generator, kept = starts.generator(), list[Floats]()
     for done in range(0, starts.count, BATCH):

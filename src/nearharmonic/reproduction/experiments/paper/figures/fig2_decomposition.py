@@ -24,6 +24,8 @@ from nearharmonic.reproduction.tasks.declarations import figure
 if TYPE_CHECKING:
     import xarray as xr
 
+_CIRCLE: dict[str, Any] = {"marker": "o", "markersize": 8, "markerfacecolor": "none"}
+
 
 @figure(
     cube="sho_terms",
@@ -54,16 +56,7 @@ def fig2_decomposition(terms: xr.Dataset) -> Figure:
     lower.xaxis.set_major_locator(MultipleLocator(1))
     handles = method_handles(map(str, terms["integrator"].values), labels, markersize=4)
     handles += [
-        Line2D(
-            [],
-            [],
-            color="#404040",
-            marker="o",
-            markersize=8,
-            markerfacecolor="none",
-            linestyle="none",
-            label="ABA composition",
-        ),
+        Line2D([], [], color="#404040", linestyle="none", label="ABA composition", **_CIRCLE),
         Line2D([], [], color="#404040", label="BAB composition"),
     ]
     drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.55, 0.995), ncols=4, columnspacing=1.8)
@@ -83,7 +76,7 @@ def _draw_terms(axes: Axes, kappa: xr.DataArray) -> None:
 
 def _circles(axes: Axes, x: Any, y: Any, style: Style) -> None:
     """Draw circles around the marker of the method, which identifies it without colour."""
-    axes.plot(x, y, **style.points(marker="o", markersize=8, markerfacecolor="none", markeredgewidth=0.9))
+    axes.plot(x, y, **style.points(markeredgewidth=0.9, **_CIRCLE))
     axes.plot(x, y, **style.points(markersize=3.2, markeredgewidth=0.8))
 
 

@@ -81,14 +81,8 @@ def _draw_method(axes: Axes, runs: xr.Dataset, name: str, position: int, methods
 
 def _add_century_axis(axes: Axes, arcseconds: float) -> None:
     """Add a second axis, ``arcseconds`` per century for 1 rad/orbit, and a line for the relativistic advance."""
-
-    def to_century(y: Any) -> Any:
-        return y * arcseconds
-
-    def to_orbit(y: Any) -> Any:
-        return y / arcseconds
-
-    century = axes.secondary_yaxis("right", functions=(to_century, to_orbit))
+    functions: Any = (lambda y: y * arcseconds, lambda y: y / arcseconds)
+    century = axes.secondary_yaxis("right", functions=functions)
     century.set_ylabel("|perihelion advance|  (arcseconds per century)")
     log_ticks(century.yaxis)
     axes.tick_params(axis="y", which="both", right=False)

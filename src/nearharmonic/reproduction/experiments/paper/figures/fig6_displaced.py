@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 #: Black for the plane itself, then from near to far: at least 3:1 contrast with white, and 13 CIELAB units between any
 #: two, with deuteranopia, protanopia and tritanopia as well.
 _COLOURS = ("#000000", "#0072b2", "#a03070", "#009e73", "#d55e00")
-_IN_PLANE: dict[str, Any] = {"linewidth": 2.0}
-_DISPLACED: dict[str, Any] = {"linewidth": 1.2}
 _LEFT: dict[str, Any] = {"marker": "X", "markersize": 7, "markeredgecolor": "white", "markeredgewidth": 0.6}
 
 
@@ -44,10 +42,12 @@ def fig6_displaced(cube: xr.Dataset) -> Figure:
         panel_letter(axes, letter, f"{cube.attrs['label']}, {cube.attrs['system_label']}, {summation} sums")
         axes.set_ylabel(r"$|\Delta H/H_0|$")
     panels[-1].set_xlabel("iteration")
-    handles, labels = _legend_entries(cube["displacement"].values)
-    drawn.legend(
-        handles=handles, labels=labels, loc="upper center", bbox_to_anchor=(0.54, 0.998), ncols=3, columnspacing=2.0
-    )
+    handles = [
+        Line2D([], [], color=colour, label=rf"$q_x$ = {_power(float(each))} at the start", **_look(i))
+        for i, (each, colour) in enumerate(zip(cube["displacement"].values, _COLOURS, strict=False))
+    ]
+    handles.append(Line2D([], [], color="#404040", linestyle="none", label="leaves its energy surface", **_LEFT))
+    drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.54, 0.998), ncols=3, columnspacing=2.0)
     return drawn
 
 
@@ -64,21 +64,14 @@ def _draw(axes: Axes, runs: xr.Dataset, limit: float) -> None:
         if left_at:
             x, y = np.append(x, left_at), np.append(y, limit)
             axes.plot([left_at], [limit], color=colour, linestyle="none", zorder=4, **_LEFT)
-        axes.plot(x, y, color=colour, **(_DISPLACED if i else _IN_PLANE))
+        axes.plot(x, y, color=colour, **_look(i))
     axes.margins(x=0.02)
     log_scale(axes, "xy")
 
 
-def _legend_entries(displacements: np.ndarray[Any, Any]) -> tuple[list[Line2D], list[str]]:
-    labels = [rf"$q_x$ = {_power(float(each))} at the start" for each in displacements]
-    handles = [
-        Line2D([], [], color=colour, **(_DISPLACED if i else _IN_PLANE))
-        for i, colour in enumerate(_COLOURS[: len(labels)])
-    ]
-    return [*handles, Line2D([], [], color="#404040", linestyle="none", **_LEFT)], [
-        *labels,
-        "leaves its energy surface",
-    ]
+def _look(place: int) -> dict[str, Any]:
+    """Look of a line: broad for the plane itself, which comes first."""
+    return {"linewidth": 1.2 if place else 2.0}
 
 
 def _power(number: float) -> str:

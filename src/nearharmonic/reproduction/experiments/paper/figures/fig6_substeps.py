@@ -22,39 +22,23 @@ _BLUE, _RED, _GREEN = "#0b5fb5", "#d7301f", "#1a9850"
 _PALE = LinearSegmentedColormap.from_list("pale", ["#ffffff", "#b9c3cf"])
 _LEVELS = 12
 
+
+def _mark(marker: str, colour: str, size: float, **more: Any) -> dict[str, Any]:
+    return {"marker": marker, "color": colour, "markersize": size, **more}
+
+
 #: (next drift negative, next kick negative) -> meaning, and markers drawn over each other.
 _DOTS: dict[tuple[bool, bool], tuple[str, tuple[dict[str, Any], ...]]] = {
-    (False, False): ("next c, d ≥ 0", ({"marker": "o", "color": _BLUE, "markersize": 5},)),
-    (True, False): (
-        "next c < 0",
-        (
-            {"marker": "o", "color": _RED, "markersize": 8},
-            {"marker": "_", "color": "white", "markersize": 5, "markeredgewidth": 1.4},
-        ),
-    ),
-    (False, True): (
-        "next d < 0",
-        (
-            {"marker": "o", "color": _GREEN, "markersize": 7},
-            {"marker": "|", "color": "white", "markersize": 5, "markeredgewidth": 1.4},
-        ),
-    ),
+    (False, False): ("next c, d ≥ 0", (_mark("o", _BLUE, 5),)),
+    (True, False): ("next c < 0", (_mark("o", _RED, 8), _mark("_", "white", 5, markeredgewidth=1.4))),
+    (False, True): ("next d < 0", (_mark("o", _GREEN, 7), _mark("|", "white", 5, markeredgewidth=1.4))),
     (True, True): (
         "next c, d < 0",
-        (
-            {"marker": "o", "color": _RED, "markersize": 9},
-            {"marker": "o", "color": _GREEN, "markersize": 5, "markeredgecolor": "white", "markeredgewidth": 0.9},
-        ),
+        (_mark("o", _RED, 9), _mark("o", _GREEN, 5, markeredgecolor="white", markeredgewidth=0.9)),
     ),
 }
-_INITIAL: dict[str, Any] = {
-    "marker": "o",
-    "color": _BLUE,
-    "markersize": 10,
-    "markerfacecolor": "none",
-    "markeredgewidth": 1.6,
-}
-_FINAL: dict[str, Any] = {"marker": "x", "color": _BLUE, "markersize": 9, "markeredgewidth": 2.0}
+_INITIAL = _mark("o", _BLUE, 10, markerfacecolor="none", markeredgewidth=1.6)
+_FINAL = _mark("x", _BLUE, 9, markeredgewidth=2.0)
 
 _SURFACE: dict[str, Any] = {"colors": "#1f2d3d", "linewidths": 1.0, "linestyles": [(0, (5, 3))]}
 
@@ -92,10 +76,8 @@ def draw_panels(panels: Mapping[str, xr.Dataset]) -> Figure:
         panel_letter(axes, letter, f"{panel.attrs['label']}, {panel.attrs['system_label']}")
     for axes in grid[len(panels) :]:
         axes.set_axis_off()
-    handles, labels = _legend_entries()
-    drawn.legend(
-        handles=handles, labels=labels, loc="upper center", bbox_to_anchor=(0.5, 0.998), ncols=3, columnspacing=2.0
-    )
+    labels, handles = zip(*_legend_entries(), strict=True)
+    drawn.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0.998), ncols=3, columnspacing=2.0)
     return drawn
 
 
@@ -158,12 +140,11 @@ def _draw_iteration(axes: Axes, path: xr.Dataset, legs: str) -> None:
     axes.plot(q[-1:], p[-1:], linestyle="none", zorder=3.6, **_FINAL)
 
 
-def _legend_entries() -> tuple[list[Any], list[str]]:
-    entries = [("initial position", (_INITIAL,)), ("final position", (_FINAL,)), *_DOTS.values()]
-    handles: list[Any] = [
-        tuple(Line2D([], [], linestyle="none", **marker) for marker in markers) for _, markers in entries
+def _legend_entries() -> list[tuple[str, Any]]:
+    """Text and handle of each entry; a handle of markers is a tuple of them, drawn over each other."""
+    looks = [("initial position", (_INITIAL,)), ("final position", (_FINAL,)), *_DOTS.values()]
+    entries: list[tuple[str, Any]] = [
+        (says, tuple(Line2D([], [], linestyle="none", **marker) for marker in markers)) for says, markers in looks
     ]
-    handles.insert(2, Line2D([], [], color=_SURFACE["colors"], linestyle=_SURFACE["linestyles"][0], linewidth=1.0))
-    labels = [says for says, _ in entries]
-    labels.insert(2, "energy surface of the start")
-    return handles, labels
+    surface = Line2D([], [], color=_SURFACE["colors"], linestyle=_SURFACE["linestyles"][0], linewidth=1.0)
+    return [*entries[:2], ("energy surface of the start", surface), *entries[2:]]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -16,7 +15,7 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators as methods_by_name
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table, from_csv
-from nearharmonic.reproduction.experiments.paper.grid.plan import Omission, plan
+from nearharmonic.reproduction.experiments.paper.grid.plan import Omission, omissions
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -33,7 +32,8 @@ def skipped(sweeps: Sequence[Sweep], methods: Sequence[str], cubes: Mapping[str,
     """Return the omissions of the plan, and those of runs in ``cubes`` (by system) that ended early."""
     not_asked = (row for sweep in sweeps for name in methods for row in _not_asked(sweep, name))
     ended = (row for system, cube in cubes.items() for row in _ended_early(system, cube))
-    return [*plan(sweeps, methods).omissions, *not_asked, *ended]
+    planned = (row for sweep in sweeps for name in methods for row in omissions(sweep, name))
+    return [*planned, *not_asked, *ended]
 
 
 def totals(rows: Sequence[Omission], cubes: Mapping[str, xr.Dataset]) -> list[Omission]:
@@ -96,22 +96,7 @@ def summary_line(path: str | os.PathLike[str]) -> str:
 
 
 def table(sweeps: Sequence[Sweep], integrators: Sequence[str], **cubes: str) -> dict[str, Table]:
-    """Make the table of omissions.
-
-    Parameters
-    ----------
-    sweeps : sequence of Sweep
-        Runs of each system.
-    integrators : sequence of str
-        Names of the methods.
-    **cubes
-        File of the cube of each system, by its name.
-
-    Returns
-    -------
-    dict
-        ``table``: each omission, then the totals over all systems.
-    """
+    """Return the ``table`` of omissions, then totals over all systems, from the file of the cube of each system."""
     found = {system: read(path) for system, path in cubes.items()}
     rows = skipped(sweeps, integrators, found)
     return {"table": table_of([*rows, *totals(rows, found)])}
@@ -119,9 +104,8 @@ def table(sweeps: Sequence[Sweep], integrators: Sequence[str], **cubes: str) -> 
 
 def table_of(rows: Sequence[Omission]) -> Table:
     """Return ``rows`` under the names of their members."""
-    header = [member.name for member in fields(Omission)]
     caption = "What was left out of the computation, why, and how many force evaluations that saved."
-    return Table(header=header, rows=[list(asdict(row).values()) for row in rows], caption=caption)
+    return Table(header=Omission._fields, rows=rows, caption=caption)
 
 
 def _not_asked(sweep: Sweep, name: str) -> Iterator[Omission]:
@@ -130,15 +114,9 @@ def _not_asked(sweep: Sweep, name: str) -> Iterator[Omission]:
     grid = tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade)
     for precision in PRECISIONS:
         if precision not in sweep.precision:
-            yield Omission(
-                system=sweep.system,
-                integrator=name,
-                precision=precision,
-                what=f"runs in {precision} precision",
-                reason=NOT_ASKED,
-                runs=len(grid),
-                evaluations=sum(tableau.evaluations(tableau.steps(t, sweep.t_end)) for t in grid),
-            )
+            evaluations = sum(tableau.evaluations(tableau.steps(t, sweep.t_end)) for t in grid)
+            what = f"runs in {precision} precision"
+            yield Omission(sweep.system, name, precision, what, NOT_ASKED, len(grid), evaluations)
 
 
 def _ended_early(system: str, cube: xr.Dataset) -> Iterator[Omission]:
@@ -146,15 +124,8 @@ def _ended_early(system: str, cube: xr.Dataset) -> Iterator[Omission]:
     for precision, name, runs in _distinct(cube):
         left = [(steps, evaluations) for steps, evaluations, status in runs if status == "diverged"]
         if left:
-            yield Omission(
-                system=system,
-                integrator=name,
-                precision=precision,
-                what="the rest of a run",
-                reason="it left its energy surface",
-                runs=len(left),
-                evaluations=sum(methods_by_name[name].evaluations(steps) - made for steps, made in left),
-            )
+            saved = sum(methods_by_name[name].evaluations(steps) - made for steps, made in left)
+            yield Omission(system, name, precision, "the rest of a run", "it left its energy surface", len(left), saved)
 
 
 def _distinct(cube: xr.Dataset) -> Iterator[tuple[str, str, list[tuple[int, int, str]]]]:
@@ -169,5 +140,4 @@ def _distinct(cube: xr.Dataset) -> Iterator[tuple[str, str, list[tuple[int, int,
 
 
 def _total(what: str, reason: str, runs: int, evaluations: int) -> Omission:
-    where = {"system": ALL, "integrator": ALL, "precision": ALL}
-    return Omission(**where, what=what, reason=reason, runs=runs, evaluations=evaluations)
+    return Omission(ALL, ALL, ALL, what, reason, runs, evaluations)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import groupby
 from math import ceil, floor, log10
-from typing import Any
+from typing import NamedTuple
 
 from nearharmonic.engine.batch.numba_runs import check_precision
 from nearharmonic.engine.grid import check_fit, shard, steps_of, tau_grid
@@ -43,15 +43,13 @@ class Run(SharedSettings):
     system: str
     integrator: str
     precision: str
-    first: str | None
     t_end: str
     tau_per_stage: tuple[float, ...]
     steps: tuple[int, ...]
     samples: int
 
 
-@dataclass(frozen=True, kw_only=True)
-class Omission:
+class Omission(NamedTuple):
     """Omitted work, the reason, and the number of ``runs`` and force ``evaluations`` saved."""
 
     system: str
@@ -63,23 +61,8 @@ class Omission:
     evaluations: int
 
 
-@dataclass(frozen=True, kw_only=True)
-class Plan:
-    """All runs of some sweeps, and all omissions."""
-
-    runs: tuple[Run, ...]
-    omissions: tuple[Omission, ...]
-
-
 def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
     """Raise an error for too many steps, runs or too much memory; keys are named as in a config.
-
-    Parameters
-    ----------
-    sweep : Sweep
-        The runs of every method on one system.
-    methods : sequence of str
-        Names of the methods.
 
     Raises
     ------
@@ -93,8 +76,20 @@ def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
         check_oscillator(systems[sweep.system], f"systems.{sweep.system}.split")
     for tableau in tableaus:
         check_fit(systems[sweep.system], tableau, sweep.split)
-    for key, value, allowed in _excesses(sweep, tableaus):
-        raise bad_setting(key, value, allowed)
+    here = f"systems.{sweep.system}.tau_per_stage"
+    steps_of(sweep.t_end, sweep.lowest * min(t.stages for t in tableaus), key=f"{here}.lowest", given=sweep.lowest)
+    points = _grid_points(sweep.lowest, sweep.highest, sweep.points_per_decade)
+    if points > MOST_POINTS:
+        allowed = f"the grid would have {points} step sizes, and may have {MOST_POINTS}"
+        raise bad_setting(f"{here}.points_per_decade", sweep.points_per_decade, allowed)
+    evaluations = sum(t.evaluations(n) for t in tableaus for _, n in _points(sweep, t)) * len(sweep.precision)
+    if evaluations > MOST_EVALUATIONS:
+        allowed = f"all runs would take {evaluations:.2g} force evaluations, and may take {MOST_EVALUATIONS:.0e}"
+        raise bad_setting(f"{here}.lowest", sweep.lowest, allowed)
+    size = _bytes(systems[sweep.system], ceil(points / sweep.shards), sweep.samples)
+    if size > MOST_BYTES:
+        allowed = f"a job would hold {size:.2g} bytes, and may hold {MOST_BYTES:.0e}: add shards"
+        raise bad_setting("samples", sweep.samples, allowed)
 
 
 def _bytes(system: System, points: int, samples: int) -> int:
@@ -110,23 +105,6 @@ def fewest_shards(system: System, grid: StepSizes, samples: int) -> int:
 
 def _grid_points(lowest: float, highest: float, points_per_decade: int) -> int:
     return floor(log10(highest / lowest) * points_per_decade) + 1
-
-
-def _excesses(sweep: Sweep, tableaus: Sequence[Tableau]) -> Iterator[tuple[str, object, str]]:
-    """Yield each limit that ``sweep`` exceeds, as (key, value, allowed values); cheap checks come first."""
-    here = f"systems.{sweep.system}.tau_per_stage"
-    steps_of(sweep.t_end, sweep.lowest * min(t.stages for t in tableaus), key=f"{here}.lowest", given=sweep.lowest)
-    points = _grid_points(sweep.lowest, sweep.highest, sweep.points_per_decade)
-    if points > MOST_POINTS:
-        allowed = f"the grid would have {points} step sizes, and may have {MOST_POINTS}"
-        yield f"{here}.points_per_decade", sweep.points_per_decade, allowed
-    evaluations = sum(t.evaluations(n) for t in tableaus for _, n in _points(sweep, t)) * len(sweep.precision)
-    if evaluations > MOST_EVALUATIONS:
-        allowed = f"all runs would take {evaluations:.2g} force evaluations, and may take {MOST_EVALUATIONS:.0e}"
-        yield f"{here}.lowest", sweep.lowest, allowed
-    size = _bytes(systems[sweep.system], ceil(points / sweep.shards), sweep.samples)
-    if size > MOST_BYTES:
-        yield "samples", sweep.samples, f"a job would hold {size:.2g} bytes, and may hold {MOST_BYTES:.0e}: add shards"
 
 
 def shards_of(sweep: Sweep, integrator: str) -> int:
@@ -149,7 +127,6 @@ def runs_of(sweep: Sweep, integrator: str, index: int) -> list[Run]:
                     system=sweep.system,
                     integrator=integrator,
                     precision=precision,
-                    first=None,
                     t_end=sweep.t_end,
                     tau_per_stage=taus,
                     steps=steps,
@@ -158,18 +135,6 @@ def runs_of(sweep: Sweep, integrator: str, index: int) -> list[Run]:
                 )
             )
     return runs
-
-
-def plan(sweeps: Sequence[Sweep], methods: Sequence[str]) -> Plan:
-    """Return all runs of the ``sweeps`` of ``methods``, and all omissions."""
-    runs = [
-        run
-        for sweep in sweeps
-        for name in methods
-        for index in range(shards_of(sweep, name))
-        for run in runs_of(sweep, name, index)
-    ]
-    return Plan(runs=tuple(runs), omissions=tuple(_omissions(sweeps, methods)))
 
 
 GridPoint = tuple[float, int]
@@ -207,15 +172,9 @@ def _extended_up_to(sweep: Sweep, tableau: Tableau) -> float:
     return grid[near - 1] if near else 0.0
 
 
-def _omissions(sweeps: Sequence[Sweep], methods: Sequence[str]) -> Iterator[Omission]:
-    for sweep in sweeps:
-        for name in methods:
-            for row in _left_out(sweep, integrators[name]):
-                yield Omission(system=sweep.system, integrator=name, **row)
-
-
-def _left_out(sweep: Sweep, tableau: Tableau) -> Iterator[dict[str, Any]]:
-    """Yield the omissions of one method's runs on one system, as the other fields of :class:`Omission`."""
+def omissions(sweep: Sweep, integrator: str) -> Iterator[Omission]:
+    """Yield the omissions among the runs of a method on a system."""
+    tableau = integrators[integrator]
     groups = _distinct(sweep, tableau)
 
     def cost(steps: Iterable[int]) -> int:
@@ -236,5 +195,4 @@ def _left_out(sweep: Sweep, tableau: Tableau) -> Iterator[dict[str, Any]]:
             ("the force that opens a step", "it closed the step before", handed_on, sum(n - 1 for n in handed_on)),
         ):
             if runs:
-                row = {"precision": precision, "what": what, "reason": reason, "runs": len(runs)}
-                yield row | {"evaluations": evaluations}
+                yield Omission(sweep.system, integrator, precision, what, reason, len(runs), evaluations)

@@ -53,12 +53,7 @@ MEANINGS = {
 def chaos(integrator: str, t_end: int) -> dict[str, Contents]:
     """Return the contents of the file ``cube``: :func:`lyapunov_exponents` of the Henon-Heiles system.
 
-    Parameters
-    ----------
-    integrator : str
-        Name of the method.
-    t_end : int
-        Last time, a multiple of ten times :data:`SCALED_EVERY`.
+    The last time ``t_end`` is a multiple of ten times :data:`SCALED_EVERY`.
     """
     system, tableau, scalings = henon_heiles.SYSTEM, integrators[integrator], t_end // SCALED_EVERY
     problem = Problem(tangent_system(system), tableau, t_end=SCALED_EVERY, energy="none")

@@ -14,7 +14,7 @@ from nearharmonic.engine.numbers.initial_values import start_array
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.dataset import Contents, Variables, coordinate, variable
+from nearharmonic.output.dataset import Contents, coordinate, variable
 from nearharmonic.reproduction.experiments.paper.orbits.substeps import PAPER_PANELS
 
 #: Initial q_x.
@@ -25,45 +25,16 @@ PER_DECADE = 24
 
 
 def displaced(integrator: str, iterations: int) -> dict[str, Contents]:
-    """Return the contents of the file ``cube``: :func:`displaced_paths` of panel D.
-
-    Parameters
-    ----------
-    integrator : str
-        Name of the method.
-    iterations : int
-        Steps of each run.
-    """
-    tableau, (_, panel) = integrators[integrator], PAPER_PANELS["D"]
-    system = panel["system"]
-    variables = displaced_paths(tableau, panel, iterations)
-    attributes = {
-        "system": system.name, "system_label": system.label, "integrator": tableau.name, "label": tableau.label,
-        "tau": panel["tau"], "iterations": iterations, "surface_limit": system.surface_limit,
-    }  # fmt: skip
-    left_at = variables["left_at"][1].ravel().tolist()
-    evaluations = sum(tableau.evaluations(n or iterations) for n in left_at)
-    return {"cube": Contents(variables=variables, attributes=attributes, evaluations=evaluations)}
-
-
-def displaced_paths(tableau: Tableau, panel: dict[str, Any], iterations: int) -> Variables:
-    """Integrate a panel with each of :data:`DISPLACEMENTS` in place of q_x = 0, with both summations.
-
-    Parameters
-    ----------
-    tableau : Tableau
-        Method.
-    panel : dict
-        System, start in the plane q_x = p_x = 0 and step size, as in ``substeps.PAPER_PANELS``.
-    iterations : int
-        Steps of each run.
+    """Integrate panel D with each of :data:`DISPLACEMENTS` in place of q_x = 0, with both summations.
 
     Returns
     -------
-    Variables
-        Over (displacement, summation): ``left_at`` and ``max_energy_error``; and over iterations evenly spaced in the
-        logarithm ``block_max_energy_error`` and ``q_x``, NaN once the path has left its energy surface.
+    dict
+        ``cube``: over (displacement, summation) ``left_at`` and ``max_energy_error``; and over iterations evenly spaced
+        in the logarithm ``block_max_energy_error`` and ``q_x``, NaN once the path has left its energy surface.
     """
+    tableau, (_, panel) = integrators[integrator], PAPER_PANELS["D"]
+    system = panel["system"]
     samples = {round(n) for n in tau_grid(1, iterations, PER_DECADE)} | {iterations}
     marks = np.array([0, *sorted(samples)])
     paths = [_integrated(tableau, panel, summation, marks) for summation in SUMS]
@@ -71,12 +42,12 @@ def displaced_paths(tableau: Tableau, panel: dict[str, Any], iterations: int) ->
     def of_runs(key: str) -> Any:
         return np.stack([getattr(path, key) for path in paths], axis=1)
 
-    over, unit = ("displacement", "summation"), panel["system"].units["q"]
-    return {
+    over, unit, left_at = ("displacement", "summation"), system.units["q"], of_runs("left_at")
+    variables = {
         **coordinate("displacement", np.array(DISPLACEMENTS, dtype=float), "initial q_x", unit),
         **coordinate("summation", SUMS, "summation of the steps"),
         **coordinate("iteration", marks[1:], "number of the iteration"),
-        "left_at": variable(over, of_runs("left_at"), "iteration that left the energy surface, 0 if none did"),
+        "left_at": variable(over, left_at, "iteration that left the energy surface, 0 if none did"),
         "max_energy_error": variable(
             over, of_runs("max_energy_error"), "maximum of |H - H0|/|H0| over every iteration, inf if one left"
         ),
@@ -85,6 +56,12 @@ def displaced_paths(tableau: Tableau, panel: dict[str, Any], iterations: int) ->
         ),
         "q_x": variable((*over, "iteration"), of_runs("q")[..., 1:, 0], "q_x", unit),
     }
+    attributes = {
+        "system": system.name, "system_label": system.label, "integrator": tableau.name, "label": tableau.label,
+        "tau": panel["tau"], "iterations": iterations, "surface_limit": system.surface_limit,
+    }  # fmt: skip
+    evaluations = sum(tableau.evaluations(n or iterations) for n in left_at.ravel().tolist())
+    return {"cube": Contents(variables=variables, attributes=attributes, evaluations=evaluations)}
 
 
 def _integrated(tableau: Tableau, panel: dict[str, Any], summation: str, marks: np.ndarray[Any, Any]) -> Trajectories:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine.settings import checked_tau
-from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import nielsen_2015, yoshida_1990
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems import System, henon_heiles, sho
@@ -55,9 +53,9 @@ def substeps(
     *,
     start: State,
     tau: float,
+    window: Window,
     iterations: int = 2,
     component: int = 0,
-    window: Window | None = None,
 ) -> xr.Dataset:
     """Return all substeps of some steps in doubles, for one degree of freedom.
 
@@ -69,39 +67,20 @@ def substeps(
         q and p of the moving coordinate, in the units of the system.
     tau : float
         Step size, in the unit of time of the system.
+    window : ((float, float), (float, float))
+        The part of the phase plane for the Hamiltonian.
     iterations : int
         Number of steps.
     component : int
-        Index of the moving coordinate; the other coordinates and momenta are zero and must stay zero.
-    window : ((float, float), (float, float)), optional
-        The part of the phase plane for the Hamiltonian; by default the path and a margin.
+        Index of the moving coordinate; the other coordinates and momenta are zero and stay zero.
 
     Returns
     -------
     xr.Dataset
         The dataset of :func:`_dataset`; ``max_energy_error`` over :data:`FOLLOWED` iterations, inf if the path
         diverges; and ``left_at``, the number of the iteration at which it diverges, else 0.
-
-    Raises
-    ------
-    SettingError
-        An invalid tau or start, fewer than one iteration, a component that the system lacks or whose motion exerts
-        forces on the others, or a window without area.
     """
-    tau = checked_tau(tau)
-    complaint = next(_complaints(system, start, iterations, component, window), None)
-    if complaint is not None:
-        raise bad_setting(*complaint)
-    found = _followed(tableau, _Plane(system, component), (start, tau, iterations), window, system)
-    names = {"integrator": tableau.name, "label": tableau.label, "first": tableau.first}
-    told = {"system": system.name, "system_label": system.label, "component": component}
-    return found.assign_attrs(names | told | {"tau": tau, "followed": FOLLOWED})
-
-
-def _followed(
-    tableau: Tableau, plane: _Plane, settings: tuple[State, float, int], window: Window | None, system: System
-) -> xr.Dataset:
-    start, tau, iterations = settings
+    plane = _Plane(system, component)
     pairs = list(zip_longest(map(float, tableau.drift), map(float, tableau.kick), fillvalue=0.0))
     walk = partial(_walk, pairs=pairs, plane=plane, tau=tau, drift_first=tableau.first == "drift")
     path = [walk(start)]
@@ -109,7 +88,7 @@ def _followed(
         path.append(walk(path[-1][-1]))
     points = np.array(path)
     q, p = points[..., 0], points[..., 1]
-    q_grid, p_grid = (np.linspace(low, high, GRID) for low, high in window or _window_around(points))
+    q_grid, p_grid = (np.linspace(low, high, GRID) for low, high in window)
     with np.errstate(over="ignore", invalid="ignore"):  # a path may go to infinity
         energy = plane.hamiltonian(q, p)
         around = plane.hamiltonian(q_grid[None, :], p_grid[:, None])
@@ -119,7 +98,9 @@ def _followed(
     largest, left_at = _follow(walk, start, plane, system.surface_limit)
     found["max_energy_error"] = ((), largest, {"units": "1"})
     found["left_at"] = ((), left_at, {"units": "1"})
-    return found
+    names = {"integrator": tableau.name, "label": tableau.label, "first": tableau.first}
+    told = {"system": system.name, "system_label": system.label, "component": component}
+    return found.assign_attrs(names | told | {"tau": tau, "followed": FOLLOWED})
 
 
 def _dataset(units: Mapping[str, str], path: Sequence[Array], signs: Array, around: Sequence[Array]) -> xr.Dataset:
@@ -175,11 +156,6 @@ class _Plane:
     def force(self, q: float) -> float:
         return -float(self._system.grad_V(self._embed(q), *self._parameters)[self._component])
 
-    def is_invariant(self, q: float) -> bool:
-        """Return True if no force acts out of the plane at ``q``."""
-        gradient = self._system.grad_V(self._embed(q), *self._parameters)
-        return not any(g for i, g in enumerate(gradient) if i != self._component)
-
 
 def _walk(start: State, pairs: list[State], plane: _Plane, tau: float, *, drift_first: bool) -> list[State]:
     """Return ``start`` and the state after each (drift, kick) pair: Eq. 3 if ``drift_first``, else Eq. 4."""
@@ -207,33 +183,3 @@ def _follow(walk: Callable[[State], list[State]], start: State, plane: _Plane, l
             return math.inf, iteration
         largest = max(largest, error)
     return largest, 0
-
-
-def _window_around(points: np.ndarray[Any, np.dtype[np.float64]]) -> Window:
-    """Return the bounding box of the finite points (iteration, substep, 2) plus a fifth of its size on each side."""
-    finite = points[np.isfinite(points).all(axis=-1)]
-    low, high = finite.min(axis=0), finite.max(axis=0)
-    margin = np.where(high > low, (high - low) / 5, 1.0)
-    (q_low, p_low), (q_high, p_high) = (low - margin).tolist(), (high + margin).tolist()
-    return (q_low, q_high), (p_low, p_high)
-
-
-def _complaints(
-    system: System, start: State, iterations: int, component: int, window: Window | None
-) -> Iterator[tuple[str, object, str]]:
-    """Yield key, value and allowed values of each invalid setting."""
-    if len(start) != 2 or not all(math.isfinite(x) for x in start):
-        yield "start", start, "two finite numbers (q, p)"
-    if isinstance(iterations, bool) or not isinstance(iterations, int) or iterations < 1:
-        yield "iterations", iterations, "an integer of at least 1"
-    if component not in range(system.dimension):
-        yield "component", component, f"{system.name} has components 0 to {system.dimension - 1}"
-    if system.time_dependent:
-        yield "system", system.name, "a potential that does not depend on time"
-        return
-    # Also at 1, because the force may vanish by chance at the start.
-    if not all(_Plane(system, component).is_invariant(q) for q in (start[0], 1.0)):
-        yield "component", component, f"in {system.name} it pulls the others out of rest"
-    for axis, (low, high) in zip("qp", window or (), strict=False):
-        if not -math.inf < low < high < math.inf:
-            yield "window", window, f"its {axis} bounds must be finite, the lower one first"

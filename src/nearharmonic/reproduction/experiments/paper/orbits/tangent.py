@@ -21,17 +21,9 @@ from nearharmonic.systems.definition.system import System
 
 
 def tangent_system(system: System) -> System:
-    """Return the system K of an autonomous ``system``; its initial deviation has length 1, along the first coordinate.
+    """Return the system K, of 2 d coordinates, of an autonomous ``system`` of d coordinates and no parameters.
 
-    Parameters
-    ----------
-    system : System
-        System of d coordinates and no parameters.
-
-    Returns
-    -------
-    System
-        System of 2 d coordinates (q, u) and momenta (w, p).
+    Its initial deviation has length 1, along the first coordinate.
     """
     d, formulas = system.dimension, system.formulas()
 

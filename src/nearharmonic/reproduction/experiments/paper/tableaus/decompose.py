@@ -16,30 +16,23 @@ from nearharmonic.theory.oscillator import kappa, lambda_max
 
 
 def decompose(integrators: Sequence[str]) -> dict[str, xr.Dataset]:
-    """Compute the position error terms of methods; ``cube`` is the dataset of :func:`harmonic_terms`."""
-    return {"cube": harmonic_terms(integrators)}
+    """Return the ``cube`` of position error terms kappa over (integrator, first, order).
 
-
-def harmonic_terms(methods: Sequence[str]) -> xr.Dataset:
-    """Return the terms kappa over (integrator, first, order), up to the highest order of each composition.
-
-    Terms are NaN in the exchanged role of a method with modified potentials, which does not exist.
+    Terms are up to the highest order of each composition, and NaN in the exchanged role of a method with modified
+    potentials, which does not exist.
     """
-    tableaus, roles = [registry[name] for name in methods], get_args(First)
+    tableaus, roles = [registry[name] for name in integrators], get_args(First)
     terms = [[_terms(t, first) for first in roles] for t in tableaus]
     highest = max(len(row) for rows in terms for row in rows)
     values = [[[*map(float, row), *[np.nan] * (highest - len(row))] for row in rows] for rows in terms]
     text = "position error term kappa of the harmonic oscillator; kick first is BAB, drift first is ABA"
-    return assembled(
-        {
-            **method_coordinates(tableaus),
-            **coordinate("first", roles, "operator that comes first"),
-            **coordinate("order", np.arange(1, highest + 1), "order lambda in tau"),
-            "kappa": variable(("integrator", "first", "order"), values, text),
-        },
-        ["label"],
-        {},
-    )
+    variables = {
+        **method_coordinates(tableaus),
+        **coordinate("first", roles, "operator that comes first"),
+        **coordinate("order", np.arange(1, highest + 1), "order lambda in tau"),
+        "kappa": variable(("integrator", "first", "order"), values, text),
+    }
+    return {"cube": assembled(variables, ["label"], {})}
 
 
 def _terms(tableau: Tableau, first: First) -> list[BigFloat]:

@@ -28,19 +28,9 @@ STEMS = (
 
 
 def paper_tables(integrators: Sequence[str]) -> dict[str, Table]:
-    """Make the paper's tables, and the table of methods.
+    """Return the paper's tables, and the table of the methods ``integrators``, by their file names, :data:`STEMS`.
 
     The paper illustrates its Tables 2 and 3 with three stages in the BAB composition; here they are for Ruth's method.
-
-    Parameters
-    ----------
-    integrators : sequence of str
-        Names of the methods to compare.
-
-    Returns
-    -------
-    dict
-        The tables by their file names, :data:`STEMS`.
     """
     (ruth,) = forest_ruth_1990.TABLEAUS
     columns = (

@@ -212,15 +212,7 @@ def reduce(integrators: Sequence[str], t_end: Mapping[str, str], runs: Sequence[
 
 
 def structure_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Dataset:
-    """Return the reductions over (system, integrator), NaN where a method does not fit a system.
-
-    Parameters
-    ----------
-    methods : sequence of Tableau
-        The methods in the order of the cube.
-    runs : mapping
-        The runs on each system by its name.
-    """
+    """Return the reductions of the runs on each system over (system, integrator), NaN where a method does not fit."""
     axes = {**coordinate("system", list(runs), "system"), **method_coordinates(methods)}
     parts = [
         one[["tau_per_stage", "steps"]].assign(reduction.of(one)).reindex(integrator=axes["integrator"][1])

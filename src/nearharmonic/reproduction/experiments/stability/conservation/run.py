@@ -59,37 +59,16 @@ MEANINGS = {
 
 
 def measure(system: str, integrators: Sequence[str], t_end: str) -> dict[str, Contents]:
-    """Return the contents of the file ``run``: :func:`structure_runs`.
-
-    Parameters
-    ----------
-    system : str
-        Name of the system.
-    integrators : sequence of str
-        Names of the methods.
-    t_end : str
-        Length of the interval, a decimal string in the system's unit of time.
-    """
+    """Return the contents of the file ``run``: :func:`structure_runs` by names; ``t_end`` is a decimal string."""
     variables = structure_runs(systems[system], [registry[name] for name in integrators], Fraction(t_end))
     return {"run": Contents(variables=variables, coordinates=("label",))}
 
 
 def structure_runs(system: System, tableaus: Sequence[Tableau], t_end: Fraction) -> Variables:
-    """Integrate a system at t_end / 10^4 per stage with each method that fits it.
+    """Integrate a system from its own initial values at t_end / 10^4 per stage with each method that fits it.
 
-    Parameters
-    ----------
-    system : System
-        The system, from its own initial values.
-    tableaus : sequence of Tableau
-        The methods. Methods that need a quadratic T are omitted if T is not quadratic.
-    t_end : Fraction
-        Length of the interval.
-
-    Returns
-    -------
-    dict
-        The variables of :data:`MEANINGS`, NaN after the last sample of a run.
+    Methods that need a quadratic T are omitted if T is not quadratic. The variables are those of :data:`MEANINGS`, NaN
+    after the last sample of a run.
     """
     kept = [tableau for tableau in tableaus if tableau.requires is None or system.quadratic_kinetic_energy]
     axes = [f"{kind}{i + 1}" for kind in "qp" for i in range(system.dimension)]

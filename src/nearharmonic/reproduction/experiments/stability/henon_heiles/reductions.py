@@ -7,7 +7,7 @@ method. The cube and its table are made here as well. No integration depends on 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
@@ -15,10 +15,9 @@ import numpy as np
 import xarray as xr
 
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import described
 from nearharmonic.output.table import Table
-from nearharmonic.reproduction.experiments.stability.ensembles import cube_and_table, stacked
+from nearharmonic.reproduction.experiments.stability.ensembles import read_runs
 from nearharmonic.reproduction.experiments.stability.settings import EnsembleSettings
 from nearharmonic.reproduction.tasks.reduction import Reductions
 from nearharmonic.theory.linear_stability import stability_limit
@@ -68,11 +67,11 @@ def henon_heiles_table(cube: xr.Dataset) -> Table:
 
 
 def reduce(integrators: Sequence[str], settings: EnsembleSettings, **runs: str) -> dict[str, Any]:
-    """Return the result of :func:`cube_and_table`; ``settings`` are stored in the files."""
-    return cube_and_table(henon_heiles_cube, henon_heiles_table, integrators, runs)
+    """Return the ``cube`` and its ``table``; ``settings`` are stored in the files."""
+    cube = henon_heiles_cube(read_runs(integrators, runs))
+    return {"cube": cube, "table": henon_heiles_table(cube)}
 
 
-def henon_heiles_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Dataset:
-    """Return maps over (integrator, energy, tau_per_stage), and their reductions; parameters as for :func:`stacked`."""
-    cube = stacked(methods, runs)
-    return cube.assign(reduction.of(cube, over="tau_per_stage"))
+def henon_heiles_cube(runs: xr.Dataset) -> xr.Dataset:
+    """Return maps over (integrator, energy, tau_per_stage), and their reductions."""
+    return runs.assign(reduction.of(runs, over="tau_per_stage"))

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from fractions import Fraction
 from math import ceil, sqrt
+from typing import NamedTuple
 
 import numpy as np
 
 from nearharmonic.engine.batch.batch import integrate_batch
 from nearharmonic.engine.batch.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
-from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import cos, sin
 from nearharmonic.numerics.quasi_random import quasi_random
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, coordinate, variable
-from nearharmonic.reproduction.experiments.stability.settings import ESCAPE_ENERGY, EnsembleSettings
+from nearharmonic.reproduction.experiments.stability.settings import EnsembleSettings
 from nearharmonic.systems.henon_heiles import SYSTEM
 
 #: Box around the triangle whose corners are the saddle points: |x| up to sqrt(3)/2, and y from -1/2 to 1.
@@ -31,26 +30,13 @@ WIDTH = 16
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class EnsembleResult:
-    """One step size on n energy surfaces.
+class EnsembleResult(NamedTuple):
+    """One step size on n energy surfaces."""
 
-    Attributes
-    ----------
-    escaped : array of shape (n,)
-        Fraction of the trajectories that left their surface.
-    quantiles : array of shape (n, len(QUANTILES))
-        Quantiles of the largest |dH/H0| over the measurements.
-    steps : int
-        Steps of a run that does not escape.
-    evaluations : int
-        Force evaluations of all trajectories together.
-    """
-
-    escaped: Floats
-    quantiles: Floats
-    steps: int
-    evaluations: int
+    escaped: Floats  # (n,), fraction of the trajectories that left their surface
+    quantiles: Floats  # (n, len(QUANTILES)), of the largest |dH/H0| over the measurements
+    steps: int  # of a run that does not escape
+    evaluations: int  # of the force, all trajectories together
 
 
 def warm_up() -> dict[str, Contents]:
@@ -59,34 +45,13 @@ def warm_up() -> dict[str, Contents]:
     return {}
 
 
-def measure(integrator: str, settings: EnsembleSettings) -> dict[str, Contents]:
-    """Return the contents of the file ``run``, :func:`ensemble_map` of the method named ``integrator``."""
-    return {"run": ensemble_map(integrators[integrator], settings)}
-
-
 def henon_heiles_surface(energy: Fraction, count: int, seed: int) -> Floats:
     """Return starts (count, 8) in the layout of the kernel, on the bounded part of the surface H = ``energy``.
 
     (x, y) is uniform in the area inside the zero-velocity curve, the direction of the momentum uniform on the circle,
     and |p| = sqrt(2 (energy - V)). In two dimensions this is the microcanonical (Liouville) measure, since
     integrating delta(p^2/2 + V - energy) p dp leaves 1 wherever V < energy.
-
-    Parameters
-    ----------
-    energy : Fraction
-        The energy of all starts.
-    count : int
-        Number of starts.
-    seed : int
-        Seed of the quasi-random points.
-
-    Raises
-    ------
-    SettingError
-        ``energy`` is not above 0 and at most 1/6, the energy of escape.
     """
-    if not 0 < energy <= ESCAPE_ENERGY:
-        raise bad_setting("energy", str(energy), f"above 0 and at most {ESCAPE_ENERGY}, the energy of escape")
     drawn = 4 * count
     while True:
         u = quasi_random(drawn, 3, seed)
@@ -124,19 +89,7 @@ def schedule(t_end: Fraction, tau: Fraction) -> tuple[int, int]:
 def integrate_ensemble(
     tableau: Tableau, tau: Fraction, t_end: Fraction, start: Floats, surfaces: int
 ) -> EnsembleResult:
-    """Integrate trajectories over at least [0, ``t_end``] at one step size.
-
-    Parameters
-    ----------
-    tableau : Tableau
-        The method.
-    tau, t_end : Fraction
-        Step size and interval, both exact.
-    start : array of shape (surfaces * n, 8)
-        Initial conditions, surface by surface.
-    surfaces : int
-        Number of energy surfaces.
-    """
+    """Integrate trajectories from ``start`` (surfaces * n, 8), surface by surface, over at least [0, ``t_end``]."""
     steps, look = schedule(t_end, tau)
     paths = integrate_batch(
         SYSTEM, tableau, t_end=steps * tau, steps=np.full(len(start), steps), samples=2,
@@ -152,23 +105,23 @@ def integrate_ensemble(
     )
 
 
-def ensemble_map(tableau: Tableau, settings: EnsembleSettings) -> Contents:
-    """Return fraction escaped and energy error of one method over (energy, tau_per_stage)."""
+def measure(integrator: str, settings: EnsembleSettings) -> dict[str, Contents]:
+    """Return the file ``run``: fraction escaped and energy error of one method over (energy, tau_per_stage)."""
+    tableau = integrators[integrator]
     start, grid, t_end = starts(settings), settings.tau_per_stage.grid(), Fraction(settings.t_end)
     rows = [integrate_ensemble(tableau, tau * tableau.stages, t_end, start, len(settings.energies)) for tau in grid]
     over = ("energy", "tau_per_stage")
     looks = f"quantile of the largest |H - H0|/|H0| over {LOOKS} or more evenly spaced instants, inf if escaped"
-    errors = np.stack([row.quantiles for row in rows], axis=1)
-    steps, evaluations = ([getattr(row, name) for row in rows] for name in ("steps", "evaluations"))
-    escaped = np.stack([row.escaped for row in rows], axis=1)
-    return Contents(
-        variables={
-            "escaped": variable(over, escaped, "fraction of the trajectories that left their energy surface"),
-            "energy_error": variable((*over, "quantile"), errors, looks),
-            "steps": variable("tau_per_stage", steps, "steps of a run that does not escape"),
-            "evaluations": variable("tau_per_stage", evaluations, "force evaluations of all trajectories and surfaces"),
-            **coordinate("tau_per_stage", [float(tau) for tau in grid], "step size per stage"),
-            **coordinate("energy", [float(Fraction(e)) for e in settings.energies], "energy H0"),
-            **coordinate("quantile", list(QUANTILES), "fraction of the trajectories that err less"),
-        }
-    )
+    escaped, errors, steps, evaluations = zip(*rows, strict=True)
+    variables = {
+        "escaped": variable(
+            over, np.stack(escaped, axis=1), "fraction of the trajectories that left their energy surface"
+        ),
+        "energy_error": variable((*over, "quantile"), np.stack(errors, axis=1), looks),
+        "steps": variable("tau_per_stage", steps, "steps of a run that does not escape"),
+        "evaluations": variable("tau_per_stage", evaluations, "force evaluations of all trajectories and surfaces"),
+        **coordinate("tau_per_stage", [float(tau) for tau in grid], "step size per stage"),
+        **coordinate("energy", [float(Fraction(e)) for e in settings.energies], "energy H0"),
+        **coordinate("quantile", list(QUANTILES), "fraction of the trajectories that err less"),
+    }
+    return {"run": Contents(variables=variables)}

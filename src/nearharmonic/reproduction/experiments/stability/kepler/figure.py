@@ -74,16 +74,14 @@ def _draw_maps(
 
 
 def _draw_map(axes: Axes, one: xr.Dataset, variable: str, limits: tuple[float, float]) -> Any:
+    if variable == "perihelion_advance":  # a circle has no perihelion
+        one = one.isel(eccentricity=np.flatnonzero(one["eccentricity"].values))
     evaluations, first = np.unique(one["evaluations_per_orbit"].values, return_index=True)
-    values = abs(one[variable].transpose("tau_per_stage", "eccentricity").values[first])
-    kept = one["orbits_kept"].transpose("tau_per_stage", "eccentricity").values[first]
-    shade = np.log10(np.clip(np.where(np.isnan(kept), limits[0], values), limits[0], limits[1]))
+    values, kept = (
+        one[name].transpose("tau_per_stage", "eccentricity").values[first] for name in (variable, "orbits_kept")
+    )
+    shade = np.log10(np.clip(np.where(np.isnan(kept), limits[0], abs(values)), limits[0], limits[1]))
     distance = 1 - one["eccentricity"].values
-    circle = distance == 1  # a circle has no perihelion
-    if variable == "perihelion_advance":
-        shade, distance = shade[:, ~circle], distance[~circle]
-        values = values[:, ~circle]
-        kept = kept[:, ~circle]
     lost = ~np.isfinite(values) & ~np.isnan(kept)
     colours = colormaps["viridis_r"].with_extremes(bad=LOST_COLOUR)
     image = axes.pcolormesh(

@@ -7,7 +7,7 @@ curves of the cube instead. The cube and its table are made here as well. No int
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,13 +15,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import exp, log
 from nearharmonic.numerics.portable import dot
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import described
 from nearharmonic.output.table import Table
-from nearharmonic.reproduction.experiments.stability.ensembles import cube_and_table, stacked
+from nearharmonic.reproduction.experiments.stability.ensembles import read_runs
 from nearharmonic.reproduction.experiments.stability.settings import MapSettings
 from nearharmonic.reproduction.tasks.reduction import Reductions
 from nearharmonic.systems.kepler import perihelion_angle
@@ -128,15 +127,12 @@ def kepler_table(cube: xr.Dataset) -> Table:
 
 
 def reduce(integrators: Sequence[str], settings: MapSettings, **runs: str) -> dict[str, Any]:
-    """Return the result of :func:`cube_and_table`; ``settings`` are stored in the files."""
-    return cube_and_table(kepler_cube, kepler_table, integrators, runs)
+    """Return the ``cube`` and its ``table``; ``settings`` are stored in the files."""
+    cube = kepler_cube(read_runs(integrators, runs))
+    return {"cube": cube, "table": kepler_table(cube)}
 
 
-def kepler_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Dataset:
-    """Return maps over (integrator, tau_per_stage, eccentricity) without the states, and their reductions.
-
-    Parameters are those of :func:`stacked`.
-    """
-    states = stacked(methods, runs)
-    cube = states.drop_dims(["sample", "component"]).assign(reduction.of(states))
+def kepler_cube(runs: xr.Dataset) -> xr.Dataset:
+    """Return maps over (integrator, tau_per_stage, eccentricity) without the states, and their reductions."""
+    cube = runs.drop_dims(["sample", "component"]).assign(reduction.of(runs))
     return cube.assign(reduction.of(cube, over="tau_per_stage"))

@@ -44,11 +44,6 @@ def warm_up() -> dict[str, Contents]:
     return {}
 
 
-def measure(integrator: str, settings: MapSettings) -> dict[str, Contents]:
-    """Return the contents of the file ``run``, :func:`orbit_map` of the method named ``integrator``."""
-    return {"run": orbit_map(integrators[integrator], settings)}
-
-
 def eccentricities(settings: MapSettings) -> Floats:
     """Return eccentricities from 0 to the highest, evenly spaced in the log of the perihelion distance 1 - e."""
     distances = geometric(1.0, 1.0 - settings.highest_eccentricity, settings.eccentricities)
@@ -68,19 +63,7 @@ def steps_per_orbit(settings: MapSettings, stages: int) -> Integers:
 
 
 def orbit_runs(tableau: Tableau, steps: int, orbits: int, eccentricity: Floats) -> Trajectories:
-    """Integrate orbits from their apoapsis, sampled once a period.
-
-    Parameters
-    ----------
-    tableau : Tableau
-        The method.
-    steps : int
-        Steps per period.
-    orbits : int
-        Periods of each run.
-    eccentricity : array of shape (n,)
-        Eccentricity of each orbit.
-    """
+    """Integrate orbits of ``eccentricity`` (n,) from their apoapsis, ``steps`` a period, sampled once a period."""
     return integrate_batch(
         SYSTEM, tableau, t_end=orbits * PERIOD, steps=np.full(eccentricity.size, orbits * steps), samples=orbits + 1,
         numerics=Numerics(width=WIDTH), start=kepler_apoapsis(eccentricity),
@@ -100,14 +83,14 @@ def _columns(tableau: Tableau, settings: MapSettings) -> Iterator[tuple[int, Int
         yield steps, needed, paths
 
 
-def orbit_map(tableau: Tableau, settings: MapSettings) -> Contents:
-    """Return the orbits under one method, over (tau_per_stage, eccentricity), step sizes in periods.
+def measure(integrator: str, settings: MapSettings) -> dict[str, Contents]:
+    """Return the file ``run``: orbits under one method, over (tau_per_stage, eccentricity), step sizes in periods.
 
     ``energy_error`` is infinite for a lost orbit. It is NaN for an orbit that was not run, because its error is below
     :data:`FLOOR` at two coarser step sizes; ``orbits_kept``, ``q`` and ``p`` are NaN there too. Step sizes that round
     to the same number of steps per period share one computation.
     """
-    grid = eccentricities(settings)
+    tableau, grid = integrators[integrator], eccentricities(settings)
     distinct, where = np.unique(steps_per_orbit(settings, tableau.stages), return_inverse=True)
     shape = (distinct.size, grid.size)
     error, kept = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -120,31 +103,26 @@ def orbit_map(tableau: Tableau, settings: MapSettings) -> Contents:
     tau, over = "tau_per_stage", ("tau_per_stage", "eccentricity")
     states = (*over, "sample", "component")
     largest = "maximum of |H - H0|/|H0| over every step, inf if the orbit is lost"
-    return Contents(
-        variables={
-            "q": variable(states, q[where], "position, once a period; the semi-major axis is 1"),
-            "p": variable(states, p[where], "momentum, once a period; GM is 1"),
-            "energy_error": variable(over, error[where], largest),
-            "orbits_kept": variable(over, kept[where], "periods until |H - H0| = |H0|, or all if it never is"),
-            "steps_per_orbit": variable(tau, distinct[where], "steps per period of the exact orbit"),
-            "evaluations": variable(tau, evaluations[where], "force evaluations of the orbits run, all eccentricities"),
-            **coordinate(tau, 1 / evaluations_grid(settings), "step size per stage asked for", "period"),
-            **coordinate("eccentricity", grid, "eccentricity of the exact orbit"),
-        }
-    )
+    variables = {
+        "q": variable(states, q[where], "position, once a period; the semi-major axis is 1"),
+        "p": variable(states, p[where], "momentum, once a period; GM is 1"),
+        "energy_error": variable(over, error[where], largest),
+        "orbits_kept": variable(over, kept[where], "periods until |H - H0| = |H0|, or all if it never is"),
+        "steps_per_orbit": variable(tau, distinct[where], "steps per period of the exact orbit"),
+        "evaluations": variable(tau, evaluations[where], "force evaluations of the orbits run, all eccentricities"),
+        **coordinate(tau, 1 / evaluations_grid(settings), "step size per stage asked for", "period"),
+        **coordinate("eccentricity", grid, "eccentricity of the exact orbit"),
+    }
+    return {"run": Contents(variables=variables)}
 
 
 def kepler_apoapsis(eccentricity: Floats, orientation: Floats | float = 0.0) -> Floats:
     """Return starts (n, 8) in the layout of the kernel, at the apoapsis of orbits of semi-major axis 1 with GM = 1.
 
-    Parameters
-    ----------
-    eccentricity : array of shape (n,)
-        Eccentricity of each orbit, at least 0 and below 1.
-    orientation : array of shape (n,) or float
-        Direction from the centre to the apoapsis in rad.
+    ``eccentricity`` (n,) is at least 0 and below 1; ``orientation``, (n,) or one for all, is the direction from the
+    centre to the apoapsis in rad.
     """
-    e = np.asarray(eccentricity, dtype=np.float64)
+    e = eccentricity
     cosine, sine = cos(orientation), sin(orientation)
     distance, speed = 1 + e, np.sqrt((1 - e) / (1 + e))
     starts = np.zeros((e.size, 8))

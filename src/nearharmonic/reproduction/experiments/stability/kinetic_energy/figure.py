@@ -47,16 +47,14 @@ def kinetic_energy(cube: xr.Dataset) -> Figure:
     for axes in upper:
         axes.set_ylim(top=min(axes.get_ylim()[1], _LARGEST_ERROR))
     ratio = cube.relative_error
-    for axes, letter, roles, says in zip(
-        lower,
-        "CD",
-        ("own", "exchanged"),
-        (rf"error / Ruth's at $\tau/s$ = {cube.attrs['compared_at']:g}", "the same, T and V exchanged"),
-        strict=True,
-    ):
+    says = {
+        "own": rf"error / Ruth's at $\tau/s$ = {cube.attrs['compared_at']:g}",
+        "exchanged": "the same, T and V exchanged",
+    }
+    for axes, letter, roles in zip(lower, "CD", says, strict=True):
         _draw(axes, ratio.sel(roles=roles), "amplitude")
         axes.set_xlabel("amplitude $A$")
-        panel_letter(axes, letter, says)
+        panel_letter(axes, letter, says[roles])
     lower[0].set_ylabel("error / Ruth's")
     labels = map(str, cube.label.values)
     handles: list[Line2D] = method_handles(map(str, cube.integrator.values), labels)

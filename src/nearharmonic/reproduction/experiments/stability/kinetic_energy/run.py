@@ -19,7 +19,7 @@ from nearharmonic.engine.grid import tau_grid
 from nearharmonic.engine.numbers.coefficients import start_row
 from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable
+from nearharmonic.output.dataset import Contents, coordinate, method_coordinates, variable
 from nearharmonic.systems.relativistic_oscillator import SYSTEM
 
 AMPLITUDES = ("0.01", "0.03", "0.1", "0.3", "1", "3", "10")
@@ -27,35 +27,25 @@ LOWEST, HIGHEST, POINTS_PER_DECADE = 0.01, 1.0, 20
 ROLES = ("own", "exchanged")
 
 
-def measure(integrators: Sequence[str]) -> dict[str, Contents]:
-    """Return the contents of the file ``run``: :func:`energy_errors` of the methods with the names ``integrators``."""
-    variables = energy_errors([registry[name] for name in integrators])
-    return {"run": Contents(variables=variables, coordinates=("label",))}
-
-
-def fitting(tableaus: Sequence[Tableau]) -> list[Tableau]:
-    """Return the ``tableaus`` for any T, which fit the system."""
-    return [tableau for tableau in tableaus if tableau.requires is None]
-
-
 def exchanged(tableau: Tableau) -> Tableau:
     """Return ``tableau`` with the rows of drift and kick exchanged."""
     return tableau.role("kick" if tableau.first == "drift" else "drift")
 
 
-def energy_errors(tableaus: Sequence[Tableau]) -> Variables:
-    """Return energy errors over (roles, amplitude, integrator, tau_per_stage) of the ``tableaus`` that fit.
+def measure(integrators: Sequence[str]) -> dict[str, Contents]:
+    """Return the file ``run``: energy errors over (roles, amplitude, integrator, tau_per_stage) of methods for any T.
 
     max_energy_error and mean_energy_error are over all steps, relative to H0, infinite for diverged runs.
     """
-    kept, grid = fitting(tableaus), tau_grid(LOWEST, HIGHEST, POINTS_PER_DECADE)
+    kept = [registry[name] for name in integrators if registry[name].requires is None]
+    grid = tau_grid(LOWEST, HIGHEST, POINTS_PER_DECADE)
     shape = (len(ROLES), len(AMPLITUDES), len(kept), len(grid))
     largest, mean = np.empty(shape), np.empty(shape)
     for j, tableau in enumerate(kept):
         for i, method in enumerate((tableau, exchanged(tableau))):
             largest[i, :, j], mean[i, :, j] = _errors(method, grid)
     dims = ("roles", "amplitude", "integrator", "tau_per_stage")
-    return {
+    variables = {
         "max_energy_error": variable(dims, largest, "maximum of |H - H0|/|H0|, inf if diverged"),
         "mean_energy_error": variable(dims, mean, "mean of |H - H0|/|H0|, inf if diverged"),
         **coordinate("roles", list(ROLES), "the method's roles of T and V, or exchanged"),
@@ -63,6 +53,7 @@ def energy_errors(tableaus: Sequence[Tableau]) -> Variables:
         **method_coordinates(kept),
         **coordinate("tau_per_stage", list(grid), "step size per stage"),
     }
+    return {"run": Contents(variables=variables, coordinates=("label",))}
 
 
 def _errors(tableau: Tableau, grid: Sequence[float]) -> tuple[Any, Any]:

@@ -45,12 +45,13 @@ def linear_stability_cube(tableaus: Sequence[Tableau]) -> xr.Dataset:
             largest = largest_growth(tableau, gap)
             growth[:, i, j] = float(largest.per_step), float(largest.per_time)
     over = ("integrator", "gap")
-    texts = ("gap opens", "gap closes", "largest Lyapunov exponent per step", "largest Lyapunov exponent per time")
-    numbers = dict(zip(("start", "end", "growth_per_step", "growth_per_time"), (*edges, *growth), strict=True))
     return xr.Dataset(
         {
             "half_trace": variable(("integrator", "tau_per_stage"), trace, "half the trace of the step matrix"),
-            **{k: variable(over, v, text) for (k, v), text in zip(numbers.items(), texts, strict=True)},
+            "start": variable(over, edges[0], "gap opens"),
+            "end": variable(over, edges[1], "gap closes"),
+            "growth_per_step": variable(over, growth[0], "largest Lyapunov exponent per step"),
+            "growth_per_time": variable(over, growth[1], "largest Lyapunov exponent per time"),
         },
         coords={
             **method_coordinates(tableaus),

@@ -6,21 +6,20 @@ It has ``energy_error`` and ``lag`` over (integrator, source, orbit, sample), an
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import log
 from nearharmonic.numerics.portable import dot
 from nearharmonic.numerics.statistics import jackknife_interval, mean
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import described
 from nearharmonic.output.table import Table
-from nearharmonic.reproduction.experiments.stability.ensembles import cube_and_table, stacked
+from nearharmonic.reproduction.experiments.stability.ensembles import read_runs
 from nearharmonic.reproduction.experiments.stability.settings import RoundingSettings
 from nearharmonic.reproduction.tasks.reduction import Reductions
 
@@ -67,20 +66,10 @@ def biases(cube: xr.Dataset) -> xr.Dataset:
 
 
 def growth(errors: Floats, time: Floats) -> tuple[float, float]:
-    """Return the exponent of the power law of the root mean square of an ensemble's errors in time, and its interval.
+    """Return the exponent of a power law in time (t,) of the root mean square of errors (orbits, t), and its interval.
 
-    Parameters
-    ----------
-    errors : array of shape (orbits, t)
-        Errors of each orbit.
-    time : array of shape (t,)
-        Times above 0.
-
-    Returns
-    -------
-    tuple of float
-        Slope of log rms against log time, and the half width of its 95 % interval by the jackknife over orbits, because
-        the times of one orbit are not independent.
+    That is the slope of log rms against log time, and the half width of its 95 % interval by the jackknife over orbits,
+    because the times of one orbit are not independent.
     """
     squares, x = errors * errors, log(time)
     x = x - mean(x)
@@ -115,11 +104,11 @@ def rounding_table(cube: xr.Dataset) -> Table:
 
 
 def reduce(integrators: Sequence[str], settings: RoundingSettings, **runs: str) -> dict[str, Any]:
-    """Return the result of :func:`cube_and_table`; ``settings`` are stored in the files."""
-    return cube_and_table(rounding_cube, rounding_table, integrators, runs)
+    """Return the ``cube`` and its ``table``; ``settings`` are stored in the files."""
+    cube = rounding_cube(read_runs(integrators, runs))
+    return {"cube": cube, "table": rounding_table(cube)}
 
 
-def rounding_cube(methods: Sequence[Tableau], runs: Mapping[str, xr.Dataset]) -> xr.Dataset:
-    """Return errors over (integrator, source, orbit, sample), and their reductions; parameters: see :func:`stacked`."""
-    cube = stacked(methods, runs)
-    return cube.assign(reduction.of(cube, over="orbit"))
+def rounding_cube(runs: xr.Dataset) -> xr.Dataset:
+    """Return errors over (integrator, source, orbit, sample), and their reductions."""
+    return runs.assign(reduction.of(runs, over="orbit"))

@@ -13,12 +13,13 @@ of the position along the track, due to the mean motion, as t^(3/2).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from decimal import Decimal, localcontext
 from fractions import Fraction
 from math import ceil, pi, sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nearharmonic.core.arithmetic import rounded_pair
 from nearharmonic.engine.batch.batch import integrate_batch
@@ -26,7 +27,6 @@ from nearharmonic.engine.batch.kernels import kernel_of
 from nearharmonic.engine.batch.results import Integers, Trajectories
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.geometric import geometric
 from nearharmonic.numerics.quasi_random import quasi_random
 from nearharmonic.numerics.types import Floats
@@ -45,23 +45,15 @@ DIGITS = 50
 #: Scale of the second run in double-double: the square of an integer that is no power of two.
 SCALE_ROOT = 3
 _CONSTANTS = SYSTEM.constants(Decimal)
+#: Decimals of an array of floats; energies of arrays of Decimals x, y, u, v.
+_decimals = np.frompyfunc(Decimal, 1, 1)
+_energy = np.frompyfunc(lambda x, y, u, v: SYSTEM.energy((x, y), (u, v), _CONSTANTS), 4, 1)
 #: Compared quantities, in this order.
 SOURCES = ("plain", "compensated", "extended", "coefficients")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Schedule:
-    """Division of a run.
-
-    Attributes
-    ----------
-    steps : int
-        Steps in all.
-    samples : int
-        Number of states after the start; the spacing is an integer number of periods.
-    periods : int
-        Periods in all.
-    """
+class Schedule(NamedTuple):
+    """Division of a run: all steps, all periods, and samples after the start, an integer number of periods apart."""
 
     steps: int
     samples: int
@@ -87,11 +79,6 @@ def warm_up() -> dict[str, Contents]:
     return {}
 
 
-def measure(integrator: str, settings: RoundingSettings) -> dict[str, Contents]:
-    """Return the contents of the file ``run``, :func:`rounding_errors` of the method named ``integrator``."""
-    return {"run": rounding_errors(integrators[integrator], settings)}
-
-
 def starts(settings: RoundingSettings) -> Floats:
     """Return orbits of quasi-random eccentricity and orientation (ensemble, 8)."""
     u = quasi_random(settings.ensemble, 2, settings.seed)
@@ -111,83 +98,48 @@ def _scaled(start: Floats) -> Floats:
     return result
 
 
-@dataclass(frozen=True)
-class _Paths:
-    """Sampled states as Decimals; ``scale`` reverses the scaling of lengths."""
-
-    paths: Trajectories
-    scale: int = 1
-
-    def state(self, orbit: int, sample: int) -> list[Decimal]:
-        """Return x, y, u, v with all their digits, in units of the unscaled orbit."""
-        paths, root = self.paths, Decimal(self.scale)
-        q = [Decimal(a) + Decimal(b) for a, b in zip(paths.q[orbit, sample], paths.q_low[orbit, sample], strict=True)]
-        p = [Decimal(a) + Decimal(b) for a, b in zip(paths.p[orbit, sample], paths.p_low[orbit, sample], strict=True)]
-        return [*(x / root**2 for x in q), *(u * root for u in p)]
+def states(paths: Trajectories, samples: Integers, scale: int = 1) -> NDArray[Any]:
+    """Return x, y, u, v (orbits, samples, 4) as Decimals with all digits, in units of the unscaled orbit."""
+    with localcontext(prec=DIGITS):
+        q, p = (
+            _decimals(high[:, samples]) + _decimals(low[:, samples])
+            for high, low in ((paths.q, paths.q_low), (paths.p, paths.p_low))
+        )
+        return np.concatenate([q / scale**2, p * scale], axis=-1)
 
 
-def _energy(state: list[Decimal]) -> Decimal:
-    energy: Decimal = SYSTEM.energy(tuple(state[:2]), tuple(state[2:]), _CONSTANTS)
-    return energy
-
-
-def errors(paths: _Paths, reference: _Paths, samples: Integers) -> tuple[Floats, Floats]:
-    """Return the errors of one run against another.
+def errors(found: NDArray[Any], reference: NDArray[Any]) -> tuple[Floats, Floats]:
+    """Return energy error / |H0| and lag in mean anomaly (rad), (orbits, samples), of states against others.
 
     The lag is the displacement along the velocity, divided by the speed, times the mean motion, which is 1. It is a
     mean anomaly, which grows evenly, while the distance along the track oscillates with the speed.
-
-    Parameters
-    ----------
-    paths, reference : _Paths
-        The runs of the same orbits.
-    samples : array of int
-        Indices of the samples compared.
-
-    Returns
-    -------
-    tuple of two arrays of shape (orbits, samples)
-        Energy error / |H0|, and lag in mean anomaly (rad).
     """
-    orbits = len(paths.paths.q)
-    energy, lag = np.empty((orbits, len(samples))), np.empty((orbits, len(samples)))
+    here, there = np.moveaxis(found, -1, 0), np.moveaxis(reference, -1, 0)
     with localcontext(prec=DIGITS):
-        for i in range(orbits):
-            for j, sample in enumerate(samples.tolist()):
-                here, there = paths.state(i, sample), reference.state(i, sample)
-                energy[i, j] = (_energy(here) - _energy(there)) * 2  # |H0| = 1/2
-                u, v = there[2:]
-                lag[i, j] = ((here[0] - there[0]) * u + (here[1] - there[1]) * v) / (u * u + v * v)
-    return energy, lag
+        energy = (_energy(*here) - _energy(*there)) * 2  # |H0| = 1/2
+        (dx, dy), (u, v) = (here - there)[:2], there[2:]
+        lag = (dx * u + dy * v) / (u * u + v * v)
+    return energy.astype(float), lag.astype(float)
 
 
-def _integrate(
-    tableau: Tableau, plan: Schedule, start: Floats, precision: str, *, scale: int = 1, **how: object
-) -> _Paths:
-    paths = integrate_batch(
-        SYSTEM, tableau, t_end=plan.periods * PERIOD * scale**3, steps=np.full(len(start), plan.steps),
-        samples=plan.samples + 1, start=start,
-        numerics=Numerics(precision=precision, width=WIDTH, energy="samples", **how),  # type: ignore[arg-type]
-    )  # fmt: skip
-    return _Paths(paths, scale)
-
-
-def rounding_errors(tableau: Tableau, settings: RoundingSettings) -> Contents:
-    """Return energy error and lag by rounding alone over (source, orbit, sample), for one method."""
+def measure(integrator: str, settings: RoundingSettings) -> dict[str, Contents]:
+    """Return the file ``run``: energy error and lag by rounding alone over (source, orbit, sample), for one method."""
+    tableau = integrators[integrator]
     plan, start = schedule(settings, tableau.stages), starts(settings)
     samples = np.unique(np.array(geometric(1, plan.samples, TIMES)).round().astype(np.int64))
-    exact = _integrate(tableau, plan, start, "extended")
-    rounded_coefficients = _integrate(tableau, plan, start, "extended", double_coefficients=True)
-    scaled = _integrate(tableau, plan, _scaled(start), "extended", scale=SCALE_ROOT)
-    pairs = {
-        summation: errors(
-            _integrate(tableau, plan, start, "double", summation=summation), rounded_coefficients, samples
-        )
-        for summation in ("plain", "compensated")
-    }
-    energy_pair, lag_pair = errors(scaled, exact, samples)
+
+    def run(start: Floats = start, scale: int = 1, **how: Any) -> NDArray[Any]:
+        paths = integrate_batch(
+            SYSTEM, tableau, t_end=plan.periods * PERIOD * scale**3, steps=np.full(len(start), plan.steps),
+            samples=plan.samples + 1, start=start, numerics=Numerics(width=WIDTH, energy="samples", **how),
+        )  # fmt: skip
+        return states(paths, samples, scale)
+
+    exact, rounded_coefficients = run(precision="extended"), run(precision="extended", double_coefficients=True)
+    pairs = {name: errors(run(summation=name), rounded_coefficients) for name in ("plain", "compensated")}
+    energy_pair, lag_pair = errors(run(_scaled(start), SCALE_ROOT, precision="extended"), exact)
     pairs["extended"] = energy_pair / sqrt(2), lag_pair / sqrt(2)
-    pairs["coefficients"] = errors(rounded_coefficients, exact, samples)
+    pairs["coefficients"] = errors(rounded_coefficients, exact)
     energy, lag = (np.array([pairs[source][k] for source in SOURCES]) for k in (0, 1))
     periods = samples * (plan.periods // plan.samples)
     over = ("source", "orbit", "sample")
@@ -197,4 +149,4 @@ def rounding_errors(tableau: Tableau, settings: RoundingSettings) -> Contents:
         "lag": variable(over, lag, "displacement along the track as mean anomaly, by rounding alone", "rad"),
         **coordinate("source", list(SOURCES), "arithmetic of the run, or its coefficients alone"),
     }
-    return Contents(variables=variables, coordinates=("time",))
+    return {"run": Contents(variables=variables, coordinates=("time",))}

@@ -34,15 +34,7 @@ CHARGE = 1.12
 
 @dataclass(frozen=True, kw_only=True)
 class Scaled:
-    """K potentials at J strengths each.
-
-    Attributes
-    ----------
-    potentials : Ensemble
-        The K potentials at strength 1.
-    strengths : (J,) array of float
-        Factors of the cubic and quartic coefficients.
-    """
+    """K ``potentials``, given at strength 1, at J ``strengths`` each: factors of cubic and quartic coefficients."""
 
     potentials: Ensemble
     strengths: Floats
@@ -59,33 +51,15 @@ class Scaled:
 
 
 def scaled_potentials(count: int, strengths: int, seed: int, t_end: float) -> Scaled:
-    """Return random potentials at logarithmically spaced strengths.
-
-    Parameters
-    ----------
-    count, strengths : int
-        Number of potentials and of strengths.
-    seed : int
-        Seed of the random numbers.
-    t_end : float
-        Length of every run, in radians of the frequency 1.
-    """
+    """Return random potentials at logarithmically spaced strengths; ``t_end`` is in radians of the frequency 1."""
     whole = random_ensemble(DIMENSION, count, seed, band=(1.0, 1.0), t_end=t_end)
     return Scaled(potentials=whole, strengths=np.array(geometric(WEAKEST, STRONGEST, strengths)))
 
 
 def declared(system: System, squares: Floats, number: int) -> System:
-    """Return a random potential as a system that declares its frequencies.
+    """Return a random potential as a system that declares its frequencies, with a number in its name.
 
-    Parameters
-    ----------
-    system : System
-        From :func:`nearharmonic.reproduction.experiments.trained.problems.random_potentials.random_potential`: its
-        first parameters are the squares of the frequencies.
-    squares : (d,) array of float
-        The squares.
-    number : int
-        Number for the name of the system.
+    The first parameters of ``system`` are the ``squares`` (d,) of its frequencies.
     """
     names = list(system.parameters)[: len(squares)]
 

@@ -80,14 +80,9 @@ def gains(best: xr.Dataset) -> xr.Dataset:
 
 @reduction("mean_log_error", "resampled", over="resample")
 def leaders(best: xr.Dataset) -> xr.Dataset:
-    """Idea that is ahead, and its lead over the second with its interval: among all ideas."""
-    return _leaders(best, "", "idea with the least mean error")
-
-
-@reduction("mean_log_error", "resampled", over="resample")
-def split_leaders(best: xr.Dataset) -> xr.Dataset:
-    """As :func:`leaders`, where oscillators are not solved exactly."""
-    return _leaders(best.drop_sel(idea=IDEAS[0]), "_split", f"the same without {IDEAS[0]}")
+    """Idea that is ahead, and its lead over the second with its interval: among all ideas, and for T and V."""
+    split = _leaders(best.drop_sel(idea=IDEAS[0]), "_split", f"the same without {IDEAS[0]}")
+    return _leaders(best, "", "idea with the least mean error").assign(split)
 
 
 def _leaders(best: xr.Dataset, suffix: str, text: str) -> xr.Dataset:

@@ -28,22 +28,7 @@ WHAT = "log10 of the largest |H - H0|/|H0| over every step"
 
 
 def measure(methods: Sequence[str], exact: Sequence[str], settings: ProofSettings) -> dict[str, Contents]:
-    """Integrate all potentials at all strengths with all methods.
-
-    Parameters
-    ----------
-    methods : sequence of str
-        Names of the methods with T and V; methods with modified potentials belong to no idea here.
-    exact : sequence of str
-        Names of the methods for the exactly solved oscillator.
-    settings : ProofSettings
-        Number of potentials, and step sizes.
-
-    Returns
-    -------
-    dict
-        ``run``, with the variables of :func:`errors_of_methods`.
-    """
+    """Return the file ``run``: :func:`errors_of_methods` on all potentials at all strengths."""
     taus = np.array([float(tau) for tau in settings.tau_per_stage])
     scaled = scaled_potentials(settings.systems // PART, STRENGTHS, settings.seed, float(settings.t_end))
     variables = errors_of_methods(scaled, methods, exact, taus)
@@ -53,14 +38,8 @@ def measure(methods: Sequence[str], exact: Sequence[str], settings: ProofSetting
 def errors_of_methods(scaled: Scaled, methods: Sequence[str], exact: Sequence[str], taus: Floats) -> Variables:
     """Return ``log_error`` and ``exact_log_error`` over (integrator, tau_per_stage, strength, problem).
 
-    Parameters
-    ----------
-    scaled : Scaled
-        K potentials at J strengths.
-    methods, exact : sequence of str
-        As for :func:`measure`.
-    taus : (T,) array of float
-        Step sizes over the cost of a step.
+    The former is of ``methods`` with T and V, except those with modified potentials, which belong to no idea; the
+    latter of the methods ``exact`` for the exactly solved oscillator. ``taus`` are step sizes over the cost of a step.
     """
     whole, shape = scaled.ensemble(), (len(taus), scaled.potentials.size, len(scaled.strengths))
 

@@ -48,24 +48,9 @@ def run(
     ensemble: Ensemble, method: Tableau, tau_per_stage: float, steps: int, start: Floats | None = None, *,
     samples: int, back: bool = False, **how: Any,
 ) -> Trajectories:  # fmt: skip
-    """Return runs of one method on some problems.
+    """Return runs of one method on some problems, from their own initial conditions by default.
 
-    Parameters
-    ----------
-    ensemble : Ensemble
-        The problems.
-    method : Tableau
-        The method.
-    tau_per_stage : float
-        Step size per stage, in the unit of the ensemble.
-    steps, samples : int
-        Steps and states of each run.
-    start : array, optional
-        Initial conditions; those of the problems by default.
-    back : bool
-        Run backwards in time.
-    **how
-        Members of :class:`Numerics`.
+    ``tau_per_stage`` is in the unit of the ensemble; ``back`` reverses time; ``how`` are members of :class:`Numerics`.
     """
     tau = Fraction(tau_per_stage * ensemble.unit * method.stages)
     return integrate_batch(
@@ -76,17 +61,7 @@ def run(
 
 
 def measure(methods: Sequence[str], beside: str, settings: ProofSettings) -> dict[str, Contents]:
-    """Return the contents of the file ``run``: :func:`long_runs`.
-
-    Parameters
-    ----------
-    methods : sequence of str
-        Names of the trained methods.
-    beside : str
-        Name of the reference method, which is the first one.
-    settings : ProofSettings
-        Steps, and the seed of the starts.
-    """
+    """Return the file ``run``: :func:`long_runs` of the reference method ``beside``, which comes first, and others."""
     chosen = [one for one in NAMED if one.name in SYSTEMS]
     ensembles = {one.name: named_ensemble(one, STARTS, settings.seed, float(settings.t_end)) for one in chosen}
     variables = long_runs(ensembles, [integrators[name] for name in (beside, *methods)], settings.steps)
@@ -94,21 +69,9 @@ def measure(methods: Sequence[str], beside: str, settings: ProofSettings) -> dic
 
 
 def long_runs(ensembles: Mapping[str, Ensemble], methods: Sequence[Tableau], steps: int) -> Variables:
-    """Integrate the problems of ensembles with all methods.
+    """Integrate ensembles of equal size, by the name of their system, with all methods; a long run has ``steps``.
 
-    Parameters
-    ----------
-    ensembles : mapping
-        Problems by the name of their system, equally many of each.
-    methods : sequence of Tableau
-        The methods.
-    steps : int
-        Steps of a long run.
-
-    Returns
-    -------
-    dict
-        The variables of :data:`MEANINGS`, NaN after the last sample of a run and the last coordinate of a system.
+    The variables are those of :data:`MEANINGS`, NaN after the last sample of a run and the last coordinate of a system.
     """
     samples = min(SAMPLES, steps + 1)
     coordinates = {

@@ -138,14 +138,7 @@ NAMED = (
 def named_ensembles(count: int, seed: int, t_end: float) -> Iterator[Ensemble]:
     """Yield ``count`` starts of each system, with their anharmonicities.
 
-    Parameters
-    ----------
-    count : int
-        Number of starts per system.
-    seed : int
-        Seed of the random numbers.
-    t_end : float
-        Length of every run, in radians of the fastest small oscillation.
+    ``t_end`` is the length of every run, in radians of the fastest small oscillation.
     """
     for place, one in enumerate(NAMED):
         yield with_anharmonicity(named_ensemble(one, count, [seed, place], t_end))

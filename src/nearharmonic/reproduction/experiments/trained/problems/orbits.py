@@ -13,23 +13,10 @@ from nearharmonic.training.population import Ensemble
 ITERATIONS = 12
 
 
-def orbit_ensemble(
-    count: int, seed: int, *, eccentricities: tuple[float, float], orbits: float, name: str = ""
-) -> Ensemble:
-    """Return ``count`` orbits that start anywhere on their ellipses.
+def orbit_ensemble(count: int, seed: int, *, eccentricities: tuple[float, float], orbits: float) -> Ensemble:
+    """Return ``count`` orbits that start anywhere on their ellipses, over ``orbits`` periods.
 
-    Parameters
-    ----------
-    count : int
-        Number of orbits.
-    seed : int
-        Seed of the random numbers.
-    eccentricities : pair of float
-        Bounds between which the eccentricity is uniform.
-    orbits : float
-        Number of periods of every run.
-    name : str
-        Name of the ensemble.
+    The eccentricity is uniform between the bounds ``eccentricities``.
     """
     random = np.random.default_rng([seed, count])
     e = random.uniform(*eccentricities, count)
@@ -44,7 +31,7 @@ def orbit_ensemble(
     for row, (x, y) in ((0, q), (2, p)):
         start[:, row] = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
     return Ensemble(
-        name=name or f"Kepler, e {eccentricities[0]:g} to {eccentricities[1]:g}", system=kepler.SYSTEM,
+        name=f"Kepler, e {eccentricities[0]:g} to {eccentricities[1]:g}", system=kepler.SYSTEM,
         start=start.reshape(count, -1), parameters=parameter_array(kepler.SYSTEM, {"GM": 1}),
         t_end=2 * np.pi * orbits, strength=e,
     )  # fmt: skip

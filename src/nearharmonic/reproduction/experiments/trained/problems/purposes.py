@@ -19,23 +19,11 @@ STRONG, WEAK = (0.01, 0.5), (0.001, 0.03)
 ECCENTRICITIES = (0.02, 0.35)
 #: Cost of the gradient of the square of grad V, in forces, for polynomials and for Kepler: docs/methods.md.
 CHARGE, CHARGE_OF_ORBITS = 1.1, 0.3
-#: Minimum width of a window: ratio of largest to smallest step size.
-NARROWEST = 1.5
 
 
 @dataclass(frozen=True, kw_only=True)
 class Chain:
-    """Families of increasing numbers of stages, each extended from the previous one.
-
-    Attributes
-    ----------
-    first : {"drift", "kick"}
-        Operator of the outer row.
-    stages : tuple of int
-        Stages, ascending.
-    order, harmonic_order, squares
-        As for :class:`Family`.
-    """
+    """Families of increasing numbers of ``stages``, each extended from the previous one; see :class:`Family`."""
 
     first: First
     stages: tuple[int, ...]
@@ -111,14 +99,7 @@ class Purpose:
     def ensembles(self, systems: int, seed: int, longer: float = 1.0) -> list[Ensemble]:
         """Return the problems: half of them in two coordinates and half in three, or orbits.
 
-        Parameters
-        ----------
-        systems : int
-            Number of problems.
-        seed : int
-            Of the draw.
-        longer : float
-            Factor of the interval.
+        The intervals are ``longer`` by a factor.
         """
         t_end = self.t_end * longer
         if self.band is None:

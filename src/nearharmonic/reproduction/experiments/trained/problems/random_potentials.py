@@ -63,25 +63,10 @@ def random_potential(dimension: int) -> System:
     )  # fmt: skip
 
 
-def random_ensemble(
-    dimension: int, count: int, seed: int, *, band: tuple[float, float], t_end: float, name: str = ""
-) -> Ensemble:
-    """Return ``count`` random systems with their starts.
+def random_ensemble(dimension: int, count: int, seed: int, *, band: tuple[float, float], t_end: float) -> Ensemble:
+    """Return ``count`` random systems of 2 or 3 coordinates with their starts.
 
-    Parameters
-    ----------
-    dimension : int
-        Coordinates, 2 or 3.
-    count : int
-        Number of systems.
-    seed : int
-        Seed of the random numbers.
-    band : pair of float
-        Bounds of the strength.
-    t_end : float
-        Length of every run, in radians of the frequency 1.
-    name : str
-        Name of the ensemble.
+    ``band`` are the bounds of the strength, and ``t_end`` the length of every run, in radians of the frequency 1.
     """
     system, random = random_potential(dimension), np.random.default_rng([seed, dimension, count])
     start = np.zeros((count, 4, dimension))
@@ -99,6 +84,6 @@ def random_ensemble(
         phase = random.uniform(0.0, 2 * np.pi, dimension)
         start[i, 0], start[i, 2] = amplitude * cos(phase) / np.maximum(w, SOFTEST), amplitude * sin(phase)
     return Ensemble(
-        name=name or f"d = {dimension}, {band[0]:g} to {band[1]:g}", system=system, start=start.reshape(count, -1),
+        name=f"d = {dimension}, {band[0]:g} to {band[1]:g}", system=system, start=start.reshape(count, -1),
         parameters=parameters.reshape(count, -1), t_end=t_end, strength=strength,
     )  # fmt: skip

@@ -7,7 +7,7 @@ tables are made here as well. No integration depends on this module.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -101,7 +101,7 @@ def gain_table(cube: xr.Dataset) -> Table:
     header = ["ensemble", "tau_per_stage", "best published", "log10_error", "best trained", "log10_error_trained"]
     header += ["gain", "gain_low", "gain_high", "verdict"]
     rows: list[list[Any]] = []
-    for e, t in _points(values):
+    for e, t in np.argwhere(np.isfinite(values["tau_per_stage"])):
         names = [str(values[key][e, t]) for key in ("best_published", "best_trained")]
         errors = [_error(values, e, t, name) for name in names]
         numbers = [float(values["gain"][e, t]), *map(float, values["gain_interval"][e, t])]
@@ -163,11 +163,6 @@ def stretch(taus: Floats, gain: Floats) -> tuple[float, float]:
                 best = low, high
             start = None
     return best
-
-
-def _points(values: Any) -> Iterator[tuple[int, int]]:
-    for e, t in np.argwhere(np.isfinite(values["tau_per_stage"])):
-        yield int(e), int(t)
 
 
 def _error(values: Any, ensemble: int, point: int, name: str) -> float:

@@ -27,14 +27,7 @@ UNIT = "radians of the fastest small oscillation"
 
 
 def measure(methods: Sequence[str], settings: ProofSettings) -> dict[str, Contents]:
-    """Integrate all problems of all ensembles with all methods.
-
-    Parameters
-    ----------
-    methods : sequence of str
-        Names of all methods of the comparison.
-    settings : ProofSettings
-        Ensembles and step sizes.
+    """Integrate all problems of all ensembles with all methods of the comparison.
 
     Returns
     -------
@@ -69,18 +62,10 @@ def measure(methods: Sequence[str], settings: ProofSettings) -> dict[str, Conten
 
 
 def log_errors(ensemble: Ensemble, methods: Sequence[str], tau_per_stage: Floats, charge: float) -> Floats:
-    """Return log10 max |dH/H0| (methods, T, M) at equal cost, at least the resolution of doubles.
+    """Return log10 max |dH/H0| (methods, T, M) on M problems at equal cost, at least the resolution of doubles.
 
-    Parameters
-    ----------
-    ensemble : Ensemble
-        The M problems.
-    methods : sequence of str
-        Names of the methods.
-    tau_per_stage : (T,) array of float
-        Step sizes over the cost of a step.
-    charge : float
-        Cost of the gradient of the square of grad V, in forces.
+    ``tau_per_stage`` (T,) are step sizes over the cost of a step, and ``charge`` the cost of the gradient of the square
+    of grad V, in forces.
     """
     errors = [errors_of(ensemble, integrators[name], tau_per_stage.tolist(), charge) for name in methods]
     found: Floats = log10(np.maximum(errors, LEAST))

@@ -44,17 +44,7 @@ CAPTION = (
 
 @measures_time
 def measure(cube: str, methods: Sequence[str], settings: ProofSettings) -> dict[str, Any]:
-    """Return the ``table`` of times and of gains at equal time.
-
-    Parameters
-    ----------
-    cube : str
-        Path of the cube of mean errors.
-    methods : sequence of str
-        Names of all methods that are compared.
-    settings : ProofSettings
-        Settings of the cube.
-    """
+    """Return the ``table`` of times and of gains at equal time, from the path of the cube of mean errors."""
     found = read(cube)
     names = [name for name in methods if integrators[name].modified]
     rows: list[list[Any]] = []
@@ -74,12 +64,7 @@ def measure(cube: str, methods: Sequence[str], settings: ProofSettings) -> dict[
 def costs(ensemble: Ensemble, width: int) -> tuple[float, float]:
     """Return nanoseconds per evaluation and trajectory, and the additional cost of a gradient in evaluations.
 
-    Parameters
-    ----------
-    ensemble : Ensemble
-        Ensemble; some of its problems are run.
-    width : int
-        SIMD lanes; with one, a single trajectory is run.
+    Some problems of the ensemble are run in ``width`` SIMD lanes; with one lane, a single trajectory.
     """
     few = ensemble.part(np.arange(PROBLEMS if width > 1 else 1) % ensemble.size)
     methods = [integrators[PLAIN], integrators[MODIFIED]]

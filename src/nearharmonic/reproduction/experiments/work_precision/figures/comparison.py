@@ -41,14 +41,8 @@ def comparison_figures(names: Sequence[str], cube: str) -> dict[str, Figure]:
 def comparison_figure(found: Sequence[Pair], mode: str, facts: Mapping[str, object]) -> Figure:
     """Draw a panel for each system: the fastest methods at some error, and all other libraries.
 
-    Parameters
-    ----------
-    found : sequence of Pair
-        Measurements on each system.
-    mode : str
-        "trajectory" or "lanes".
-    facts : mapping
-        Properties of the machine from :func:`nearharmonic.numerics.clock.machine`, and ``libraries``.
+    ``mode`` is "trajectory" or "lanes"; ``facts`` are properties of the machine, from
+    :func:`nearharmonic.numerics.clock.machine`, and ``libraries``.
     """
     across = min(len(found), _ACROSS)
     down = ceil(len(found) / across)

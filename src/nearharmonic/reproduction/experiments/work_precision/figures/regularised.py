@@ -58,15 +58,7 @@ def regularised_figures(names: Sequence[str], cube: str) -> dict[str, Figure]:
 
 @house_style
 def regularised_figure(rows: Sequence[Sequence[Pair]], facts: Mapping[str, object]) -> Figure:
-    """Draw a row of panels for each kind of error, a column for each regularised system.
-
-    Parameters
-    ----------
-    rows : sequence of sequences of Pair
-        Measurements on each system, once for each kind of error.
-    facts : mapping
-        As for :func:`nearharmonic.reproduction.experiments.work_precision.figures.comparison.comparison_figure`.
-    """
+    """Draw a row of panels for each kind of error, a column for each regularised system; ``facts`` tell the machine."""
     across, down = len(rows[0]), len(rows)
     width, height = _LEFT + _WIDTH * across, _BELOW + _LEGEND + _HEIGHT * down + _TITLE * (down - 1)
     figure = new_figure(width, height)

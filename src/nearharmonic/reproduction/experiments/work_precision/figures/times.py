@@ -30,9 +30,8 @@ ERRORS = (1e-17, 10.0)
 
 #: Content of each column of panels, and number of methods per row of its legend.
 _COLUMNS = (("methods of the paper", 3), ("beyond the paper", 3), ("other libraries", 2))
-#: Marks after the name of a curve without points: library not installed, or another reason.
-_MISSING = {True: " †", False: " ‡"}
-_MISSING_TEXT = {True: "not installed", False: "no run: see the table"}
+#: Marks after the name of a curve without points, and what they say: library not installed, or another reason.
+_MISSING = {True: ("†", "not installed"), False: ("‡", "no run: see the table")}
 _BEST, _LANES = "#f2d8a7", "#b08030"
 _PEER_COLOURS = (
     "#8c6d46", "#6e6e6e", "#202020", "#3e6b6b", "#7a5a86", "#a06060", "#5f7d3a", "#4f5f8f", "#c07830", "#b0a030",
@@ -51,14 +50,7 @@ def work_precision(system: str, cube: str) -> dict[str, Figure]:
 def work_precision_figure(label: str, parts: Sequence[Part], facts: Mapping[str, object]) -> Figure:
     """Draw a row of panels for each measure of each part, and the machine below.
 
-    Parameters
-    ----------
-    label : str
-        Label of the system in titles.
-    parts : sequence of Part
-        Measurements on each interval.
-    facts : mapping
-        Properties of the machine from :func:`nearharmonic.numerics.clock.machine`.
+    ``facts`` are properties of the machine, from :func:`nearharmonic.numerics.clock.machine`.
     """
     rows = [(t_end, measure, curves) for t_end, measures, curves in parts for measure in measures]
     legend = 0.5 + 0.145 * max(ceil(len(_column(rows[0][2], i)) / per_row) for i, (_, per_row) in enumerate(_COLUMNS))
@@ -151,18 +143,14 @@ def scale_axes(axes: Axes, ylabel: str) -> None:
 
 def _legend(figure: Figure, axes: Axes, curves: Sequence[Curve], per_row: int, *, envelopes: bool) -> None:
     """Draw the legend above the column of ``axes``; a missing curve has a mark."""
-    handles = [
-        Line2D(
-            [],
-            [],
-            label=curve.label + ("" if curve.points else _MISSING[curve.status == "not installed"]),
-            **line_of(curve),
-        )
-        for curve in curves
-    ]
-    for absent, mark in _MISSING.items():
-        if any(not curve.points and (curve.status == "not installed") == absent for curve in curves):
-            handles.append(Line2D([], [], linestyle="none", label=f"{mark.strip()} {_MISSING_TEXT[absent]}"))
+    missing = {curve.method: curve.status == "not installed" for curve in curves if not curve.points}
+    handles = []
+    for curve in curves:
+        mark = f" {_MISSING[missing[curve.method]][0]}" if curve.method in missing else ""
+        handles.append(Line2D([], [], label=curve.label + mark, **line_of(curve)))
+    for absent, says in _MISSING.items():
+        if absent in missing.values():
+            handles.append(Line2D([], [], linestyle="none", label=" ".join(says)))
     if envelopes:
         handles.append(Line2D([], [], color=_BEST, linewidth=5, label="best of these"))
         handles.append(Line2D([], [], color=_LANES, linestyle=":", label="the same, each of an ensemble"))

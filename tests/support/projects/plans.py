@@ -1,0 +1,19 @@
+"""All planned runs of some sweeps, and what the plan omits."""
+
+from __future__ import annotations
+
+from nearharmonic.reproduction.experiments.paper.grid import plan
+
+
+def planned_runs(sweeps, methods):
+    return [
+        run
+        for sweep in sweeps
+        for name in methods
+        for index in range(plan.shards_of(sweep, name))
+        for run in plan.runs_of(sweep, name, index)
+    ]
+
+
+def omitted(sweeps, methods):
+    return [row for sweep in sweeps for name in methods for row in plan.omissions(sweep, name)]
