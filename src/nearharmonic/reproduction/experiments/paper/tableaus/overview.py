@@ -1,14 +1,22 @@
-"""Table of all methods, computed without integration; the paper has no such table."""
+"""Table of all methods, computed without integration; the paper has no such table.
+
+The module is separate from the tables of the paper because its rows are cached on disk: a row depends only on the
+coefficients and the code, and its proofs take up to a second for a method of order ten.
+"""
 
 from __future__ import annotations
 
+import json
 from fractions import Fraction
+from typing import Any
 
+from nearharmonic.core.machine import disk
 from nearharmonic.exact.decimals import fixed_point
 from nearharmonic.integrators import integrators as methods_by_name
 from nearharmonic.integrators import plain_integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import pow
+from nearharmonic.reproduction.tasks.provenance import code_digest, coefficients_digest
 from nearharmonic.theory.linear_stability import stability_gaps
 from nearharmonic.theory.order import (
     ErrorTerm,
@@ -24,6 +32,8 @@ Cell = str | int | float
 Cells = tuple[Cell, ...]
 Columns = tuple[Header, list[Cells]]
 
+#: Maximum number of rows on disk, half a kilobyte each. A larger cache is cleared.
+MOST_KEPT = 1000
 #: Quantities whose harmonic order is a column.
 HARMONIC = ("position", "momentum", "energy")
 
@@ -34,8 +44,34 @@ def overview(*names: str) -> Columns:
     Errors are powers of tau with the norms of :func:`nearharmonic.theory.order.leading_errors`. An effective error is s
     norm^(1/order), which includes the cost of s stages. Edges of stability have 12 decimals.
     """
-    rows = [columns_of(methods_by_name[name]) for name in names or plain_integrators]
+    tableaus = [methods_by_name[name] for name in names or plain_integrators]
+    keys = [coefficients_digest([tableau]) for tableau in tableaus]
+    kept = KeptRows()
+    missing = {key: columns_of(tableau) for key, tableau in zip(keys, tableaus, strict=True) if key not in kept.rows}
+    if missing:
+        kept.add(missing)
+    rows = [kept.rows[key] for key in keys]
     return tuple(rows[0]), [tuple(row.values()) for row in rows]
+
+
+class KeptRows:
+    """On-disk cache of rows, by the digest of their method.
+
+    The file is in the folder of compiled code, which is writable only for the user. Its name depends on all code that
+    computes a row.
+    """
+
+    def __init__(self) -> None:
+        self._place = disk.place_of(f"overview-{code_digest(__name__)[:32]}")
+        kept = disk.read(self._place) if self._place else None
+        self.rows: dict[str, Any] = json.loads(kept[1]) if kept else {}
+
+    def add(self, rows: dict[str, dict[str, Cell]]) -> None:
+        """Add rows, and write the file: all rows, or only the new ones if there are more than :data:`MOST_KEPT`."""
+        self.rows.update(rows)
+        if self._place:
+            written = self.rows if len(self.rows) <= MOST_KEPT else rows
+            disk.write(self._place, "overview", json.dumps(written).encode())
 
 
 def columns_of(tableau: Tableau) -> dict[str, Cell]:
