@@ -81,8 +81,7 @@ def rounded(tableau: Tableau, digits: int) -> Coefficients:
     """
     if not 1 <= digits <= tableau.digits:
         allowed = f"an integer from 1 to {tableau.digits}, the digits to which {tableau.name} is known"
-        key = "digits"
-        raise bad_setting(key, digits, allowed)
+        raise bad_setting("digits", digits, allowed)
     context = Context(prec=digits)
     return Coefficients(
         tableau=tableau,

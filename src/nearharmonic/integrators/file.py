@@ -41,11 +41,9 @@ def tableaus_of(place: str | os.PathLike[str], registered: Collection[str]) -> d
     named: dict[str, Tableau] = {}
     for one in found:
         if one.name in registered:
-            message = f"{path}: the integrator {one.name!r} is a registered one already; give it another name"
-            raise TableauError(message)
+            raise TableauError(f"{path}: the integrator {one.name!r} is a registered one already; give it another name")
         if one is not named.setdefault(one.name, one):
-            message = f"{path} defines two integrators with the name {one.name!r}"
-            raise TableauError(message)
+            raise TableauError(f"{path} defines two integrators with the name {one.name!r}")
         _check_order(path, one)
     return named
 
@@ -62,8 +60,7 @@ def _check_order(path: str, tableau: Tableau) -> None:
         declared = (
             f"declares order {tableau.order}, and its coefficients, of {tableau.digits} digits, have order {order}"
         )
-        message = f"{path}: the integrator {tableau.name!r} {declared} for {kind}"
-        raise TableauError(message)
+        raise TableauError(f"{path}: the integrator {tableau.name!r} {declared} for {kind}")
 
 
 def tableau_at(place: str, registered: Collection[str]) -> Tableau:
@@ -88,6 +85,5 @@ def tableau_at(place: str, registered: Collection[str]) -> Tableau:
     if name and name not in found:
         raise unknown_name(f"integrator of {path}", name, found)
     if not name and len(found) > 1:
-        message = f"{place} defines {len(found)} integrators: name one, as in {path}:{next(iter(found))}"
-        raise TableauError(message)
+        raise TableauError(f"{place} defines {len(found)} integrators: name one, as in {path}:{next(iter(found))}")
     return found[name] if name else next(iter(found.values()))

@@ -52,8 +52,7 @@ class Table:
     def __post_init__(self) -> None:
         for i, row in enumerate(self.rows):
             if len(row) != len(self.header):
-                message = f"row {i} has {len(row)} cells under {len(self.header)} names: {list(row)}"
-                raise NearharmonicError(message)
+                raise NearharmonicError(f"row {i} has {len(row)} cells under {len(self.header)} names: {list(row)}")
 
     def records(self) -> list[dict[str, Cell]]:
         """Return each row as the cells by the names of their columns."""
@@ -124,8 +123,7 @@ def from_csv(text: str) -> Table:
     try:
         header, *rows = csv.reader(io.StringIO(text))
     except (ValueError, csv.Error) as error:
-        message = "there is no table"
-        raise NearharmonicError(message) from error
+        raise NearharmonicError("there is no table") from error
     return Table(header=header, rows=rows)
 
 
@@ -148,8 +146,7 @@ def save(table: Table, places: Sequence[str | os.PathLike[str]]) -> list[Path]:
     paths = [Path(place) for place in places]
     for path in paths:
         if path.suffix not in texts:
-            message = f"{path}: a table is written as {', '.join(SUFFIXES)}"
-            raise NearharmonicError(message)
+            raise NearharmonicError(f"{path}: a table is written as {', '.join(SUFFIXES)}")
         write_text(path, texts[path.suffix]())
     return paths
 

@@ -102,8 +102,7 @@ def _common_meaning(given: Sequence[xr.Dataset], name: str) -> None:
     found = [one[name].attrs for one in given]
     meanings = sorted({f"{notes.get('long_name', name)}, in {notes.get('units', '1')}" for notes in found})
     if len(meanings) > 1:
-        allowed = "Datasets whose energy errors mean the same"
-        raise bad_setting("datasets", " | ".join(meanings), allowed)
+        raise bad_setting("datasets", " | ".join(meanings), "Datasets whose energy errors mean the same")
 
 
 def _members(given: Sequence[xr.Dataset]) -> Figure:

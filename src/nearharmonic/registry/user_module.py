@@ -42,8 +42,7 @@ def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicE
     """
     path = Path(place)
     if not is_file(path):
-        message = f"{path}: no such file. {declares}"
-        raise error(message)
+        raise error(f"{path}: no such file. {declares}")
     key = path.resolve()
     if key in _LOADED:
         module, files = _LOADED[key]
@@ -51,8 +50,7 @@ def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicE
             return module
     spec = importlib.util.spec_from_file_location(f"nearharmonic_user_{path.stem}", key)
     if spec is None or spec.loader is None:
-        message = f"{path} is no Python file: its name must end in .py"
-        raise error(message)
+        raise error(f"{path} is no Python file: its name must end in .py")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses look up their module
     files = {key: (0, 0)}
@@ -62,8 +60,7 @@ def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicE
     except NearharmonicError:
         raise
     except (Exception, SystemExit) as fault:
-        message = f"{path} cannot be run: {type(fault).__name__}: {fault}"
-        raise error(message) from fault
+        raise error(f"{path} cannot be run: {type(fault).__name__}: {fault}") from fault
     _LOADED[key] = module, _state(files)
     return module
 

@@ -177,8 +177,7 @@ def leading_errors(
     for quadratic in (False, True):
         order = proved_order(tableau, most + 1, quadratic=quadratic)
         if order > most:
-            key = "highest"
-            raise bad_setting(key, most, f"the order of {tableau.name} is larger")
+            raise bad_setting("highest", most, f"the order of {tableau.name} is larger")
         terms.append(ErrorTerm(order + 1, error_norm(tableau, order + 1, quadratic=quadratic)))
     general, nystrom = terms
     return LeadingErrors(general, nystrom, _harmonic_error(tableau))

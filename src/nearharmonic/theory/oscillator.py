@@ -69,8 +69,7 @@ def kappa(
         "position" nor "momentum".
     """
     if isinstance(highest, bool) or not isinstance(highest, Integral) or not 1 <= highest <= MOST_TERMS:
-        key = "highest"
-        raise bad_setting(key, highest, f"an integer >= 1, and at most {MOST_TERMS}")
+        raise bad_setting("highest", highest, f"an integer >= 1, and at most {MOST_TERMS}")
     tableau = tableau_of(integrator, first)
     terms = zeta(tableau, variable=variable)
     with mp.workdps(max(mp.dps, tableau.digits + 10)):
@@ -112,8 +111,7 @@ def lambda_max(integrator: str | Tableau, *, first: First | None = None, variabl
         As for :func:`kappa`, as are the errors.
     """
     if variable not in {"position", "momentum"}:
-        key = "variable"
-        raise bad_setting(key, variable, "it is 'position' or 'momentum'")
+        raise bad_setting("variable", variable, "it is 'position' or 'momentum'")
     tableau = tableau_of(integrator, first)
     if tableau.modified:
         K = _step_polynomials(tableau)

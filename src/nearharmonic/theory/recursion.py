@@ -98,8 +98,7 @@ def momentum_row(integrator: str | Tableau, *, first: First | None = None) -> Po
     before, last = position_rows(tableau)[-2:]
     drift = Fraction(tableau.drift[-1])
     if drift == 0:
-        message = f"tableau {tableau.name!r}: drift[{len(tableau.drift) - 1}] = 0, by which Eq. 6 divides"
-        raise TableauError(message)
+        raise TableauError(f"tableau {tableau.name!r}: drift[{len(tableau.drift) - 1}] = 0, by which Eq. 6 divides")
     drifting = [(a - b) / drift for a, b in zip(last, before, strict=True)][1:]
     if tableau.first == "drift":
         return drifting

@@ -57,11 +57,10 @@ def polished(
     limit = newton(family.residuals, family.slopes, start, digits=digits, fixed=tuple(values))
     moved = max((abs(a - b) for a, b in zip(limit.point, start, strict=True)), default=mpf(0))
     if not limit.converged or moved > nearest:
-        message = (
+        raise NotConvergedError(
             f"{family}: Newton's method ends at a residual of {nstr(limit.residual, 3)}, {nstr(moved, 3)} away; wanted "
             f"1e-{digits} within {nearest:g}"
         )
-        raise NotConvergedError(message)
     return list(limit.point)
 
 

@@ -97,8 +97,7 @@ def _checked_sizes(variables: Variables, arrays: Mapping[str, np.ndarray]) -> di
     for name, (dims, _, attributes) in variables.items():
         missing = {"units", "long_name"} - set(attributes)
         if missing:
-            message = f"variable {name!r} has no {' and no '.join(sorted(missing))}"
-            raise NearharmonicError(message)
+            raise NearharmonicError(f"variable {name!r} has no {' and no '.join(sorted(missing))}")
         shape = arrays[name].shape
         if len(shape) != len(dims) or any(sizes.setdefault(d, n) != n for d, n in zip(dims, shape, strict=True)):
             message = f"variable {name!r} of shape {shape} does not fit its dimensions {dims}, of lengths {sizes}"
@@ -121,8 +120,7 @@ def _flags(name: str, values: np.ndarray, notes: dict[str, Any]) -> tuple[np.nda
     words = notes[FLAG_MEANINGS].split()
     codes = np.array([words.index(word) if word in words else -1 for word in values.ravel().tolist()], np.int8)
     if (codes < 0).any():
-        message = f"variable {name!r} has a value that is none of {', '.join(words)}"
-        raise NearharmonicError(message)
+        raise NearharmonicError(f"variable {name!r} has a value that is none of {', '.join(words)}")
     return codes.reshape(values.shape), {**notes, FLAG_VALUES: np.arange(len(words), dtype=np.int8)}
 
 
