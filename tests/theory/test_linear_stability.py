@@ -14,7 +14,6 @@ from nearharmonic.reproduction.experiments.stability.linear.run import KNOWN_LIM
 from nearharmonic.theory.linear_stability import (
     growth_rate,
     largest_growth,
-    stability_end,
     stability_gaps,
     stability_limit,
     touching_points,
@@ -69,7 +68,6 @@ def beside(name, edge):
 def test_each_edge_is_crossing_of_two_to_twelve_digits(name):
     tableau, gaps = integrators[name], stability_gaps(name)
     assert stability_limit(name) == gaps[0][0]
-    assert stability_end(name) == gaps[-1][0]
     assert gaps[-1][1] == inf
     with mp.workdps(60):
         for start, end in gaps:

@@ -99,17 +99,20 @@ def elements(row: Row, form: str = "{}", separator: str = ",") -> str:
     return f"{separator}\n".join(lines) + ("," if separator == "," else "")
 
 
-def names_of_python(coefficients: Coefficients) -> dict[str, str]:
-    """Return the names of the integrator and its operators, and the texts of its rows, in a Python program."""
+def names(coefficients: Coefficients, form: str = "{}", separator: str = ",") -> dict[str, str]:
+    """Return the names of the integrator and its operators, and its rows as :func:`elements`, for a template."""
     outer, inner = coefficients.operators
+    rows = {row: elements(getattr(coefficients, row), form, separator) for row in ("kick", "drift")}
     return {
         "name": identifier(coefficients.tableau),
-        "kick": elements(coefficients.kick),
-        "drift": elements(coefficients.drift),
+        "stages": str(coefficients.stages),
+        **rows,
         "outer": outer,
-        "inner": inner,
         "OUTER": outer.upper(),
+        "outer_rows": rows[outer],
+        "inner": inner,
         "INNER": inner.upper(),
+        "inner_rows": rows[inner],
     }
 
 
