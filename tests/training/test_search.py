@@ -14,7 +14,6 @@ import nearharmonic as nh
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE
 from nearharmonic.training.search import (
-    Effort,
     Found,
     Searcher,
     Start,
@@ -24,7 +23,6 @@ from nearharmonic.training.search import (
 )
 from support.methods.family_members import members
 
-EFFORT = Effort(trials=100, random=2, refinements=1)
 FAMILY = Family(stages=6, first="kick")
 
 
@@ -54,7 +52,7 @@ def test_methods_of_equal_shape_start_and_shorter_ones_are_extended():
     # In turn: too many stages, two that fit, the other role, a stage less, both wrong, not symmetric.
     all_names = "babs7o7h babs6o7h srkn_b6 abas5o6h mclachlan_s5 aba864 mclachlan_atela_5"
     known = [nh.integrators[name] for name in all_names.split()]
-    starts = list(starts_of(FAMILY, known, [], replace(EFFORT, random=3)))
+    starts = list(starts_of(FAMILY, known, [], 3))
     assert names(starts) == ["babs6o7h"] * 2 + ["srkn_b6"] * 2 + ["mclachlan_s5, grown"] + ["random"] * 3
     assert [start.spread for start in starts[:4]] == [0.01, 0.003] * 2
     for start in starts[:5]:
@@ -76,22 +74,21 @@ def test_best_shorter_method_is_extended_only_in_its_family():
         found(-9.0, x, replace(smaller, harmonic_order=5)),
         found(-9.0, x, replace(smaller, first="drift")),
     ]
-    starts = list(starts_of(FAMILY, [], before, replace(EFFORT, random=0)))
+    starts = list(starts_of(FAMILY, [], before, 0))
     assert names(starts) == ["grown"] * 3
     assert [start.spread for start in starts] == [0.003, 0.01, 0.03]
     for start in starts:
         assert start.point == pytest.approx(smaller.grown(x)[1])
-    assert list(starts_of(FAMILY, [], [], replace(EFFORT, random=0))) == []
+    assert list(starts_of(FAMILY, [], [], 0)) == []
 
 
 def test_methods_with_squares_start_families_with_these_squares():
     known = [nh.modified_integrators["omelyan_g5o6"], nh.integrators["mclachlan_s5"]]
-    no_random = replace(EFFORT, random=0)
     for squares, wanted in (((), False), ((0, 1, 2), True), ((0, 1), False)):
         family = Family(stages=5, first=known[0].first, squares=squares)
-        assert ("omelyan_g5o6" in names(starts_of(family, known, [], no_random))) == wanted
+        assert ("omelyan_g5o6" in names(starts_of(family, known, [], 0))) == wanted
     family = Family(stages=5, first="kick", squares=(0, 1, 2))
-    start = next(s for s in starts_of(family, known, [], no_random) if s.origin == "mclachlan_s5")
+    start = next(s for s in starts_of(family, known, [], 0) if s.origin == "mclachlan_s5")
     assert start.point[4:].tolist() == [0.0, 0.0, 0.0]
 
 
@@ -100,7 +97,7 @@ def test_descent_finds_minimum_and_returns_member_that_has_it(family):
     target = members(family, 1)[0]
     objective = Distance(family, target)
     near = target + 0.02 * np.random.default_rng(1).normal(size=family.unknowns)
-    value, x = descend(objective, Start(origin="near", point=near, spread=0.01), replace(EFFORT, trials=2000), 5)
+    value, x = descend(objective, Start(origin="near", point=near, spread=0.01), 2000, 5)
     assert value < -8
     assert np.abs(x - target).max() < 1e-4
     assert family.project(x[None])[1][0]
@@ -110,10 +107,8 @@ def test_descent_finds_minimum_and_returns_member_that_has_it(family):
 def test_a_search_finds_again_what_it_found_and_counts_it():
     objective = Distance(FAMILY, members(FAMILY, 1)[0])
     starts = [Start(origin=str(i), point=objective.target + 0.01 * (i + 1), spread=0.01) for i in range(3)]
-    told = []
-    findings = search(objective, iter(starts), Effort(trials=1500, random=0, refinements=2), 1, told.append)
+    findings = search(objective, iter(starts), 1500, 2, 1)
     assert [one.origin for one in findings.found] == ["0", "1", "2", "refined", "refined"]
-    assert told == findings.found
     assert findings.trials == objective.trials == sum(one.trials for one in findings.found)
     assert findings.best.value == min(one.value for one in findings.found)
     near = [np.abs(one.unknowns - findings.best.unknowns).max() < 0.02 for one in findings.found]
@@ -122,7 +117,7 @@ def test_a_search_finds_again_what_it_found_and_counts_it():
 
 
 def test_equal_minimum_elsewhere_and_worse_one_here_are_different():
-    findings = Searcher(EFFORT, 1)
+    findings = Searcher(1)
     findings.found = [
         found(-1.0, [0.1, 0.2]),
         found(-0.99, [0.11, 0.19]),
@@ -140,8 +135,8 @@ def test_one_seed_gives_the_same_bits_and_another_seed_others():
     target = members(FAMILY, 1)[0]
 
     def run(seed):
-        starts = starts_of(FAMILY, [nh.integrators["babs6o7h"]], [], EFFORT)
-        return search(Distance(FAMILY, target), starts, EFFORT, seed, None)
+        starts = starts_of(FAMILY, [nh.integrators["babs6o7h"]], [], 2)
+        return search(Distance(FAMILY, target), starts, 100, 1, seed)
 
     one, again, other = run(1), run(1), run(2)
     assert [a.unknowns.tobytes() for a in one.found] == [b.unknowns.tobytes() for b in again.found]
@@ -152,7 +147,7 @@ def test_one_seed_gives_the_same_bits_and_another_seed_others():
 def test_a_search_leaves_the_random_numbers_of_numpy_alone():
     np.random.seed(5)  # noqa: NPY002
     before = np.random.get_state()[1].tobytes()  # noqa: NPY002
-    search(Distance(FAMILY, members(FAMILY, 1)[0]), starts_of(FAMILY, [], [], EFFORT), EFFORT, 1, None)
+    search(Distance(FAMILY, members(FAMILY, 1)[0]), starts_of(FAMILY, [], [], 2), 100, 1, 1)
     assert np.random.get_state()[1].tobytes() == before  # noqa: NPY002
     np.random.random()  # noqa: NPY002
 
@@ -164,12 +159,11 @@ import nearharmonic as nh
 from nearharmonic.reproduction.experiments.trained.problems.random_potentials import random_ensemble
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import Objective
-from nearharmonic.training.search import Effort, search, starts_of
+from nearharmonic.training.search import search, starts_of
 family = Family(stages=6, first="kick", order=4, harmonic_order=5)
 ensemble = random_ensemble(2, 6, 1, band=(0.05, 0.4), t_end=10.0)
 objective = Objective(family, [ensemble], (0.1, 0.15), [np.array([-5.0, -4.0])], size=20)
-effort = Effort(trials=60, random=1, refinements=1)
-findings = search(objective, starts_of(family, [nh.integrators["babs6o7h"]], [], effort), effort, 3, None)
+findings = search(objective, starts_of(family, [nh.integrators["babs6o7h"]], [], 1), 60, 1, 3)
 print(hashlib.sha256(b"".join(one.unknowns.tobytes() for one in findings.found)).hexdigest(), findings.best.value)
 """
 

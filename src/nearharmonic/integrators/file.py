@@ -16,13 +16,6 @@ DECLARES = "An integrator of your own is a Python file that defines TABLEAU, or 
 def tableaus_of(place: str | os.PathLike[str], registered: Collection[str]) -> dict[str, Tableau]:
     """Return the tableaus that a Python file defines as TABLEAU or TABLEAUS, by name.
 
-    Parameters
-    ----------
-    place : str or path
-        The file.
-    registered : collection of str
-        Names of the registered integrators, which a file must not use.
-
     Raises
     ------
     TableauError
@@ -65,13 +58,6 @@ def _check_order(path: str, tableau: Tableau) -> None:
 
 def tableau_at(place: str, registered: Collection[str]) -> Tableau:
     """Return the tableau of a file that is used by its path; of several, the one whose name follows a colon.
-
-    Parameters
-    ----------
-    place : str
-        The path.
-    registered : collection of str
-        Names of the registered integrators, which a file must not use.
 
     Raises
     ------

@@ -7,7 +7,6 @@ from fractions import Fraction
 from functools import cached_property
 from hashlib import sha256
 
-from nearharmonic.core.arithmetic import rounded_pair
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.composition import Composition, First, Processor, Row, palindrome
 
@@ -221,11 +220,6 @@ class Tableau(Composition):
     def rows_double(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return the outer and the inner row, each coefficient rounded once to the nearest double."""
         return tuple(map(float, self.outer)), tuple(map(float, self.inner))
-
-    def rows_double_double(self) -> tuple[tuple[tuple[float, float], ...], tuple[tuple[float, float], ...]]:
-        """Return the outer and the inner row as pairs (nearest double, nearest double of the rest), about 32 digits."""
-        outer, inner = (tuple(rounded_pair(*c.as_integer_ratio()) for c in row) for row in self.rows_exact())
-        return outer, inner
 
     def digest(self) -> str:
         """Return the SHA-256, in hex, of the first operator and all rows, which determine the results of a run."""

@@ -77,12 +77,9 @@ class Table:
         return _tabulate(self.header, cells, form)
 
     def lines(self, digits: int | None = None) -> list[str]:
-        """Return the caption and the rows as lines of aligned columns for a terminal; no header above no rows.
+        """Return the caption and the rows as lines of aligned columns for a terminal, floats to ``digits``.
 
-        Parameters
-        ----------
-        digits : int, optional
-            Significant digits of a float; all by default.
+        There is no header above no rows.
         """
         caption = [self.caption] if self.caption else []
         if not self.rows:
@@ -104,7 +101,7 @@ def _is_number(cell: Cell) -> bool:
 
 
 def _in_words(cell: Cell, digits: int | None) -> str:
-    """Text of a cell: floats are shortened, truth values are words, None and NaN are a dash."""
+    """Return the text of a cell: floats are shortened, truth values are words, None and NaN are a dash."""
     if cell is None or cell == "" or (isinstance(cell, float) and isnan(cell)):
         return "-"
     if isinstance(cell, bool):
@@ -128,14 +125,9 @@ def from_csv(text: str) -> Table:
 
 
 def save(table: Table, places: Sequence[str | os.PathLike[str]]) -> list[Path]:
-    """Write ``table`` to each of ``places``, in the format of its ending.
+    """Write ``table`` to each of ``places``, in the format of its ending, and return their paths.
 
     CSV has all digits; Markdown and LaTeX have four digits of a float.
-
-    Returns
-    -------
-    list of Path
-        The files, in the order of ``places``.
 
     Raises
     ------

@@ -199,7 +199,7 @@ def _trajectories(given: Sequence[xr.Dataset]) -> Figure:
     if measured:
         upper, lower = drawn.subplots(2, 1, height_ratios=(2, 3))
         for one, look in measured:
-            _draw_errors(upper, one, look)
+            upper.plot(one["t"].values, np.abs(one["energy_error"].values), **_thin_line(one, look))
         _finish_errors(upper, [one for one, _ in measured], unit)
     else:
         lower = drawn.subplots()
@@ -212,9 +212,8 @@ def _trajectories(given: Sequence[xr.Dataset]) -> Figure:
     return drawn
 
 
-def _draw_errors(axes: Axes, one: xr.Dataset, look: Mapping[str, Any]) -> None:
-    line = style_of(str(one.attrs["integrator"])).line(**{**look, "marker": "none"})
-    axes.plot(one["t"].values, np.abs(one["energy_error"].values), **{**line, "linewidth": 0.8})
+def _thin_line(one: xr.Dataset, look: Mapping[str, Any]) -> dict[str, Any]:
+    return style_of(str(one.attrs["integrator"])).line(**{**look, "marker": "none", "linewidth": 0.8})
 
 
 def _finish_errors(axes: Axes, given: Sequence[xr.Dataset], unit: str) -> None:
@@ -228,10 +227,9 @@ def _finish_errors(axes: Axes, given: Sequence[xr.Dataset], unit: str) -> None:
 
 
 def _draw_orbit(axes: Axes, one: xr.Dataset, look: Mapping[str, Any]) -> None:
-    line = style_of(str(one.attrs["integrator"])).line(**{**look, "marker": "none"})
     q, p = one["q"].values, one["p"].values
     first, second = (q[:, 0], p[:, 0]) if q.shape[1] == 1 else (q[:, 0], q[:, 1])
-    axes.plot(first, second, **{**line, "linewidth": 0.8})
+    axes.plot(first, second, **_thin_line(one, look))
     axes.plot(first[:1], second[:1], marker="o", markersize=5, color="#404040", linestyle="none", zorder=4)
 
 

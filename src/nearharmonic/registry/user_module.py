@@ -28,8 +28,6 @@ def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicE
 
     Parameters
     ----------
-    place : path
-        The file.
     declares : str
         Expected content of the file, for the message if it does not exist.
     error : type
@@ -66,17 +64,7 @@ def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicE
 
 
 def near_miss(module: ModuleType, name: str, kind: type) -> str:
-    """Return the reason why a module does not define ``name``, for the end of a message.
-
-    Parameters
-    ----------
-    module : module
-        A user's file.
-    name : str
-        Name that the module should define.
-    kind : type
-        Class of the value, or of the entries of a tuple.
-    """
+    """Return the reason why a user's module does not define ``name``, a ``kind`` or a tuple of them, for a message."""
     if hasattr(module, name):
         return f": its {name} is of type {type(getattr(module, name)).__name__}"
     alike = [
@@ -135,7 +123,7 @@ def is_file(path: Path) -> bool:
 
 
 def _state(files: Files) -> Files:
-    """Present state of ``files``, without deleted ones."""
+    """Return the present state of ``files``, without deleted ones."""
     found: Files = {}
     for path in files:
         try:
@@ -150,10 +138,8 @@ def _state(files: Files) -> Files:
 def _own_modules(folder: Path, files: Files) -> Iterator[None]:
     """Allow imports of modules in ``folder`` inside the block, and add their files to ``files``."""
     before = set(sys.modules)
-    writes, sys.dont_write_bytecode = (
-        sys.dont_write_bytecode,
-        True,
-    )  # bytecode would hide a second edit in one second
+    # Bytecode would hide a second edit in one second.
+    writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     sys.path.insert(0, str(folder))
     importlib.invalidate_caches()
     try:

@@ -77,21 +77,12 @@ def tableau_of(
 
     Parameters
     ----------
-    family : ConditionedSteps
-        The family.
-    unknowns : sequence of n float
-        A point next to one of its members.
+    family, unknowns, fixed, nearest
+        As for :func:`polished`, as are the errors.
     digits : int
         Decimals that the tableau guarantees; coefficients have two more.
-    fixed, nearest
-        As for :func:`polished`.
     **about
         Fields of :class:`Tableau`: name, label, source, note.
-
-    Raises
-    ------
-    NotConvergedError
-        As for :func:`polished`.
     """
     with mp.workdps(2 * digits + 20):
         kicks, drifts, squares = family.rows(polished(family, unknowns, digits + 10, fixed=fixed, nearest=nearest))

@@ -8,7 +8,7 @@ same type of processor.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import chain
@@ -22,51 +22,17 @@ from nearharmonic.numerics.types import Floats
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE, Objective
 
-
-@dataclass(frozen=True, kw_only=True)
-class Effort:
-    """Settings of searches.
-
-    Attributes
-    ----------
-    trials : int
-        Number of members tried from each start.
-    random : int
-        Number of random starts in each family.
-    refinements : int
-        Number of searches around the best member so far.
-    population : int
-        Number of members per generation.
-    around_known, around_found, at_random : tuple of float
-        Initial standard deviations around a known method, around the result of a search, and around random points; used
-        in turn.
-    random_points, mean, spread : int and float
-        Number of random points, whose best one is a start, and their mean and standard deviation in units of 1/s.
-    same_value, same_unknowns : float
-        Tolerances of the objective and of the unknowns within which two searches have found the same member.
-    small_value, small_step : float
-        Changes of the objective and of the unknowns below which a search ends.
-    """
-
-    trials: int
-    random: int = 0
-    refinements: int = 0
-    population: int = 20
-    around_known: tuple[float, ...] = (0.01, 0.003)
-    around_found: tuple[float, ...] = (0.003, 0.01, 0.03)
-    at_random: tuple[float, ...] = (0.03,)
-    random_points: int = 400
-    mean: float = 1.0
-    spread: float = 1.0
-    same_value: float = 0.02
-    same_unknowns: float = 0.02
-    small_value: float = 1e-4
-    small_step: float = 1e-8
-
-    def same(self, one: Found, best: Found) -> bool:
-        """Return True if two searches have found the same member."""
-        near = one.family == best.family and one.value < best.value + self.same_value
-        return near and bool(np.abs(one.unknowns - best.unknowns).max(initial=0) < self.same_unknowns)
+#: Number of members per generation.
+POPULATION = 20
+#: Initial standard deviations around a known method and around the result of a search, used in turn, and around random
+#: points.
+AROUND_KNOWN, AROUND_FOUND, AT_RANDOM = (0.01, 0.003), (0.003, 0.01, 0.03), 0.03
+#: Number of random points, whose best one is a start. Their mean and their standard deviation are 1/s.
+RANDOM_POINTS = 400
+#: Tolerances of the objective and of the unknowns within which two searches have found the same member.
+SAME_VALUE, SAME_UNKNOWNS = 0.02, 0.02
+#: Changes of the objective and of the unknowns below which a search ends.
+SMALL_VALUE, SMALL_STEP = 1e-4, 1e-8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,20 +54,17 @@ class Found:
     origin: str
     trials: int
 
+    def is_same(self, best: Found) -> bool:
+        """Return True if two searches have found the same member."""
+        near = self.family == best.family and self.value < best.value + SAME_VALUE
+        return near and bool(np.abs(self.unknowns - best.unknowns).max(initial=0) < SAME_UNKNOWNS)
+
 
 class Searcher:
-    """Successive searches with one random generator, and their results.
+    """Successive searches with one random generator, and their results."""
 
-    Parameters
-    ----------
-    effort : Effort
-        Settings of each search.
-    seed : int or sequence of int
-        Of all random numbers.
-    """
-
-    def __init__(self, effort: Effort, seed: int | Sequence[int]) -> None:
-        self.effort, self._random = effort, np.random.default_rng(seed)
+    def __init__(self, seed: int | Sequence[int]) -> None:
+        self._random = np.random.default_rng(seed)
         self.found: list[Found] = []
 
     @property
@@ -117,13 +80,12 @@ class Searcher:
     @property
     def again(self) -> int:
         """Number of searches that ended at the best member."""
-        return sum(self.effort.same(one, self.best) for one in self.found)
+        return sum(one.is_same(self.best) for one in self.found)
 
-    def search(self, objective: Objective, start: Start, trials: int | None = None) -> Found:
-        """Search from a start, with this number of ``trials`` or that of the settings."""
+    def search(self, objective: Objective, start: Start, trials: int) -> Found:
+        """Search from a start with this number of ``trials``."""
         before, seed = objective.trials, int(self._random.integers(1, 2**31))
-        effort = self.effort if trials is None else replace(self.effort, trials=trials)
-        value, unknowns = descend(objective, start, effort, seed)
+        value, unknowns = descend(objective, start, trials, seed)
         self.found.append(
             Found(
                 family=objective.family, value=value, unknowns=unknowns, origin=start.origin,
@@ -134,16 +96,17 @@ class Searcher:
 
     def near(self, best: Found, turn: int, origin: str) -> Start:
         """Return a start near a member, at a distance that depends on ``turn``."""
-        spread = self.spread(turn)
+        spread = spread_of(turn)
         point = best.unknowns + spread * self._random.normal(size=len(best.unknowns))
         return Start(origin=origin, point=point, spread=spread)
 
-    def spread(self, turn: int) -> float:
-        """Return the standard deviation around a result, which depends on ``turn``."""
-        return self.effort.around_found[turn % len(self.effort.around_found)]
+
+def spread_of(turn: int) -> float:
+    """Return the standard deviation around a result, which depends on ``turn``."""
+    return AROUND_FOUND[turn % len(AROUND_FOUND)]
 
 
-def starts_of(family: Family, known: Sequence[Tableau], before: Sequence[Found], effort: Effort) -> Iterator[Start]:
+def starts_of(family: Family, known: Sequence[Tableau], before: Sequence[Found], random: int) -> Iterator[Start]:
     """Yield the starts in a family: known methods, the best method with one stage less, random points.
 
     Parameters
@@ -155,65 +118,47 @@ def starts_of(family: Family, known: Sequence[Tableau], before: Sequence[Found],
         stage less.
     before : sequence of Found
         The best members of other families; that with one stage less is extended by a stage.
-    effort : Effort
-        Number of random starts, and standard deviations.
+    random : int
+        Number of random starts.
     """
     for one in known:
         if _has_shape(one, family):
-            yield from (Start(origin=one.name, point=family.unknowns_of(one), spread=s) for s in effort.around_known)
+            yield from (Start(origin=one.name, point=family.unknowns_of(one), spread=s) for s in AROUND_KNOWN)
     smaller = _a_stage_less(family)
     for one in known:
         if smaller and _has_shape(one, smaller):
             point = smaller.grown(smaller.unknowns_of(one))[1]
-            yield Start(origin=f"{one.name}, grown", point=point, spread=effort.around_known[0])
+            yield Start(origin=f"{one.name}, grown", point=point, spread=AROUND_KNOWN[0])
     for found in before:
         if found.family == smaller:
             point = found.family.grown(found.unknowns)[1]
-            yield from (Start(origin="grown", point=point, spread=s) for s in effort.around_found)
-    for i in range(effort.random):
-        yield Start(origin="random", point=None, spread=effort.at_random[i % len(effort.at_random)])
+            yield from (Start(origin="grown", point=point, spread=s) for s in AROUND_FOUND)
+    for _ in range(random):
+        yield Start(origin="random", point=None, spread=AT_RANDOM)
 
 
-def search(
-    objective: Objective, starts: Iterator[Start], effort: Effort, seed: int, report: Callable[[Found], None] | None
-) -> Searcher:
-    """Search from all ``starts``, and then around the best result.
-
-    Parameters
-    ----------
-    objective : Objective
-        Objective that is minimised.
-    starts : iterator of Start
-        Starts of the searches.
-    effort : Effort
-        Numbers of trials and refinements.
-    seed : int
-        Of all random numbers.
-    report : callable, optional
-        Function that is called after each search.
-    """
-    searcher = Searcher(effort, seed)
-    refined = (searcher.near(searcher.best, turn, "refined") for turn in range(effort.refinements) if searcher.found)
+def search(objective: Objective, starts: Iterator[Start], trials: int, refinements: int, seed: int) -> Searcher:
+    """Search from all ``starts``, then several times around the best result, each time with a number of ``trials``."""
+    searcher = Searcher(seed)
+    refined = (searcher.near(searcher.best, turn, "refined") for turn in range(refinements) if searcher.found)
     for start in chain(starts, refined):
-        found = searcher.search(objective, start)
-        if report is not None:
-            report(found)
+        searcher.search(objective, start, trials)
     return searcher
 
 
-def descend(objective: Objective, start: Start, effort: Effort, seed: int) -> tuple[float, Floats]:
+def descend(objective: Objective, start: Start, trials: int, seed: int) -> tuple[float, Floats]:
     """Return the smallest objective that CMA-ES finds from a start, and its member (n,)."""
     family, point = objective.family, start.point
     random = np.random.default_rng(seed)
     if point is None:
-        stages, shape = family.stages, (effort.random_points, family.unknowns)
-        points = random.normal(effort.mean / stages, effort.spread / stages, shape)
+        stages, shape = family.stages, (RANDOM_POINTS, family.unknowns)
+        points = random.normal(1 / stages, 1 / stages, shape)
         points[:, stages - 1 :] *= 1 / stages**2  # squares are coefficients of tau^3
         point = points[objective(points).argmin()]
     cma = library()
     options = {
-        "verbose": -9, "maxfevals": effort.trials, "popsize": effort.population, "tolfun": effort.small_value,
-        "tolx": effort.small_step, "CMA_stds": _scales(family),
+        "verbose": -9, "maxfevals": trials, "popsize": POPULATION, "tolfun": SMALL_VALUE, "tolx": SMALL_STEP,
+        "CMA_stds": _scales(family),
         # If cma gets a seed, it seeds the global generator of NumPy.
         "seed": np.nan, "randn": lambda *shape: random.standard_normal(shape),
     }  # fmt: skip

@@ -80,10 +80,10 @@ def test_ctrl_c_gives_best_so_far_even_before_any_member(problems, monkeypatch):
 def test_best_third_goes_on_with_three_times_as_many_trials(problems, monkeypatch):
     asked = []
 
-    def descend(objective, start, effort, seed):
-        if effort.trials == Rounds().around_best:
+    def descend(objective, start, trials, seed):
+        if trials == Rounds().around_best:
             raise BudgetSpentError("enough")
-        asked.append((objective.family, start.origin, effort.trials))
+        asked.append((objective.family, start.origin, trials))
         return float(len(asked)) - 100, np.zeros(objective.family.unknowns)
 
     monkeypatch.setattr(module, "descend", descend)

@@ -75,6 +75,8 @@ def write_dataset(path: str | os.PathLike[str], dataset: xr.Dataset, attributes:
 
 
 def _fill(group: Any, given: Variables, coordinates: Collection[str]) -> None:
+    import h5py
+
     variables = given | counted(given)
     arrays = {name: np.asarray(values) for name, (_, values, _) in variables.items()}
     group.dimensions = _checked_sizes(variables, arrays)
@@ -83,7 +85,7 @@ def _fill(group: Any, given: Variables, coordinates: Collection[str]) -> None:
         if FLAG_MEANINGS in notes:
             values, notes = _flags(name, values, notes)
         if values.dtype.kind in "UO":
-            made = group.create_variable(name, dims, dtype=_text_type())
+            made = group.create_variable(name, dims, dtype=h5py.string_dtype())
             values = values.astype(object)
         else:
             made = group.create_variable(name, dims, dtype=values.dtype, **_filters(values))
@@ -122,12 +124,6 @@ def _flags(name: str, values: np.ndarray, notes: dict[str, Any]) -> tuple[np.nda
     if (codes < 0).any():
         raise NearharmonicError(f"variable {name!r} has a value that is none of {', '.join(words)}")
     return codes.reshape(values.shape), {**notes, FLAG_VALUES: np.arange(len(words), dtype=np.int8)}
-
-
-def _text_type() -> Any:
-    import h5py
-
-    return h5py.string_dtype()
 
 
 def _filters(values: np.ndarray) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from nearharmonic.numerics.types import Floats
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE, Objective
 from nearharmonic.training.population import Ensemble
-from nearharmonic.training.search import Effort, Found, Searcher, Start, starts_of
+from nearharmonic.training.search import AT_RANDOM, POPULATION, SAME_VALUE, Found, Searcher, Start, spread_of, starts_of
 from nearharmonic.training.tailor.budget import Budget, BudgetSpentError
 
 #: Orders of families: (order, harmonic order, True if T has to be quadratic).
@@ -28,11 +28,13 @@ CONDITIONS = ((4, 4, False), (4, 6, False), (6, 6, True))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rounds(Effort):
-    """Settings of the search; ``trials`` are those of the first round from each start.
+class Rounds:
+    """Settings of the search.
 
     Attributes
     ----------
+    trials : int
+        Trials of the first round from each start.
     most_starts : int
         Maximum number of starts of the first round.
     far_behind : float
@@ -55,12 +57,7 @@ class Rounds(Effort):
 class Best(Found):
     """The best member of all families so far.
 
-    Attributes
-    ----------
-    advanced : float
-        Objective after the last significant improvement.
-    trials, seconds : int and float
-        Trials and time at this improvement.
+    ``advanced`` is the objective after the last significant improvement; ``trials`` and ``seconds`` are those at it.
     """
 
     advanced: float = OUTSIDE
@@ -114,9 +111,9 @@ class SearchResult:
 class _Watched(Objective):
     """An objective that stores the best member at every call, so that a search can be stopped at any time."""
 
-    def __init__(self, record: Record, budget: Budget, same: float, family: Family, *others: Any, **more: Any) -> None:
+    def __init__(self, record: Record, budget: Budget, family: Family, *others: Any, **more: Any) -> None:
         super().__init__(family, *others, **more)
-        self._record, self._budget, self._same = record, budget, same
+        self._record, self._budget = record, budget
         self.origin = ""
 
     def __call__(self, points: Floats) -> Floats:
@@ -130,7 +127,7 @@ class _Watched(Objective):
     def _better(self, value: float, point: Floats, trials: int) -> Best:
         before, unknowns = self._record.best, self.family.project(point)[0][0]
         when = (OUTSIDE, 0, 0.0) if before is None else (before.advanced, before.trials, before.seconds)
-        if value < when[0] - self._same:
+        if value < when[0] - SAME_VALUE:
             when = value, self._budget.trials + trials, self._budget.seconds
         return Best(
             value=value, family=self.family, unknowns=unknowns, origin=self.origin,
@@ -139,28 +136,20 @@ class _Watched(Objective):
 
 
 class TailorSearch:
-    """Search for a tailored method.
+    """Search for a tailored method, in methods of several numbers of ``stages``.
 
     Parameters
     ----------
-    ensemble : Ensemble
-        The problems.
     tau_per_stage : (T,) array of float
         Step sizes over the cost of a step in the window.
     reference : (T,) array of float
         Mean of log10 max |dH| of the best published methods.
     known : sequence of Tableau
         Known methods, from which searches start.
-    stages : sequence of int
-        Numbers of stages.
     quadratic : bool
         True for quadratic T.
-    budget : Budget
-        Budget of the search.
     seed : int
         Of all random numbers.
-    rounds : Rounds, optional
-        Settings.
     """
 
     def __init__(
@@ -168,12 +157,11 @@ class TailorSearch:
         stages: Sequence[int], quadratic: bool, budget: Budget, seed: int, rounds: Rounds = Rounds(),
     ) -> None:  # fmt: skip
         self._known, self._budget, self._rounds = known, budget, rounds
-        self.record, self._searcher = Record(), Searcher(rounds, [seed, 2])
+        self.record, self._searcher = Record(), Searcher([seed, 2])
         #: The best of its branch after each search.
         self._ends: list[Found] = []
-        same, size = rounds.same_value, rounds.population
         self._objectives = {
-            family: _Watched(self.record, budget, same, family, [ensemble], tau_per_stage, [reference], size=size)
+            family: _Watched(self.record, budget, family, [ensemble], tau_per_stage, [reference], size=POPULATION)
             for family in families(stages, quadratic=quadratic)
         }
 
@@ -195,7 +183,7 @@ class TailorSearch:
             stopped = "Ctrl-C"
         best = self.record.best
         assert best is not None  # published methods are among the starts
-        again = sum(self._rounds.same(one, best) for one in self._ends)
+        again = sum(one.is_same(best) for one in self._ends)
         return SearchResult(
             best=best, trials=self._budget.trials, searches=len(self._ends), again=again,
             seconds=self._budget.seconds, stopped=stopped,
@@ -210,7 +198,7 @@ class TailorSearch:
             branches = sorted(branches, key=lambda one: one.best.value)[: -(-len(branches) // third)]
             trials, turn = third * trials, turn + 1
             for branch in branches:
-                branch.start = replace(branch.start, point=branch.best.unknowns, spread=self._searcher.spread(turn))
+                branch.start = replace(branch.start, point=branch.best.unknowns, spread=spread_of(turn))
         everywhere = list(self._objectives)
         while True:
             turn += 1
@@ -218,14 +206,14 @@ class TailorSearch:
             assert best is not None
             start = self._searcher.near(best, turn, best.origin)
             self._go_on(_branch(best.family, start), self._rounds.around_best)
-            start = Start(origin="random", point=None, spread=self._rounds.at_random[0])
+            start = Start(origin="random", point=None, spread=AT_RANDOM)
             self._go_on(_branch(everywhere[turn % len(everywhere)], start), self._rounds.from_random)
 
     def _branches(self) -> list[Branch]:
         """Return the better known methods, alternating between the numbers of stages: first the best of each number."""
         found: dict[int, list[Branch]] = {}
         for family, objective in self._objectives.items():
-            starts = {start.origin: start for start in starts_of(family, self._known, [], self._rounds)}
+            starts = {start.origin: start for start in starts_of(family, self._known, [], 0)}
             if starts:
                 objective.origin = "a published method"
                 points = np.array([start.point for start in starts.values()])

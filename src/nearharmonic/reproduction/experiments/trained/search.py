@@ -25,7 +25,7 @@ from nearharmonic.training.objective import Objective, mean_errors
 from nearharmonic.training.polish import DIGITS, tableau_of
 from nearharmonic.training.population import Ensemble
 from nearharmonic.training.published import published_methods
-from nearharmonic.training.search import Effort, Found, Searcher, search, starts_of
+from nearharmonic.training.search import POPULATION, Found, Searcher, search, starts_of
 
 SOURCE = "trained by nearharmonic.reproduction.experiments.trained"
 #: Number of methods of each family that are compared on the validation set.
@@ -107,13 +107,13 @@ def _all_findings(
 ) -> list[Searcher]:
     """Return the findings of each family, each chain from its first."""
     judge = _Judge(goal, settings, published, TRAINING)
-    effort = Effort(trials=settings.trials, random=settings.random, refinements=settings.refinements)
     found: list[Searcher] = []
     for chain in goal.chains:
         before: list[Searcher] = []
         for family in chain.families():
-            starts = starts_of(family, begun, [one.best for one in before if one.found], effort)
-            before.append(search(judge.objective(family, effort.population), starts, effort, settings.seed, None))
+            starts = starts_of(family, begun, [one.best for one in before if one.found], settings.random)
+            objective = judge.objective(family, POPULATION)
+            before.append(search(objective, starts, settings.trials, settings.refinements, settings.seed))
             if not before[-1].found:  # no published method has its shape, and there are no random starts
                 continue
             best = before[-1].best
