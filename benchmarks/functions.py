@@ -51,7 +51,7 @@ def bodies():
 
 
 def repeated(library, function, arguments, results):
-    """A call that calls ``function`` :data:`TIMES` times; its arrays live as long as it."""
+    """Return a callable that applies ``function`` :data:`TIMES` times and keeps the arrays alive."""
     sizes = [ctypes.c_long(n) for n in arguments.shape]
     places = [ctypes.c_void_p(a.ctypes.data) for a in (arguments, results)]
     more = [ctypes.c_long(n) for n in (len(results), TIMES)]

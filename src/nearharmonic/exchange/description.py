@@ -52,7 +52,7 @@ def _orders(tableau: Tableau) -> str:
 
 
 def _sequence(outer: str, inner: str, stages: int) -> str:
-    """The substeps of a step in order, such as kick[0], drift[0], kick[1]."""
+    """Return the substeps of a step in order, such as kick[0], drift[0], kick[1]."""
     if stages == 1:
         return f"{outer}[0], {inner}[0], {outer}[1]"
     between = ", ..., " if stages > 2 else ", "

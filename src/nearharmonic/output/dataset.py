@@ -75,7 +75,7 @@ def counted(variables: Variables) -> Variables:
 
 
 def _uncounted(variables: Variables) -> dict[str, int]:
-    """Sizes of the dimensions that have no coordinate."""
+    """Return the sizes of the dimensions that have no coordinate."""
     sizes: dict[str, int] = {}
     for dims, values, _ in variables.values():
         sizes |= zip(dims, np.shape(values), strict=True)

@@ -111,10 +111,8 @@ def draw_profiles(
 
     Parameters
     ----------
-    profiles : sequence of Profile
-        The curves, in drawing order.
-    handles : sequence of Line2D
-        Entries of the legend.
+    profiles, handles
+        Curves, in drawing order, and entries of the legend.
     unit : str
         Unit of the step sizes; "1" if they have none.
     attributes : mapping

@@ -112,7 +112,7 @@ def _members(given: Sequence[xr.Dataset]) -> Figure:
 
 
 def _in_brackets(unit: str) -> str:
-    """A unit in brackets, for the label of an axis; 1e6 is a power of ten."""
+    """Return a unit in brackets, for the label of an axis; 1e6 is a power of ten."""
     shown = re.sub(r"1e(-?[0-9]+)", r"$10^{\1}$", unit)
     return "" if unit == "1" else f"  ({shown})"
 
@@ -146,7 +146,7 @@ def _told(dataset: xr.Dataset, key: str) -> str:
 
 
 def _looks(given: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
-    """Line style of each Dataset: Datasets of one integrator have different dashes."""
+    """Return the line style of each Dataset: Datasets of one integrator have different dashes."""
     seen: dict[str, int] = {}
     looks = []
     for one in given:

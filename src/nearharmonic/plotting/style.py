@@ -118,7 +118,7 @@ def mark_every(position: int, methods: int, points: int, marks: int = 12) -> tup
 
 
 def method_handles(integrators: Iterable[str], labels: Iterable[str], **changes: Any) -> list[Line2D]:
-    """Legend entries, one per method, with label, line and marker."""
+    """Return legend entries, one per method, with label, line and marker."""
     return [
         Line2D([], [], label=label, **style_of(name).line(**changes))
         for name, label in zip(integrators, labels, strict=True)

@@ -110,7 +110,7 @@ def _checked_sizes(variables: Variables, arrays: Mapping[str, np.ndarray]) -> di
 def _coordinates_of(
     name: str, dims: tuple[str, ...], variables: Variables, coordinates: Collection[str]
 ) -> Iterator[str]:
-    """Names of the auxiliary coordinates whose dimensions a variable has."""
+    """Yield the names of the auxiliary coordinates whose dimensions a variable has."""
     if name not in coordinates and name not in dims:
         for other in coordinates:
             if set(variables[other][0]) <= set(dims):
@@ -127,7 +127,7 @@ def _flags(name: str, values: np.ndarray, notes: dict[str, Any]) -> tuple[np.nda
 
 
 def _filters(values: np.ndarray) -> dict[str, Any]:
-    """HDF5 filters: compression for large arrays; chunks contain complete trailing axes."""
+    """Return HDF5 filters: compression for large arrays; chunks contain complete trailing axes."""
     if values.nbytes < WORTH_COMPRESSING:
         return {}
     row = values.nbytes // values.shape[0]
