@@ -1,19 +1,17 @@
 """Time to reach energy errors below the rounding of doubles: double-double here, heyoka in quadruple precision.
 
 Run: ``python benchmarks/beyond_double.py`` (about five minutes; heyoka built with quadruple precision adds its lines).
-Whole calls of prepared problems that return the final state, in turns on one core, least of the repeats, in ms. The
+Whole calls of prepared problems that return the final state, interleaved on one core, least of the repeats, in ms. The
 error is the largest |H/H0 - 1| over every step here, and over a grid of times in heyoka; both runs are of [0, t_end] of
 the system.
 """
 
 from __future__ import annotations
 
-import argparse
-import os
-import time
 from math import inf
 
 import numpy as np
+from timing import asked, shortest
 
 import nearharmonic as nh
 
@@ -94,24 +92,15 @@ def theirs(name):
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("--repeats", type=int, default=9, help="calls of each (default 9)")
-    repeats = parser.parse_args().repeats
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    repeats = asked(__doc__, 9)
     for name, systems in PROBLEMS.items():
         calls = ours(systems) | theirs(name)
-        best = dict.fromkeys(calls, inf)
-        for _ in range(repeats):
-            for key, call in calls.items():
-                begin = time.perf_counter()
-                call()
-                best[key] = min(best[key], 1e3 * (time.perf_counter() - begin))
+        best = shortest(calls, repeats)
         heads = " | ".join(f"{target:.0e}" for target in TARGETS)
         print(f"\n| {nh.systems[name].label}, t = {nh.systems[name].t_end} | {heads} |")
         print("|---|" + "---:|" * len(TARGETS))
         for label in dict.fromkeys(label for _, label in best):
-            cells = [f"{best[t, label]:.2f}" if (t, label) in best else "-" for t in TARGETS]
+            cells = [f"{1e3 * best[t, label]:.2f}" if (t, label) in best else "-" for t in TARGETS]
             print(f"| {label} | " + " | ".join(cells) + " |")
 
 

@@ -7,8 +7,7 @@ the kernel and the Dataset.
 
 from __future__ import annotations
 
-import argparse
-import time
+from timing import asked, shortest
 
 import nearharmonic as nh
 
@@ -22,16 +21,7 @@ CALLS = {
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("--repeats", type=int, default=3000, help="calls of each kind (default 3000)")
-    repeats = parser.parse_args().repeats
-    least = dict.fromkeys(CALLS, float("inf"))
-    for _ in range(repeats + 1):  # the first call loads the kernel
-        for name, call in CALLS.items():
-            begin = time.perf_counter()
-            call()
-            least[name] = min(least[name], time.perf_counter() - begin)
-    for name, seconds in least.items():
+    for name, seconds in shortest(CALLS, asked(__doc__, 3000)).items():
         print(f"{name:28s}{1e6 * seconds:8.0f} microseconds")
 
 

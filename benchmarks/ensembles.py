@@ -8,18 +8,15 @@ with the smallest: 1.00 is time proportional to the number of trajectories.
 
 from __future__ import annotations
 
-import argparse
-import os
-import time
 from fractions import Fraction
+from functools import partial
 
-import numpy as np
+from timing import asked, shortest
 
 import nearharmonic as nh
 from nearharmonic.reproduction.experiments.stability.henon_heiles.run import (
     henon_heiles_surface,
     integrate_ensemble,
-    warm_up,
 )
 
 SIZES = (1024, 4096, 16384)
@@ -29,25 +26,18 @@ T_END = Fraction(250)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("--repeats", type=int, default=30, help="interleaved repeats of each ensemble (default 30)")
-    repeats = parser.parse_args().repeats
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
-    warm_up()
-    cases = [(name, size) for name in METHODS for size in SIZES]
-    best, evaluations = dict.fromkeys(cases, np.inf), {}
     starts = {size: henon_heiles_surface(Fraction(1, 12), size, seed=1) for size in SIZES}
-    for _ in range(repeats):
-        for name, size in cases:
-            tableau = nh.integrators[name]
-            begin = time.process_time()
-            done = integrate_ensemble(tableau, TAU_PER_STAGE * tableau.stages, T_END, starts[size], surfaces=1)
-            best[name, size] = min(best[name, size], time.process_time() - begin)
-            evaluations[name, size] = done.evaluations
+    evaluations = {}
+
+    def run(name, size):
+        tableau = nh.integrators[name]
+        done = integrate_ensemble(tableau, TAU_PER_STAGE * tableau.stages, T_END, starts[size], surfaces=1)
+        evaluations[name, size] = done.evaluations
+
+    best = shortest({(name, size): partial(run, name, size) for name in METHODS for size in SIZES}, asked(__doc__, 30))
     print("method        trajectories   evaluations      ms   ns per evaluation")
-    for name, size in cases:
-        seconds, count = best[name, size], evaluations[name, size]
+    for (name, size), seconds in best.items():
+        count = evaluations[name, size]
         print(f"{name:13s} {size:12d} {count:13d} {1e3 * seconds:7.2f} {1e9 * seconds / count:12.3f}")
     growth = SIZES[-1] // SIZES[0]
     for name in METHODS:

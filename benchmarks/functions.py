@@ -7,17 +7,13 @@ nanoseconds per number at one lane and at eight, the smallest over the repeats, 
 
 from __future__ import annotations
 
-import argparse
 import ctypes
-import os
-import subprocess
 import tempfile
-import time
 from fractions import Fraction
-from pathlib import Path
 
 import numpy as np
 from lanes import lane_rows, lanes_of
+from timing import asked, compiled, shortest
 
 from nearharmonic.core import arithmetic
 from nearharmonic.core.formulas.number import FUNCTIONS
@@ -32,19 +28,12 @@ from nearharmonic.math import cos, sin
 from nearharmonic.systems import System
 
 COUNT, TIMES = 512, 40
+FLAGS = ("-O3", "-march=native", "-mprefer-vector-width=512", "-fno-math-errno")
 METHOD, TAU, STEPS = "aba864", Fraction(1, 10), 20_000
 PENDULUM = System(
     name="pendulum", label="pendulum", V=lambda q: -cos(q[0]), grad_V=lambda q: (sin(q[0]),), q0=("1",), p0=("0.5",),
     t_end="1000", units=dict.fromkeys(("q", "p", "t", "energy"), "1"), source="benchmark",
 )  # fmt: skip
-
-
-def yardstick(folder: str) -> ctypes.CDLL:
-    """The compiled C file."""
-    source, library = Path(__file__).with_suffix(".c"), Path(folder) / "functions.so"
-    flags = ["-O3", "-march=native", "-mprefer-vector-width=512", "-fno-math-errno", "-shared", "-fPIC"]
-    subprocess.run(["cc", *flags, str(source), "-o", str(library), "-lm"], check=True)
-    return ctypes.CDLL(str(library))
 
 
 def bodies():
@@ -63,7 +52,7 @@ def bodies():
 
 
 def repeated(library, function, arguments, results):
-    """A call that calls ``function`` :data:`TIMES` times; its arrays live as long as it."""
+    """Return a callable that applies ``function`` :data:`TIMES` times and keeps the arrays alive."""
     sizes = [ctypes.c_long(n) for n in arguments.shape]
     places = [ctypes.c_void_p(a.ctypes.data) for a in (arguments, results)]
     more = [ctypes.c_long(n) for n in (len(results), TIMES)]
@@ -72,14 +61,8 @@ def repeated(library, function, arguments, results):
 
 
 def timed(calls, repeats):
-    """The shortest time of each call in nanoseconds; they take turns."""
-    best = dict.fromkeys(calls, np.inf)
-    for _ in range(repeats):
-        for name, call in calls.items():
-            begin = time.perf_counter()
-            call()
-            best[name] = min(best[name], time.perf_counter() - begin)
-    return {name: 1e9 * t for name, t in best.items()}
+    """Shortest time of each call in nanoseconds."""
+    return {name: 1e9 * t for name, t in shortest(calls, repeats).items()}
 
 
 def measure(library, repeats):
@@ -129,13 +112,9 @@ def pendulums(library, repeats):
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("--repeats", type=int, default=30, help="interleaved repeats of each call (default 30)")
-    repeats = parser.parse_args().repeats
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    repeats = asked(__doc__, 30)
     with tempfile.TemporaryDirectory() as folder:
-        library = yardstick(folder)
+        library = compiled("functions.c", folder, *FLAGS)
         found = sines(library, repeats)
         print("sine, ns per number: " + ", ".join(f"{name} {t:.3f}" for name, t in found.items()))
         print(f"ours / by hand {found['ours'] / found['by hand']:.2f}")

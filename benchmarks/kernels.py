@@ -9,17 +9,14 @@ methods over 61 step sizes with lane refill, energies and all, per stage actuall
 
 from __future__ import annotations
 
-import argparse
 import ctypes
-import os
-import subprocess
 import tempfile
-import time
 from fractions import Fraction
-from pathlib import Path
+from functools import partial
 
 import numpy as np
 from lanes import lane_rows, lanes_of
+from timing import asked, compiled, shortest
 
 import nearharmonic as nh
 from nearharmonic.engine.batch.batch import integrate_batch
@@ -30,34 +27,12 @@ from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import BENCHMARKED
 
 METHOD = "aba864"
+FLAGS = ("-O3", "-march=native", "-mprefer-vector-width=512", "-ffp-contract=off", "-fno-math-errno")
 TAU = {"sho": Fraction(1, 10), "henon_heiles": Fraction(1, 10), "kepler": Fraction(10)}
 STEPS = 40_000
 WIDTHS = (1, 8, 16, 32)
 GRID = 10.0 ** np.linspace(-3, 0, 61)
 GRID_UNIT = {"sho": 1.0, "henon_heiles": 1.0, "kepler": 100.0}
-
-
-def yardstick(folder: str) -> ctypes.CDLL:
-    """The compiled C file."""
-    source, library = Path(__file__).with_name("yardstick.c"), Path(folder) / "yardstick.so"
-    flags = [
-        "-O3",
-        "-march=native",
-        "-mprefer-vector-width=512",
-        "-ffp-contract=off",
-        "-fno-math-errno",
-        "-shared",
-        "-fPIC",
-    ]
-    subprocess.run(["cc", *flags, str(source), "-o", str(library), "-lm"], check=True)
-    return ctypes.CDLL(str(library))
-
-
-def timed(call, repeats):
-    """The shortest of ``repeats`` calls in seconds, one at a time: the caller interleaves."""
-    begin = time.perf_counter()
-    call()
-    return min(repeats, time.perf_counter() - begin)
 
 
 def contest(system, width, summation, library, repeats):
@@ -88,39 +63,28 @@ def contest(system, width, summation, library, repeats):
         call()
     size = 4 * problem.dimension * width
     agree = np.array_equal(states["looking_ahead"][:size], states["ours"][:size])
-    best = dict.fromkeys(calls, np.inf)
-    for _ in range(repeats):
-        for name, call in calls.items():
-            best[name] = timed(call, best[name])
-    return {name: 1e9 * t / (STEPS * tableau.stages * width) for name, t in best.items()}, agree
+    times = shortest(calls, repeats)
+    return {name: 1e9 * t / (STEPS * tableau.stages * width) for name, t in times.items()}, agree
 
 
 def sweep(system, repeats):
-    """Best nanoseconds per stage done in a sweep of all ten methods, and the number of stages."""
+    """Best nanoseconds per stage done in a sweep of all ten methods."""
     problem = nh.systems[system]
     grid = GRID * GRID_UNIT[system]
-    best, stages = 0.0, 0
+    calls, stages = {}, 0
     for name in BENCHMARKED:
         tableau = nh.integrators[name]
         steps = [steps_of(problem.t_end, tau * tableau.stages) for tau in grid]
-        shortest = np.inf
-        for _ in range(repeats):
-            begin = time.perf_counter()
-            paths = integrate_batch(problem, tableau, t_end=Fraction(problem.t_end), steps=steps, samples=2)
-            shortest = min(shortest, time.perf_counter() - begin)
-        best += shortest
-        stages += int(paths.evaluations.sum())
-    return 1e9 * best / stages, stages
+        run = partial(integrate_batch, problem, tableau, t_end=Fraction(problem.t_end), steps=steps, samples=2)
+        calls[name] = run
+        stages += int(run().evaluations.sum())
+    return 1e9 * sum(shortest(calls, repeats).values()) / stages
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("--repeats", type=int, default=30, help="interleaved repeats of each kernel (default 30)")
-    repeats = parser.parse_args().repeats
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    repeats = asked(__doc__, 30)
     with tempfile.TemporaryDirectory() as folder:
-        library = yardstick(folder)
+        library = compiled("yardstick.c", folder, *FLAGS)
         print("ns per stage and trajectory           C written  C ahead   same bits    ours  /written  /ahead  energy")
         for system in TAU:
             for summation in ("plain", "compensated"):
@@ -132,7 +96,7 @@ def main() -> None:
                         f"{ns['ours']:12.3f}{ns['ours'] / ns['as_written']:9.2f}"
                         f"{ns['ours'] / ns['looking_ahead']:9.2f}{ns['energy']:9.3f}"
                     )
-            each, _ = sweep(system, max(3, repeats // 6))
+            each = sweep(system, max(3, repeats // 6))
             print(f"{system:13s}sweep{'':57s}{each:9.3f}")
 
 

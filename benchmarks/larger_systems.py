@@ -12,10 +12,10 @@ import os
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
+from timing import compiled, shortest
 
 import nearharmonic as nh
 from nearharmonic.systems.user_file import system_at
@@ -25,12 +25,6 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 CASES = {"chain": ("fput_chain.py", 1024, 0.1, 2000), "bodies": ("hundred_bodies.py", 100, 0.0001, 100)}
 FLAGS = {"-O3": ["-O3"], "-O3 -march=native": ["-O3", "-march=native"]}
 REPEATS = 30
-
-
-def compiled(folder, flags, number):
-    source, library = Path(__file__).with_name("larger_systems.c"), Path(folder) / f"{number}.so"
-    subprocess.run(["cc", *flags, str(source), "-o", str(library), "-shared", "-fPIC", "-lm"], check=True)
-    return ctypes.CDLL(str(library))
 
 
 def c_run(library, system, count, masses, compensated, tau, steps):
@@ -59,13 +53,7 @@ def contest(name, libraries):
         calls = {"ours": lambda problem=problem: problem(tau)}
         for flags, library in libraries.items():
             calls[flags] = c_run(library, system, count, masses, summation == "compensated", tau, steps)
-        best = dict.fromkeys(calls, np.inf)
-        for _ in range(REPEATS):
-            for key, call in calls.items():
-                begin = time.perf_counter()
-                call()
-                best[key] = min(best[key], time.perf_counter() - begin)
-        each = {key: 1e9 * seconds / steps for key, seconds in best.items()}
+        each = {key: 1e9 * seconds / steps for key, seconds in shortest(calls, REPEATS).items()}
         ratios = ", ".join(f"C {key} {each[key]:.0f} ns: {each['ours'] / each[key]:.2f}" for key in FLAGS)
         print(f"{name:7s}{summation:12s} ours {each['ours']:.0f} ns, {ratios}")
 
@@ -87,10 +75,8 @@ def first_run(name):
 
 
 def main() -> None:
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     with tempfile.TemporaryDirectory() as folder:
-        libraries = {key: compiled(folder, flags, i) for i, (key, flags) in enumerate(FLAGS.items())}
+        libraries = {key: compiled("larger_systems.c", folder, *flags) for key, flags in FLAGS.items()}
         for name in CASES:
             contest(name, libraries)
     for name in CASES:

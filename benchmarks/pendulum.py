@@ -8,13 +8,11 @@ that does; the least of the repeats, on one pinned core. The error is the larges
 
 from __future__ import annotations
 
-import argparse
-import os
-import time
 from fractions import Fraction
 
 import numpy as np
 from lanes import lane_rows, lanes_of
+from timing import asked, shortest
 
 import nearharmonic as nh
 from nearharmonic.engine.batch.kernels import kernel_of
@@ -67,21 +65,11 @@ def contest(error, ours, theirs, repeats):
     reached = [attempt for tolerance, (worst, attempt) in theirs.items() if worst <= error]
     if reached:
         calls["heyoka", 1] = reached[0].run
-    best = dict.fromkeys(calls, np.inf)
-    for _ in range(repeats):
-        for key, call in calls.items():
-            begin = time.perf_counter()
-            call()
-            best[key] = min(best[key], 1e6 * (time.perf_counter() - begin) / key[1])
-    return best
+    return {key: 1e6 * seconds / key[1] for key, seconds in shortest(calls, repeats).items()}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("--repeats", type=int, default=10, help="interleaved repeats of each call (default 10)")
-    repeats = parser.parse_args().repeats
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    repeats = asked(__doc__, 10)
     errors = (1e-6, 1e-9, 1e-12)
     ours = {name: fewest_steps(name, errors) for name in METHODS}
     attempts = {tolerance: heyoka_taylor(PENDULUM, T_END, tolerance) for tolerance in TOLERANCES}

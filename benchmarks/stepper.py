@@ -9,16 +9,15 @@ from pathlib import Path
 
 import numba
 import numpy as np
+from timing import shortest
 
 import nearharmonic as nh
-from nearharmonic.numerics.clock import Patience, interleaved, pinned
 
 CHAIN = str(Path(__file__).parents[1] / "examples/fput_recurrence.py")
 #: Step size, and steps of a call.
 SETTINGS = {"henon_heiles": (0.1, 200_000), "kepler": (36.0, 100_000), CHAIN: (0.1, 20_000)}
 METHODS = ("leapfrog", "babs7o7h")
-#: Each call is timed twenty times.
-PATIENCE = Patience(least=20, most=20, seconds=np.inf, longest=np.inf)
+REPEATS = 20
 
 
 @numba.njit
@@ -85,11 +84,7 @@ def main():
             calls[method, "step"] = looped(nh.stepper(system, method), system, tau, steps)
             problem = nh.problem(system, method, t_end=tau * steps, summation="plain", energy="none")
             calls[method, "run"] = lambda problem=problem, tau=tau: problem(tau)
-        for call in calls.values():
-            call()
-        with pinned():
-            seconds = map(min, interleaved([*calls.values()], PATIENCE))
-        times = {key: 1e9 * shortest / steps for key, shortest in zip(calls, seconds, strict=True)}
+        times = {key: 1e9 * seconds / steps for key, seconds in shortest(calls, REPEATS).items()}
         for method in METHODS:
             hand = f"{times['hand']:.0f}" if method == "leapfrog" else ""
             numbers = f"{times[method, 'step']:.0f} | {times[method, 'run']:.0f} | {hand}"

@@ -5,14 +5,12 @@ Run: ``python benchmarks/trajectories.py`` (about a minute). Times are minima of
 
 from __future__ import annotations
 
-import argparse
-import os
-import time
 from fractions import Fraction
 from itertools import pairwise
 
 import numpy as np
 from lanes import lane_rows, lanes_of
+from timing import asked, shortest
 
 import nearharmonic as nh
 from nearharmonic.engine.batch.kernels import kernel_of
@@ -22,17 +20,6 @@ from nearharmonic.engine.settings import Numerics
 from nearharmonic.math import sqrt
 
 BODIES, SITES = 10, 64
-
-
-def fastest(calls, repeats):
-    """The shortest time of each call in seconds; the calls take turns."""
-    best = dict.fromkeys(calls, np.inf)
-    for _ in range(repeats):
-        for name, call in calls.items():
-            begin = time.perf_counter()
-            call()
-            best[name] = min(best[name], time.perf_counter() - begin)
-    return best
 
 
 def prepared_calls(repeats):
@@ -47,8 +34,7 @@ def prepared_calls(repeats):
         "initial values as floats": lambda: problem(0.5, q0=(0.1, 0.2)),
         "initial values as strings": lambda: problem(0.5, q0=("0.1", "0.2")),
     }
-    best = fastest(calls, repeats)
-    for name, seconds in best.items():
+    for name, seconds in shortest(calls, repeats).items():
         print(f"problem: {name:32s}{1e6 * seconds:8.1f} microseconds")
 
 
@@ -69,7 +55,7 @@ def ensembles(members, repeats):
         def whole(energy=energy):
             nh.ensemble("henon_heiles", "aba864", 0.1, q0=q0, p0=p0, t_end=100, energy=energy)
 
-        best = fastest({"kernel": kernel, "ensemble": whole}, repeats)
+        best = shortest({"kernel": kernel, "ensemble": whole}, repeats)
         each = {name: 1e6 * seconds / members for name, seconds in best.items()}
         ratio = each["ensemble"] / each["kernel"]
         print(f"ensemble, energy {energy:6s}: {each['ensemble']:.2f} microseconds a member of {members}, "
@@ -107,17 +93,13 @@ def chain():
 def energies(repeats):
     for system, tau in ((bodies(), 0.01), (chain(), 0.1)):
         problems = {energy: nh.problem(system, "leapfrog", energy=energy) for energy in ("none", "every")}
-        best = fastest({name: lambda one=one, tau=tau: one(tau) for name, one in problems.items()}, repeats)
+        best = shortest({name: lambda one=one, tau=tau: one(tau) for name, one in problems.items()}, repeats)
         ratio = best["every"] / best["none"]
         print(f"energy at every step of leapfrog, {system.name:7s}{ratio:5.2f} times a run without")
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0])
-    parser.add_argument("--members", type=int, default=100_000, help="members of the ensembles (default 100000)")
-    members = parser.parse_args().members
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+    members = asked(__doc__, 100_000, "members", "members of the ensembles")
     prepared_calls(3000)
     energies(100)
     ensembles(members, 5)

@@ -40,7 +40,7 @@ def command_names() -> tuple[str, ...]:
 
 
 def _packages() -> dict[str, str]:
-    """The package of each subcommand, by its name."""
+    """Return the package of each subcommand, by its name."""
     return {
         info.name.replace("_", "-"): package.__name__
         for package in (commands, of_the_record)
@@ -74,7 +74,6 @@ def _top_parser(words: Sequence[str]) -> argparse.ArgumentParser:
 
 
 def _parser_of(command: str) -> argparse.ArgumentParser:
-    """The parser of one subcommand."""
     from nearharmonic.output.answers import FORMATS
 
     module = _module_of(command)

@@ -31,7 +31,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
 
 def _described(kind: str) -> list[dict[str, Any]]:
-    """The facts of all members of one of :data:`KINDS`."""
+    """Return the facts of all members of one of :data:`KINDS`."""
     from nearharmonic.integrators import integrators, modified_integrators
     from nearharmonic.systems import systems
 

@@ -43,7 +43,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
 
 def _target(name: str, output: str | None) -> Path:
-    """The file to write.
+    """Return the file to write.
 
     Raises
     ------

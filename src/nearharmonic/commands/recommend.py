@@ -60,7 +60,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
 
 def _configured(system: str, place: Path) -> tuple[str | None, str]:
-    """The end of the interval that a config gives a system, None for its own, and the folder of the results.
+    """Return the end of the interval that a config gives a system, None for its own, and the folder of the results.
 
     The definitions of the config are then in the registries.
     """

@@ -73,7 +73,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
 
 def _target(output: str) -> Path:
-    """The file to write.
+    """Return the file to write.
 
     Raises
     ------

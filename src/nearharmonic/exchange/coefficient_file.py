@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from difflib import get_close_matches
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, cast
 
@@ -94,7 +95,11 @@ def read(path: str) -> CoefficientFile:
     TableauError
         The file cannot be read, a key is unknown, or a value is not what its key allows.
     """
-    readers: Mapping[str, Callable[[str], Any]] = {".json": _json, ".toml": _toml, ".csv": _csv}
+    readers: Mapping[str, Callable[[str], Any]] = {
+        ".json": partial(json.loads, parse_float=Decimal),
+        ".toml": partial(tomllib.loads, parse_float=Decimal),
+        ".csv": _csv,
+    }
     place = Path(path)
     if split_path(path)[0].endswith(".py"):
         return _checked(path, _python(path))
@@ -110,14 +115,6 @@ def read(path: str) -> CoefficientFile:
     if not isinstance(found, dict):
         raise TableauError(f"{path} holds no keys and values: expected at least kick and drift")
     return _checked(path, {key: value for key, value in found.items() if value is not None})
-
-
-def _json(text: str) -> Any:
-    return json.loads(text, parse_float=Decimal)
-
-
-def _toml(text: str) -> Any:
-    return tomllib.loads(text, parse_float=Decimal)
 
 
 def _csv(text: str) -> dict[str, Any]:

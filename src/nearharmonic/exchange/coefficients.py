@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Context, Decimal
 
 from nearharmonic.errors import bad_setting
-from nearharmonic.integrators.tableau import First, Row, Tableau
+from nearharmonic.integrators.composition import Composition, First, Row
+from nearharmonic.integrators.tableau import Tableau
 
 #: Number of significant decimal digits that distinguishes any two doubles.
 DOUBLE_DIGITS = 17
 
 
 @dataclass(frozen=True, kw_only=True)
-class Coefficients:
+class Coefficients(Composition):
     """The rows of a tableau as they are written to a file.
 
     Attributes
@@ -45,30 +47,20 @@ class Coefficients:
             raise bad_setting("integrator", self.tableau.name, allowed)
 
     @property
+    def first(self) -> First:  # type: ignore[override]
+        """The operator that comes first and last in a step."""
+        return self.tableau.first
+
+    @property
     def operators(self) -> tuple[First, First]:
         """The operator that comes first and last in a step, and the one in between."""
-        return ("kick", "drift") if self.tableau.first == "kick" else ("drift", "kick")
-
-    @property
-    def outer(self) -> Row:
-        """The s + 1 coefficients of the operator that comes first and last in a step."""
-        return self.kick if self.tableau.first == "kick" else self.drift
-
-    @property
-    def inner(self) -> Row:
-        """The s coefficients of the operator in between."""
-        return self.drift if self.tableau.first == "kick" else self.kick
+        return ("kick", "drift") if self.first == "kick" else ("drift", "kick")
 
 
 def as_registered(tableau: Tableau) -> Coefficients:
     """Return the coefficients of ``tableau`` with all digits that it has; exponents are written out."""
-    return Coefficients(
-        tableau=tableau,
-        kick=tuple(format(Decimal(text), "f") for text in tableau.kick),
-        drift=tuple(format(Decimal(text), "f") for text in tableau.drift),
-        digits=tableau.digits,
-        rounding=f"not rounded; the source guarantees {tableau.digits} digits",
-    )
+    rounding = f"not rounded; the source guarantees {tableau.digits} digits"
+    return _written(tableau, lambda text: format(Decimal(text), "f"), tableau.digits, rounding)
 
 
 def rounded(tableau: Tableau, digits: int) -> Coefficients:
@@ -81,16 +73,9 @@ def rounded(tableau: Tableau, digits: int) -> Coefficients:
     """
     if not 1 <= digits <= tableau.digits:
         allowed = f"an integer from 1 to {tableau.digits}, the digits to which {tableau.name} is known"
-        key = "digits"
-        raise bad_setting(key, digits, allowed)
-    context = Context(prec=digits)
-    return Coefficients(
-        tableau=tableau,
-        kick=tuple(_with_point(context.create_decimal(text)) for text in tableau.kick),
-        drift=tuple(_with_point(context.create_decimal(text)) for text in tableau.drift),
-        digits=digits,
-        rounding=f"rounded to {digits} significant digits",
-    )
+        raise bad_setting("digits", digits, allowed)
+    read = Context(prec=digits).create_decimal
+    return _written(tableau, lambda text: _with_point(read(text)), digits, f"rounded to {digits} significant digits")
 
 
 def nearest_doubles(tableau: Tableau) -> Coefficients:
@@ -99,13 +84,14 @@ def nearest_doubles(tableau: Tableau) -> Coefficients:
     Rounding to seventeen digits is not enough: a reader rounds the result to a double, and the second rounding may
     differ.
     """
-    return Coefficients(
-        tableau=tableau,
-        kick=tuple(_with_point(Decimal(repr(float(text)))) for text in tableau.kick),
-        drift=tuple(_with_point(Decimal(repr(float(text)))) for text in tableau.drift),
-        digits=min(tableau.digits, DOUBLE_DIGITS),
-        rounding="the nearest doubles, in the shortest decimals that read as them",
-    )
+    rounding = "the nearest doubles, in the shortest decimals that read as them"
+    digits = min(tableau.digits, DOUBLE_DIGITS)
+    return _written(tableau, lambda text: _with_point(Decimal(repr(float(text)))), digits, rounding)
+
+
+def _written(tableau: Tableau, form: Callable[[str], str], digits: int, rounding: str) -> Coefficients:
+    kick, drift = (tuple(map(form, row)) for row in (tableau.kick, tableau.drift))
+    return Coefficients(tableau=tableau, kick=kick, drift=drift, digits=digits, rounding=rounding)
 
 
 def _with_point(number: Decimal) -> str:

@@ -17,16 +17,9 @@ LONGEST_IDENTIFIER = 40
 
 
 def head(coefficients: Coefficients, mark: str, *remarks: str) -> str:
-    """Return the comment at the head of a program: the integrator, its first operator, and its source.
+    """Return the comment at the head of a program: the integrator, its first operator, its source, and ``remarks``.
 
-    Parameters
-    ----------
-    coefficients : Coefficients
-        The integrator and its rows.
-    mark : str
-        Start of a comment line in the language.
-    *remarks : str
-        Sentences about the target, one paragraph each.
+    ``mark`` begins a comment line in the language. Each remark about the target is a paragraph.
     """
     return comment([*_description(coefficients), *remarks], mark)
 
@@ -59,7 +52,7 @@ def _orders(tableau: Tableau) -> str:
 
 
 def _sequence(outer: str, inner: str, stages: int) -> str:
-    """The substeps of a step in order, such as kick[0], drift[0], kick[1]."""
+    """Return the substeps of a step in order, such as kick[0], drift[0], kick[1]."""
     if stages == 1:
         return f"{outer}[0], {inner}[0], {outer}[1]"
     between = ", ..., " if stages > 2 else ", "
@@ -86,48 +79,39 @@ def identifier(tableau: Tableau) -> str:
 def elements(row: Row, form: str = "{}", separator: str = ",") -> str:
     """Return the numbers of ``row``, one per line.
 
-    Parameters
-    ----------
-    row : tuple of str
-        Decimal numbers.
-    form : str
-        Format of a number in the language; the number replaces the braces.
-    separator : str
-        End of each line; the last line has it only if it is a comma.
+    ``form`` is the format of a number in the language. ``separator`` ends each line; the last line has it only if it is
+    a comma.
     """
     lines = [f"    {form.format(text)}" for text in row]
     return f"{separator}\n".join(lines) + ("," if separator == "," else "")
 
 
-def names_of_python(coefficients: Coefficients) -> dict[str, str]:
-    """Return the names of the integrator and its operators, and the texts of its rows, in a Python program."""
+def names(coefficients: Coefficients, form: str = "{}", separator: str = ",") -> dict[str, str]:
+    """Return the names of the integrator and its operators, and its rows as :func:`elements`, for a template."""
     outer, inner = coefficients.operators
+    rows = {row: elements(getattr(coefficients, row), form, separator) for row in ("kick", "drift")}
     return {
         "name": identifier(coefficients.tableau),
-        "kick": elements(coefficients.kick),
-        "drift": elements(coefficients.drift),
+        "stages": str(coefficients.stages),
+        **rows,
         "outer": outer,
-        "inner": inner,
         "OUTER": outer.upper(),
+        "outer_rows": rows[outer],
+        "inner": inner,
         "INNER": inner.upper(),
+        "inner_rows": rows[inner],
     }
 
 
 def remarks_of_python(coefficients: Coefficients, own_force: str, doubles: str) -> list[str]:
     """Return the remarks that apply to the integrator in a Python library.
 
-    Parameters
-    ----------
-    coefficients : Coefficients
-        The integrator and its rows.
-    own_force : str
-        Reason for ``{count}`` force evaluations per step of a method with kicks at both ends.
-    doubles : str
-        Treatment of more digits than doubles have in the library.
+    ``own_force`` is the reason for ``{count}`` force evaluations per step of a method with kicks at both ends.
+    ``doubles`` is the treatment of more digits than doubles have.
     """
     remarks = []
-    if coefficients.tableau.first_same_as_last:
-        remarks.append(own_force.format(count=coefficients.tableau.stages + 1))
+    if coefficients.first_same_as_last:
+        remarks.append(own_force.format(count=coefficients.stages + 1))
     if coefficients.digits > DOUBLE_DIGITS:
         remarks.append(doubles)
     return remarks

@@ -28,18 +28,11 @@ def export(tableau: Tableau, to: str, digits: int | None = None) -> str:
 
     Parameters
     ----------
-    tableau : Tableau
-        The integrator.
     to : str
         One of :data:`nearharmonic.exchange.TARGETS`.
     digits : int, optional
         Significant digits of the coefficients. By default data have the digits of the tableau, and programs those of
         the nearest doubles.
-
-    Returns
-    -------
-    str
-        The text, with a line end.
 
     Raises
     ------

@@ -149,8 +149,7 @@ class Composition:
 
     def _expect(self, condition: bool, key: str, value: object, expected: str) -> None:
         if not condition:
-            message = f"{self._kind}: {key} = {value!r}, expected {expected}"
-            raise TableauError(message)
+            raise TableauError(f"{self._kind}: {key} = {value!r}, expected {expected}")
 
     @property
     def _kind(self) -> str:

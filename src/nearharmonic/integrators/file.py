@@ -16,13 +16,6 @@ DECLARES = "An integrator of your own is a Python file that defines TABLEAU, or 
 def tableaus_of(place: str | os.PathLike[str], registered: Collection[str]) -> dict[str, Tableau]:
     """Return the tableaus that a Python file defines as TABLEAU or TABLEAUS, by name.
 
-    Parameters
-    ----------
-    place : str or path
-        The file.
-    registered : collection of str
-        Names of the registered integrators, which a file must not use.
-
     Raises
     ------
     TableauError
@@ -41,11 +34,9 @@ def tableaus_of(place: str | os.PathLike[str], registered: Collection[str]) -> d
     named: dict[str, Tableau] = {}
     for one in found:
         if one.name in registered:
-            message = f"{path}: the integrator {one.name!r} is a registered one already; give it another name"
-            raise TableauError(message)
+            raise TableauError(f"{path}: the integrator {one.name!r} is a registered one already; give it another name")
         if one is not named.setdefault(one.name, one):
-            message = f"{path} defines two integrators with the name {one.name!r}"
-            raise TableauError(message)
+            raise TableauError(f"{path} defines two integrators with the name {one.name!r}")
         _check_order(path, one)
     return named
 
@@ -62,19 +53,11 @@ def _check_order(path: str, tableau: Tableau) -> None:
         declared = (
             f"declares order {tableau.order}, and its coefficients, of {tableau.digits} digits, have order {order}"
         )
-        message = f"{path}: the integrator {tableau.name!r} {declared} for {kind}"
-        raise TableauError(message)
+        raise TableauError(f"{path}: the integrator {tableau.name!r} {declared} for {kind}")
 
 
 def tableau_at(place: str, registered: Collection[str]) -> Tableau:
     """Return the tableau of a file that is used by its path; of several, the one whose name follows a colon.
-
-    Parameters
-    ----------
-    place : str
-        The path.
-    registered : collection of str
-        Names of the registered integrators, which a file must not use.
 
     Raises
     ------
@@ -88,6 +71,5 @@ def tableau_at(place: str, registered: Collection[str]) -> Tableau:
     if name and name not in found:
         raise unknown_name(f"integrator of {path}", name, found)
     if not name and len(found) > 1:
-        message = f"{place} defines {len(found)} integrators: name one, as in {path}:{next(iter(found))}"
-        raise TableauError(message)
+        raise TableauError(f"{place} defines {len(found)} integrators: name one, as in {path}:{next(iter(found))}")
     return found[name] if name else next(iter(found.values()))

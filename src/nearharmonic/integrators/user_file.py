@@ -15,21 +15,11 @@ from nearharmonic.registry.registry import is_path, split_path
 
 @dataclass(frozen=True, kw_only=True)
 class TableauDefinition:
-    """An integrator from a user's file.
-
-    Attributes
-    ----------
-    file : str
-        The Python file.
-    written : str
-        The path of the file, as in the config.
-    base : None
-        A user's integrator cannot modify a registered one.
-    """
+    """An integrator from a user's file, whose path in the config is ``written``."""
 
     file: str
     written: str
-    base: None = None
+    base: None = None  # a user's integrator cannot modify a registered one
 
     def make(self, name: str) -> Tableau:
         """Return the tableau of this name.

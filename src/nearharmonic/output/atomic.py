@@ -19,17 +19,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path in the folder of ``path``, and move that file to ``path`` when the block ends.
 
     The folder is created if it is missing. If the block raises an exception, ``path`` does not change and the temporary
-    file is removed.
-
-    Parameters
-    ----------
-    path
-        The file to create or to replace.
-
-    Yields
-    ------
-    Path
-        A path in the folder of ``path`` that no other running process uses.
+    file is removed. No other running process uses the temporary path.
     """
     place = Path(path)
     place.parent.mkdir(parents=True, exist_ok=True)

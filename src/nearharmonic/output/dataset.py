@@ -42,18 +42,9 @@ def described(long_name: str, units: str = "1") -> Attributes:
 
 
 def variable(dimensions: str | tuple[str, ...], values: Any, long_name: str, units: str = "1") -> Variable:
-    """Return a described variable.
+    """Return a variable of ``values`` with one axis per dimension; a single name stands for one dimension.
 
-    Parameters
-    ----------
-    dimensions : str or tuple of str
-        Names of the dimensions; a single name stands for one dimension.
-    values : array_like
-        Values, with one axis per dimension.
-    long_name : str
-        Meaning of the variable.
-    units : str
-        Unit of its values; "1" if they have none.
+    ``long_name`` and ``units`` are as for :func:`described`.
     """
     names = (dimensions,) if isinstance(dimensions, str) else tuple(dimensions)
     return names, np.asarray(values), described(long_name, units)
@@ -84,7 +75,7 @@ def counted(variables: Variables) -> Variables:
 
 
 def _uncounted(variables: Variables) -> dict[str, int]:
-    """Sizes of the dimensions that have no coordinate."""
+    """Return the sizes of the dimensions that have no coordinate."""
     sizes: dict[str, int] = {}
     for dims, values, _ in variables.values():
         sizes |= zip(dims, np.shape(values), strict=True)
@@ -96,19 +87,7 @@ def _count(name: str, size: int) -> Variable:
 
 
 def flags(dimensions: str | tuple[str, ...], words: Any, meanings: Sequence[str], long_name: str) -> Variable:
-    """Return a described variable of words, each one of ``meanings``; a file stores integers with these meanings.
-
-    Parameters
-    ----------
-    dimensions : str or tuple of str
-        Names of the dimensions, as for :func:`variable`.
-    words : array_like of str
-        Values.
-    meanings : sequence of str
-        All possible words.
-    long_name : str
-        Meaning of the variable.
-    """
+    """Return a described variable of words, each one of ``meanings``; a file stores integers with these meanings."""
     names, values, notes = variable(dimensions, words, long_name)
     return names, values, {**notes, FLAG_MEANINGS: " ".join(meanings)}
 
@@ -160,7 +139,7 @@ def assembled(variables: Variables, coordinates: Collection[str], attributes: Ma
 
 @lru_cache(maxsize=64)
 def _template(layout: tuple[Any, ...], auxiliary: tuple[str, ...], counts: tuple[tuple[str, int], ...]) -> xr.Dataset:
-    """A dataset of zeros with the coordinates 0, 1, 2, ...; xarray takes longer to make it than a short run."""
+    """Return a dataset of zeros with the coordinates 0, 1, 2, ...; xarray takes longer to make it than a short run."""
     import xarray as xr
 
     zeros = {name: (dims, np.broadcast_to(0.0, shape), dict(notes)) for name, dims, shape, *notes in layout}

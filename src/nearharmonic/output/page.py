@@ -10,16 +10,9 @@ from nearharmonic.output.table import Cell
 
 
 def pipes(header: Sequence[str], rows: Iterable[Sequence[Cell]], align: str = "l") -> list[str]:
-    """Return lines of Markdown without padding, as pages have them.
+    """Return the lines of a table in Markdown without padding, with cells written by ``str``.
 
-    Parameters
-    ----------
-    header : sequence of str
-        Names of the columns.
-    rows : iterable of sequences
-        Cells, written by ``str``.
-    align : str
-        ``l`` or ``r`` for each column; the last letter holds for all further columns.
+    ``align`` has a letter, ``l`` or ``r``, for each column; the last letter holds for all further columns.
     """
     marks = ["---:" if align[min(i, len(align) - 1)] == "r" else "---" for i in range(len(header))]
     return [f"| {' | '.join(header)} |", f"|{'|'.join(marks)}|", *(f"| {' | '.join(map(str, row))} |" for row in rows)]

@@ -52,8 +52,7 @@ class Table:
     def __post_init__(self) -> None:
         for i, row in enumerate(self.rows):
             if len(row) != len(self.header):
-                message = f"row {i} has {len(row)} cells under {len(self.header)} names: {list(row)}"
-                raise NearharmonicError(message)
+                raise NearharmonicError(f"row {i} has {len(row)} cells under {len(self.header)} names: {list(row)}")
 
     def records(self) -> list[dict[str, Cell]]:
         """Return each row as the cells by the names of their columns."""
@@ -78,12 +77,9 @@ class Table:
         return _tabulate(self.header, cells, form)
 
     def lines(self, digits: int | None = None) -> list[str]:
-        """Return the caption and the rows as lines of aligned columns for a terminal; no header above no rows.
+        """Return the caption and the rows as lines of aligned columns for a terminal, floats to ``digits``.
 
-        Parameters
-        ----------
-        digits : int, optional
-            Significant digits of a float; all by default.
+        There is no header above no rows.
         """
         caption = [self.caption] if self.caption else []
         if not self.rows:
@@ -105,7 +101,7 @@ def _is_number(cell: Cell) -> bool:
 
 
 def _in_words(cell: Cell, digits: int | None) -> str:
-    """Text of a cell: floats are shortened, truth values are words, None and NaN are a dash."""
+    """Return the text of a cell: floats are shortened, truth values are words, None and NaN are a dash."""
     if cell is None or cell == "" or (isinstance(cell, float) and isnan(cell)):
         return "-"
     if isinstance(cell, bool):
@@ -124,20 +120,14 @@ def from_csv(text: str) -> Table:
     try:
         header, *rows = csv.reader(io.StringIO(text))
     except (ValueError, csv.Error) as error:
-        message = "there is no table"
-        raise NearharmonicError(message) from error
+        raise NearharmonicError("there is no table") from error
     return Table(header=header, rows=rows)
 
 
 def save(table: Table, places: Sequence[str | os.PathLike[str]]) -> list[Path]:
-    """Write ``table`` to each of ``places``, in the format of its ending.
+    """Write ``table`` to each of ``places``, in the format of its ending, and return their paths.
 
     CSV has all digits; Markdown and LaTeX have four digits of a float.
-
-    Returns
-    -------
-    list of Path
-        The files, in the order of ``places``.
 
     Raises
     ------
@@ -148,8 +138,7 @@ def save(table: Table, places: Sequence[str | os.PathLike[str]]) -> list[Path]:
     paths = [Path(place) for place in places]
     for path in paths:
         if path.suffix not in texts:
-            message = f"{path}: a table is written as {', '.join(SUFFIXES)}"
-            raise NearharmonicError(message)
+            raise NearharmonicError(f"{path}: a table is written as {', '.join(SUFFIXES)}")
         write_text(path, texts[path.suffix]())
     return paths
 

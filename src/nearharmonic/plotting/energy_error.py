@@ -111,10 +111,8 @@ def draw_profiles(
 
     Parameters
     ----------
-    profiles : sequence of Profile
-        The curves, in drawing order.
-    handles : sequence of Line2D
-        Entries of the legend.
+    profiles, handles
+        Curves, in drawing order, and entries of the legend.
     unit : str
         Unit of the step sizes; "1" if they have none.
     attributes : mapping
@@ -122,7 +120,7 @@ def draw_profiles(
     given : sequence of xarray.Dataset
         Datasets of the curves, which may have a floor of energy errors.
     """
-    over = "over the samples" if "over the samples" in attributes.get("long_name", "") else "over all steps"
+    over = range_of(attributes)
     drawn = new_figure(7, 8.2)
     spare = ROW * max(0, ROWS - -(-len(handles) // COLUMNS))
     drawn.subplots_adjust(left=0.105, right=0.985, top=0.885 + spare, bottom=0.062, hspace=0.115)
@@ -143,6 +141,11 @@ def draw_profiles(
     lower.set_xlabel(r"step size per stage, $\tau/s$" + ("" if unit == "1" else f"  ({unit})"))
     drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.545, 0.995), ncols=COLUMNS, columnspacing=1.8)
     return drawn
+
+
+def range_of(attributes: Mapping[str, str]) -> str:
+    """Return the range of the maximum of energy errors with these attributes, in words."""
+    return "over the samples" if "over the samples" in attributes.get("long_name", "") else "over all steps"
 
 
 def say_if_empty(axes: Axes, errors: Iterable[Any]) -> bool:

@@ -16,15 +16,7 @@ SHOWN = 100.0
 
 
 def floor_near(given: Sequence[xr.Dataset], variable: str) -> float:
-    """Return the highest floor of results, or 0 if no error is near it.
-
-    Parameters
-    ----------
-    given : sequence of xarray.Dataset
-        Results of ``integrate``, ``sweep`` or ``ensemble``, or cubes; their attribute ``energy_floor`` is the floor.
-    variable : str
-        Name of the errors.
-    """
+    """Return the highest attribute ``energy_floor`` of results, or 0 if no error ``variable`` is near it."""
     floor = max(float(one.attrs.get("energy_floor", 0)) for one in given)
     errors = np.concatenate([np.abs(np.ravel(one[variable].values)) for one in given])
     return floor if np.any((errors > 0) & (errors <= SHOWN * floor)) else 0.0

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from nearharmonic.errors import bad_setting
-from nearharmonic.plotting.energy_error import say_if_empty
+from nearharmonic.plotting.energy_error import range_of, say_if_empty
 from nearharmonic.plotting.floor import draw_floor
 from nearharmonic.plotting.levels import energy_error_label
 from nearharmonic.plotting.style import house_style, log_scale, new_figure, panel_letter, style_of
@@ -35,18 +35,9 @@ def varying(given: Sequence[xr.Dataset]) -> str:
 def draw_members(
     given: Sequence[xr.Dataset], handles: Sequence[Line2D], looks: Sequence[Mapping[str, Any]], unit: str
 ) -> Figure:
-    """Draw the maximum energy error of each member as a point, and write the number of diverged members.
+    """Draw the maximum energy error of each member of ensembles as a point, and write the number of diverged members.
 
-    Parameters
-    ----------
-    given : sequence of xarray.Dataset
-        Datasets of ``ensemble``.
-    handles : sequence of Line2D
-        Entries of the legend.
-    looks : sequence of mapping
-        Changes of the style of each ensemble.
-    unit : str
-        Unit of the varied parameter; "1" if it has none.
+    ``looks`` are changes of the style of each ensemble. ``unit`` is that of the varied parameter, "1" if it has none.
     """
     against = varying(given)
     drawn = new_figure(7, 4.6)
@@ -71,11 +62,7 @@ def draw_members(
 
 def _says(given: Sequence[xr.Dataset]) -> str:
     """Return a description of the points, and the number of members without a point."""
-    over = (
-        "over the samples"
-        if "over the samples" in given[0]["max_energy_error"].attrs["long_name"]
-        else "over all steps"
-    )
+    over = range_of(given[0]["max_energy_error"].attrs)
     lost = sum(int((one["status"] == "diverged").sum()) for one in given)
     members = sum(one.sizes[MEMBER] for one in given)
     return f"maximum {over}, a point for each member" + (f"; {lost} of {members} diverged" if lost else "")

@@ -89,7 +89,7 @@ _SPARE_MARKERS = ("<", ">", "*", "h", "d", "8")
 
 
 def style_of(integrator: str) -> Style:
-    """The style of a method; a method without an entry in the table gets one from a hash of its name."""
+    """Return the style of a method; a method without an entry in the table gets one from a hash of its name."""
     if integrator in _STYLES:
         return _STYLES[integrator]
     rest, colour = divmod(crc32(integrator.encode()), len(_SPARE_COLOURS))

@@ -102,8 +102,7 @@ def _common_meaning(given: Sequence[xr.Dataset], name: str) -> None:
     found = [one[name].attrs for one in given]
     meanings = sorted({f"{notes.get('long_name', name)}, in {notes.get('units', '1')}" for notes in found})
     if len(meanings) > 1:
-        allowed = "Datasets whose energy errors mean the same"
-        raise bad_setting("datasets", " | ".join(meanings), allowed)
+        raise bad_setting("datasets", " | ".join(meanings), "Datasets whose energy errors mean the same")
 
 
 def _members(given: Sequence[xr.Dataset]) -> Figure:
@@ -113,7 +112,7 @@ def _members(given: Sequence[xr.Dataset]) -> Figure:
 
 
 def _in_brackets(unit: str) -> str:
-    """A unit in brackets, for the label of an axis; 1e6 is a power of ten."""
+    """Return a unit in brackets, for the label of an axis; 1e6 is a power of ten."""
     shown = re.sub(r"1e(-?[0-9]+)", r"$10^{\1}$", unit)
     return "" if unit == "1" else f"  ({shown})"
 
@@ -147,7 +146,7 @@ def _told(dataset: xr.Dataset, key: str) -> str:
 
 
 def _looks(given: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
-    """Line style of each Dataset: Datasets of one integrator have different dashes."""
+    """Return the line style of each Dataset: Datasets of one integrator have different dashes."""
     seen: dict[str, int] = {}
     looks = []
     for one in given:
@@ -200,7 +199,7 @@ def _trajectories(given: Sequence[xr.Dataset]) -> Figure:
     if measured:
         upper, lower = drawn.subplots(2, 1, height_ratios=(2, 3))
         for one, look in measured:
-            _draw_errors(upper, one, look)
+            upper.plot(one["t"].values, np.abs(one["energy_error"].values), **_thin_line(one, look))
         _finish_errors(upper, [one for one, _ in measured], unit)
     else:
         lower = drawn.subplots()
@@ -213,9 +212,8 @@ def _trajectories(given: Sequence[xr.Dataset]) -> Figure:
     return drawn
 
 
-def _draw_errors(axes: Axes, one: xr.Dataset, look: Mapping[str, Any]) -> None:
-    line = style_of(str(one.attrs["integrator"])).line(**{**look, "marker": "none"})
-    axes.plot(one["t"].values, np.abs(one["energy_error"].values), **{**line, "linewidth": 0.8})
+def _thin_line(one: xr.Dataset, look: Mapping[str, Any]) -> dict[str, Any]:
+    return style_of(str(one.attrs["integrator"])).line(**{**look, "marker": "none", "linewidth": 0.8})
 
 
 def _finish_errors(axes: Axes, given: Sequence[xr.Dataset], unit: str) -> None:
@@ -229,10 +227,9 @@ def _finish_errors(axes: Axes, given: Sequence[xr.Dataset], unit: str) -> None:
 
 
 def _draw_orbit(axes: Axes, one: xr.Dataset, look: Mapping[str, Any]) -> None:
-    line = style_of(str(one.attrs["integrator"])).line(**{**look, "marker": "none"})
     q, p = one["q"].values, one["p"].values
     first, second = (q[:, 0], p[:, 0]) if q.shape[1] == 1 else (q[:, 0], q[:, 1])
-    axes.plot(first, second, **{**line, "linewidth": 0.8})
+    axes.plot(first, second, **_thin_line(one, look))
     axes.plot(first[:1], second[:1], marker="o", markersize=5, color="#404040", linestyle="none", zorder=4)
 
 

@@ -112,13 +112,13 @@ def log_ticks(axis: Axis) -> None:
 
 
 def mark_every(position: int, methods: int, points: int, marks: int = 12) -> tuple[int, int]:
-    """(first, step) of the points with a marker: about ``marks`` per curve, at alternate points for the methods."""
+    """Return (first, step) of the points with a marker: about ``marks`` per curve, alternating between methods."""
     step = max(1, points // marks)
     return position * step // max(1, methods), step
 
 
 def method_handles(integrators: Iterable[str], labels: Iterable[str], **changes: Any) -> list[Line2D]:
-    """Legend entries, one per method, with label, line and marker."""
+    """Return legend entries, one per method, with label, line and marker."""
     return [
         Line2D([], [], label=label, **style_of(name).line(**changes))
         for name, label in zip(integrators, labels, strict=True)
@@ -129,12 +129,7 @@ def save(figure: Figure, places: Sequence[str | os.PathLike[str]]) -> list[Path]
     """Write ``figure`` to each of ``places``, in the format of its ending: .pdf, .svg or .png (200 dpi).
 
     Each file is written atomically. Equal figures give bitwise identical files: the metadata have no date, and ids of
-    elements have a fixed salt.
-
-    Returns
-    -------
-    list of Path
-        The files, in the order of ``places``.
+    elements have a fixed salt. The paths are returned.
     """
     paths = [Path(place) for place in places]
     for path in paths:

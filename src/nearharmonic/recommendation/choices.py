@@ -18,16 +18,11 @@ from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.clock import Patience, interleaved, machine, pinned
 from nearharmonic.recommendation.curve import MEASURES
-from nearharmonic.recommendation.libraries import TIMED, library_choices
-from nearharmonic.recommendation.own import (
-    LOSSLESS,
-    POSITION_ROUNDING,
-    ROUNDING,
-    prepared_calls,
-)
+from nearharmonic.recommendation.own import LOSSLESS, POSITION_ROUNDING, ROUNDING, prepared_calls
 from nearharmonic.recommendation.question import Question
 from nearharmonic.recommendation.recommendation import Choice, Recommendation
 from nearharmonic.recommendation.step_search import fewest_steps, ladder, measured_errors
+from nearharmonic.recommendation.timings import TIMED, library_choices
 
 #: The ranking compares least times, most of them below 1 ms: more repeats than for curves.
 REPEATS = Patience(least=15, most=25, seconds=0.01)

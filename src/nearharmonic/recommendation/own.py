@@ -121,14 +121,14 @@ def _points(
 
 
 def _cheaper(careful: Point, plain: Point) -> Point:
-    """``plain`` if it loses nothing, otherwise ``careful``."""
+    """Return ``plain`` if it loses nothing, otherwise ``careful``."""
     # A NaN is a position that was compared with nothing.
     lost = any(getattr(plain, name) > LOSSLESS * getattr(careful, name) for name in MEASURES.values())
     return careful if lost else plain
 
 
 def _until_rounding(points: Sequence[Point]) -> list[Point]:
-    """Points up to the first where every error is rounding."""
+    """Return the points up to the first where every error is rounding."""
     settled = (
         i for i, p in enumerate(points) if p.max_energy_error <= ROUNDING and not p.position_error > POSITION_ROUNDING
     )
@@ -150,21 +150,8 @@ def prepared_calls(
 ) -> dict[str, Callable[[], Any]]:
     """Return complete calls of a prepared problem, to be timed, each of which returns the final q (d,) and p (d,).
 
-    Parameters
-    ----------
-    system, tableau
-        Problem and method.
-    t_end, steps
-        The interval [0, ``t_end``] is covered in ``steps`` equal steps.
-    summation
-        "compensated" or "plain".
-    modes
-        Of ``trajectory``, which measures no energy, and ``energy``, which measures it at every step.
-
-    Returns
-    -------
-    dict
-        Call by mode, each of which has run once.
+    The interval [0, ``t_end``] is covered in ``steps`` equal steps. ``modes`` are of ``trajectory``, which measures no
+    energy, and ``energy``, which measures it at every step. Each call has run once.
     """
     tau = float(t_end) / steps
 
@@ -206,7 +193,7 @@ def ensemble_call(
 
 
 def _setup(system: System, tableau: Tableau, t_end: str) -> float:
-    """Least seconds of a call of a prepared problem for one step: the overhead of Python."""
+    """Return the least seconds of a call of a prepared problem for one step: the overhead of Python."""
     call, least = prepared_calls(system, tableau, t_end, 1, "plain", ("trajectory",))["trajectory"], inf
     for _ in range(SETUP_REPEATS):
         begin = time.perf_counter()

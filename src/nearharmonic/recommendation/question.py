@@ -122,14 +122,14 @@ def question(
 
 
 def _started(problem: Setup, q0: object, p0: object) -> System:
-    """The system of ``problem`` with other initial values: exactly the pairs of doubles that its runs begin at."""
+    """Return the system of ``problem`` with other initial values: the exact pairs of doubles of its runs."""
     state = start_of(problem, q0, p0).state.reshape(4, -1)[:, : problem.system.dimension]
     q, q_low, p, p_low = state.tolist()
     return replace(problem.system, q0=_decimals(q, q_low), p0=_decimals(p, p_low))
 
 
 def _decimals(values: Sequence[float], low: Sequence[float]) -> tuple[str, ...]:
-    """Sums of two doubles in all their digits: the denominators are powers of two."""
+    """Return the sums of two doubles in all their digits: the denominators are powers of two."""
     texts = []
     for pair in zip(values, low, strict=True):
         number = sum(map(Fraction, pair))

@@ -1,21 +1,34 @@
-"""Timed curves as arrays of a cube, and read back."""
+"""Timed curves as arrays of a cube, and read back; choices of other libraries from them."""
 
 from __future__ import annotations
 
 import json
 import os
 from collections.abc import Sequence
-from math import isfinite, nan
+from dataclasses import replace
+from fractions import Fraction
+from math import isfinite, isnan, nan
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from nearharmonic.numerics.clock import QUARTILES, summary
 from nearharmonic.output.dataset import Variables, coordinate, variable
-from nearharmonic.recommendation.curve import MODES, Curve, Part, Point
+from nearharmonic.recommendation.curve import MEASURES, MODES, Curve, Part, Point
+from nearharmonic.recommendation.question import Question
+from nearharmonic.recommendation.recommendation import Choice
+from nearharmonic.recommendation.step_search import fewest_steps
+from nearharmonic.systems import systems
 
 if TYPE_CHECKING:
     import xarray as xr
+
+CUBE = Path("cubes/work_precision.h5")
+#: Fields of a point that a choice takes over.
+SHARED = ("tau", "tolerance", "steps", "evaluations", "max_energy_error", "mean_energy_error")
+#: Mode that is timed: one trajectory.
+TIMED = "trajectory"
 
 _COLUMNS = {
     "tau": ("{t}", "step size; NaN if the method chooses its own"),
@@ -49,12 +62,7 @@ _SECONDS = {
 def variables(curves: Sequence[Curve], unit: str) -> Variables:
     """Return curves as arrays over (solver, point), padded with NaN; times also over ``quartile``.
 
-    Parameters
-    ----------
-    curves : sequence of Curve
-        What was measured.
-    unit : str
-        Unit of time of the system, that of step sizes.
+    ``unit`` is the unit of time of the system, that of step sizes.
     """
     length = max([len(curve.points) for curve in curves] + [1])
     # Not a dimension "method": xarray's sel() takes that word for itself.
@@ -84,12 +92,7 @@ def variables(curves: Sequence[Curve], unit: str) -> Variables:
 def curves_of(group: xr.Dataset, quartile: str = "min") -> list[Curve]:
     """Return the curves that :func:`variables` put into ``group``, with one time of each point.
 
-    Parameters
-    ----------
-    group : xarray.Dataset
-        A group of the cube.
-    quartile : str
-        Which time: one of :data:`nearharmonic.numerics.clock.QUARTILES`.
+    ``quartile`` is one of :data:`nearharmonic.numerics.clock.QUARTILES`.
     """
     return [_curve_of(group.isel(solver=i), quartile) for i in range(group.sizes["solver"])]
 
@@ -112,15 +115,6 @@ def _curve_of(rows: xr.Dataset, quartile: str) -> Curve:
 def read_parts(path: str | os.PathLike[str], system: str, quartile: str = "min") -> tuple[list[Part], dict[str, Any]]:
     """Return every interval of a system in a cube, and the cube's attributes.
 
-    Parameters
-    ----------
-    path : path
-        The cube.
-    system : str
-        Name of the system.
-    quartile : str
-        As for :func:`curves_of`.
-
     Raises
     ------
     ResultFileError
@@ -135,3 +129,48 @@ def read_parts(path: str | os.PathLike[str], system: str, quartile: str = "min")
         if told["system"] == system
     ]
     return parts, attributes
+
+
+def library_choices(asked: Question, results: Path) -> tuple[list[Choice], str]:
+    """Return the choices of other libraries from the timings in a folder of results, and their origin as text.
+
+    Raises
+    ------
+    ResultFileError
+        The file of timings cannot be read.
+    """
+    path, system = results / CUBE, asked.system
+    if system.name not in systems or systems[system.name] is not system:
+        return [], "not timed for a system of your own"
+    if not path.is_file():
+        return [], f"not timed ({path} does not exist; snakemake work_precision makes it)"
+    parts, facts = read_parts(path, system.name)
+    for end, measures, curves in parts:
+        if asked.measure in measures and Fraction(end) == Fraction(asked.t_end):
+            choices = [_library_choice(curve, asked) for curve in curves if curve.kind == "peer"]
+            return choices, f"{path}, measured {facts['measured']} on {facts['cpu']}"
+    return [], f"not timed ({path} has no timings of this measure over this interval)"
+
+
+def _library_choice(curve: Curve, asked: Question) -> Choice:
+    """Return the fastest setting that meets the bound, if all finer settings meet it too."""
+    reason = "" if curve.status == "ok" else curve.status
+    choice = Choice(method=curve.method, label=curve.label, kind="peer", status="not run", reason=reason)
+    if not curve.points:
+        return choice
+    errors = {i: float(getattr(point, MEASURES[asked.measure])) for i, point in enumerate(curve.points)}
+    times = [min(point.times.get(TIMED, ()), default=nan) for point in curve.points]
+    first = fewest_steps(errors, asked.error)
+    settings = [] if first is None else [i for i in errors if i >= first and not isnan(times[i])]
+    # A looser tolerance may cost more: the coarsest setting is not always the fastest.
+    best = (
+        min(settings, key=times.__getitem__) if settings else min(errors, key=lambda i: (isnan(errors[i]), errors[i]))
+    )
+    point = curve.points[best]
+    return replace(
+        choice,
+        status="met" if settings else "missed",
+        error=errors[best],
+        time=times[best] if settings else nan,
+        **{name: getattr(point, name) for name in SHARED},
+    )

@@ -10,14 +10,9 @@ LONGEST = 200
 
 
 def line(kind: str, facts: Mapping[str, object]) -> str:
-    """Return one line for an object.
+    """Return one line for an object of the class ``kind``.
 
-    Parameters
-    ----------
-    kind : str
-        Name of its class.
-    facts : mapping
-        Facts by name; the first is the name of the object, and the last, its source, is omitted.
+    The first of ``facts`` is the name of the object, and the last, its source, is omitted.
     """
     (_, name), *others, _ = facts.items()
     return f"<{kind} {name}: {', '.join(f'{key} {value}' for key, value in others if value not in ('', None))}>"

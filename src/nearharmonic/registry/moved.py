@@ -93,6 +93,7 @@ MOVED = {
     "modified_integrators": "integrators:modified_integrators",
     "numerics.levenberg_marquardt": "numerics.search.damped",
     "output.cubes": "reproduction.tasks.experiment",
+    "recommendation.libraries": "recommendation.timings",
     "systems.numba_gradients": "systems.numba.gradients",
     "systems.numba_potential": "systems.numba.potential",
     "theory.modified_search": "training.family",

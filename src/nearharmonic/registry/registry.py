@@ -161,14 +161,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
 
     @contextmanager
     def restricted(self, names: Collection[str], modules: Collection[str]) -> Iterator[None]:
-        """Allow look-ups of only some entries inside the block.
-
-        Parameters
-        ----------
-        names
-            Names of entries.
-        modules
-            Dotted names of modules; the entries that they declare are allowed too.
+        """Allow look-ups only of some ``names``, and of entries that some ``modules`` declare, inside the block.
 
         Raises
         ------
@@ -192,7 +185,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
         return len(self._load()) + len(self._definitions)
 
     def module_of(self, name: str) -> str | None:
-        """Dotted name of the module that declares ``name`` or its base; None if a file defines it."""
+        """Return the dotted name of the module that declares ``name`` or its base; None if a file defines it."""
         if name not in self:
             raise unknown_name(self._kind, name, self)
         base = self._definitions[name].base if name in self._definitions else name

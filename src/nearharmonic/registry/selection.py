@@ -14,14 +14,7 @@ Entry = TypeVar("Entry")
 class Selection(Mapping[str, Entry]):
     """A view of the entries of a registry that fulfil a condition, in the order of the registry.
 
-    Parameters
-    ----------
-    registry : Registry
-        The registry.
-    name : str
-        Name of the view in the package of the registry.
-    fulfils : callable
-        Function of an entry that returns True if the view has it.
+    ``name`` is that of the view in the package of the registry.
 
     Raises
     ------
@@ -52,7 +45,7 @@ class Selection(Mapping[str, Entry]):
         return sum(1 for _ in self)
 
     def module_of(self, name: str) -> str | None:
-        """Dotted name of the module that declares ``name``, as :meth:`Registry.module_of` returns it."""
+        """Return the dotted name of the module that declares ``name``, as :meth:`Registry.module_of` returns it."""
         return self._registry.module_of(name)
 
     def __repr__(self) -> str:

@@ -28,8 +28,6 @@ def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicE
 
     Parameters
     ----------
-    place : path
-        The file.
     declares : str
         Expected content of the file, for the message if it does not exist.
     error : type
@@ -42,8 +40,7 @@ def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicE
     """
     path = Path(place)
     if not is_file(path):
-        message = f"{path}: no such file. {declares}"
-        raise error(message)
+        raise error(f"{path}: no such file. {declares}")
     key = path.resolve()
     if key in _LOADED:
         module, files = _LOADED[key]
@@ -51,8 +48,7 @@ def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicE
             return module
     spec = importlib.util.spec_from_file_location(f"nearharmonic_user_{path.stem}", key)
     if spec is None or spec.loader is None:
-        message = f"{path} is no Python file: its name must end in .py"
-        raise error(message)
+        raise error(f"{path} is no Python file: its name must end in .py")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses look up their module
     files = {key: (0, 0)}
@@ -62,24 +58,13 @@ def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicE
     except NearharmonicError:
         raise
     except (Exception, SystemExit) as fault:
-        message = f"{path} cannot be run: {type(fault).__name__}: {fault}"
-        raise error(message) from fault
+        raise error(f"{path} cannot be run: {type(fault).__name__}: {fault}") from fault
     _LOADED[key] = module, _state(files)
     return module
 
 
 def near_miss(module: ModuleType, name: str, kind: type) -> str:
-    """Return the reason why a module does not define ``name``, for the end of a message.
-
-    Parameters
-    ----------
-    module : module
-        A user's file.
-    name : str
-        Name that the module should define.
-    kind : type
-        Class of the value, or of the entries of a tuple.
-    """
+    """Return the reason why a user's module does not define ``name``, a ``kind`` or a tuple of them, for a message."""
     if hasattr(module, name):
         return f": its {name} is of type {type(getattr(module, name)).__name__}"
     alike = [
@@ -138,7 +123,7 @@ def is_file(path: Path) -> bool:
 
 
 def _state(files: Files) -> Files:
-    """Present state of ``files``, without deleted ones."""
+    """Return the present state of ``files``, without deleted ones."""
     found: Files = {}
     for path in files:
         try:
@@ -153,10 +138,8 @@ def _state(files: Files) -> Files:
 def _own_modules(folder: Path, files: Files) -> Iterator[None]:
     """Allow imports of modules in ``folder`` inside the block, and add their files to ``files``."""
     before = set(sys.modules)
-    writes, sys.dont_write_bytecode = (
-        sys.dont_write_bytecode,
-        True,
-    )  # bytecode would hide a second edit in one second
+    # Bytecode would hide a second edit in one second.
+    writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     sys.path.insert(0, str(folder))
     importlib.invalidate_caches()
     try:

@@ -16,23 +16,10 @@ from typing import NamedTuple
 from mpmath import acosh, inf, isinf, mp, mpf, sqrt
 
 from nearharmonic.exact.decimals import BigFloat, as_mpf
-from nearharmonic.exact.polynomials import (
-    Polynomial,
-    by_parity,
-    common_divisor,
-    derivative,
-    positive_roots,
-    product,
-    whole,
-)
+from nearharmonic.exact.polynomials import by_parity, common_divisor, derivative, positive_roots, product, whole
 from nearharmonic.exact.step import StepPolynomials
 from nearharmonic.integrators.tableau import First, Tableau
-from nearharmonic.theory.oscillator import (
-    CLOSED_FORM_DIGITS,
-    stability_trace,
-    step_polynomials,
-    tableau_of,
-)
+from nearharmonic.theory.oscillator import CLOSED_FORM_DIGITS, stability_trace, step_polynomials, tableau_of
 
 #: Digits of the edges that are returned.
 EDGE_DIGITS = 30
@@ -74,8 +61,7 @@ def stability_gaps(integrator: str | Tableau, *, first: First | None = None) -> 
     SettingError
         ``first`` is no operator.
     """
-    crossing, _ = _special_squares(tableau_of(integrator, first))
-    return _gaps(crossing)
+    return gaps_of(step_polynomials(integrator, first=first))
 
 
 def gaps_of(K: StepPolynomials) -> list[tuple[BigFloat, BigFloat]]:
@@ -83,55 +69,36 @@ def gaps_of(K: StepPolynomials) -> list[tuple[BigFloat, BigFloat]]:
 
     The step need not be symmetric: without K11 = K22 the polynomial is (tr K)^2 - 4 itself.
     """
-    crossing, _ = _squares_of(K)
-    return _gaps(crossing)
-
-
-def _gaps(crossing: tuple[Fraction, ...]) -> list[tuple[BigFloat, BigFloat]]:
+    crossing, _ = _special_squares(K)
     # The oscillator is stable for small steps and the trace is unbounded for large ones: the edges alternate.
     edges = [*_step_sizes(crossing), inf]
     return list(zip(edges[0::2], edges[1::2], strict=True))
 
 
 def touching_points(integrator: str | Tableau, *, first: First | None = None) -> list[BigFloat]:
-    """Return the step sizes at which |tr K| touches 2 without exceeding it, in ascending order.
+    """Return the step sizes, to 30 digits, at which |tr K| touches 2 without exceeding it, in ascending order.
 
     K is then +-1 times the identity, or has one more entry that is not 0. There is no exponential growth, but any
     perturbation of the step may open a gap.
 
     Arguments and errors are those of :func:`stability_gaps`.
-
-    Returns
-    -------
-    list of mpf
-        To 30 digits.
     """
-    _, touching = _special_squares(tableau_of(integrator, first))
+    _, touching = _special_squares(step_polynomials(integrator, first=first))
     return _step_sizes(touching)
 
 
 def stability_limit(integrator: str | Tableau, *, first: First | None = None) -> BigFloat:
-    """Return the step size at which the first gap begins; all smaller step sizes are stable.
+    """Return the step size, to 30 digits, at which the first gap begins; all smaller step sizes are stable.
 
     Arguments and errors are those of :func:`stability_gaps`.
-
-    Returns
-    -------
-    mpf
-        To 30 digits.
     """
     return stability_gaps(integrator, first=first)[0][0]
 
 
 def stability_end(integrator: str | Tableau, *, first: First | None = None) -> BigFloat:
-    """Return the step size at which the last gap begins; no larger step size is stable.
+    """Return the step size, to 30 digits, at which the last gap begins; no larger step size is stable.
 
     Arguments and errors are those of :func:`stability_gaps`.
-
-    Returns
-    -------
-    mpf
-        To 30 digits.
     """
     return stability_gaps(integrator, first=first)[-1][0]
 
@@ -139,26 +106,8 @@ def stability_end(integrator: str | Tableau, *, first: First | None = None) -> B
 def growth_rate(integrator: str | Tableau, tau: BigFloat, *, first: First | None = None) -> BigFloat:
     """Return the larger Lyapunov exponent of a step: ln of the larger |eigenvalue| of K, arcosh(|tr K|/2).
 
-    Parameters
-    ----------
-    integrator : str or Tableau
-        Method, or its name.
-    tau : mpf
-        Step size, in units with m = k = 1.
-    first : {"drift", "kick"}, optional
-        As for :func:`stability_gaps`.
-
-    Returns
-    -------
-    mpf
-        Exponent per step; 0 where the step is stable.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``tau`` is no finite number above 0, or ``first`` no operator.
+    It is 0 where the step is stable. Arguments and errors are those of
+    :func:`nearharmonic.theory.oscillator.stability_trace`.
     """
     # The printed digits of BCSS 4 produce a gap of width 1e-20, in which the trace exceeds 2 by 1e-40.
     with mp.workdps(max(mp.dps, CLOSED_FORM_DIGITS)):
@@ -174,24 +123,15 @@ def largest_growth(integrator: str | Tableau, gap: tuple[BigFloat, BigFloat], *,
 
     Parameters
     ----------
-    integrator : str or Tableau
-        Method, or its name.
+    integrator, first
+        As for :func:`stability_gaps`, as are the errors.
     gap : (mpf, mpf)
         One of :func:`stability_gaps`.
-    first : {"drift", "kick"}, optional
-        As for :func:`stability_gaps`.
 
     Returns
     -------
     Growth
         To about 12 digits. In the last gap the growth per step is unbounded: inf, at inf.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator.
     """
     tableau, (start, end) = tableau_of(integrator, first), gap
     with mp.workdps(EDGE_DIGITS):
@@ -213,11 +153,7 @@ def largest_growth(integrator: str | Tableau, gap: tuple[BigFloat, BigFloat], *,
 
 
 @lru_cache(maxsize=256)
-def _special_squares(tableau: Tableau) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
-    return _squares_of(step_polynomials(tableau))
-
-
-def _squares_of(K: StepPolynomials) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
+def _special_squares(K: StepPolynomials) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:
     """Return the x = tau^2 at which |tr K| - 2 changes its sign, and the x at which |tr K| touches 2."""
     if K.K11 == K.K22:
         a, b = whole(K.K12[1::2]), whole(K.K21[1::2])
@@ -236,11 +172,8 @@ def _squares_of(K: StepPolynomials) -> tuple[tuple[Fraction, ...], tuple[Fractio
 @lru_cache(maxsize=256)
 def _extrema(tableau: Tableau) -> list[BigFloat]:
     """Return the step sizes at which the trace is stationary, in ascending order."""
-    return _step_sizes(tuple(positive_roots(derivative(_trace(tableau)))))
-
-
-def _trace(tableau: Tableau) -> Polynomial:
-    return whole(step_polynomials(tableau).trace[0::2])
+    trace = whole(step_polynomials(tableau).trace[0::2])
+    return _step_sizes(tuple(positive_roots(derivative(trace))))
 
 
 def _step_sizes(squares: tuple[Fraction, ...]) -> list[BigFloat]:

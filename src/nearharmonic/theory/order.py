@@ -16,16 +16,9 @@ from typing import NamedTuple
 
 from nearharmonic.errors import bad_setting
 from nearharmonic.exact.lie import conditions, lyndon_words
-from nearharmonic.exact.step import StepPolynomials, oscillator_errors
+from nearharmonic.exact.step import oscillator_errors
 from nearharmonic.exact.words import logarithm, words
-from nearharmonic.integrators.order_conditions import (
-    errors_of,
-    highest_of,
-    proved_order,
-    step_of,
-    tolerance,
-    weighted,
-)
+from nearharmonic.integrators.order_conditions import errors_of, highest_of, proved_order, step_of, tolerance, weighted
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.theory.oscillator import tableau_of
 
@@ -125,7 +118,7 @@ def harmonic_orders_of(integrator: str | Tableau, *, first: First | None = None)
         momentum=_first_power(tableau, E.K21, E.K22) - 1,
         # The conserved ellipse -K21 q^2 + (K11 - K22) q p + K12 p^2 is a circle except for K12 + K21 and K11 - K22; one
         # power of tau cancels. The error of the trace 2 cos(phase) is 2 sin(tau) times the error of the phase.
-        energy=_first_power(tableau, *_ellipse(E)) - 1,
+        energy=_first_power(tableau, E.defect, E.difference) - 1,
         phase=_first_power(tableau, E.trace) - 2,
     )
 
@@ -177,11 +170,13 @@ def leading_errors(
     for quadratic in (False, True):
         order = proved_order(tableau, most + 1, quadratic=quadratic)
         if order > most:
-            key = "highest"
-            raise bad_setting(key, most, f"the order of {tableau.name} is larger")
+            raise bad_setting("highest", most, f"the order of {tableau.name} is larger")
         terms.append(ErrorTerm(order + 1, error_norm(tableau, order + 1, quadratic=quadratic)))
     general, nystrom = terms
-    return LeadingErrors(general, nystrom, _harmonic_error(tableau))
+    E = oscillator_errors(step_of(tableau))
+    degree = _first_power(tableau, *E)
+    norm = sqrt(sum((entry[degree] ** 2 for entry in E), Fraction(0)))
+    return LeadingErrors(general, nystrom, ErrorTerm(degree, norm))
 
 
 def error_norm(integrator: str | Tableau, degree: int, *, quadratic: bool = False, first: First | None = None) -> float:
@@ -229,17 +224,6 @@ def _first_nystrom_failure(tableau: Tableau, kicks: int, highest: int) -> int:
             if here and abs(weighted(row.weights, errors)) > allowed:
                 return degree - 1
     return highest
-
-
-def _harmonic_error(tableau: Tableau) -> ErrorTerm:
-    E = oscillator_errors(step_of(tableau))
-    degree = _first_power(tableau, *E)
-    return ErrorTerm(degree, sqrt(sum((entry[degree] ** 2 for entry in E), Fraction(0))))
-
-
-def _ellipse(E: StepPolynomials) -> tuple[Sequence[Fraction], ...]:
-    """Return the deviations of the conserved ellipse from a circle; for a symmetric step K11 = K22."""
-    return (E.defect, E.difference) if any(E.difference) else (E.defect,)
 
 
 def _first_power(tableau: Tableau, *rows: Sequence[Fraction]) -> int:

@@ -69,8 +69,7 @@ def kappa(
         "position" nor "momentum".
     """
     if isinstance(highest, bool) or not isinstance(highest, Integral) or not 1 <= highest <= MOST_TERMS:
-        key = "highest"
-        raise bad_setting(key, highest, f"an integer >= 1, and at most {MOST_TERMS}")
+        raise bad_setting("highest", highest, f"an integer >= 1, and at most {MOST_TERMS}")
     tableau = tableau_of(integrator, first)
     terms = zeta(tableau, variable=variable)
     with mp.workdps(max(mp.dps, tableau.digits + 10)):
@@ -112,8 +111,7 @@ def lambda_max(integrator: str | Tableau, *, first: First | None = None, variabl
         As for :func:`kappa`, as are the errors.
     """
     if variable not in {"position", "momentum"}:
-        key = "variable"
-        raise bad_setting(key, variable, "it is 'position' or 'momentum'")
+        raise bad_setting("variable", variable, "it is 'position' or 'momentum'")
     tableau = tableau_of(integrator, first)
     if tableau.modified:
         K = _step_polynomials(tableau)
@@ -136,24 +134,15 @@ def stability_trace(integrator: str | Tableau, tau: BigFloat, *, first: First | 
 
     Parameters
     ----------
-    integrator : str or Tableau
-        Method, or its name.
+    integrator, first
+        As for :func:`kappa`, as are the errors.
     tau : mpf
         Step size, in units with m = k = 1.
-    first : {"drift", "kick"}, optional
-        As for :func:`kappa`.
-
-    Returns
-    -------
-    mpf
-        The trace at ``tau``.
 
     Raises
     ------
-    UnknownNameError
-        No integrator has this name.
     SettingError
-        ``tau`` is no finite number above 0, or ``first`` no operator.
+        ``tau`` is no finite number above 0.
     """
     closed_form, step = _closed_form(tableau_of(integrator, first)), _step_size(tau)
     with mp.workdps(CLOSED_FORM_DIGITS):
@@ -163,19 +152,13 @@ def stability_trace(integrator: str | Tableau, tau: BigFloat, *, first: First | 
 def harmonic_energy_error(integrator: str | Tableau, tau: BigFloat, *, first: First | None = None) -> BigFloat:
     """Return the supremum of |H - H0|/H0 over arbitrarily many steps of size ``tau`` from (q, p) = (1, 0).
 
+    It is inf if the trace is outside [-2, 2], where the error grows without bound.
+
     A step conserves -K21 q^2 + (K11 - K22) q p + K12 p^2. This is an ellipse whose squared half axes are -K21 over the
     eigenvalues of the form. For a symmetric step, K11 = K22, one squared half axis is 1, and the supremum is |-K21/K12
     - 1|.
 
-    Parameters
-    ----------
-    integrator, tau, first
-        As for :func:`stability_trace`, as are the errors.
-
-    Returns
-    -------
-    mpf
-        The supremum; inf if the trace is outside [-2, 2], where the error grows without bound.
+    Arguments and errors are those of :func:`stability_trace`.
     """
     closed_form, step = _closed_form(tableau_of(integrator, first)), _step_size(tau)
     with mp.workdps(CLOSED_FORM_DIGITS):
@@ -196,9 +179,7 @@ class _ClosedForm(NamedTuple):
 
     trace: tuple[BigFloat, ...]  # K11 + K22
     K12: tuple[BigFloat, ...]  # K12 / tau
-    defect: tuple[
-        BigFloat, ...
-    ]  # (K12 + K21) / tau, summed before rounding, because it is tiny if the energy error is tiny
+    defect: tuple[BigFloat, ...]  # (K12 + K21) / tau, summed before rounding: it is as small as the energy error
     difference: tuple[BigFloat, ...]  # (K11 - K22) / tau^2, empty for a symmetric step
 
 
@@ -216,7 +197,7 @@ def _step_polynomials(tableau: Tableau) -> StepPolynomials:
 
 
 def _errors(terms: Sequence[Fraction], highest: int, variable: Variable) -> Iterator[Fraction]:
-    """x^(l)(0) - l! zeta_l for l = 1 ... highest; q(t) = cos t - sin t, and p is its derivative."""
+    """Yield x^(l)(0) - l! zeta_l for l = 1 ... highest; q(t) = cos t - sin t, and p is its derivative."""
     ahead = 0 if variable == "position" else 1
     for power in range(1, highest + 1):
         derivative = (1, -1, -1, 1)[(power + ahead) % 4]

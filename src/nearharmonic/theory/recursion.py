@@ -43,10 +43,8 @@ def position_rows(integrator: str | Tableau, *, first: First | None = None) -> l
 
     Parameters
     ----------
-    integrator : str or Tableau
-        Method, or its name.
-    first : {"drift", "kick"}, optional
-        Operator to which the outer row is given; None leaves it as declared.
+    integrator, first
+        As for :func:`nearharmonic.kappa`, as are the errors.
 
     Returns
     -------
@@ -55,10 +53,6 @@ def position_rows(integrator: str | Tableau, *, first: First | None = None) -> l
 
     Raises
     ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator.
     TableauError
         A drift before the last is 0: the recursion divides by it.
     """
@@ -85,21 +79,14 @@ def momentum_row(integrator: str | Tableau, *, first: First | None = None) -> Po
 
     The momentum follows from the last drift, p = (q_h - q_(h-1)) / (tau c_h), and for BAB from one more kick.
 
-    Arguments and errors are those of :func:`position_rows`.
-
-    Returns
-    -------
-    list of Fraction
-        One number per power of tau: odd powers in units of q_a, even powers in units of p_a.
-    TableauError
-        A drift is 0.
+    Odd powers are in units of q_a, even powers in units of p_a. Arguments and errors are those of
+    :func:`position_rows`; no drift may be 0.
     """
     tableau = tableau_of(integrator, first)
     before, last = position_rows(tableau)[-2:]
     drift = Fraction(tableau.drift[-1])
     if drift == 0:
-        message = f"tableau {tableau.name!r}: drift[{len(tableau.drift) - 1}] = 0, by which Eq. 6 divides"
-        raise TableauError(message)
+        raise TableauError(f"tableau {tableau.name!r}: drift[{len(tableau.drift) - 1}] = 0, by which Eq. 6 divides")
     drifting = [(a - b) / drift for a, b in zip(last, before, strict=True)][1:]
     if tableau.first == "drift":
         return drifting

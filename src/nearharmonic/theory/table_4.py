@@ -26,19 +26,10 @@ def independent(tableau: Tableau) -> Iterator[tuple[str, int, str]]:
 
 
 def table_4(derived: Mapping[str, Tableau] | None = None) -> tuple[tuple[str, ...], Rows]:
-    """Return Table 4, with the derived coefficients beside the printed ones.
+    """Return the header and the rows of Table 4, with ``derived`` sets, by name, beside the printed ones.
 
-    Parameters
-    ----------
-    derived : mapping of str to Tableau, optional
-        Derived sets, by name; a set without a derived counterpart is marked as not derived.
-
-    Returns
-    -------
-    header : tuple of str
-        Set, coefficient and printed value; with ``derived`` also the derived value and the decimals that agree.
-    rows : list of tuple
-        One for each independent coefficient.
+    There is a row for each independent coefficient: set, coefficient and printed value, with ``derived`` also the
+    derived value and the decimals that agree. A set without a derived counterpart is marked as not derived.
     """
     rows: Rows = []
     for name, printed in SETS.items():

@@ -30,10 +30,8 @@ def mean_errors(
 
     Parameters
     ----------
-    ensemble : Ensemble
-        The problems.
-    methods : iterable of Tableau
-        Methods that are compared.
+    ensemble, methods
+        Problems, and methods that are compared.
     tau_per_stage : sequence of T float
         Step sizes over the cost of a step, in the unit of the ensemble.
     charge : float
@@ -56,10 +54,8 @@ class Objective:
 
     Parameters
     ----------
-    family : Family
-        Family of the members.
-    ensembles : sequence of Ensemble
-        Problems; all ensembles have equal weight.
+    family, ensembles
+        Family of the members, and the problems; all ensembles have equal weight.
     tau_per_stage : sequence of T float
         Window of step sizes over the cost of a step.
     references : sequence of (T,) array of float

@@ -57,11 +57,10 @@ def polished(
     limit = newton(family.residuals, family.slopes, start, digits=digits, fixed=tuple(values))
     moved = max((abs(a - b) for a, b in zip(limit.point, start, strict=True)), default=mpf(0))
     if not limit.converged or moved > nearest:
-        message = (
+        raise NotConvergedError(
             f"{family}: Newton's method ends at a residual of {nstr(limit.residual, 3)}, {nstr(moved, 3)} away; wanted "
             f"1e-{digits} within {nearest:g}"
         )
-        raise NotConvergedError(message)
     return list(limit.point)
 
 
@@ -78,21 +77,12 @@ def tableau_of(
 
     Parameters
     ----------
-    family : ConditionedSteps
-        The family.
-    unknowns : sequence of n float
-        A point next to one of its members.
+    family, unknowns, fixed, nearest
+        As for :func:`polished`, as are the errors.
     digits : int
         Decimals that the tableau guarantees; coefficients have two more.
-    fixed, nearest
-        As for :func:`polished`.
     **about
         Fields of :class:`Tableau`: name, label, source, note.
-
-    Raises
-    ------
-    NotConvergedError
-        As for :func:`polished`.
     """
     with mp.workdps(2 * digits + 20):
         kicks, drifts, squares = family.rows(polished(family, unknowns, digits + 10, fixed=fixed, nearest=nearest))

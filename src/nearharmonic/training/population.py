@@ -74,8 +74,6 @@ class Population:
 
     Parameters
     ----------
-    ensemble : Ensemble
-        The M problems.
     shape : Tableau
         A method with the stages and the role of all methods.
     tau_per_stage : sequence of T float

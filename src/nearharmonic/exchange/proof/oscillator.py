@@ -27,13 +27,7 @@ _PHASE: tuple[_Weights, ...] = ((1, 0, 0, 1),)
 
 
 class OscillatorStep:
-    """A step on the harmonic oscillator.
-
-    Parameters
-    ----------
-    step : tuple of (str, Printed)
-        The drifts and kicks.
-    """
+    """A step of drifts and kicks, whose coefficients are :class:`Printed`, on the harmonic oscillator."""
 
     def __init__(self, step: Step) -> None:
         self.step = step

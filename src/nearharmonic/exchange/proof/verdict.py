@@ -10,21 +10,11 @@ from typing import NamedTuple
 from nearharmonic.exact.decimals import BigFloat
 from nearharmonic.exact.step import Step
 from nearharmonic.exchange.coefficient_file import HIGHEST_ORDER, CoefficientFile
-from nearharmonic.exchange.composition import (
-    Digits,
-    digits_of,
-    is_palindrome,
-    step_of,
-    with_roles_exchanged,
-)
+from nearharmonic.exchange.composition import Digits, digits_of, is_palindrome, step_of, with_roles_exchanged
 from nearharmonic.exchange.proof.nearest import Likeness, nearest
 from nearharmonic.exchange.proof.oscillator import OscillatorStep
 from nearharmonic.exchange.proof.residuals import Order, Residual, proved_order, residuals
 from nearharmonic.exchange.proof.suspects import Rows, Suspect, suspects
-from nearharmonic.integrators.tableau import First
-
-_OTHER: dict[First, First] = {"drift": "kick", "kick": "drift"}
-
 
 #: Minimum number of digits: with fewer digits a claim that holds is not significant.
 FEWEST_DIGITS = 8
@@ -40,13 +30,7 @@ class Claim(NamedTuple):
 
 @dataclass(frozen=True)
 class Verdict:
-    """Proved properties of a file.
-
-    Attributes
-    ----------
-    file : CoefficientFile
-        The coefficients and the claims.
-    """
+    """Proved properties of a file."""
 
     file: CoefficientFile
 
@@ -233,7 +217,7 @@ def _role(found: Verdict) -> Iterator[Claim]:
         return
     shown = ", ".join(
         f"{_orders_of_role(file, step)} with the {role} first"
-        for step, role in ((found.step, first), (exchanged, _OTHER[first]))
+        for step, role in ((found.step, first), (exchanged, "kick" if first == "drift" else "drift"))
     )
     yield Claim(f"first = {first}", own, shown)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from string import Template
 
 from nearharmonic.exchange.coefficients import DOUBLE_DIGITS, Coefficients
-from nearharmonic.exchange.description import elements, head, identifier
+from nearharmonic.exchange.description import head, names
 
 QUADRUPLE = (
     "More than 17 digits are for quadruple precision, _Float128 of GCC and glibc, which holds 36 of them at most."
@@ -93,21 +93,14 @@ static void show(const char *label, const real *x)
 
 def write(coefficients: Coefficients) -> str:
     """Return the program, in quadruple precision if the coefficients have more digits than a double."""
-    tableau = coefficients.tableau
-    outer, inner = coefficients.operators
     quadruple = coefficients.digits > DOUBLE_DIGITS
     suffix = "f128" if quadruple else ""
     feature = "#define __STDC_WANT_IEC_60559_TYPES_EXT__ // for strfromf128\n"
     return PROGRAM.substitute(
+        names(coefficients, f"{{}}{suffix}"),
         head=head(coefficients, "//", *([QUADRUPLE] if quadruple else [])),
-        name=identifier(tableau),
         includes=f"{feature}#include <stdio.h>\n#include <stdlib.h>" if quadruple else "#include <stdio.h>",
         real="_Float128" if quadruple else "double",
-        stages=tableau.stages,
-        outer=outer,
-        inner=inner,
-        outer_rows=elements(coefficients.outer, f"{{}}{suffix}"),
-        inner_rows=elements(coefficients.inner, f"{{}}{suffix}"),
         suffix=suffix,
         show=SHOW_QUADRUPLE if quadruple else SHOW_DOUBLE,
     )

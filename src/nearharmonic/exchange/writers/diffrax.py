@@ -5,7 +5,7 @@ from __future__ import annotations
 from string import Template
 
 from nearharmonic.exchange.coefficients import Coefficients
-from nearharmonic.exchange.description import head, names_of_python, remarks_of_python
+from nearharmonic.exchange.description import head, names, remarks_of_python
 
 TERMS = (
     "diffrax: the terms are a pair (velocity, force), the state is a pair (q, p): velocity(t, p, args) is dT/dp and "
@@ -99,8 +99,11 @@ if __name__ == "__main__":
 
 def write(coefficients: Coefficients) -> str:
     """Return the program, whose class has the name of the integrator."""
-    tableau, names = coefficients.tableau, names_of_python(coefficients)
+    called = names(coefficients)
     remarks = [TERMS, *remarks_of_python(coefficients, OWN_FORCE, DOUBLES)]
     return PROGRAM.substitute(
-        head=head(coefficients, "#", *remarks), Name=names["name"].capitalize(), order=tableau.order, **names
+        called,
+        head=head(coefficients, "#", *remarks),
+        Name=called["name"].capitalize(),
+        order=coefficients.tableau.order,
     )

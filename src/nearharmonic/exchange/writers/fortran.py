@@ -5,7 +5,7 @@ from __future__ import annotations
 from string import Template
 
 from nearharmonic.exchange.coefficients import DOUBLE_DIGITS, Coefficients
-from nearharmonic.exchange.description import elements, head, identifier
+from nearharmonic.exchange.description import head, names
 
 QUADRUPLE = "More than 17 digits are for quadruple precision, real128, which holds 36 of them at most."
 
@@ -103,17 +103,10 @@ end program example
 
 def write(coefficients: Coefficients) -> str:
     """Return the program, in quadruple precision if the coefficients have more digits than a double."""
-    tableau = coefficients.tableau
-    outer, inner = coefficients.operators
     quadruple = coefficients.digits > DOUBLE_DIGITS
     return PROGRAM.substitute(
+        names(coefficients, "{}_real_kind", ", &"),
         head=head(coefficients, "!", *([QUADRUPLE] if quadruple else [])),
-        name=identifier(tableau),
         kind="real128" if quadruple else "real64",
-        stages=tableau.stages,
-        outer=outer,
-        inner=inner,
-        outer_rows=elements(coefficients.outer, "{}_real_kind", ", &"),
-        inner_rows=elements(coefficients.inner, "{}_real_kind", ", &"),
         width="45.35e4" if quadruple else "25.16e3",
     )

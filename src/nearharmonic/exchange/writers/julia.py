@@ -5,7 +5,7 @@ from __future__ import annotations
 from string import Template
 
 from nearharmonic.exchange.coefficients import DOUBLE_DIGITS, Coefficients
-from nearharmonic.exchange.description import elements, head, identifier
+from nearharmonic.exchange.description import head, names
 
 BIG = "More than 17 digits are for BigFloat, which holds 77 of them unless setprecision says otherwise."
 
@@ -63,18 +63,11 @@ println("p = ", join(p, " "))
 
 def write(coefficients: Coefficients) -> str:
     """Return the program, with numbers of type BigFloat if the coefficients have more digits than a double."""
-    tableau = coefficients.tableau
-    outer, inner = coefficients.operators
     big = coefficients.digits > DOUBLE_DIGITS
-
     number = 'big"{}"' if big else "{}"
     return PROGRAM.substitute(
+        names(coefficients, number),
         head=head(coefficients, "#", *([BIG] if big else [])),
-        name=identifier(tableau),
-        outer=outer,
-        inner=inner,
-        outer_rows=elements(coefficients.outer, number),
-        inner_rows=elements(coefficients.inner, number),
         zero=number.format("0.0"),
         three=number.format("0.3"),
         four=number.format("0.4"),

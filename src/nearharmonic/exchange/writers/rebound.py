@@ -9,7 +9,7 @@ from __future__ import annotations
 from string import Template
 
 from nearharmonic.exchange.coefficients import Coefficients
-from nearharmonic.exchange.description import head, names_of_python, remarks_of_python
+from nearharmonic.exchange.description import head, names, remarks_of_python
 
 VELOCITIES = (
     "REBOUND: q are positions and p velocities, T is quadratic, and a kick is v += c dt a with REBOUND's forces."
@@ -99,4 +99,4 @@ if __name__ == "__main__":
 def write(coefficients: Coefficients) -> str:
     """Return the program, which registers the integrator when it is run or imported."""
     remarks = [VELOCITIES, *remarks_of_python(coefficients, OWN_FORCE, DOUBLES)]
-    return PROGRAM.substitute(head=head(coefficients, "#", *remarks), **names_of_python(coefficients))
+    return PROGRAM.substitute(head=head(coefficients, "#", *remarks), **names(coefficients))

@@ -42,25 +42,13 @@ def attributes_in(member: Any) -> dict[str, Any]:
 
 
 def attributes_of(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return the attributes of the file ``path``: its provenance.
-
-    Raises
-    ------
-    ResultFileError
-        As :func:`checked` does.
-    """
+    """Return the attributes of the file ``path``, its provenance; errors are those of :func:`checked`."""
     with checked(path) as file:
         return attributes_in(file)
 
 
 def groups_of(path: str | os.PathLike[str]) -> tuple[str, ...]:
-    """Return the names of the groups below the root of ``path``.
-
-    Raises
-    ------
-    ResultFileError
-        As :func:`checked` does.
-    """
+    """Return the names of the groups below the root of ``path``; errors are those of :func:`checked`."""
     with checked(path) as file:
         return groups_in(file)
 

@@ -44,17 +44,7 @@ def read(path: str | os.PathLike[str], group: str | None = None, *, leave_out: C
 def read_precisions(path: str | os.PathLike[str], *, leave_out: Collection[str] = ()) -> dict[str, xr.Dataset]:
     """Load the runs of a file by precision: double is in the root, another precision in the group of its name.
 
-    Parameters
-    ----------
-    path : path
-        A run file.
-    leave_out : collection of str
-        Variables that are not wanted.
-
-    Raises
-    ------
-    ResultFileError
-        As :func:`read` does.
+    Errors are those of :func:`read`.
     """
     import xarray as xr
 

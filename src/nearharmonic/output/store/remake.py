@@ -33,7 +33,7 @@ def workflow_command(path: str | os.PathLike[str]) -> str:
 
 
 def _config_of(folder: Path) -> str:
-    """The config file of the results in ``folder``, or the config file of their name if theirs is unknown."""
+    """Return the config file of the results in ``folder``, or that of their name if it is unknown."""
     guess = DEFAULT_CONFIG if folder.name == "paper" else f"config/{folder.name}.yaml"
     try:
         said = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["configfiles"]

@@ -75,6 +75,8 @@ def write_dataset(path: str | os.PathLike[str], dataset: xr.Dataset, attributes:
 
 
 def _fill(group: Any, given: Variables, coordinates: Collection[str]) -> None:
+    import h5py
+
     variables = given | counted(given)
     arrays = {name: np.asarray(values) for name, (_, values, _) in variables.items()}
     group.dimensions = _checked_sizes(variables, arrays)
@@ -83,7 +85,7 @@ def _fill(group: Any, given: Variables, coordinates: Collection[str]) -> None:
         if FLAG_MEANINGS in notes:
             values, notes = _flags(name, values, notes)
         if values.dtype.kind in "UO":
-            made = group.create_variable(name, dims, dtype=_text_type())
+            made = group.create_variable(name, dims, dtype=h5py.string_dtype())
             values = values.astype(object)
         else:
             made = group.create_variable(name, dims, dtype=values.dtype, **_filters(values))
@@ -97,8 +99,7 @@ def _checked_sizes(variables: Variables, arrays: Mapping[str, np.ndarray]) -> di
     for name, (dims, _, attributes) in variables.items():
         missing = {"units", "long_name"} - set(attributes)
         if missing:
-            message = f"variable {name!r} has no {' and no '.join(sorted(missing))}"
-            raise NearharmonicError(message)
+            raise NearharmonicError(f"variable {name!r} has no {' and no '.join(sorted(missing))}")
         shape = arrays[name].shape
         if len(shape) != len(dims) or any(sizes.setdefault(d, n) != n for d, n in zip(dims, shape, strict=True)):
             message = f"variable {name!r} of shape {shape} does not fit its dimensions {dims}, of lengths {sizes}"
@@ -109,7 +110,7 @@ def _checked_sizes(variables: Variables, arrays: Mapping[str, np.ndarray]) -> di
 def _coordinates_of(
     name: str, dims: tuple[str, ...], variables: Variables, coordinates: Collection[str]
 ) -> Iterator[str]:
-    """Names of the auxiliary coordinates whose dimensions a variable has."""
+    """Yield the names of the auxiliary coordinates whose dimensions a variable has."""
     if name not in coordinates and name not in dims:
         for other in coordinates:
             if set(variables[other][0]) <= set(dims):
@@ -121,19 +122,12 @@ def _flags(name: str, values: np.ndarray, notes: dict[str, Any]) -> tuple[np.nda
     words = notes[FLAG_MEANINGS].split()
     codes = np.array([words.index(word) if word in words else -1 for word in values.ravel().tolist()], np.int8)
     if (codes < 0).any():
-        message = f"variable {name!r} has a value that is none of {', '.join(words)}"
-        raise NearharmonicError(message)
+        raise NearharmonicError(f"variable {name!r} has a value that is none of {', '.join(words)}")
     return codes.reshape(values.shape), {**notes, FLAG_VALUES: np.arange(len(words), dtype=np.int8)}
 
 
-def _text_type() -> Any:
-    import h5py
-
-    return h5py.string_dtype()
-
-
 def _filters(values: np.ndarray) -> dict[str, Any]:
-    """HDF5 filters: compression for large arrays; chunks contain complete trailing axes."""
+    """Return HDF5 filters: compression for large arrays; chunks contain complete trailing axes."""
     if values.nbytes < WORTH_COMPRESSING:
         return {}
     row = values.nbytes // values.shape[0]

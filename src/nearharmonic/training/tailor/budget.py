@@ -14,14 +14,9 @@ class BudgetSpentError(NearharmonicError):
 
 
 class Budget:
-    """Time, or a number of trials, that a search may take.
+    """Time, or a number of trials, that a search may take; None for no limit.
 
-    Parameters
-    ----------
-    seconds, trials : float and int, or None
-        Limits; None for no limit.
-    show : callable, optional
-        Function that is called with the spent fraction, from 0 to 1, and the smallest objective.
+    ``show`` is called with the spent fraction, from 0 to 1, and the smallest objective.
     """
 
     def __init__(

@@ -44,15 +44,7 @@ def window_text(found: Tailored) -> str:
 
 
 def file_text(tableau: Tableau, name: str) -> str:
-    """Return a Python file that defines the method as TABLEAU.
-
-    Parameters
-    ----------
-    tableau : Tableau
-        The method.
-    name : str
-        Name of the method in the file.
-    """
+    """Return a Python file that defines the method as TABLEAU, with this ``name``."""
     kind = "quadratic T" if tableau.requires else "every separable H"
     paragraphs = [
         f"Order {tableau.order} for {kind}, proved; harmonic order {tableau.harmonic_order}, stability limit of the "

@@ -68,10 +68,8 @@ def window_at(ensemble: Ensemble, methods: list[Tableau], error: float, frequenc
 
     Parameters
     ----------
-    ensemble : Ensemble
-        The problems.
-    methods : list of Tableau
-        Published methods.
+    ensemble, methods
+        Problems, and published methods.
     error : float
         Geometric mean of max |dH| over the problems, relative to the energy.
     frequency : float
