@@ -18,7 +18,7 @@ import numpy as np
 from timing import compiled, shortest
 
 import nearharmonic as nh
-from nearharmonic.systems.user_file import system_at
+from nearharmonic.systems.definition.file import load_system
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 #: File of the system, number of sites or bodies, step size, steps of a timed run.
@@ -45,7 +45,7 @@ def c_run(library, system, count, masses, compensated, tau, steps):
 def contest(name, libraries):
     """Print the times of one system."""
     path, count, tau, steps = CASES[name]
-    system = system_at(str(EXAMPLES / path))
+    system = load_system(EXAMPLES / path)
     masses = None if name == "chain" else [float(m) for m in system.masses[::3]]
     for summation in ("plain", "compensated"):
         end = repr(tau * steps)

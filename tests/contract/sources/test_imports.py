@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import copy
+import importlib
+import importlib.util
 import itertools
 import pickle
 import subprocess
 import sys
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -155,3 +159,24 @@ def test_the_package_lists_what_it_offers():
 
 def test_top_lists_what_it_offers_and_nothing_that_it_imports():
     assert {name for name in dir(nh) if not name.startswith("__")} == set(nh.__all__) - {"__version__"}
+
+
+def imported_names(path):
+    """Yield (module, name) for each import of the package in a Python file."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("nearharmonic"):
+            yield from ((node.module, alias.name) for alias in node.names)
+
+
+def is_there(module, name):
+    return hasattr(importlib.import_module(module), name) or importlib.util.find_spec(f"{module}.{name}") is not None
+
+
+@pytest.mark.parametrize("folder", ["benchmarks", "examples"])
+def test_names_that_programs_outside_the_package_import_exist(folder):
+    named = {pair for path in (SOURCES.parent / folder).rglob("*.py") for pair in imported_names(path)}
+    assert named
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # the old path of a module that has moved
+        missing = [pair for pair in named if not is_there(*pair)]
+    assert not missing
