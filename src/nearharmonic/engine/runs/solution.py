@@ -49,8 +49,8 @@ class Solution:
 
     @property
     def steps(self) -> int:
-        """Steps that cover the interval."""
-        return self._step.steps
+        """Steps that cover the interval; of a regularised system, those of its fictitious time."""
+        return self._step.steps if self.problem.system.regularisation is None else int(self.trajectories.done[0])
 
     @property
     def status(self) -> str:
@@ -66,7 +66,7 @@ class Solution:
     def trajectories(self) -> Trajectories:
         """The run as a batch of one."""
         arrays = filled(self._step.marks, self._results, np.array([self._diverged_at]), self.problem.states_dimension)
-        return self.problem.trajectories(np.array([self.steps]), arrays.without_start(self.problem.samples == 1))
+        return self.problem.trajectories(np.array([self._step.steps]), arrays.without_start(self.problem.samples == 1))
 
     def _kept(self, name: str) -> Floats:
         rows: Floats = getattr(self.trajectories, name)[0]
@@ -76,7 +76,7 @@ class Solution:
     def t(self) -> Floats:
         """Times of the samples (S,)."""
         end = float(self.problem.end)
-        return self._kept("marks") * end / self.steps
+        return self._kept("marks") * end / self._step.steps
 
     def _states(self, part: int) -> Floats:
         """Columns of the states as the kernel left them: part 0 the positions, part 2 the momenta.
