@@ -206,8 +206,7 @@ class Tableau(Composition):
             what = f"{self.first!r} or nothing, as {self.name} has kicks of a modified potential"
             raise bad_setting("first", first, what)
         if first not in _OTHER:
-            key = "first"
-            raise bad_setting(key, first, "it is 'drift' or 'kick'")
+            raise bad_setting("first", first, "it is 'drift' or 'kick'")
         # A Nystrom method loses its order. Any consistent composition has order 1, and any symmetric one has order 2.
         order = self.order if self.requires is None else 1 + self.symmetric
         return replace(

@@ -60,8 +60,7 @@ def _changed(system: System, values: Mapping[str, str]) -> Mapping[str, Paramete
     for name in values:
         if name not in system.parameters:
             if not system.parameters:
-                message = f"parameters has {name!r}, and {system.label} has no parameters"
-                raise SystemDefinitionError(message)
+                raise SystemDefinitionError(f"parameters has {name!r}, and {system.label} has no parameters")
             raise unknown_name(f"parameter of {system.label}", name, system.parameters)
     return {
         name: replace(parameter, value=values[name]) if name in values else parameter

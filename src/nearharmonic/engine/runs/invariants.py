@@ -45,8 +45,7 @@ def _evaluated(what: str, function: Callable[..., Any], q: Floats, p: Floats, co
         places = list(np.ndindex(shape)) if np.prod(shape) > 1 else []
         rows = {place: row for place in places if (row := _at_state(function, q, p, constants, place)) is not None}
         if not rows:
-            message = f"{what} cannot be evaluated: {type(error).__name__}: {error}"
-            raise SystemDefinitionError(message) from error
+            raise SystemDefinitionError(f"{what} cannot be evaluated: {type(error).__name__}: {error}") from error
     found = np.full((*shape, len(next(iter(rows.values())))), np.nan)
     for place, row in rows.items():
         found[place] = row

@@ -203,8 +203,7 @@ def _check_start(problem: Setup, paths: Trajectories) -> None:
     H = float(paths.energy[0])
     if problem.numerics.energy != "none" and not isfinite(H):
         start = f"({paths.q[0, 0].tolist()}, {paths.p[0, 0].tolist()})"
-        message = f"(q0, p0) = {start} is not allowed: the energy of {problem.system.name} there is {H}"
-        raise SettingError(message)
+        raise SettingError(f"(q0, p0) = {start} is not allowed: the energy of {problem.system.name} there is {H}")
 
 
 def _checked_taus(taus: Iterable[float]) -> list[float]:

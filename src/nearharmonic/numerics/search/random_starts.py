@@ -42,8 +42,7 @@ class RandomStarts:
 
     def __post_init__(self) -> None:
         if isinstance(self.count, bool) or not isinstance(self.count, int) or self.count < 1:
-            key = "starts"
-            raise bad_setting(key, self.count, "an integer >= 1")
+            raise bad_setting("starts", self.count, "an integer >= 1")
 
     def generator(self) -> np.random.Generator:
         """Return the generator of the points, and of what else a search draws."""

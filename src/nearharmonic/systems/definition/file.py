@@ -25,8 +25,7 @@ def load_system(place: str | os.PathLike[str]) -> System:
     found = getattr(module, "SYSTEM", None)
     if not isinstance(found, System):
         why = near_miss(module, "SYSTEM", System)
-        message = f"{os.fspath(place)} does not define SYSTEM, a nearharmonic.System{why}"
-        raise SystemDefinitionError(message)
+        raise SystemDefinitionError(f"{os.fspath(place)} does not define SYSTEM, a nearharmonic.System{why}")
     return found
 
 
@@ -40,8 +39,7 @@ def system_at(place: str, registered: Collection[str]) -> System:
     """
     path, entry = split_path(place)
     if entry:
-        message = f"{place}: a file defines one system, SYSTEM; give the path alone"
-        raise SystemDefinitionError(message)
+        raise SystemDefinitionError(f"{place}: a file defines one system, SYSTEM; give the path alone")
     found = load_system(path)
     if found.name in registered:
         message = f"{path}: SYSTEM has the name of the registered system {found.name!r}; give it another name"

@@ -81,8 +81,7 @@ def totals_in(text: str) -> Totals:
         saved = {reason: int(row["evaluations"]) for (what, reason), row in rows.items() if what == SAVED}
         return Totals(int(done["runs"]), int(done["evaluations"]), int(full["evaluations"]), saved)
     except (NearharmonicError, KeyError, ValueError) as error:
-        message = "the table of what was skipped holds no totals"
-        raise NearharmonicError(message) from error
+        raise NearharmonicError("the table of what was skipped holds no totals") from error
 
 
 def summary_line(path: str | os.PathLike[str]) -> str:

@@ -104,8 +104,7 @@ class _Setup:
             if not np.isfinite(states[-1]).all():
                 break
             if time.perf_counter() > deadline:
-                message = f"{self.integrator} is not at the end after {PATH_SECONDS} s"
-                raise TimeoutError(message)
+                raise TimeoutError(f"{self.integrator} is not at the end after {PATH_SECONDS} s")
         return np.array(states), count.value
 
 
