@@ -71,7 +71,7 @@ PositiveDecimal = Annotated[str, Reading(_decimal_text, _NUMBER)]
 #: Pydantic's configuration of dataclasses of settings: unknown keys are errors.
 STRICT: Any = {"extra": "forbid"}
 
-#: What may be set, in words.
+#: Allowed values, in words.
 POSITIVE, AT_LEAST_LOWEST = "a finite number above 0", "a finite number, at least that of lowest"
 #: Force evaluations of one part of an experiment, all methods together: some minutes.
 MOST_EVALUATIONS = 10**12

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
+from types import ModuleType
 
 from nearharmonic.reproduction.claims.claim import Claim
 from nearharmonic.reproduction.tasks.experiment import ROOM
@@ -25,6 +27,11 @@ def digest() -> str:
 @cache
 def own_claims() -> tuple[Claim, ...]:
     """Return the statements in the order of their modules."""
-    members = [value for name in modules() for value in vars(import_module(name)).values()]
-    rows = [one for value in members for one in (value if isinstance(value, tuple) else (value,))]
-    return tuple(one for one in rows if isinstance(one, Claim))
+    return tuple(one for name in modules() for one in claims_in(import_module(name)))
+
+
+def claims_in(module: ModuleType) -> Iterator[Claim]:
+    """Yield the statements of a module in their order, including those in tuples."""
+    for value in vars(module).values():
+        rows = value if isinstance(value, tuple) else (value,)
+        yield from (one for one in rows if isinstance(one, Claim))

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from types import ModuleType
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from nearharmonic.integrators import plain_integrators as registered
 from nearharmonic.output.table import Table
 from nearharmonic.reproduction.claims.claim import Claim
-from nearharmonic.reproduction.claims.own import own_claims
+from nearharmonic.reproduction.claims.own import claims_in, own_claims
 from nearharmonic.reproduction.claims.results import Results
 from nearharmonic.reproduction.claims.statements.equations import decomposition, identities, misprints, search
 from nearharmonic.reproduction.claims.statements.figures import henon_heiles, kepler, oscillator, substeps
@@ -33,14 +32,7 @@ GROUPS = (
 )  # fmt: skip
 
 
-def _claims(group: ModuleType) -> Iterator[Claim]:
-    """Return the statements of a module in their order, including those in tuples."""
-    for value in vars(group).values():
-        rows = value if isinstance(value, tuple) else (value,)
-        yield from (one for one in rows if isinstance(one, Claim))
-
-
-CLAIMS: tuple[Claim, ...] = tuple(one for group in GROUPS for one in _claims(group))
+CLAIMS: tuple[Claim, ...] = tuple(one for group in GROUPS for one in claims_in(group))
 
 #: Result files for decisions or values of statements, relative to the folder of results.
 FILES: tuple[str, ...] = tuple(sorted({name for one in CLAIMS for name in (*one.needs, *one.also)}))

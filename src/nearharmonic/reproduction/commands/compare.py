@@ -34,8 +34,8 @@ def answer(chosen: argparse.Namespace) -> Answer:
     if chosen.figure is not None:
         from nearharmonic.reproduction.record.compare.overlay import save_overlay
 
-        names = dict(zip(_names(chosen.a, chosen.b), (a, b), strict=True))
-        figure = save_overlay(names, chosen.figure)
+        second = chosen.b if chosen.b != chosen.a else f"{chosen.b} (again)"  # names in a legend differ
+        figure = save_overlay({chosen.a: a, second: b}, chosen.figure)
     found = compared(a, b)
     document = {
         "a": str(a),
@@ -54,11 +54,6 @@ def answer(chosen: argparse.Namespace) -> Answer:
         caption="" if found.identical else f"a: {a}, b: {b}",
         notes=_notes(found),
     )
-
-
-def _names(a: str, b: str) -> tuple[str, str]:
-    """Return two different names of the results for a legend."""
-    return (a, b) if a != b else (a, f"{b} (again)")
 
 
 def _row(difference: Difference) -> tuple[Any, ...]:

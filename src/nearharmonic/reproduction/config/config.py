@@ -68,7 +68,7 @@ class Config:
         **whole_from(1),
     )
     summation: Summation = setting(
-        "How the state is updated in double precision, with or without the carry of the rounding error",
+        "Summation of the state in double precision, with or without the carry of the rounding error",
         "one of compensated, plain",
         default="compensated",
     )

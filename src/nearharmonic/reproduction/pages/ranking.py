@@ -41,7 +41,7 @@ REPEATS = Patience(least=7, most=15, seconds=0.05)
 
 @dataclass(frozen=True)
 class Contest:
-    """A system, how it is called, and the interval of its runs."""
+    """A system, its name in headings, and the interval of its runs."""
 
     name: str
     system: System

@@ -86,7 +86,7 @@ def page(folder: str | os.PathLike[str], run: str | None = None, **_: Any) -> di
     tables = results.tables(("table*", "*"), without=placed)
     plots = {name: plot for figure in figures for name, plot in figure.plots.items()}
     if any(one.get("duration") is not None for one in results.finished):
-        plots["history-chart"] = durations(results.finished)[0].plot
+        plots["history-chart"] = durations(results.finished)
     for name, plot in plots.items():
         plot.name = name  # the script of the page finds it by this id
     document, ids = models.document(list(plots.values()))

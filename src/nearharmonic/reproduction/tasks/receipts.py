@@ -116,7 +116,7 @@ def measured(place: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def identity(place: Path) -> str:
-    """Return what tells the content of a file from any other: the digest in its last line, or else its own."""
+    """Return a digest that identifies the content of a file: the one in its last line, or else that of its bytes."""
     return sealed_digest(place) or str(measured(place)["sha256"])
 
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 from bokeh import models as bokeh
+from bokeh.models import Plot
 
 from nearharmonic.reproduction.report.plots import panels
-from nearharmonic.reproduction.report.plots.panels import Panel
 from nearharmonic.reproduction.report.shown.wording import moment, told
 
 #: Status of a run -> colour of its bar.
@@ -18,7 +18,7 @@ COLOURS = {"ok": "#2f6db5", "failed": "#c0392b", "killed": "#8a6d00"}
 _MOST = 60
 
 
-def durations(runs: Sequence[Mapping[str, Any]]) -> list[Panel]:
+def durations(runs: Sequence[Mapping[str, Any]]) -> Plot:
     """Draw the durations of ``runs``, lines of a history from the oldest; runs without a duration are omitted."""
     chosen = [(i, run) for i, run in enumerate(runs, start=1) if run.get("duration") is not None][-_MOST:]
     number, seconds = [i for i, _ in chosen], [run["duration"] for _, run in chosen]
@@ -46,4 +46,4 @@ def durations(runs: Sequence[Mapping[str, Any]]) -> list[Panel]:
         ("jobs run", "@jobs"),
     ]
     panels.add_hover(plot, [bars], [*rows, ("status", "@status")])
-    return [Panel(title="", plot=plot)]
+    return plot

@@ -1,4 +1,4 @@
-"""Section 3: how a step is decomposed and what follows, Equations 6 and 14, Table 2."""
+"""Section 3: decomposition of a step and its consequences, Equations 6 and 14, Table 2."""
 
 from __future__ import annotations
 

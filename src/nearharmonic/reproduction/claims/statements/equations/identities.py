@@ -21,7 +21,7 @@ from nearharmonic.reproduction.claims.results import Results, short
 from nearharmonic.theory.order import order_of
 from nearharmonic.theory.oscillator import kappa
 
-#: What coefficients are: fractions, or numbers of mpmath.
+#: Coefficients: fractions, or numbers of mpmath.
 Row = Sequence[Any]
 DRAWS = 5
 DRAWN = f"exactly, for {DRAWS} sets of random fractions"

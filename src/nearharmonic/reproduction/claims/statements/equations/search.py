@@ -10,7 +10,7 @@ from nearharmonic.reproduction.claims.judging.definitions import GENERALLY, SMAL
 from nearharmonic.reproduction.claims.results import Results, require, short
 
 DOCUMENT = ("derived/coefficients.toml",)
-#: What the paper's minimisation asks of the largest kappa.
+#: Largest kappa at which the paper's minimisation ends.
 ASKED = 1e-128
 
 

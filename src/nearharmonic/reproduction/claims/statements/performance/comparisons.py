@@ -1,4 +1,4 @@
-"""Abstract, discussion and conclusion: how the new methods compare with those before them, system by system."""
+"""Abstract, discussion and conclusion: comparison of the new methods with previous ones, system by system."""
 
 from __future__ import annotations
 
