@@ -54,7 +54,7 @@ def test_evaluations_of_run_match_table_of_skipped_work(finished):
     run = next(run for run in finished.history() if run["targets"] == ["all"])
     rows = (finished.results / "tables/skipped.csv").read_text().splitlines()
     count = {tuple(row.split(",")[2:4]): int(row.rpartition(",")[2]) for row in rows if row.startswith("all,all,")}
-    receipts = {name: entry for one in receipts_in(finished.results) for name, entry in one.items()}
+    receipts = {name: entry for _, one in receipts_in(finished.results) for name, entry in one.items()}
     names = ("cubes/henon_heiles_chaos.h5", "cubes/substeps_displaced.h5")
     orbits = sum(receipts[name]["evaluations"] for name in names)
     # Two orbits of 200 scalings of 1000 steps and a kick; ten of 100 000 steps and a kick, but for those that leave.

@@ -193,12 +193,9 @@ def named(key: str) -> Iterator[None]:
     """Put ``key`` before the message of an error inside."""
     try:
         yield
-    except UnknownNameError as error:
-        message = f"{key}: {error}"
-        raise UnknownNameError(message) from None
     except NearharmonicError as error:
-        message = f"{key}: {error}"
-        raise SettingError(message) from None
+        kind = UnknownNameError if isinstance(error, UnknownNameError) else SettingError
+        raise kind(f"{key}: {error}") from None
 
 
 def folders_of(files: Iterable[str | os.PathLike[str]]) -> list[Path]:

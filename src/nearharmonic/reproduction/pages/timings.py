@@ -9,17 +9,17 @@ other library.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf, isfinite
+from math import inf, isfinite, log10
 
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.output.page import filled_page, pipes
 from nearharmonic.recommendation.curve import TARGETS, Curve, crossing
+from nearharmonic.reproduction.claims.results import power_of_ten
 from nearharmonic.reproduction.experiments.work_precision.comparison import ERRORS, Pair, pairs
 from nearharmonic.reproduction.tasks.receipts import measures_time
 
 HEADS = {"trajectory": "one trajectory", "lanes": "each of an ensemble"}
 SYSTEMS = ("sho", "henon_heiles", "kepler")
-SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @measures_time
@@ -42,7 +42,7 @@ def parts(measured: Sequence[Pair]) -> dict[str, str]:
 
 def power(error: float) -> str:
     """A power of ten as pages have it, 10⁻³."""
-    return f"10{f'{error:.0e}'.removeprefix('1e').replace('-0', '-').translate(SUPERSCRIPTS)}"
+    return power_of_ten(round(log10(error)))
 
 
 def ratios(measured: Sequence[Pair]) -> list[str]:

@@ -137,7 +137,7 @@ class WorkflowRun:
 
     def _entries(self) -> Iterator[tuple[str, dict[str, Any]]]:
         """Each file that a job of this run made, with its entry in the receipt."""
-        for receipt in receipts_in(self._folder):
+        for _, receipt in receipts_in(self._folder):
             yield from ((name, entry) for name, entry in receipt.items() if entry["run"] == self.id)
 
     def outdates(self, name: str, shown: Collection[str] | None = None) -> bool:

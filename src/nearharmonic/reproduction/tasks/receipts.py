@@ -127,13 +127,8 @@ def folder_of(log: str | os.PathLike[str]) -> Path:
     return Path(*parts[:end])
 
 
-def receipts_in(folder: Path) -> Iterator[dict[str, dict[str, Any]]]:
-    """Yield the receipts of a folder of results, each as its files by name; unreadable receipts are skipped."""
-    for _, receipt in _receipts(folder):
-        yield receipt
-
-
-def _receipts(folder: Path) -> Iterator[tuple[Path, dict[str, dict[str, Any]]]]:
+def receipts_in(folder: Path) -> Iterator[tuple[Path, dict[str, dict[str, Any]]]]:
+    """Yield place and files by name of each receipt in a folder of results; unreadable receipts are skipped."""
     for place in sorted((folder / "logs").rglob("*.json")):
         try:
             found = json.loads(place.read_text(encoding="utf-8"))
@@ -145,6 +140,6 @@ def _receipts(folder: Path) -> Iterator[tuple[Path, dict[str, dict[str, Any]]]]:
 
 def forget(folder: Path, entries: Mapping[str, Mapping[str, Any]]) -> None:
     """Delete the receipts of ``folder`` that say another digest of a file than ``entries`` do."""
-    for place, receipt in _receipts(folder):
+    for place, receipt in receipts_in(folder):
         if any(name in entries and entry["sha256"] != entries[name]["sha256"] for name, entry in receipt.items()):
             place.unlink(missing_ok=True)

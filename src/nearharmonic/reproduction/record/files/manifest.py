@@ -103,7 +103,7 @@ def entries_of(folder: Path) -> dict[str, dict[str, Any]]:
         entries = dict(read(folder)["files"])
     except ResultFileError:
         entries = {}
-    for receipt in receipts_in(folder):
+    for _, receipt in receipts_in(folder):
         entries.update(receipt)
     return entries
 
