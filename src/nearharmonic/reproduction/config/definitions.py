@@ -165,14 +165,7 @@ def _tableaus(methods: Mapping[str, Sequence[str]], folders: Sequence[Path]) -> 
 def found(key: str, written: str, folders: Sequence[Path]) -> str:
     """Return the path of a user's file, relative to the working directory if it is in there.
 
-    Parameters
-    ----------
-    key : str
-        Key of the config.
-    written : str
-        The path, as in the config.
-    folders : sequence of Path
-        Folders in which it is searched for.
+    It is ``written`` in the config under ``key``, and searched for in ``folders``.
 
     Raises
     ------

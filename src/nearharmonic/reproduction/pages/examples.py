@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from math import isnan
 from typing import TYPE_CHECKING, Any
@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.integrators import integrators as registered
-from nearharmonic.output.page import filled_page, pipes
-from nearharmonic.output.table import Cell
+from nearharmonic.output.page import filled_page
 from nearharmonic.plotting.style import house_style, new_figure, panel_letter
 from nearharmonic.reproduction.pages.anharmonicity import (
     COSTS,
@@ -24,6 +23,7 @@ from nearharmonic.reproduction.pages.anharmonicity import (
     orbits_of,
     others,
 )
+from nearharmonic.reproduction.pages.trained import signed, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,14 +40,6 @@ def page(page: str, files: Sequence[str], systems: Sequence[str], integrators: S
     return {"page": filled_page(page, found), "figure": drawn(results)}
 
 
-def decades(gain: float) -> str:
-    return "" if isnan(gain) else f"{gain:+.1f}".replace("-", "\N{MINUS SIGN}")
-
-
-def table(header: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
-    return "\n".join(pipes(header, rows, align="llr"))
-
-
 def table_of_examples(results: Sequence[Result]) -> str:
     """Return a row for each example and cost."""
     header = ("example", "forces", "δ", "best of the ten", "error", "best of other authors", "error",
@@ -59,9 +51,9 @@ def table_of_examples(results: Sequence[Result]) -> str:
             named = [text for name in (ten, other) for text in (registered[name].label, result.shown(cost, name))]
             first = cost == COSTS[0]
             file = f"[{result.orbit.family}](../examples/{result.orbit.family}.py)" if first else ""
-            gains = [decades(result.gain(cost, names)) for names in (SIX, others())]
+            gains = [signed(result.gain(cost, names), 1) for names in (SIX, others())]
             rows.append((file, cost, f"{result.delta:.2g}" if first else "", *named, *gains))
-    return table(header, rows)
+    return table(header, rows, left=2)
 
 
 def table_of_families(results: Sequence[Result]) -> str:
@@ -71,9 +63,9 @@ def table_of_families(results: Sequence[Result]) -> str:
     rows = []
     for i, result in enumerate(results):
         new = i == 0 or results[i - 1].orbit.family != result.orbit.family
-        gains = [decades(result.gain(cost, names)) for names in (SIX, others()) for cost in COSTS]
+        gains = [signed(result.gain(cost, names), 1) for names in (SIX, others()) for cost in COSTS]
         rows.append((result.orbit.family if new else "", result.orbit.amplitude, f"{result.delta:.2g}", *gains))
-    return table(header, rows)
+    return table(header, rows, left=2)
 
 
 def table_of_bands(results: Sequence[Result]) -> str:
@@ -86,10 +78,10 @@ def table_of_bands(results: Sequence[Result]) -> str:
             cells = []
             for cost in COSTS:
                 gains = [gain for one in inside if not isnan(gain := one.gain(cost, names))]
-                low_gain, middle, high_gain = (decades(float(f(gains))) for f in (min, np.median, max))
+                low_gain, middle, high_gain = (signed(float(f(gains)), 1) for f in (min, np.median, max))
                 cells.append(f"{low_gain} / **{middle}** / {high_gain}")
             rows.append((f"{low:g} to {high:g} ({len(inside)} orbits)" if names is SIX else "", says, *cells))
-    return table(header, rows)
+    return table(header, rows, left=2)
 
 
 @house_style

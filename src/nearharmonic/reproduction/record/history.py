@@ -84,13 +84,9 @@ def run_named(prefix: str, runs: Sequence[Run]) -> Run:
     if not found:
         raise unknown_name("run", prefix, [str(run.get("id")) for run in runs])
     if prefix and len(found) > 1:
-        raise SettingError(f"id = {prefix!r} is not allowed: {len(found)} runs begin with it, {_listed(found)}")
+        listed = ", ".join([*(str(run["id"]) for run in found[:5]), *(["..."] if len(found) > 5 else [])])
+        raise SettingError(f"id = {prefix!r} is not allowed: {len(found)} runs begin with it, {listed}")
     return found[0]
-
-
-def _listed(runs: Sequence[Run], most: int = 5) -> str:
-    names = [str(run["id"]) for run in runs[:most]]
-    return ", ".join(names) + (", ..." if len(runs) > most else "")
 
 
 def _parsed(line: str) -> Run | None:

@@ -50,12 +50,10 @@ def rerun(folder: Path, number: int, seed: int = 1) -> list[Rerun]:
 
     Parameters
     ----------
-    folder : path
+    folder : Path
         Folder of results.
-    number : int
-        Number of runs; all if there are fewer.
-    seed : int
-        Seed of the random selection.
+    number, seed : int
+        Number of runs, all if there are fewer, and seed of their random selection.
 
     Raises
     ------

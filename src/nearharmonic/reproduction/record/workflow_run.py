@@ -27,17 +27,7 @@ FIELDS = (
 
 
 class WorkflowRun:
-    """One run of the workflow, in the process of Snakemake.
-
-    Parameters
-    ----------
-    folder : path
-        Folder of the results.
-    config : Config
-        Config of the run.
-    sources : path
-        Folder of the workflow, whose commit is recorded.
-    """
+    """One run of the workflow, in the process of Snakemake; the commit of the folder ``sources`` is recorded."""
 
     def __init__(self, folder: str | os.PathLike[str], config: Config, sources: str | os.PathLike[str]) -> None:
         self._folder, self._config, self._sources = Path(folder), config, Path(sources)
@@ -51,17 +41,7 @@ class WorkflowRun:
         return str(self._told.get("id", ""))
 
     def begin(self, command: Sequence[str], targets: Sequence[str], cores: int | None) -> None:
-        """Record the start: close killed runs, and write a marker.
-
-        Parameters
-        ----------
-        command : sequence of str
-            The command line.
-        targets : sequence of str
-            Requested targets.
-        cores : int or None
-            Number of cores of the run.
-        """
+        """Record the start: close killed runs, and write a marker."""
         self._told = dict.fromkeys(FIELDS) | {
             "id": f"{self._began:%Y%m%dT%H%M%SZ}-{secrets.token_hex(4)}",
             "config": {},

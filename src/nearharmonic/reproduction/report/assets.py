@@ -38,8 +38,3 @@ def filled(values: Mapping[str, Any]) -> str:
     return environment.from_string(template).render(
         values, style=Markup(style), script=Markup(script), bokeh=Markup(models.script())
     )
-
-
-def as_script(json: str) -> str:
-    """Return a JSON text that is valid in a script element."""
-    return json.replace("<", "\\u003c")

@@ -110,7 +110,8 @@ def page(folder: str | os.PathLike[str], run: str | None = None, **_: Any) -> di
         "sections": sections,
         "run": results.run(asked),
         "asked": asked,
-        "document": assets.as_script(document),
+        # A "<" would end the script element.
+        "document": document.replace("<", "\\u003c"),
         "roots": dict(zip(plots, ids, strict=True)),
     }
     return {"page": _small_enough(values)}

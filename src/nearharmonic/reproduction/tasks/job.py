@@ -34,11 +34,6 @@ def run(snakemake: Any) -> None:
     progress line to the terminal. It returns a mapping with a result for each named output, of the types of
     :func:`write`.
 
-    Parameters
-    ----------
-    snakemake : object
-        Object that Snakemake passes to a script: ``input``, ``output``, ``params``, ``log``, ``threads``.
-
     Raises
     ------
     SystemExit

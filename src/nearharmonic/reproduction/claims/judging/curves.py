@@ -78,13 +78,7 @@ def _pieces(x: Floats, chosen: Bools) -> Iterator[tuple[float, float]]:
 
 
 class Curves(Memory):
-    """The runs of one system over step sizes.
-
-    Parameters
-    ----------
-    cube : xarray.Dataset
-        Its cube. Only runs in double precision are used: they have all step sizes.
-    """
+    """The runs of one system over step sizes, from its cube: those in double precision, which have all step sizes."""
 
     def __init__(self, cube: xr.Dataset) -> None:
         super().__init__()

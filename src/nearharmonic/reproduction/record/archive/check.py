@@ -31,11 +31,6 @@ def faults_of_archive(path: str | os.PathLike[str]) -> list[str]:
     not interpreted. Then each file is compared with the metadata of the crate and with the manifest; if the seal is
     broken, this finds the damaged files.
 
-    Parameters
-    ----------
-    path
-        The zip file.
-
     Returns
     -------
     list of str

@@ -26,8 +26,6 @@ from nearharmonic.reproduction.record.files import manifest
 
 #: Folder of the trajectories, which an archive includes only on request.
 RUNS = "runs"
-#: Files of a result that its manifest does not list.
-RECORD = ("history.jsonl", "manifest.json")
 #: The date of every member, the earliest that a zip file can hold.
 DATE = (1980, 1, 1, 0, 0, 0)
 
@@ -56,11 +54,6 @@ def faults(folder: Path) -> list[str]:
     """Return the reasons against archiving the result in ``folder``, one sentence each; [] if there are none.
 
     A result is archived only if its files agree with its manifest, and if its history has their settings.
-
-    Parameters
-    ----------
-    folder
-        Folder of the result.
     """
     from nearharmonic.reproduction.record import verify
 
@@ -149,7 +142,7 @@ def _members(result: Path, *, with_runs: bool) -> list[Member]:
     configs, texts = _configs(runs, user_files)
     members = [_result_file(result, path, entry) for path, entry in taken.items()]
     members += [Member.of_bytes(path, text, _ADDED["config"]) for path, text in texts.items()]
-    members += [Member.of_file(name, result / name, _ADDED[name]) for name in RECORD]
+    members += [Member.of_file(name, result / name, _ADDED[name]) for name in manifest.LEFT_OUT]
     members += [Member.of_bytes(name, document(name), _ADDED[name]) for name in DOCUMENTS]
     members += user_files.members()
     text = readme(result.name, members, runs, left_out)

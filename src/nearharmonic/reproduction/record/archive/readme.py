@@ -27,19 +27,7 @@ PLACES = {
 
 
 def readme(result: str, members: Sequence[Member], runs: Sequence[Run], left_out: int) -> bytes:
-    """Return the README, Markdown in UTF-8.
-
-    Parameters
-    ----------
-    result
-        Name of the result.
-    members
-        The other files of the archive, without its metadata.
-    runs
-        The history, oldest first.
-    left_out
-        Number of trajectory files that are not in the archive.
-    """
+    """Return the README, Markdown in UTF-8; arguments of :func:`.metadata.metadata`, without the metadata itself."""
     counts = Counter(PurePosixPath(member.path).parts[0] for member in members)
     folders = {PurePosixPath(member.path).parts[0] for member in members if "/" in member.path}
     rows = [

@@ -53,12 +53,7 @@ class Comparison:
 
 
 def compared(a: Path, b: Path) -> Comparison:
-    """Compare two results.
-
-    Parameters
-    ----------
-    a, b : Path
-        Folders of results, of any configs.
+    """Compare two folders of results, of any configs.
 
     Raises
     ------

@@ -53,11 +53,6 @@ def fingerprint(config: Config) -> dict[str, Any]:
     return {"work": digest_of(told), **told}
 
 
-def canonical(document: Any) -> str:
-    """Return ``document`` as JSON: keys sorted, settings as mappings, exact numbers as text."""
-    return json.dumps(document, sort_keys=True, ensure_ascii=False, default=_plain)
-
-
 def _plain(value: Any) -> Any:
     if is_dataclass(value) and not isinstance(value, type):
         return asdict(value)
@@ -65,8 +60,8 @@ def _plain(value: Any) -> Any:
 
 
 def digest_of(document: Any) -> str:
-    """Return the SHA-256 of ``document`` as :func:`canonical` JSON."""
-    return sha256(canonical(document).encode()).hexdigest()
+    """Return the SHA-256 of ``document`` as JSON: keys sorted, settings as mappings, exact numbers as text."""
+    return sha256(json.dumps(document, sort_keys=True, ensure_ascii=False, default=_plain).encode()).hexdigest()
 
 
 def package_digest(root: Path = ROOT) -> str:

@@ -14,13 +14,7 @@ from nearharmonic.reproduction.record.files import manifest
 
 
 class Texts:
-    """The text files of a folder of results.
-
-    Parameters
-    ----------
-    folder : Path
-        ``results/<name>``.
-    """
+    """The text files of a folder of results, ``results/<name>``."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

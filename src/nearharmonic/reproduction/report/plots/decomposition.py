@@ -37,7 +37,7 @@ def decomposition(terms: xr.Dataset) -> list[Panel]:
     remain = panels.span([kappa[kappa >= SATISFIED_BELOW]], logarithmic=True)
     upper = panels.new_plot((along, remain), ("order, λ", "κ"))
     lower = panels.new_plot((along, panels.span([[0, 1]], logarithmic=False)), ("order, λ", ""))
-    _use_categories(lower, labels)
+    panels.use_categories(lower, labels)
     for plot in (upper, lower):
         plot.below[0].ticker = bokeh.SingleIntervalTicker(interval=2, num_minor_ticks=2)
     dots: list[Renderer] = []
@@ -55,12 +55,6 @@ def decomposition(terms: xr.Dataset) -> list[Panel]:
         Panel(title="A. Error terms that remain: line BAB, circles ABA", plot=upper),
         Panel(title=f"B. Error terms that vanish, κ below {limit}: bar BAB, circles ABA", plot=lower),
     ]
-
-
-def _use_categories(plot: Plot, labels: list[str]) -> None:
-    plot.y_range, plot.y_scale, axis = panels.category_axis(labels)
-    plot.left = [axis]
-    plot.center[1].axis = axis
 
 
 def _draw_remaining(plot: Plot, order: Any, values: Any, names: tuple[str, str]) -> Renderer:

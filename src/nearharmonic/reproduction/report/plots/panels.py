@@ -120,9 +120,11 @@ def _axis(one: bokeh.Range1d, label: str) -> bokeh.LinearAxis | bokeh.LogAxis:
     return bokeh.LinearAxis(axis_label=label, ticker=bokeh.BasicTicker(mantissas=[1, 2, 5]), **_AXIS)
 
 
-def category_axis(labels: Sequence[str]) -> tuple[bokeh.FactorRange, bokeh.CategoricalScale, bokeh.CategoricalAxis]:
-    """Return range, scale and axis of categories, from top to bottom."""
-    return bokeh.FactorRange(factors=list(reversed(labels))), bokeh.CategoricalScale(), bokeh.CategoricalAxis(**_AXIS)
+def use_categories(plot: Plot, labels: Sequence[str]) -> None:
+    """Replace the y axis of ``plot`` by one of categories, from top to bottom."""
+    plot.y_range, plot.y_scale = bokeh.FactorRange(factors=list(reversed(labels))), bokeh.CategoricalScale()
+    plot.left = [bokeh.CategoricalAxis(**_AXIS)]
+    plot.center[1].axis = plot.left[0]
 
 
 def source_of(**columns: Any) -> Source:

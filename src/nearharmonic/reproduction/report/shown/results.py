@@ -32,13 +32,7 @@ VERDICTS = {
 
 
 class ShownResults:
-    """A folder of results.
-
-    Parameters
-    ----------
-    folder : Path
-        ``results/<name>``.
-    """
+    """A folder of results, ``results/<name>``."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

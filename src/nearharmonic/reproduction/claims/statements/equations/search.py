@@ -8,6 +8,7 @@ from itertools import pairwise
 from nearharmonic.reproduction.claims.claim import Decision, counted, either, result, tallied
 from nearharmonic.reproduction.claims.judging.definitions import GENERALLY, SMALL
 from nearharmonic.reproduction.claims.results import Results, require, short
+from nearharmonic.reproduction.claims.statements.tableaus.sizes import largest
 
 DOCUMENT = ("derived/coefficients.toml",)
 #: Largest kappa at which the paper's minimisation ends.
@@ -145,12 +146,11 @@ def more_inappropriate(results: Results, small: float) -> Decision:
     families = [row for row in results.rows("derived_families") if row["harmonic order"] == "7"]
     free = {6: 0} | {int(row["stages"]): int(row["free parameters"]) for row in families}
     cases = {case["equations"]["stages"]: case["roots"] for case in results.derived["isolated"]}
-    long = {stages: sum(_longest(root) > small for root in roots) for stages, roots in cases.items()}
+    long = {
+        stages: sum(largest(*root["outer"], *root["inner"]) > small for root in roots)
+        for stages, roots in cases.items()
+    }
     require(min(len(free), len(long)) > 1, "solutions of fewer than two numbers of stages were looked for")
     good = [numbers[b] > numbers[a] for numbers in (free, long) for a, b in pairwise(sorted(numbers))]
     told = (", ".join(f"{numbers[s]} with {s}" for s in sorted(numbers)) for numbers in (free, long))
     return counted(good, "free parameters {} stages; isolated solutions with a coefficient above 1: {}".format(*told))
-
-
-def _longest(root: Mapping[str, Sequence[str]]) -> float:
-    return max(abs(float(c)) for c in (*root["outer"], *root["inner"]))

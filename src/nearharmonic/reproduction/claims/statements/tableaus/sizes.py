@@ -9,12 +9,12 @@ from nearharmonic.reproduction.claims.results import Results, label, short
 from nearharmonic.reproduction.claims.statements.tableaus.coefficients import sets
 
 
-def _largest(*coefficients: str) -> float:
+def largest(*coefficients: str) -> float:
     return max(abs(float(c)) for c in coefficients)
 
 
 def _size(tableau: Tableau) -> float:
-    return _largest(*tableau.kick, *tableau.drift)
+    return largest(*tableau.kick, *tableau.drift)
 
 
 near_forward = result(
@@ -64,7 +64,7 @@ def _small(results: Results, small: float) -> tuple[bool, str]:
 def small_of_one_row(results: Results, ratio: float) -> Decision:
     told = []
     for t in sets(results):
-        d, c = _largest(*t.outer), _largest(*t.inner)
+        d, c = largest(*t.outer), largest(*t.inner)
         if max(c, d) >= ratio * min(c, d):
             told.append(f"{t.label} {'c' if c > d else 'd'} by {short(max(c, d) / min(c, d), 2)}")
     return either(bool(told), f"{len(told)} sets, larger in: {', '.join(told)}" if told else "no set")
