@@ -43,12 +43,7 @@ def _runs_in(place: Path) -> list[Run]:
 
 
 def runs_newest_first(folders: Iterable[Path]) -> list[tuple[Path, Run]]:
-    """Return each run of some results with the folder of its result, including unfinished runs.
-
-    Parameters
-    ----------
-    folders : iterable of Path
-        Folders of results.
+    """Return each run of some folders of results with its folder, including unfinished runs.
 
     Returns
     -------

@@ -80,7 +80,7 @@ def read_source(path: Path) -> Source:
     SyntaxError
         It is not valid Python.
     """
-    return _cache().parsed(path.read_bytes())
+    return _running().parse(path.read_bytes())
 
 
 def module_of(name: str) -> str | None:
@@ -101,7 +101,7 @@ class _Files:
     """The modules of a package, each read once."""
 
     def __init__(self, root: Path, parse: Callable[[bytes], Source]) -> None:
-        self._root, self._parse = root, parse
+        self._root, self.parse = root, parse
         self.source, self.imported = cache(self._source), cache(self._imported)
         self._is_module = cache(lambda name: path_of(name, root).is_file())
 
@@ -110,7 +110,7 @@ class _Files:
         if not path.is_file():
             message = f"no module {module!r} in {self._root}"
             raise NearharmonicError(message)
-        return self._parse(path.read_bytes())
+        return self.parse(path.read_bytes())
 
     def _imported(self, module: str) -> list[str]:
         """Return the modules among the imported names of ``module``; names may also be functions or classes."""
@@ -136,12 +136,7 @@ def _files(root: Path | None) -> _Files:
 
 @cache
 def _running() -> _Files:
-    return _Files(ROOT, _cache().parsed)
-
-
-@cache
-def _cache() -> SourceCache:
-    return SourceCache()
+    return _Files(ROOT, SourceCache().parsed)
 
 
 class SourceCache:

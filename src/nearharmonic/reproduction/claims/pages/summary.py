@@ -65,15 +65,7 @@ def failures(entries: Iterable[Entry]) -> list[Entry]:
 
 
 def verdicts_line(document: str | Path, command: str) -> str:
-    """Return a line on the verdicts of a run, and the command that decides the open statements.
-
-    Parameters
-    ----------
-    document : path
-        ``tables/claims.json``.
-    command : str
-        Start of the command, to which targets are added.
-    """
+    """Return a line on the verdicts in ``tables/claims.json``, and the command that decides the open statements."""
     from nearharmonic.reproduction.claims.own import own_claims
     from nearharmonic.reproduction.claims.table import CLAIMS
 

@@ -73,11 +73,8 @@ def save(
 
     Parameters
     ----------
-    folder
-        Folder of the result.
-    place
-        File to create or to replace, with the ending ``.zip``; None for the name of the result in the working
-        directory.
+    folder, place
+        As for :func:`target`; an existing file is replaced.
     with_runs
         True to include the trajectories below ``runs/``.
 
@@ -107,14 +104,7 @@ def save(
 
 
 def target(folder: str | os.PathLike[str], place: str | os.PathLike[str] | None) -> Path:
-    """Return the file for an archive of the result in ``folder``.
-
-    Parameters
-    ----------
-    folder
-        Folder of the result.
-    place
-        A file with the ending ``.zip``; None for the name of the result in the working directory.
+    """Return the file for an archive of the result in ``folder``; by default its name in the working directory.
 
     Raises
     ------

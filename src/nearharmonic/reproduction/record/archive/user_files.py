@@ -15,13 +15,7 @@ FOLDER = "user_files"
 
 
 class UserFiles:
-    """Users' files of some results.
-
-    Parameters
-    ----------
-    entries : iterable of mapping
-        Entries of the manifest.
-    """
+    """Users' files of some results, from the entries of their manifest."""
 
     def __init__(self, entries: Iterable[Mapping[str, Any]]) -> None:
         self._systems: dict[str, Path] = {}

@@ -18,14 +18,7 @@ def table_differences(name: str, a: Texts, b: Texts, leave_out: Collection[str])
 
     Rows are matched by the first columns of text that identify them uniquely, or else by their position.
 
-    Parameters
-    ----------
-    name : str
-        Name of the file.
-    a, b : Texts
-        The results.
-    leave_out : collection of str
-        Columns that are not compared, ``"*"`` for all.
+    Columns in ``leave_out`` are not compared.
 
     Raises
     ------

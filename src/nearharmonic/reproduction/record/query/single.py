@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from math import log
@@ -90,7 +90,9 @@ def single_run(
     if system not in cubes:
         raise unknown_name("system", system, cubes)
     runs, units = runs_of_cube(cubes[system])
-    runs = runs[runs["integrator"] == _known(runs["integrator"].tolist(), integrator)]
+    if integrator not in (known := dict.fromkeys(runs["integrator"])):
+        raise unknown_name("integrator", integrator, known)
+    runs = runs[runs["integrator"] == integrator]
     present = list(dict.fromkeys(runs["precision"]))
     runs = runs[runs["precision"] == (present[0] if precision is None else one_of("precision", precision, present))]
     taus = runs["tau_per_stage" if per_stage else "tau"].to_numpy()
@@ -117,12 +119,6 @@ def _units(system: str, definitions: Mapping[str, Any]) -> dict[str, str]:
     with suppress(NearharmonicError), defined(read_definitions(definitions)):
         return dict(systems[system].units)
     return {}
-
-
-def _known(integrators: Sequence[str], name: str) -> str:
-    if name not in integrators:
-        raise unknown_name("integrator", name, dict.fromkeys(integrators))
-    return name
 
 
 def _nearest(taus: np.ndarray, asked: float, whose: str) -> int:

@@ -61,16 +61,9 @@ class Panel:
 
 
 def span(values: Iterable[Any], logarithmic: bool, highest: float = np.inf) -> bokeh.Range1d:
-    """Return a range of an axis, for one or more panels, with all numbers and a margin.
+    """Return a range of an axis, for one or more panels, with all numbers and a margin, up to ``highest`` at most.
 
-    Parameters
-    ----------
-    values : iterable of array
-        Drawn numbers; NaN and infinities are ignored, and on a logarithmic axis also zeros and negative numbers.
-    logarithmic : bool
-        True for a logarithmic axis.
-    highest : float
-        Maximum of the upper end of the range.
+    NaN and infinities are ignored, and on a logarithmic axis also zeros and negative numbers.
     """
     numbers = np.concatenate([np.ravel(np.asarray(value, dtype=float)) for value in values] or [np.empty(0)])
     numbers = numbers[np.isfinite(numbers) & ((numbers > 0) | (not logarithmic))]

@@ -18,13 +18,7 @@ _NUMBERED = re.compile(r"(figure|table)-(\d+)")
 
 
 class Places:
-    """Places of figures and tables on the page.
-
-    Parameters
-    ----------
-    figures, tables : iterable
-        All figures and tables of the page.
-    """
+    """Places of all figures and tables on the page."""
 
     def __init__(self, figures: Iterable[ShownFigure], tables: Iterable[ShownTable]) -> None:
         self._shown: dict[str, list[Piece]] = {}
