@@ -24,14 +24,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each run, or one for each field of the run that ``--full`` names."""
     from nearharmonic.reproduction.record.files.folders import RESULTS, folder_of, result_names
-    from nearharmonic.reproduction.record.history import runs_newest_first
+    from nearharmonic.reproduction.record.history import flattened, run_named, runs_newest_first
 
     names = result_names() if chosen.result is None else [chosen.result]
     folders = [RESULTS / name if chosen.result is None else folder_of(name) for name in names]
     runs = runs_newest_first(folders)
     if chosen.full is not None:
-        from nearharmonic.reproduction.record.history import flattened, run_named
-
         run = run_named(chosen.full, [run for _, run in runs])
         return Answer(header=("field", "value"), rows=list(flattened(run)), document=run)
     several = chosen.result is None

@@ -113,7 +113,7 @@ def orbits(tables: Tables) -> str:
 
 
 def losses(tables: Tables) -> str:
-    """Step sizes at which a published method is ahead, neighbours in one row."""
+    """List the step sizes at which a published method is ahead, neighbours in one row."""
     lines = []
     rows = tables["gains"]
     for (ensemble, behind), group in groupby(rows, key=lambda row: (row["ensemble"], row["verdict"] == "behind")):

@@ -30,7 +30,7 @@ def composition(tableau: Tableau) -> str:
 
 
 def methods_table() -> list[str]:
-    """A row for each trained method: what is proved of it, and its window."""
+    """Return a row for each trained method: its proved properties and its window."""
     rows = []
     for one in trained():
         purpose = PURPOSES[one.name.removeprefix("trained_")]
@@ -49,7 +49,7 @@ def methods_table() -> list[str]:
 
 
 def shifted_table() -> list[str]:
-    """A row for each method with shifted kicks: the first of its mirrored pairs."""
+    """Return a row for each method with shifted kicks: the first of its mirrored pairs."""
     rows = []
     for one in [*(registered[name] for name in SHIFTED), *trained()]:
         found = [] if one.modified else shifted_kicks(one)
@@ -62,7 +62,7 @@ def shifted_table() -> list[str]:
 
 
 def landscape_table(landscapes: Mapping[str, str]) -> list[str]:
-    """A row for each family that was searched, from the path of a table for each purpose."""
+    """Return a row for each family that was searched, from the path of a table for each purpose."""
     rows = []
     for name, purpose in PURPOSES.items():
         if name not in landscapes:

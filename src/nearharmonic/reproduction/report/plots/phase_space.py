@@ -43,7 +43,7 @@ _ENDS: dict[str, dict[str, Any]] = {
 
 
 def phase_space(paths: dict[str, xr.Dataset]) -> list[Panel]:
-    """Draw each Dataset of ``reproduction.experiments.paper.substeps.substeps`` in a panel of its letter.
+    """Draw each Dataset of :func:`~nearharmonic.reproduction.experiments.paper.orbits.substeps.substeps` in a panel.
 
     Panels of one system share their axes and the picture of the Hamiltonian.
     """
