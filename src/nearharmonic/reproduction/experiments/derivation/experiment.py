@@ -12,7 +12,7 @@ EXPERIMENT = Experiment(
     duration="50 s",
     settings=DerivationSettings,
     key="derive",
-    effect="How hard `derive` searches for Table 4",
+    effect="Effort of the search of `derive` for Table 4",
     tables=(
         "table4_derived",
         "derived_counts",

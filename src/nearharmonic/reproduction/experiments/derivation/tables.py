@@ -62,7 +62,7 @@ def counts(cases: Sequence[IsolatedSolutions]) -> Table:
         )
         for case in cases
     ]  # fmt: skip
-    return Table(header=header, rows=rows, caption="How many solutions there are, and why none is missing.")
+    return Table(header=header, rows=rows, caption="Number of solutions, and the reason why none is missing.")
 
 
 def reach_of_stages(reaches: Sequence[Reach]) -> Table:

@@ -10,7 +10,7 @@ EXPERIMENT = Experiment(
     place=3,
     duration="20 s",
     settings=ExactOscillatorSettings,
-    effect="What `exact_oscillator` compares with T and V",
+    effect="Runs of `exact_oscillator`, which are compared with T and V",
     cubes={
         "exact_oscillator": (
             "tau_per_stage, integrator, energy, exact_integrator, charge",

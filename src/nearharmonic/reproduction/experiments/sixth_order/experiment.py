@@ -11,7 +11,7 @@ EXPERIMENT = Experiment(
     duration="50 s",
     settings=SixthOrderSettings,
     key="beyond",
-    effect="How hard `sixth_order` searches for methods",
+    effect="Effort of the search of `sixth_order`",
     tables=("sixth_order_counts", "sixth_order_measured", "sixth_order_ranking"),
     others=("derived/sixth_order.toml",),
 )

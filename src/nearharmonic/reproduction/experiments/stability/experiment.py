@@ -10,7 +10,7 @@ EXPERIMENT = Experiment(
     place=4,
     duration="70 s",
     settings=StabilitySettings,
-    effect="What `stability` puts the methods through",
+    effect="Stress tests of the methods by `stability`",
     cubes={
         "linear_stability": (
             "integrator, tau_per_stage, gap",

@@ -11,7 +11,7 @@ EXPERIMENT = Experiment(
     place=5,
     duration="15 min",
     settings=TrainedSettings,
-    effect="How methods are trained, and what they are tried on",
+    effect="Training of methods, and the problems on which they are compared",
     cubes={
         "trained": (
             "ensemble, integrator, point",

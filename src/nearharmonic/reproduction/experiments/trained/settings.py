@@ -38,11 +38,11 @@ class TrainedSettings:
     __pydantic_config__ = STRICT
 
     purposes: tuple[str, ...] = setting(
-        "What methods are trained for", "a list of purposes, each named once", each="the name of a purpose",
+        "Purposes that methods are trained for", "a list of purposes, each named once", each="the name of a purpose",
         default=tuple(PURPOSES), min_length=1,
     )  # fmt: skip
-    search: SearchSettings = setting("How hard trained methods are searched for", default=SearchSettings)
-    proof: ProofSettings = setting("What all methods are tried on beside trained ones", default=ProofSettings)
+    search: SearchSettings = setting("Effort of the search for trained methods", default=SearchSettings)
+    proof: ProofSettings = setting("Problems on which trained and other methods are compared", default=ProofSettings)
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
         """Raise an error for unknown purposes and too many evaluations; keys are named as in a config.

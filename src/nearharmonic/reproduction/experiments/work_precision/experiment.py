@@ -10,7 +10,7 @@ EXPERIMENT = Experiment(
     place=6,
     duration="3 min",
     settings=WorkPrecisionSettings,
-    effect="What `work_precision` times",
+    effect="Runs that `work_precision` times",
     cubes={
         "work_precision": (
             "solver, point, in a group for each system",

@@ -103,7 +103,7 @@ def table(sweeps: Sequence[Sweep], integrators: Sequence[str], **cubes: str) -> 
 
 def table_of(rows: Sequence[Omission]) -> Table:
     """Return ``rows`` under the names of their members."""
-    caption = "What was left out of the computation, why, and how many force evaluations that saved."
+    caption = "Omitted runs, the reason, and the number of force evaluations saved."
     return Table(header=Omission._fields, rows=rows, caption=caption)
 
 

@@ -62,7 +62,7 @@ def linear_stability_cube(tableaus: Sequence[Tableau]) -> xr.Dataset:
     )
 
 
-CAPTION = "Where the harmonic oscillator stays bounded: intervals of step sizes, and the gap that ends each."
+CAPTION = "Intervals of step sizes in which the harmonic oscillator stays bounded, and the gap that ends each."
 #: Significant digits of the edges.
 DIGITS = 13
 

@@ -31,7 +31,7 @@ PANELS = (
     cube="stability_rounding",
     category="Stability",
     caption=(
-        "What rounding alone does to Kepler orbits over a long time, as root mean square over an ensemble. A: energy; "
+        "Effect of rounding alone on Kepler orbits over a long time, as root mean square over an ensemble. A: energy; "
         "B: lag along the track, as mean anomaly. Solid: plain summation; dashed: compensated; dash-dotted: extended "
         "precision; dotted: the lag that coefficients rounded to double cause in exact arithmetic, proportional to "
         "time, which no summation removes. Grey: Brouwer's law for independent errors, t^1/2 and t^3/2. C, D: the "
