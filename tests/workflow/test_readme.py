@@ -21,8 +21,9 @@ from nearharmonic.reproduction.experiments.work_precision.peers import PEERS
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
-#: Pages whose blocks another test runs, which looks at what they find. test_wall.py runs those of README without results.
+#: Pages whose blocks another test runs, which looks at what they find.
 RUN_ELSEWHERE = {"stepper.md"}
+#: Those of README that read no results run in test_wall.py.
 BLOCKS = {
     f"{page.name}-{i}": block
     for page in PAGES
