@@ -1,4 +1,4 @@
-"""Structure against multiprecision, systems that lack it, and closed forms; T that is not quadratic by its conjugate."""
+"""Structure against multiprecision, systems that lack it, and closed forms; other kinetic energies by the conjugate."""
 
 from __future__ import annotations
 
