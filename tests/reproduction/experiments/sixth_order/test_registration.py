@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from mpmath import matrix, mp, mpf, sqrt
 
-from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.nearharmonic_2026 import TABLEAUS
 from nearharmonic.reproduction.experiments.sixth_order.cascade import candidates_of
@@ -17,11 +16,9 @@ from nearharmonic.reproduction.experiments.sixth_order.criterion import TAU_PER_
 from nearharmonic.reproduction.experiments.sixth_order.registration import short_decimals
 from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import error_norm, harmonic_order_of
-from nearharmonic.theory.symmetric import alternating
 from nearharmonic.training.polish import NotConvergedError, polished, tableau_of
-from support.oracles.nystrom_steps import equations_of, unknowns_of, word_sum
+from support.oracles.nystrom_steps import equations_of, unknowns_of
 from support.oracles.reference_solutions import oscillator_step
-from support.oracles.word_series import operators_of
 
 NAMES = [tableau.name for tableau in TABLEAUS]
 EVERY = pytest.mark.parametrize("name", NAMES)
@@ -68,24 +65,6 @@ def test_harmonic_errors_are_those_of_the_step_matrix(name):
 
 
 # --- the digits -------------------------------------------------------------------------------------------------------
-
-
-@EVERY
-def test_the_equations_hold_to_the_registered_digits(name):
-    tableau = integrators[name]
-    with mp.workdps(120):
-        operators = operators_of(tableau, mpf)
-        allowed = mpf(10) ** (3 - tableau.digits)  # some tens of coefficients of size 1, times derivatives of about 10
-        for degree in (1, 3, 5):
-            words = lyndon_words(degree)
-            errors = [word_sum(word, operators) - mpf(1) / factorial(degree) for word in words]
-            for row in conditions(degree, quadratic=True):
-                weighted = sum(mpf(w.numerator) / w.denominator * e for w, e in zip(row.weights, errors, strict=True))
-                assert abs(weighted) < allowed
-        for n in range(7, tableau.harmonic_order + 1):
-            assert abs(word_sum(alternating(n), operators) - mpf(1) / factorial(n)) < allowed
-        beyond = alternating(tableau.harmonic_order + 1)
-        assert abs(word_sum(beyond, operators) - mpf(1) / factorial(len(beyond))) > 1e-12
 
 
 @EVERY
