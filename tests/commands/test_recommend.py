@@ -62,12 +62,8 @@ def test_other_libraries_are_left_out_if_methods_are_named(capsys):
     ("words", "says"),
     [
         ("--t-end -5", "t_end = '-5' is not allowed: a finite number above 0"),
-        ("--t-end soon", "t_end = 'soon' is not allowed: a finite number above 0"),
-        ("--methods ruth,rut", "unknown integrator 'rut'. Did you mean 'ruth'?"),
-        ("--methods nowhere.py", "nowhere.py: no such file"),
         ("--methods ,", "unknown integrator ''"),
         ("--budget 1e5", "budget = '1e5' is not allowed: an integer"),
-        ("--budget 0", "budget = 0 is not allowed: an integer from 1 to 1000000000"),
         ("--method ruth", "Did you mean '--methods'?"),
     ],
 )

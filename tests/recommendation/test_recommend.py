@@ -8,7 +8,7 @@ import re
 import pytest
 
 from nearharmonic.commands.recommend import ranking
-from nearharmonic.errors import ResultFileError, SystemDefinitionError
+from nearharmonic.errors import ResultFileError
 from nearharmonic.integrators import integrators
 from nearharmonic.output import store
 from nearharmonic.output.answers import printed
@@ -16,7 +16,6 @@ from nearharmonic.recommendation.choices import recommendation
 from nearharmonic.recommendation.curve import Curve, Point
 from nearharmonic.recommendation.question import question
 from nearharmonic.recommendation.timings import variables
-from nearharmonic.systems.user_file import load_system
 
 QUARTIC = """
 from nearharmonic.systems import System
@@ -203,28 +202,6 @@ def test_bound_is_said_in_words_of_energy_errors_of_system(tmp_path, change, say
     )
     found = recommend(str(tmp_path / "quartic.py"), 1e-3, results=tmp_path)
     assert text_of(found).splitlines()[0].endswith(says)
-
-
-@pytest.mark.parametrize(
-    ("content", "says"),
-    [
-        (None, "no such file. A system of your own is a Python file that defines SYSTEM"),
-        ("x = 1", "does not define SYSTEM, a nearharmonic.System"),
-        ("SYSTEM = 3", "does not define SYSTEM, a nearharmonic.System: its SYSTEM is of type int"),
-        (
-            QUARTIC.replace("SYSTEM", "system"),
-            "a nearharmonic.System; did you mean its 'system'?",
-        ),
-        ("1 / 0", "cannot be run: ZeroDivisionError: division by zero"),
-        ("def", "cannot be run: SyntaxError"),
-        (QUARTIC.replace('"10"', '"ten"'), "quartic: t_end = 'ten' is not a finite decimal number"),
-    ],
-)
-def test_a_file_that_is_no_system_is_refused(tmp_path, content, says):
-    if content is not None:
-        (tmp_path / "mine.py").write_text(content)
-    with pytest.raises(SystemDefinitionError, match=re.escape(says)):
-        load_system(tmp_path / "mine.py")
 
 
 def test_broken_timings_are_named_and_not_measured_around(tmp_path):

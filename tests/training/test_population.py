@@ -87,28 +87,15 @@ def test_run_of_one_step_is_that_of_plain_loop(first, squares):
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_problems_have_parameters_of_their_own(dimension):
     ensemble = random_ensemble(dimension, 5, 3, band=(0.1, 0.5), t_end=10.0)
-    names = list(ensemble.system.parameters)
     family = Family(stages=4, first="kick")
     kicks, drifts, squares = rows_of(family, 2)
     found = Population(ensemble, family.shape(), [0.06], 2).errors(kicks, drifts)
     steps = round(10 / 0.24)
     for m in range(5):
-        of = dict(zip(names, ensemble.parameters[m].reshape(-1, 2)[:, 0], strict=True))
-        start = ensemble.start[m].reshape(4, dimension)
+        values, start = ensemble.parameters[m].reshape(-1, 2)[:, 0], ensemble.start[m].reshape(4, dimension)
 
-        def V(q, of=of):
-            total = 0
-            for name, value in of.items():
-                i, *others = map(int, name[1:])
-                if name[0] == "a":
-                    total = total + value * q[i] ** 2 / 2
-                elif name[0] == "e":
-                    total = total + value * q[i] ** 2 * q[others[0]] ** 2
-                elif len(others) == 2:
-                    total = total + value * q[0] * q[1] * q[2]
-                else:
-                    total = total + value * q[i] ** 2 * q[others[0]]
-            return total
+        def V(q, values=values):
+            return ensemble.system.V(tuple(q), *values)
 
         def grad(q, V=V):
             return np.array([V(q + 1e-40j * e).imag / 1e-40 for e in np.eye(dimension)])

@@ -78,7 +78,9 @@ def test_results_that_were_copied_are_adopted_and_nothing_runs_again(finished, t
     assert copy.jobs("results/tiny/cubes/sho.h5", *TINY) == {"reduce": 1}
 
 
-@pytest.mark.parametrize("fault", ["a flipped bit", "another setting", "no config"])
+@pytest.mark.parametrize(
+    "fault", ["another setting", *(pytest.param(one, marks=pytest.mark.slow) for one in ("a flipped bit", "no config"))]
+)
 def test_deceptive_results_are_refused_with_reason(finished, tmp_path, fault):
     copy = Project(tmp_path / "copy")
     without_logs = shutil.ignore_patterns("logs")

@@ -33,20 +33,6 @@ def test_the_smoke_run_is_the_same_workflow(smoke, paper):
     assert smoke["integrate"] == 3 * 3
 
 
-def test_a_figure_asks_for_no_more_than_it_shows(project):
-    assert project.jobs("fig2", "fig6", *SMOKE) == {
-        "fig2": 1, "draw_sho_terms": 1, "decompose": 1, "fig6": 1, "draw_substeps": 1,
-    }  # fmt: skip
-    assert project.jobs("fig4", "fig5", *SMOKE) == {
-        "fig4": 1, "fig5": 1, "draw_kepler": 1, "reduce": 1, "integrate": 3, "compile": 1,
-    }  # fmt: skip
-
-
-def test_the_target_figures_makes_all_six_and_the_one_beside(project):
-    jobs = project.jobs("figures")
-    assert sum(count for name, count in jobs.items() if name.startswith("draw_")) == 6
-
-
 def test_the_linter_asks_for_environments_and_for_nothing_else(project):
     asked = project.snakemake("--lint").stdout
     titles = {line.strip() for line in asked.splitlines() if line.startswith("    * ")}

@@ -28,7 +28,7 @@ def runs_of(system):
     return {f"runs/{system}/{method}/{shard}.h5" for method in METHODS for shard in (0, 1)}
 
 
-#: What three targets need, and a fourth that integrates nothing, below their results folder, logs left out.
+#: What targets need, of which one reads no cube and one integrates nothing, below their results folder, logs left out.
 NEEDED = {
     "fig2": {"cubes/sho_terms.h5", *figures("fig2_decomposition")},
     # One job draws all figures of a cube.
@@ -38,6 +38,7 @@ NEEDED = {
         *figures("fig4_perihelion", "fig5_kepler", "kepler_energy_error"),
     },
     "cubes/sho.h5": {*runs_of("sho"), "cubes/sho.h5"},
+    "fig6": figures("fig6_substeps"),
     "linear_stability": {
         "cubes/linear_stability.h5",
         *(f"tables/linear_stability.{suffix}" for suffix in ("csv", "md", "tex")),

@@ -5,7 +5,10 @@ from __future__ import annotations
 import subprocess
 import sys
 
-#: Runs of few and of many coordinates, in lanes, in double-double, of a regularised system, with functions.
+import pytest
+
+#: Imports of a job, and runs of few and of many coordinates, in lanes, in double-double, of a regularised system, with
+#: functions.
 TEXT = """
 import sys
 if forbidden:
@@ -13,6 +16,8 @@ if forbidden:
 import numpy as np
 import nearharmonic as nh
 from nearharmonic.math import cos
+from nearharmonic.reproduction.experiments.paper import reduce, run
+from nearharmonic.reproduction.tasks import job
 nh.sweep("henon_heiles", "aba864", [0.1, 0.2, 0.3], t_end=10)
 nh.integrate("sho", "ruth", 0.1, t_end=1, precision="extended")
 nh.integrate("kepler_regularised", "leapfrog", 40, t_end=400)
@@ -36,6 +41,7 @@ def test_a_process_whose_kernels_are_kept_needs_no_numba():
     python(f"forbidden = True{TEXT}")
 
 
+@pytest.mark.slow
 def test_a_job_whose_kernels_are_kept_needs_no_numba(breakable):
     """A module of this name in front of numba's: a job that imports it fails."""
     stub = breakable.folder / "src/numba"

@@ -1,4 +1,8 @@
-"""Every writer of the package: a failure during writing leaves the old file unchanged, and no other file."""
+"""Writers of texts: a failure leaves the old file unchanged, and no other file; no module writes a file in place.
+
+Those of HDF5 files and of figures have tests beside their own, in tests/output/test_store.py and
+tests/plotting/test_style.py.
+"""
 
 from __future__ import annotations
 
@@ -7,41 +11,11 @@ import resource
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
 import pytest
-import xarray as xr
-from matplotlib.lines import Line2D
 
 import nearharmonic
-from nearharmonic.output import store, table
+from nearharmonic.output import table
 from nearharmonic.output.atomic import write_text
-from nearharmonic.plotting import style
-
-UNIT = {"units": "1", "long_name": "some numbers"}
-
-
-def figure(number, line=Line2D):
-    drawn = style.new_figure(3, 2)
-    drawn.subplots().add_line(line([0, 1], [0, number]))
-    return drawn
-
-
-class Unfinished(Line2D):
-    """A line that cannot be drawn; what comes before it, as axes do, is in the file by then."""
-
-    zorder = 1000
-
-    def draw(self, renderer):
-        raise ArithmeticError
-
-
-def variables(number, attributes=UNIT):
-    return {"v": (("n",), np.arange(500.0) + number, attributes)}
-
-
-def dataset(number, attributes=UNIT):
-    return xr.Dataset(variables(number, attributes))
-
 
 #: Writer -> a function of (folder, content) that writes its files there; another content makes other bytes.
 TEXTS = {
@@ -51,14 +25,6 @@ TEXTS = {
     ),
     "a document": lambda folder, number: table.save_document({"x": number, "y": "long " * 20}, folder / "found.toml"),
     "a text": lambda folder, number: write_text(folder / "manifest.json", "long " * 20 + str(number)),
-}
-HDF5 = {
-    "variables": lambda folder, number, notes=UNIT: store.write(
-        folder / "run.h5", variables(number), {}, groups={"extended": variables(number, notes)}
-    ),
-    "a dataset": lambda folder, number, notes=UNIT: store.write_dataset(
-        folder / "cube.h5", dataset(number, notes).merge({"u": ("n", np.zeros(500), UNIT)}), {}
-    ),
 }
 
 
@@ -87,32 +53,6 @@ def test_full_disk_leaves_old_files_and_no_partial_file(tmp_path, writer):
         write(tmp_path, 2)
     assert contents(tmp_path) == before
     write(tmp_path, 2)
-    after = contents(tmp_path)
-    assert after.keys() == before.keys()
-    assert all(after[name] != before[name] for name in before)
-
-
-@pytest.mark.parametrize("writer", HDF5)
-def test_unwritable_variable_leaves_old_file_and_no_partial_file(tmp_path, writer):
-    """HDF5 itself ends the process when a disk is full (SIGSEGV at close), so here it is the content that fails."""
-    write = HDF5[writer]
-    write(tmp_path, 1)
-    before = contents(tmp_path)
-    with pytest.raises(nearharmonic.errors.NearharmonicError, match="no long_name"):
-        write(tmp_path, 2, {"units": "1"})
-    assert contents(tmp_path) == before
-    write(tmp_path, 2)
-    assert contents(tmp_path) != before
-
-
-def test_failed_figure_leaves_old_files_and_no_partial_file(tmp_path):
-    places = [tmp_path / f"fig1.{suffix}" for suffix in ("pdf", "svg", "png")]
-    style.save(figure(1), places)
-    before = contents(tmp_path)
-    with pytest.raises(ArithmeticError):
-        style.save(figure(2, Unfinished), places)
-    assert contents(tmp_path) == before
-    style.save(figure(2), places)
     after = contents(tmp_path)
     assert after.keys() == before.keys()
     assert all(after[name] != before[name] for name in before)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -18,20 +19,21 @@ from nearharmonic.core.formulas.expression import size
 from nearharmonic.core.formulas.number import FUNCTIONS
 from nearharmonic.core.formulas.rules import Rules
 from nearharmonic.core.machine import link, native
+from nearharmonic.core.machine.disk import cache_folder
 from nearharmonic.engine.batch.batch import integrate_batch
 from nearharmonic.engine.batch.kernels import kernel_of, physics_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.math import sqrt
 from support.methods.function_arguments import arguments, evaluated, in_double, in_extended, pairs
 from support.methods.own_systems import sites
-from support.projects.kept_loops import keep_loops
 
 OSCILLATOR = nh.systems["sho"]
 
 
 @pytest.fixture
 def own_cache(tmp_path, monkeypatch):
-    keep_loops(tmp_path)
+    for path in cache_folder().glob("loops-*.kernel"):  # numba takes most of the time for these
+        shutil.copy2(path, tmp_path)
     monkeypatch.setenv("NEARHARMONIC_CACHE_DIR", str(tmp_path))
     kernel_of.cache_clear()
     yield tmp_path

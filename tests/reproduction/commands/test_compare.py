@@ -13,16 +13,8 @@ import pytest
 from nearharmonic.cli import main
 from nearharmonic.engine.runs.description import STATUSES
 from nearharmonic.output import store
-from support.results.result_folder import (
-    CLAIMS,
-    VERSIONS,
-    config,
-    edited,
-    history_line,
-    write_claims,
-    write_history,
-    write_manifest,
-)
+from support.results.finished_results import VERSIONS, write_history
+from support.results.result_folder import CLAIMS, config, edited, history_line, write_claims, write_manifest
 
 
 def compared(capsys, a="paper", b="copy", *more):

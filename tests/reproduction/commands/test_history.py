@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from nearharmonic.cli import main
-from support.results.result_folder import history_line, run_id, write_history
+from support.results.finished_results import write_history
+from support.results.result_folder import history_line, run_id
 
 
 @pytest.fixture

@@ -16,12 +16,12 @@ from nearharmonic.reproduction.record.query.run_table import COLUMNS, run_table
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs/record.md").read_text(encoding="utf-8")
 SECTION = re.split(r"^## ", (ROOT / "README.md").read_text(encoding="utf-8").partition("## Ask the results")[2])[0]
-COMMANDS = re.findall(
-    r"^(?:\.venv/bin/)?nearharmonic ((?:history|runs|show|compare)\b.*)$", PAGE + SECTION, re.MULTILINE
-)
+COMMANDS = {
+    *re.findall(r"^(?:\.venv/bin/)?nearharmonic ((?:history|runs|show|compare)\b.*)$", PAGE + SECTION, re.MULTILINE)
+}
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", sorted(COMMANDS))
 def test_a_command_of_the_page_runs(project, command, capsys):
     shutil.copytree(project, project.with_name("smoke"))
     # The small result has fewer step sizes than the default config's.

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mpmath import mpf
 
 import nearharmonic as nh
 from nearharmonic.integrators import plain_integrators
@@ -18,6 +19,7 @@ from nearharmonic.reproduction.tasks.definitions import defined, read_definition
 from nearharmonic.reproduction.tasks.job import covered
 from nearharmonic.reproduction.tasks.provenance import digests, settings_text, task
 from nearharmonic.systems.user_file import load_system
+from support.oracles.reference_solutions import oscillator_step
 from support.projects.configs_by_file import CONFIG, EXAMPLES, GRID, METHOD, WELL, changed, enter, refused, under
 
 
@@ -111,27 +113,12 @@ def test_a_path_works_wherever_a_name_does():
     assert nh.sweep("quartic_well.py", "fourth_order.py", [0.1], t_end=5).max_energy_error == run.max_energy_error
     assert nh.order_of("fourth_order.py") == 4
     assert len(nh.kappa("fourth_order.py", 4)) == 4
-    # 1 - tau^2/2 + ... of five leapfrogs, |tr K| = 2: found again by bisection of the product of the five.
-    assert float(nh.stability_limit("fourth_order.py")) == pytest.approx(limit_of_five_leapfrogs(), rel=1e-12)
-
-
-def limit_of_five_leapfrogs():
-    u = 1 / (4 - 4 ** (1 / 3))
-
-    def trace(tau):
-        step = np.eye(2)
-        for part in (u, u, 1 - 4 * u, u, u):
-            drift, kick = np.array([[1, part * tau / 2], [0, 1]]), np.array([[1, 0], [-part * tau, 1]])
-            step = drift @ kick @ drift @ step
-        return abs(np.trace(step))
-
-    taus = np.linspace(0.01, 6, 60000)
-    first = next(i for i, tau in enumerate(taus) if trace(tau) > 2 + 1e-9)
-    low, high = taus[first - 1], taus[first]
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (middle, high) if trace(middle) <= 2 else (low, middle)
-    return low
+    # |tr K| passes 2 at the limit, and not before.
+    method, limit = nh.integrators["fourth_order.py"], nh.stability_limit("fourth_order.py")
+    steps = [
+        oscillator_step(method, limit * x) for x in (1 + mpf("1e-12"), 1 - mpf("1e-12"), *np.arange(0.01, 1, 0.01))
+    ]
+    assert [abs(step[0, 0] + step[1, 1]) > 2 for step in steps] == [True] + [False] * (len(steps) - 1)
 
 
 def test_edited_file_is_read_again_and_unedited_is_same_object(folder):

@@ -41,6 +41,15 @@ def folder(tmp_path, monkeypatch):
         ({"parameters": {"b": None}}, "systems.mine.parameters.b = None is not allowed"),
         ({"parameters": [1]}, "systems.mine.parameters = [1] is not allowed: a mapping of names of parameters"),
         ({"fil": "x.py"}, "unknown key of systems.mine 'fil'. Did you mean 'file'?"),
+        # That is told before the key that is missing.
+        ({"tau_per_stage": None, "tau_per_stag": 1}, "systems.mine 'tau_per_stag'. Did you mean 'tau_per_stage'?"),
+        ({"q0": [[1], [2]]}, "systems.mine.q0[0] = [1]"),
+        ({"q0": ["1", "1e-999999999"]}, "systems.mine.q0[1] = '1e-999999999'"),
+        ({"q0": [10**5000, 0]}, "systems.mine.q0[0] = a number of type int"),
+        ({"parameters": {"b": [1, 2]}}, "systems.mine.parameters.b"),
+        ({"parameters": {"b": {}}}, "systems.mine.parameters.b = {}"),
+        ({"parameters": {3: "1"}}, "a key of systems.mine.parameters = 3"),
+        ({"file": "a" * 300 + ".py"}, "no such file"),
         ({"label": ""}, "systems.mine.label = '' is not allowed"),
         (
             {"split": "exact_oscillator"},
@@ -58,6 +67,8 @@ def test_a_system_that_is_none_is_refused_in_one_sentence(system, says):
     ("content", "says"),
     [
         ("x = 1\n", "systems.mine: quartic_well.py does not define SYSTEM, a nearharmonic.System"),
+        ("SYSTEM = 3\n", "does not define SYSTEM, a nearharmonic.System: its SYSTEM is of type int"),
+        (WELL.replace("SYSTEM", "system"), "a nearharmonic.System; did you mean its 'system'?"),
         ("1 / 0\n", "systems.mine: quartic_well.py cannot be run: ZeroDivisionError: division by zero"),
         ("def", "systems.mine: quartic_well.py cannot be run: SyntaxError"),
         (WELL.replace('"1", "0"', '"nan", "0"'), "systems.mine: quartic_well: q0[0] = 'nan' is not a finite decimal"),
@@ -82,6 +93,12 @@ def test_registered_system_is_unchanged_under_its_own_name(key):
     }.get(key, "kepler")
     with refused(f"systems.kepler.{key} = {value!r} is not allowed: kepler is a registered system, taken as it is"):
         load(under("kepler", **{key: value}))
+
+
+@pytest.mark.parametrize("key", [3, None, True])
+def test_a_key_that_is_no_text_is_refused(key):
+    with refused(f"a key of systems = {key}"):
+        load(under(key, file="quartic_well.py"))
 
 
 @pytest.mark.parametrize("key", ["two words", "q-0", "1st", "class", "größe", "a" * 61])
@@ -120,6 +137,8 @@ def test_name_that_workflow_has_another_use_for_is_refused(key):
             "integrators[0]: hides.py: the integrator 'ruth' is a registered one already; give it another name",
         ),
         (["spaced.py"], "integrators[0] = 'five leapfrogs' is not allowed: a letter, then letters"),
+        (["plural.py"], "did you mean its 'TABLEAUX'"),
+        (["small.py"], "did you mean its 'tableau'"),
         (["wrong.py"], "integrators[0]: tableau 'five_leapfrogs': order = 0, expected an integer >= 1"),
     ],
 )
@@ -127,6 +146,8 @@ def test_file_that_defines_no_integrator_of_its_own_is_refused(folder, entries, 
     (folder / "copy.py").write_text(METHOD)
     (folder / "hides.py").write_text(METHOD.replace('"five_leapfrogs"', '"ruth"'))
     (folder / "spaced.py").write_text(METHOD.replace('"five_leapfrogs"', '"five leapfrogs"'))
+    (folder / "plural.py").write_text(METHOD.replace("TABLEAU =", "TABLEAUX ="))
+    (folder / "small.py").write_text(METHOD.replace("TABLEAU =", "tableau ="))
     (folder / "wrong.py").write_text(METHOD.replace("order=4", "order=0"))
     with refused(says):
         load(CONFIG | {"integrators": entries})

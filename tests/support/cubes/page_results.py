@@ -12,8 +12,10 @@ from nearharmonic.plotting.style import save
 from nearharmonic.reproduction.tasks.declarations import figures_of
 from nearharmonic.reproduction.tasks.provenance import function_of
 from support.cubes import figure_cubes as made
+from support.results.finished_results import run, write_history
 
 SYSTEMS = {"sho": "oscillator of the tests", "henon_heiles": "<b>galaxy</b> & tests", "kepler": "planet of the tests"}
+COMMIT = "0123456789abcdef" * 2 + "01234567"
 #: Status of a run by the index of its step size, where it is not "ok".
 STATUS = {0: "skipped", 11: "skipped", made.TAU.size - 1: "diverged"}
 
@@ -73,25 +75,9 @@ def write_cube(path, dataset):
 
 def run_of_history(number, status="ok", duration=20.0, **more):
     """A line of the history."""
-    return {
-        "config": {},
-        "id": f"20260101T00000{number}Z-0000000{number}",
-        "status": status,
-        "start": f"2026-01-01T00:00:0{number}.000Z",
-        "end": None,
-        "duration": duration,
-        "cpu_seconds": None if duration is None else 2 * duration,
-        "cores": 2,
-        "command": ["snakemake", "-j2"],
-        "targets": ["all"],
-        "commit": "0123456789abcdef" * 2 + "01234567",
-        "dirty": False,
-        "versions": {"python": "3.x", "numpy": "2.x"},
-        "platform": "a platform",
-        "cpu": {"model": "Fast 9", "features": []},
-        "jobs_run": 46,
-        **more,
-    }
+    start, spent = f"2026-01-01T00:00:0{number}.000Z", None if duration is None else 2 * duration
+    about = {"status": status, "duration": duration, "cpu_seconds": spent, "commit": COMMIT, "config": {}}
+    return run(f"20260101T00000{number}Z-0000000{number}", start, None, **about, **more)
 
 
 def write_results(folder, systems=tuple(SYSTEMS), methods=made.METHODS):
@@ -109,8 +95,7 @@ def write_results(folder, systems=tuple(SYSTEMS), methods=made.METHODS):
             place.write_text(SVG, encoding="utf-8")
     write_claims(folder)
     write_tables(folder)
-    history = [run_of_history(1, "failed", 3.5), run_of_history(2)]
-    (folder / "history.jsonl").write_text("".join(json.dumps(run) + "\n" for run in history))
+    write_history(folder, [run_of_history(1, "failed", 3.5), run_of_history(2)])
     return folder
 
 

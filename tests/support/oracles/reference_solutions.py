@@ -19,6 +19,12 @@ def oscillator_step(tableau, tau):
     return step
 
 
+def ellipse_error(tableau, tau):
+    """max |H/H0 - 1| on the ellipse that the steps from (1, 0) conserve."""
+    step = oscillator_step(tableau, tau)
+    return abs(step[1, 0] / step[0, 1] + 1)
+
+
 def oscillator_state(tableau, tau, steps):
     """(q, p) after ``steps`` steps from (1, 0), by binary powers of the step matrix."""
     state = oscillator_step(tableau, tau) ** steps * matrix([1, 0])

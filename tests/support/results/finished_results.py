@@ -36,9 +36,9 @@ def run(identifier: str, start: str, end: str | None, **other: object) -> dict[s
     return {
         "id": identifier, "work": "ab" * 32, "status": "ok", "exit_status": 0, "start": start, "end": end,
         "duration": 23.41, "cpu_seconds": 40.5, "cores": 2, "command": ["snakemake", "-j2"], "targets": ["all"],
-        "commit": COMMIT, "dirty": False, "config": CONFIG, "config_digest": "cd" * 32, "code_digest": "ef" * 32,
-        "coefficients_digest": "01" * 32, "versions": VERSIONS, "platform": "Linux-6.1-x86_64",
-        "cpu": {"model": "A processor", "features": ["avx2"]}, "jobs_run": 46, "jobs_reused": 0,
+        "commit": COMMIT, "dirty": False, "config": CONFIG, "config_digest": "cd" * 32, "code_digest": "c" * 64,
+        "coefficients_digest": "d" * 64, "versions": VERSIONS, "platform": "Linux-6.1-x86_64",
+        "cpu": {"model": "Fast 9", "features": ["avx2"]}, "jobs_run": 46, "jobs_reused": 0,
         "evaluations": 4160000000, "evaluations_skipped": None,
     } | other  # fmt: skip
 
@@ -64,19 +64,27 @@ def entry(content: bytes, identifier: str) -> dict[str, object]:
     }  # fmt: skip
 
 
-def write_result(folder: Path, files: dict[str, tuple[bytes, str]] | None = None) -> Path:
+def write_manifest(folder: Path, files: dict[str, dict[str, object]]) -> None:
+    """Write the manifest of a folder from the entries of its files."""
+    manifest = {"format": "nearharmonic manifest 1", "files": files, "changed": []}
+    text = json.dumps(manifest, sort_keys=True, ensure_ascii=False)
+    manifest["sha256"] = hashlib.sha256(text.encode()).hexdigest()
+    (folder / "manifest.json").write_text(json.dumps(manifest, indent=1))
+
+
+def write_history(folder: Path, lines: list[dict[str, object]]) -> None:
+    """Write lines as the history of a folder."""
+    (folder / "history.jsonl").write_text("".join(f"{json.dumps(line)}\n" for line in lines))
+
+
+def write_result(folder: Path) -> Path:
     """Write the result to ``folder`` and return it."""
-    files = FILES if files is None else files
-    for path, (content, _) in files.items():
+    for path, (content, _) in FILES.items():
         place = folder / path
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_bytes(content)
     (folder / "logs").mkdir(parents=True)
     (folder / "logs" / "reduce.log").write_text("not archived")
-    manifest = {"format": "nearharmonic manifest 1", "changed": []}
-    manifest["files"] = {path: entry(*made) for path, made in sorted(files.items())}
-    text = json.dumps(manifest, sort_keys=True, ensure_ascii=False)
-    manifest["sha256"] = hashlib.sha256(text.encode()).hexdigest()
-    (folder / "manifest.json").write_text(json.dumps(manifest, indent=1))
-    (folder / "history.jsonl").write_text("".join(json.dumps(line) + "\n" for line in HISTORY))
+    write_manifest(folder, {path: entry(*made) for path, made in sorted(FILES.items())})
+    write_history(folder, HISTORY)
     return folder

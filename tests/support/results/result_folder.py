@@ -20,10 +20,10 @@ from nearharmonic.reproduction.experiments.paper.run import integrate
 from nearharmonic.reproduction.experiments.paper.tableaus.decompose import decompose
 from nearharmonic.reproduction.tasks import job
 from nearharmonic.reproduction.tasks.provenance import provenance, task
+from support.results import finished_results
+from support.results.finished_results import entry, run, write_history
 
 METHODS = ("ruth", "babps9o7h")
-VERSIONS = {"python": "3.11.7", "nearharmonic": "0.1.0", "numpy": "2.4.6", "numba": "0.68.1", "snakemake": "9.27.0"}
-
 #: Ruth's runs at the largest steps diverge on Henon-Heiles; the oscillator has cells that were never run.
 SWEEPS = (
     Sweep(
@@ -52,33 +52,8 @@ def run_id(hour, tail="3f9a1c2e"):
 
 def history_line(hour, **changes):
     """One line of ``history.jsonl``: the run that started at ``hour``."""
-    line = {
-        "id": run_id(hour),
-        "work": "a" * 64,
-        "status": "ok",
-        "exit_status": 0,
-        "start": f"2026-11-22T{hour:02d}:02:53.123Z",
-        "end": f"2026-11-22T{hour:02d}:03:16.533Z",
-        "duration": 23.41,
-        "cpu_seconds": 40.5,
-        "cores": 2,
-        "command": ["snakemake", "-j2"],
-        "targets": ["all"],
-        "commit": "0123456789abcdef0123456789abcdef01234567",
-        "dirty": False,
-        "config": config(),
-        "config_digest": "b" * 64,
-        "code_digest": "c" * 64,
-        "coefficients_digest": "d" * 64,
-        "versions": VERSIONS,
-        "platform": "Linux-6.18-x86_64",
-        "cpu": {"model": "Fast 9", "features": ["avx2"]},
-        "jobs_run": 46,
-        "jobs_reused": 0,
-        "evaluations": 4160000000,
-        "evaluations_skipped": 4280000000,
-    }
-    return line | changes
+    start, end = (f"2026-11-22T{hour:02d}:{rest}Z" for rest in ("02:53.123", "03:16.533"))
+    return run(run_id(hour), start, end, config=config()) | changes
 
 
 def config(name="paper"):
@@ -120,11 +95,6 @@ def build(folder, *, sweeps=SWEEPS, methods=METHODS, runs=None):
     return write_manifest(folder)
 
 
-def write_history(folder, lines):
-    """Write ``lines`` as the history of ``folder``."""
-    (folder / "history.jsonl").write_text("".join(f"{json.dumps(line)}\n" for line in lines))
-
-
 def write_claims(folder, claims):
     """Write ``claims``, rows as in :data:`CLAIMS`, as the JSON of the target ``claims``."""
     header = ("id", "paper", "statement", "verdict", "value", "threshold")
@@ -144,27 +114,13 @@ def edited(path):
     path.write_bytes(content + b"\nnearharmonic sha256 " + sha256(content).hexdigest().encode() + b"\n")
 
 
-def write_manifest(folder, run=None, volatile=(("tables/methods.csv", ["seconds"]),)):
+def write_manifest(folder, volatile=(("tables/methods.csv", ["seconds"]),)):
     """Write the manifest of all that is in ``folder``, and return the folder."""
-    ours = ("manifest.json", "history.jsonl")
-    names = sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file())
-    files = {}
-    for name in (name for name in names if name not in ours and not name.startswith("logs/")):
-        content = (folder / name).read_bytes()
-        files[name] = {
-            "size": len(content),
-            "sha256": sha256(content).hexdigest(),
-            "function": "reproduction.experiments.paper.reduce:reduce",
-            "code": "e" * 64,
-            "coefficients": "f" * 64,
-            "run": run or run_id(8),
-            "systems": [],
-            "integrators": [],
-            "volatile": dict(volatile).get(name, []),
-        }
-    told = {"format": "nearharmonic manifest 1", "files": files, "changed": []}
-    told["sha256"] = sha256(json.dumps(told, sort_keys=True, ensure_ascii=False).encode()).hexdigest()
-    (folder / "manifest.json").write_text(json.dumps(told))
+    names = {str(path.relative_to(folder)): path for path in sorted(folder.rglob("*")) if path.is_file()}
+    ours = {name for name in names if name in ("manifest.json", "history.jsonl") or name.startswith("logs/")}
+    about = {name: {"systems": [], "integrators": [], "volatile": dict(volatile).get(name, [])} for name in names}
+    files = {name: entry(names[name].read_bytes(), run_id(8)) | about[name] for name in names.keys() - ours}
+    finished_results.write_manifest(folder, files)
     return folder
 
 

@@ -21,6 +21,8 @@ from nearharmonic.reproduction.experiments.derivation.elimination import elimina
 from nearharmonic.reproduction.experiments.derivation.families import PRINTED, UNIQUE, agreement
 from nearharmonic.reproduction.experiments.derivation.isolated import Solving, _root, solve
 from nearharmonic.reproduction.experiments.derivation.search.starts import sample, search
+from support.second_opinion.exact_statements import step
+from support.second_opinion.methods import Method
 
 SEED = 20150106
 
@@ -34,42 +36,13 @@ def points(draw):
     return Equations(stages, order, draw(st.sampled_from(["kick", "drift"]))), [Fraction(n, 1000) for n in x]
 
 
-def multiplied(a, b, length):
-    total = [Fraction(0)] * length
-    for i, c in enumerate(a):
-        for j, d in enumerate(b[: length - i]):
-            total[i + j] += c * d
-    return total
-
-
-def position(equations, x, length):
-    """q_b from (1, -1) by products of 2x2 matrices of polynomials in tau, the rows written out from the definition."""
-    outer, inner = equations.palindromes(x)
-    zero, one = [Fraction(0)] * length, [Fraction(1)] + [Fraction(0)] * (length - 1)
-    K = [[one, zero], [zero, one]]
-    for n in range(2 * equations.stages + 1):
-        c = outer[n // 2] if n % 2 == 0 else inner[n // 2]
-        linear = [Fraction(0), c] + [Fraction(0)] * (length - 2)
-        drifts = (n % 2 == 0) == (equations.first == "drift")
-        shear = [[one, linear], [zero, one]] if drifts else [[one, zero], [[-v for v in linear], one]]
-        K = [
-            [
-                [a + b for a, b in zip(*(multiplied(shear[i][k], K[k][j], length) for k in range(2)), strict=True)]
-                for j in range(2)
-            ]
-            for i in range(2)
-        ]
-    return [a - b for a, b in zip(K[0][0], K[0][1], strict=True)]
-
-
 # --- the equations ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 @given(points())
 def test_errors_are_those_of_product_of_matrices_in_exact_arithmetic(case):
     equations, x = case
-    zeta = position(equations, x, 11)
+    zeta = [*step(Method(equations.first, *equations.palindromes(x)), 1, -1)[0], *[0] * 10]
     exact = [(1, -1, -1, 1)[n % 4] - factorial(n) * zeta[n] for n in range(1, 11)]
     assert equations.errors(x, 10) == exact
     assert equations.residuals(x) == exact[2 : equations.harmonic_order]

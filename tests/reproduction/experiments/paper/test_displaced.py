@@ -1,14 +1,16 @@
-"""Paths of panel D of Figure 6 from starts outside its plane, compared with explicit steps and single runs."""
+"""Paths of panel D of Figure 6 from starts outside its plane, compared with steps in multiprecision and single runs."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from mpmath import mpf
 
 import nearharmonic as nh
 from nearharmonic.integrators import integrators
 from nearharmonic.reproduction.experiments.paper.orbits import displaced
 from nearharmonic.reproduction.experiments.paper.orbits.substeps import PAPER_PANELS, paper_panels
+from support.oracles.multiprecision import energy_errors, trajectory
 
 ITERATIONS = 100_000
 
@@ -24,23 +26,15 @@ def cube(contents):
 
 
 def walked(q_x, iterations):
-    """q_x and |dH/H0| after each step of 2 from (q_x, 0.4), (0, 0.4): kicks and drifts in turn, in plain doubles."""
-    tableau = integrators["babs7o7h"]
-    kicks, drifts = ([2.0 * float(each) for each in row] for row in (tableau.kick, tableau.drift))
-    x, y, px, py = q_x, 0.4, 0.0, 0.4
-    found, start = [], None
-    for _ in range(iterations + 1):
-        energy = (px**2 + py**2 + x**2 + y**2) / 2 + x**2 * y - y**3 / 3
-        start = energy if start is None else start
-        found.append((x, abs(energy - start) / start))
-        for kick, drift in zip(kicks, [*drifts, 0.0], strict=True):
-            px, py = px - kick * (x + 2 * x * y), py - kick * (y + x**2 - y**2)
-            x, y = x + drift * px, y + drift * py
-    return np.array(found[1:]).T
+    """q_x and |dH/H0| after each step of 2 from (q_x, 0.4), (0, 0.4)."""
+    steps = integrators["babs7o7h"], nh.systems["henon_heiles"], mpf(2), iterations
+    start = [mpf(q_x), mpf("0.4")], [mpf(0), mpf("0.4")]
+    _, *states = trajectory(*steps, start)
+    return np.array([[q[0] for q, _ in states], energy_errors(*steps, start)], dtype=float)
 
 
 @pytest.mark.parametrize("run", [0, 3, 4])
-def test_the_paths_are_those_of_plain_steps(cube, run):
+def test_the_paths_are_those_of_steps_in_multiprecision(cube, run):
     """Rounding of 1e-16 grows by a factor e in about seven iterations, to 1e-12 after 60."""
     position, error = walked(float(displaced.DISPLACEMENTS[run]), 60)
     marks = cube["iteration"][cube["iteration"] <= 60]

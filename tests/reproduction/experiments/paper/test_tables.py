@@ -5,11 +5,12 @@ from __future__ import annotations
 from math import inf, sqrt
 
 import pytest
-from mpmath import mp, mpf
+from mpmath import mpf
 
 from nearharmonic.integrators import integrators
 from nearharmonic.reproduction.experiments.paper.tableaus.overview import overview
 from nearharmonic.reproduction.experiments.paper.tableaus.tables import even_orders, recursion_values, structure
+from support.oracles.reference_solutions import oscillator_step
 
 
 def row_of(name):
@@ -65,13 +66,8 @@ def test_ruth_sums_and_signs_follow_from_closed_form():
 
 
 def half_trace(tableau, tau):
-    """Half the trace of the product of shears."""
-    K = mp.eye(2)
-    for i, c in enumerate([c for pair in zip(tableau.outer, (*tableau.inner, "0"), strict=True) for c in pair][:-1]):
-        shear = mpf(c) * tau
-        drifts = (tableau.first == "drift") == (i % 2 == 0)
-        K = (mp.matrix([[1, shear], [0, 1]]) if drifts else mp.matrix([[1, 0], [-shear, 1]])) * K
-    return (K[0, 0] + K[1, 1]) / 2
+    step = oscillator_step(tableau, tau)
+    return (step[0, 0] + step[1, 1]) / 2
 
 
 @pytest.mark.parametrize("name", ["ruth", "aba864", "babps9o7h"])

@@ -6,9 +6,8 @@ from math import factorial
 
 import numpy as np
 import pytest
-from mpmath import log, matrix, mp, mpf, sqrt
+from mpmath import matrix, mp, mpf, sqrt
 
-from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.nearharmonic_2026 import TABLEAUS
 from nearharmonic.reproduction.experiments.sixth_order.cascade import candidates_of
@@ -17,47 +16,13 @@ from nearharmonic.reproduction.experiments.sixth_order.criterion import TAU_PER_
 from nearharmonic.reproduction.experiments.sixth_order.registration import short_decimals
 from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import error_norm, harmonic_order_of
-from nearharmonic.theory.symmetric import alternating
 from nearharmonic.training.polish import NotConvergedError, polished, tableau_of
-from support.oracles.nystrom_steps import equations_of, unknowns_of, word_sum
+from support.oracles.nystrom_steps import equations_of, unknowns_of
 from support.oracles.reference_solutions import oscillator_step
-from support.oracles.word_series import operators_of
 
 NAMES = [tableau.name for tableau in TABLEAUS]
 EVERY = pytest.mark.parametrize("name", NAMES)
 
-
-def energy_slope(tableau, force, potential, state, tau, steps, speed=lambda p: p, kinetic=lambda p: p * p / 2):
-    """log2 of what halving ``tau`` gains in the largest error of the energy, seen at the same instants."""
-    q0, p0 = ([mpf(x) for x in row] for row in state)
-
-    def energies(tau, steps):
-        q, p, values = q0, p0, []
-        for _ in range(steps):
-            for letter, c in operators_of(tableau, mpf):
-                if letter == "A":
-                    q = [x + c * tau * speed(v) for x, v in zip(q, p, strict=True)]
-                else:
-                    p = [v + c * tau * f for v, f in zip(p, force(*q), strict=True)]
-            values.append(sum(map(kinetic, p)) + potential(*q))
-        return values
-
-    start = sum(map(kinetic, p0)) + potential(*q0)
-    coarse = max(abs(H - start) for H in energies(tau, steps))
-    fine = max(abs(H - start) for H in energies(tau / 2, 2 * steps)[1::2])
-    return log(coarse / fine, 2)
-
-
-HENON_HEILES = (
-    lambda x, y: (-x - 2 * x * y, -y - x * x + y * y),
-    lambda x, y: (x * x + y * y) / 2 + x * x * y - y**3 / 3,
-    (["0.3", "0.1"], ["0.2", "0.4"]),
-)
-KEPLER = (
-    lambda x, y: (-x / sqrt(x * x + y * y) ** 3, -y / sqrt(x * x + y * y) ** 3),
-    lambda x, y: -1 / sqrt(x * x + y * y),
-    (["1.2", "0.1"], ["0.1", "0.8"]),
-)
 
 # --- the criterion ----------------------------------------------------------------------------------------------------
 
@@ -103,24 +68,6 @@ def test_harmonic_errors_are_those_of_the_step_matrix(name):
 
 
 @EVERY
-def test_the_equations_hold_to_the_registered_digits(name):
-    tableau = integrators[name]
-    with mp.workdps(120):
-        operators = operators_of(tableau, mpf)
-        allowed = mpf(10) ** (3 - tableau.digits)  # some tens of coefficients of size 1, times derivatives of about 10
-        for degree in (1, 3, 5):
-            words = lyndon_words(degree)
-            errors = [word_sum(word, operators) - mpf(1) / factorial(degree) for word in words]
-            for row in conditions(degree, quadratic=True):
-                weighted = sum(mpf(w.numerator) / w.denominator * e for w, e in zip(row.weights, errors, strict=True))
-                assert abs(weighted) < allowed
-        for n in range(7, tableau.harmonic_order + 1):
-            assert abs(word_sum(alternating(n), operators) - mpf(1) / factorial(n)) < allowed
-        beyond = alternating(tableau.harmonic_order + 1)
-        assert abs(word_sum(beyond, operators) - mpf(1) / factorial(len(beyond))) > 1e-12
-
-
-@EVERY
 def test_newton_from_six_digits_comes_to_the_registered_digits(name):
     tableau = integrators[name]
     equations, unknowns = equations_of(tableau), unknowns_of(tableau)
@@ -133,32 +80,6 @@ def test_newton_from_six_digits_comes_to_the_registered_digits(name):
     )  # fmt: skip
     assert (again.kick, again.drift) == (tableau.kick, tableau.drift)
     assert (again.order, again.requires, again.first) == (tableau.order, tableau.requires, tableau.first)
-
-
-@EVERY
-def test_energy_errors_have_order_six_on_henon_heiles_and_kepler(name):
-    # What the next error term leaves of a slope at steps of 2^-8 is tau^2 times a ratio of order 10^2: below 0.05.
-    with mp.workdps(60):
-        for force, potential, state in (HENON_HEILES, KEPLER):
-            slope = energy_slope(integrators[name], force, potential, state, mpf(2) ** -8, 16)
-            assert slope == pytest.approx(6, abs=0.05)
-
-
-@EVERY
-def test_without_quadratic_kinetic_energy_the_order_is_four(name):
-    force, potential, state = HENON_HEILES
-    with mp.workdps(60):
-        slope = energy_slope(
-            integrators[name],
-            force,
-            potential,
-            state,
-            mpf(2) ** -8,
-            16,
-            speed=lambda p: p + p**3,
-            kinetic=lambda p: p * p / 2 + p**4 / 4,
-        )
-    assert slope == pytest.approx(4, abs=0.05)
 
 
 @EVERY

@@ -1,12 +1,14 @@
-"""The Kepler map against an integrator written here, other units, and synthetic data with known answers."""
+"""The Kepler map against steps in multiprecision, other units, and synthetic data with known answers."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import atan2, hypot, log, pi, sqrt
 
 import numpy as np
 import pytest
 import xarray as xr
+from mpmath import mpf
 
 import nearharmonic as nh
 from nearharmonic.reproduction.experiments.stability.ensembles import stacked
@@ -21,6 +23,7 @@ from nearharmonic.reproduction.experiments.stability.settings import (
     EvaluationsGrid,
     MapSettings,
 )
+from support.oracles.multiprecision import trajectory
 
 
 def dataset(contents):
@@ -36,32 +39,16 @@ MAP = MapSettings(
 )  # fmt: skip
 
 
-def stepper(tableau, q, p, tau, steps):
-    """States (x, y, u, v) of every step of a Kepler orbit, GM = 1, in plain Python."""
-    rows = {"drift": [float(c) for c in tableau.drift], "kick": [float(c) for c in tableau.kick]}
-    other = "kick" if tableau.first == "drift" else "drift"
-    order = [tableau.first, other] * tableau.stages + [tableau.first]
-    (x, y), (u, v) = q, p
-    for _ in range(steps):
-        taken = {"drift": 0, "kick": 0}
-        for name in order:
-            h = rows[name][taken[name]] * tau
-            taken[name] += 1
-            if name == "drift":
-                x, y = x + h * u, y + h * v
-            else:
-                r = hypot(x, y)
-                u, v = u - h * x / r**3, v - h * y / r**3
-        yield x, y, u, v
-
-
 @pytest.mark.parametrize("integrator", ["ruth", "babs7o7h"])
 def test_cell_of_kepler_map_is_what_plain_integrator_finds(integrator):
     """Both round differently, by 1e-16 a step: 1e-12 over a thousand steps, of errors above 1e-4."""
     e, steps, orbits = 0.6, 300, 4
     tableau = nh.integrators[integrator]
     paths = maps.orbit_runs(tableau, steps, orbits, np.array([e]))
-    states = list(stepper(tableau, (1 + e, 0.0), (0.0, sqrt((1 - e) / (1 + e))), 2 * pi / steps, steps * orbits))
+    units = replace(nh.systems["kepler"], parameters={"GM": replace(nh.systems["kepler"].parameters["GM"], value="1")})
+    start = [mpf(1 + e), mpf(0)], [mpf(0), mpf(sqrt((1 - e) / (1 + e)))]
+    _, *run = trajectory(tableau, units, mpf(2 * pi / steps), steps * orbits, start)
+    states = [[float(x) for x in (*q, *p)] for q, p in run]
     errors = [abs((u * u + v * v) / 2 - 1 / hypot(x, y) + 0.5) * 2 for x, y, u, v in states]
     assert paths.max_energy_error[0] == pytest.approx(max(errors), rel=1e-7)
     angles = [pi]  # the perihelion lies opposite to the start

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from nearharmonic.reproduction.experiments.stability.henon_heiles.reductions import reduction as of_ensembles
 from nearharmonic.reproduction.experiments.stability.kepler.reductions import reduction as of_maps
 from nearharmonic.reproduction.experiments.stability.kepler.run import kepler_apoapsis
 
@@ -45,10 +44,6 @@ def test_advance_is_rate_of_turning_of_ellipses_that_are_kept(orbits):
     assert np.isnan(advance.sel(eccentricity=0.6)).values.tolist() == [[True, False], [False, True]]
 
 
-def test_evaluations_per_orbit_are_steps_times_stages_of_each_method(orbits):
-    assert of_maps.of(orbits).evaluations_per_orbit.values.tolist() == [[10, 100], [14, 98]]
-
-
 def test_orbit_contour_is_at_crossing_of_its_power_law():
     """c n^-2 is 1e-6 at 1000 sqrt(c); each doubling of n counts once or twice, as coarse grids round."""
     n = np.array([100, 100, 200, 400, 800, 1600, 1600, 3200, 6400])
@@ -63,16 +58,3 @@ def test_orbit_contour_is_at_crossing_of_its_power_law():
     )
     contour = of_maps.of(cube, over="tau_per_stage").evaluations_for_contour
     assert contour.values == pytest.approx(np.array([[500, 1000], [2000, np.nan]]), rel=1e-12, nan_ok=True)
-
-
-def test_step_is_trusted_to_first_loss_with_limits_by_method():
-    """Leapfrog is stable up to a step of 2, by the trace 2 - tau^2 of its matrix."""
-    escaped = [[[0.0, 0.01, 0.02, 0.0]], [[0.5, 0.0, 0.0, 0.0]]]
-    cube = xr.Dataset(
-        {"escaped": (("integrator", "energy", "tau_per_stage"), escaped)},
-        {"integrator": METHODS, "energy": [0.125], "tau_per_stage": [0.1, 0.2, 0.3, 0.4]},
-    )
-    found = of_ensembles.of(cube, over="tau_per_stage")
-    assert found.trusted_up_to.values[0] == [0.2]
-    assert np.isnan(found.trusted_up_to.values[1])
-    assert found.linear_limit.sel(integrator="leapfrog").item() == pytest.approx(2, rel=1e-12)

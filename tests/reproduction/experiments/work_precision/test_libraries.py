@@ -28,7 +28,8 @@ from nearharmonic.systems import Parameter, System, systems
 @pytest.mark.parametrize(
     ("system", "name"),
     [
-        (system, name)
+        # On the oscillator diffrax, which compiles for seconds, has a test below.
+        pytest.param(system, name, marks=[pytest.mark.slow] * ((system, peer.module) == ("sho", "diffrax")))
         for system in ("sho", "kepler")
         for name, peer in PEERS.items()
         if is_installed(peer.module) and (systems[system].gravity or not peer.gravity_only) and not peer.regularised

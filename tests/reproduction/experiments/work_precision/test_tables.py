@@ -109,6 +109,7 @@ def test_the_page_says_by_how_much_a_peer_wins(page):
     assert "- 1e-03: Slow, <= 1 ms" in page
     assert "- 1e-09: **a peer wins**: Fast, 5 ms, 3.2 times as fast as Slow" in page
     assert "- 1e-12: reached by none" in page
+    assert "Fast 9" in "\n".join(page)
 
 
 def test_page_has_least_nanoseconds_of_each_mode_and_calls_around(page):

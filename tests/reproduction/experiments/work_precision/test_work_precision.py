@@ -13,7 +13,6 @@ from nearharmonic.engine.reference import position_t_end, reference
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.integrators import integrators
 from nearharmonic.output import store
-from nearharmonic.output.table import save
 from nearharmonic.recommendation.curve import (
     Curve,
     Point,
@@ -32,8 +31,8 @@ from nearharmonic.recommendation.own import (
 from nearharmonic.recommendation.timings import curves_of, variables
 from nearharmonic.reproduction.experiments.work_precision.run import clock, curves_on, problems
 from nearharmonic.reproduction.experiments.work_precision.settings import WorkPrecisionSettings
-from nearharmonic.reproduction.experiments.work_precision.tables import markdown, rows, table
 from nearharmonic.systems import systems
+from support.cubes.figure_cubes import label, timed
 from support.oracles.reference_solutions import oscillator_state
 
 
@@ -95,18 +94,10 @@ def test_errors_for_good_never_rise_and_end_at_the_least():
 
 def made(method, errors, times, kind="splitting", **more):
     """A curve whose point i has the error errors[i], taken in times[i] seconds by 1000 times as many evaluations."""
-    points = [
-        Point(
-            tau=1.0 / (i + 1),
-            evaluations=1e6 * time,
-            max_energy_error=error,
-            mean_energy_error=error / 2,
-            position_error=10 * error,
-            times={"trajectory": [3 * time, time, 2 * time]},
-        )
-        for i, (error, time) in enumerate(zip(errors, times, strict=True))
-    ]
-    return Curve(method=method, label=method.upper(), kind=kind, points=points, **more)
+    curve = timed(method, errors, times, kind, **more)
+    for i, point in enumerate(curve.points):
+        point.tau, point.evaluations = 1.0 / (i + 1), 1e6 * times[i]
+    return curve
 
 
 def test_ranking_goes_by_time_and_ends_with_those_that_fail():
@@ -214,34 +205,13 @@ def test_the_file_gives_back_what_was_measured(tmp_path):
     group = store.read(tmp_path / "times.h5", "sho")
     back, absent = curves_of(group)
     assert (back.label, back.kind, back.setup, absent.status, absent.points) == (
-        "FIRST", "splitting", 1e-4, "not installed", []
+        label("first"), "splitting", 1e-4, "not installed", []
     )  # fmt: skip
     assert [p.max_energy_error for p in back.points] == [1e-3, 1e-6, 1e-9]
     assert [p.times["trajectory"] for p in back.points] == [[1e-5], [1e-4], [1e-3]]
     assert group.repeats_trajectory.sel(solver="first").values.tolist() == [3, 3, 3]
     assert group.time_trajectory.sel(solver="first", quartile="median").values.tolist() == [2e-5, 2e-4, 2e-3]
     assert crossing(back, "max", 1e-7).time == crossing(first, "max", 1e-7).time
-
-
-def test_table_states_winner_missing_libraries_and_origin_of_times(tmp_path):
-    curves = [
-        made("ours", [1e-2, 1e-7], [1e-5, 1e-4]),
-        made("theirs", [1e-4, 1e-13], [5e-5, 6e-5], kind="peer"),
-        Curve(method="absent", label="Absent", kind="peer", status="not installed"),
-    ]
-    facts = {"measured": "today", "cpu": "Fast 9", "pinned_core": "1", "load_average": "0", "clock": "c"}
-    page = markdown("toy", [("20", ("max",), curves)], facts)
-    assert "1e-12: **a peer wins**: THEIRS" in page
-    assert "- Absent: not installed" in page
-    assert "Fast 9" in page
-    lines = list(rows("toy", "20", ("max",), curves))
-    assert [(row["method"], row["rank"]) for row in lines if row["target"] == 1e-12] == [
-        ("theirs", 1),
-        ("ours", 0),
-        ("absent", 0),
-    ]
-    save(table("toy", lines), [tmp_path / "table.csv"])
-    assert len((tmp_path / "table.csv").read_text().splitlines()) == 1 + 4 * 3
 
 
 def test_a_small_measurement_has_every_method_and_every_mode():

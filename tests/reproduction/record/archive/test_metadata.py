@@ -109,14 +109,9 @@ def test_the_descriptor_describes_itself_and_names_the_root(crate):
     assert crate.read.version == "1.1"
 
 
-def test_root_is_dataset_whose_id_ends_with_slash(crate):
-    """Direct properties of the Root Data Entity: @type and @id."""
-    assert crate.read.root_dataset.type == "Dataset"
-    assert crate.read.root_dataset.id == "./"
-
-
-def test_the_root_has_name_description_date_and_licence(crate):
-    """Direct properties of the Root Data Entity: the properties that it must have; the date in ISO 8601."""
+def test_root_is_dataset_with_name_description_date_and_licence(crate):
+    """Direct properties of the Root Data Entity: those that it must have; the @id ends with a slash."""
+    assert (crate.read.root_dataset.type, crate.read.root_dataset.id) == ("Dataset", "./")
     root = entity(crate, "./")
     assert root["name"]
     assert root["description"]
@@ -130,15 +125,11 @@ def test_every_file_is_a_part_of_the_root(crate):
     assert sorted(parts) == sorted(each["@id"] for each in typed(crate, "File"))
 
 
-def test_what_stands_for_a_file_has_the_type_file(crate):
-    """Referencing files and folders; File Data Entity: @type."""
+def test_every_file_of_archive_is_file_with_relative_uri_path(crate):
+    """File Data Entity: @type and @id; Encoding file paths; Describing entities in JSON-LD."""
     for name in set(crate.names) - {"ro-crate-metadata.json"}:
         (found,) = [each for each in crate.graph if unquote(each["@id"]) == name]
         assert "File" in values(found["@type"])
-
-
-def test_the_id_of_a_file_is_a_relative_uri_path(crate):
-    """File Data Entity: @id; Encoding file paths; Describing entities in JSON-LD."""
     for each in typed(crate, "File"):
         assert is_uri(each["@id"]), each["@id"]
         assert not urlsplit(each["@id"]).scheme
@@ -158,23 +149,13 @@ def test_the_publication_is_cited_by_its_url(crate):
     assert entity(crate, cited)["@type"] == "ScholarlyArticle"
 
 
-def test_an_action_has_an_object_in_the_crate(crate):
-    """Recording changes to RO-Crates: object."""
+def test_an_action_has_an_object_times_and_a_status(crate):
+    """Recording changes to RO-Crates: object, startTime and endTime in ISO 8601, actionStatus."""
     parts = references(entity(crate, "./")["hasPart"])
     for action in typed(crate, "CreateAction"):
         assert set(references(action["object"])) & {"./", *parts}
-
-
-def test_an_action_has_iso_8601_times(crate):
-    """Recording changes to RO-Crates: endTime and startTime."""
-    for action in typed(crate, "CreateAction"):
         assert is_iso_8601(action["startTime"])
         assert "endTime" not in action or is_iso_8601(action["endTime"])
-
-
-def test_the_status_of_an_action_is_one_of_the_enumerated(crate):
-    """Recording changes to RO-Crates: actionStatus."""
-    for action in typed(crate, "CreateAction"):
         assert action["actionStatus"]["@id"] in STATUSES
 
 
@@ -207,15 +188,10 @@ def test_the_root_conforms_to_the_profile(crate):
     assert entity(crate, profile)["version"] == "0.5"
 
 
-def test_each_tool_has_type_and_id(crate):
-    """Requirements, SoftwareApplication: @type and @id."""
+def test_there_is_one_action_with_its_tools_for_each_run(crate):
+    """Requirements, CreateAction and SoftwareApplication: @type and a unique @id; mentions of the root."""
     tools = {tool for action in typed(crate, "CreateAction") for tool in references(action["instrument"])}
-    for tool in tools:
-        assert entity(crate, tool)["@type"] == "SoftwareApplication"
-
-
-def test_there_is_one_action_for_each_run(crate):
-    """Requirements, CreateAction: @type and a unique @id; mentions of the root."""
+    assert {entity(crate, tool)["@type"] for tool in tools} == {"SoftwareApplication"}
     actions = [action["@id"] for action in typed(crate, "CreateAction")]
     assert sorted(actions) == sorted(f"#run-{run['id']}" for run in finished_results.HISTORY)
     assert sorted(references(entity(crate, "./")["mentions"])) == sorted(actions)
