@@ -1,72 +1,23 @@
-"""Statements on coefficients and on terms of a step on H = (p^2 + q^2)/2, decided in exact fractions."""
+"""Statements on coefficients and on terms of the oscillator, decided in exact fractions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from fractions import Fraction
-from itertools import product, takewhile
-from math import factorial
+from itertools import product
 from random import Random
 
 from support.second_opinion import Opinion
-from support.second_opinion.methods import METHODS, Method
-
-Polynomial = list[Fraction]  # coefficients of 1, tau, tau^2, ...
-
-#: A term vanishes below this: decimals of the print end at 10^-76, and no other term of the methods is below 10^-5.
-VANISHED = Fraction(1, 10**60)
-
-
-def plus(one: Polynomial, factor: Fraction, other: Polynomial) -> Polynomial:
-    """Return one + factor tau other."""
-    longer = max(len(one), len(other) + 1)
-    padded = one + [Fraction(0)] * (longer - len(one))
-    return [padded[0], *(padded[i] + factor * (other[i - 1] if i <= len(other) else 0) for i in range(1, longer))]
-
-
-def states(moves: Iterable[tuple[str, Fraction]], q: int, p: int) -> list[tuple[Polynomial, Polynomial]]:
-    """Return position and momentum after each of the moves, from numbers q and p."""
-    state = [Fraction(q)], [Fraction(p)]
-    found = []
-    for kind, coefficient in moves:
-        position, momentum = state
-        if kind == "drift":
-            state = plus(position, coefficient, momentum), momentum
-        else:
-            state = position, plus(momentum, -coefficient, position)
-        found.append(state)
-    return found
-
-
-def step(method: Method, q: int, p: int) -> tuple[Polynomial, Polynomial]:
-    """Return position and momentum after a step from numbers q and p."""
-    return states(method.moves(), q, p)[-1]
-
-
-def swapped(method: Method) -> Method:
-    """Return the composition of the other kind with these rows."""
-    return method._replace(first="kick" if method.first == "drift" else "drift")
-
-
-def errors(terms: Polynomial, derivatives: tuple[int, int, int, int]) -> list[Fraction]:
-    """Return |derivative - n! term| for n = 0, 1, ...: Eq. 17, with derivatives of period four."""
-    return [abs(derivatives[n % 4] - factorial(n) * term) for n, term in enumerate(terms)]
-
-
-def position_errors(method: Method) -> list[Fraction]:
-    """Return kappa_0, kappa_1, ... of Eq. 17 from q = 1, p = -1, where q = cos t - sin t."""
-    return errors(step(method, 1, -1)[0], (1, -1, -1, 1))
-
-
-def momentum_errors(method: Method) -> list[Fraction]:
-    """Return the terms of Eq. 17 for the momentum, which is -cos t - sin t."""
-    return errors(step(method, 1, -1)[1], (-1, -1, 1, 1))
-
-
-def harmonic_order(terms: list[Fraction]) -> int:
-    """Return the order up to which all terms vanish."""
-    return len(list(takewhile(lambda term: term < VANISHED, terms))) - 1
-
+from support.second_opinion.algebra import (
+    VANISHED,
+    harmonic_order,
+    momentum_errors,
+    position_errors,
+    states,
+    step,
+    swapped,
+)
+from support.second_opinion.methods import METHODS, Method, closed
 
 SELECTED = ("ABA864", "ABA1064", "Yosh s7o6 A", "ABAs5o6H", "BABs7o7H", "BAB's8o7H", "BAB's9o7H")
 
@@ -91,6 +42,17 @@ def only_solution_of_eq_14() -> Opinion:
     ruth = (8 - 2, -12, 6, -1)
     only = reduced and discriminant < 0 and ruth == cubic
     return ("holds" if only else "fails"), ["1 real root"]
+
+
+def general_criteria_of_eq_16() -> Opinion:
+    """Try coefficients that solve Eq. 16 on the oscillator, which is a separable Hamiltonian."""
+    outer = closed([Fraction(1, 3), Fraction(2, 3)], 5)
+    inner = closed([Fraction(3, 4)], 4)
+    example = Method("kick", outer, inner)
+    symmetric = outer == outer[::-1] and inner == inner[::-1] and sum(outer) == sum(inner) == 1
+    solves = step(example, 1, 0)[0][2:5:2] == [Fraction(-1, 2), Fraction(1, 24)]
+    refuted = symmetric and solves and harmonic_order(position_errors(example)) < 4
+    return ("fails" if refuted else "undecided"), []
 
 
 def inner_limit_of_table_3() -> Opinion:
@@ -150,6 +112,7 @@ def even_orders_of_figure_2() -> Opinion:
 
 STATEMENTS: dict[str, Callable[[], Opinion]] = {
     "eq-14-only-solution": only_solution_of_eq_14,
+    "eq-16-general": general_criteria_of_eq_16,
     "table-3-inner-limit": inner_limit_of_table_3,
     "bab-prime-leaves-q": bab_prime_leaves_q,
     "fig-2-kappa-7": seventh_term_of_figure_2,

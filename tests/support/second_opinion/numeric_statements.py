@@ -1,75 +1,26 @@
-"""Statements on curves of errors over ranges of step sizes, decided in floating point."""
+"""Statements on curves of errors and on one unstable run, decided in floating point."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 import numpy as np
+from mpmath import mpf, workdps
 
 from support.second_opinion import Opinion
-from support.second_opinion.runs import SYSTEMS, Curves, curves
-
-#: A curve counts from 100 times the rounding of a double on, up to a maximum error of 1 %.
-CLEAR, LOST = 100 * 2.0**-53, 0.01
-#: Intervals of the grid, forty to a decade.
-HALF, QUARTER = 20, 10
-#: A local slope is fitted to so many points on either side, 0.05 decade.
-AROUND = 2
-#: A share of the range that leaves out its edges only.
-NEARLY_ALL = 0.95
-
-
-def compared(rows: Iterable[tuple[Curves, str]]) -> slice:
-    """Return the part of the grid where all rows are clear of rounding and no maximum error is above 1 %."""
-    rows = list(rows)
-    unclear = np.any([getattr(one, row) < CLEAR for one, row in rows], axis=0)
-    lost = np.any([one.largest > LOST for one, _ in rows], axis=0)
-    if not (unclear[0] and lost[-1]):
-        message = "the grid does not contain the range"
-        raise ValueError(message)
-    return slice(int(np.flatnonzero(unclear)[-1]) + 1, int(np.argmax(lost)))
-
-
-def longest(good: np.ndarray) -> slice:
-    """Return the longest run of true values; slice(0, 0) if there is none."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]]))).reshape(-1, 2)
-    pieces = (slice(int(start), int(stop)) for start, stop in edges)
-    return max(pieces, key=lambda piece: piece.stop - piece.start, default=slice(0, 0))
-
-
-def over(good: np.ndarray) -> str:
-    """Return the verdict of a statement that is true at these step sizes of its range."""
-    piece = longest(good)
-    inside = piece.stop - piece.start
-    if good.all():
-        return "holds"
-    if inside == good.sum() >= NEARLY_ALL * good.size:
-        return "holds but for edges"
-    return "holds in part" if inside - 1 >= HALF else "fails"
-
-
-def local_slopes(one: Curves) -> np.ndarray:
-    """Return slopes of a maximum error at the step sizes of its range, fitted to their neighbours in the range."""
-    part = compared([(one, "largest")])
-    x, y = np.log10(one.x[part]), np.log10(one.largest[part])
-    windows = [slice(max(i - AROUND, 0), i + AROUND + 1) for i in range(x.size)]
-    return np.array([np.polyfit(x[near], y[near], 1)[0] for near in windows])
-
-
-def descent(several: Iterable[Curves], order: int) -> str:
-    """Return the verdict that slopes stay within 0.5 of an order for half a decade, or a quarter in part."""
-    pieces = [longest(np.abs(local_slopes(one) - order) <= 0.5) for one in several]
-    widths = [piece.stop - piece.start - 1 for piece in pieces]
-    if all(width >= HALF for width in widths):
-        return "holds"
-    return "fails" if all(width < QUARTER for width in widths) else "holds in part"
-
+from support.second_opinion.methods import METHODS
+from support.second_opinion.ranges import compared, descent, over
+from support.second_opinion.runs import SYSTEMS, curves
 
 NEW = ("ABAs5o6H", "BABs7o7H", "BAB's8o7H", "BAB's9o7H")
 #: "Several orders of magnitude" are two at least.
 SEVERAL = 100
 #: A tenth of a decade is covered by a dot of the figure.
 DOT = 10**0.1
+
+
+def sixth_order_on_the_oscillator() -> Opinion:
+    return descent((curves("oscillator", label) for label in NEW), 6), []
 
 
 def sixth_order_descent_on_henon_heiles() -> Opinion:
@@ -108,9 +59,32 @@ def coincide_in_figure_4() -> Opinion:
     return over(good), [f"{good.sum()} of {good.size} step sizes", spread]
 
 
+def unstable_in_figure_6() -> Opinion:
+    """Run Yosh s7o6 A with tau = 2 from q = p = 0.4 on the axis x = 0 of the Henon-Heiles system."""
+    with workdps(40):  # enough to follow an unstable run to its end
+        moves = [(kind, 2 * mpf(one.numerator) / one.denominator) for kind, one in METHODS["Yosh s7o6 A"].moves()]
+        q = p = mpf("0.4")
+
+        def energy() -> mpf:
+            return (p * p + q * q) / 2 - q**3 / 3
+
+        start = energy()
+        for iteration in range(1, 1001):
+            for kind, length in moves:
+                if kind == "drift":
+                    q += length * p
+                else:
+                    p -= length * (q - q * q)
+            if abs(energy() / start - 1) > 1:
+                return "holds", [f"leaves its energy surface at iteration {iteration}"]
+    return "fails", []
+
+
 STATEMENTS: dict[str, Callable[[], Opinion]] = {
+    "fig-1-sixth-order": sixth_order_on_the_oscillator,
     "fig-3-sixth-order-descent": sixth_order_descent_on_henon_heiles,
     "outperform-ruth": outperform_ruth,
     "outperform-ruth-kepler": outperform_ruth_by_orders_on_kepler,
     "fig-4-coincide": coincide_in_figure_4,
+    "fig-6-c-unstable": unstable_in_figure_6,
 }
