@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import json
 import sys
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -14,8 +13,6 @@ from support.second_opinion import exact_statements, numeric_statements
 
 ROOT = Path(__file__).parents[3]
 COMMITTED = {entry["id"]: entry for entry in json.loads((ROOT / "docs/claims.json").read_text(encoding="utf-8"))}
-STATEMENTS = exact_statements.STATEMENTS | numeric_statements.STATEMENTS
-
 EXPECTED = {
     "eq-14-only-solution": "holds",
     "table-3-inner-limit": "erratum",
@@ -31,30 +28,21 @@ EXPECTED = {
     "outperform-ruth-kepler": "fails",
 }
 NUMBERS = EXPECTED.keys() - {"eq-16-general", "fig-1-sixth-order", "fig-3-sixth-order-descent", "outperform-ruth"}
-every_statement = pytest.mark.parametrize("statement", EXPECTED)
+PROGRAM = [
+    *exact_statements.STATEMENTS.items(),
+    *(pytest.param(*one, marks=pytest.mark.slow) for one in numeric_statements.STATEMENTS.items()),
+]
 
 
-@cache
-def opinion(statement):
-    return STATEMENTS[statement]()
+def test_second_program_has_an_opinion_on_each_expected_verdict():
+    assert exact_statements.STATEMENTS.keys() | numeric_statements.STATEMENTS.keys() == EXPECTED.keys()
 
 
-@every_statement
-def test_committed_verdict_equals_the_expected_one(statement):
-    assert COMMITTED[statement]["verdict"] == EXPECTED[statement]
-
-
-@pytest.mark.slow
-@every_statement
-def test_second_program_reaches_the_expected_verdict(statement):
-    assert opinion(statement)[0] == EXPECTED[statement]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("statement", sorted(NUMBERS))
-def test_committed_value_states_numbers_of_the_second_program(statement):
-    phrases = opinion(statement)[1]
-    assert phrases
+@pytest.mark.parametrize(("statement", "opinion"), PROGRAM)
+def test_second_program_reaches_the_committed_verdict_and_its_numbers(statement, opinion):
+    verdict, phrases = opinion()
+    assert verdict == COMMITTED[statement]["verdict"] == EXPECTED[statement]
+    assert bool(phrases) == (statement in NUMBERS)
     assert [phrase for phrase in phrases if phrase not in COMMITTED[statement]["value"]] == []
 
 

@@ -7,7 +7,6 @@ nearharmonic.reproduction.config.schema`` writes all of them.
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
@@ -105,4 +104,4 @@ def write_generated(root: Path = Path()) -> None:
 
 
 if __name__ == "__main__":
-    write_generated(Path(sys.argv[1]) if len(sys.argv) > 1 else Path())
+    write_generated()
