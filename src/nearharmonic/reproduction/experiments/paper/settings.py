@@ -130,8 +130,8 @@ class SystemSettings:
         min_length=1,
     )
     split: Split | None = setting(
-        "Parts of H that drifts and kicks solve: T and V, if not given; or T with the oscillators whose frequencies the "
-        "system declares, and the rest of V",
+        "Parts of H that drifts and kicks solve: T and V, if not given; or T with the oscillators whose frequencies "
+        "the system declares, and the rest of V",
         "one of kinetic_potential, exact_oscillator, for a name that is not that of a registered system",
         default=None,
     )
