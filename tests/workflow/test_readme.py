@@ -68,6 +68,12 @@ def test_ci_runs_readmes_test_command():
     assert command in (ROOT / ".ci/run").read_text(encoding="utf-8")
 
 
+def test_every_test_that_the_script_of_ci_names_exists():
+    named = re.findall(r"tests/\S+\.py", (ROOT / ".ci/run").read_text(encoding="utf-8"))
+    assert named
+    assert [path for path in named if not (ROOT / path).is_file()] == []
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_somewhere(page):
     for target, _, section in re.findall(r"\]\((?!https?:)([^)#]*)(#([^)]+))?\)", page.read_text(encoding="utf-8")):
