@@ -90,7 +90,24 @@ def touching_points(integrator: str | Tableau, *, first: First | None = None) ->
 def stability_limit(integrator: str | Tableau, *, first: First | None = None) -> BigFloat:
     """Return the step size, to 30 digits, at which the first gap begins; all smaller step sizes are stable.
 
-    Arguments and errors are those of :func:`stability_gaps`.
+    Parameters
+    ----------
+    integrator : str or Tableau
+        Method, or its name.
+    first : {"drift", "kick"}, optional
+        Operator to which the outer row is given; None leaves it as declared.
+
+    Returns
+    -------
+    mpf
+        To 30 digits, in units with m = k = 1.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator.
     """
     return stability_gaps(integrator, first=first)[0][0]
 
@@ -106,8 +123,24 @@ def stability_end(integrator: str | Tableau, *, first: First | None = None) -> B
 def growth_rate(integrator: str | Tableau, tau: BigFloat, *, first: First | None = None) -> BigFloat:
     """Return the larger Lyapunov exponent of a step: ln of the larger |eigenvalue| of K, arcosh(|tr K|/2).
 
-    It is 0 where the step is stable. Arguments and errors are those of
-    :func:`nearharmonic.theory.oscillator.stability_trace`.
+    Parameters
+    ----------
+    integrator, first
+        As for :func:`stability_gaps`.
+    tau : mpf
+        Step size, in units with m = k = 1.
+
+    Returns
+    -------
+    mpf
+        Exponent per step; 0 where the step is stable.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``tau`` is no finite number above 0, or ``first`` no operator.
     """
     # The printed digits of BCSS 4 produce a gap of width 1e-20, in which the trace exceeds 2 by 1e-40.
     with mp.workdps(max(mp.dps, CLOSED_FORM_DIGITS)):

@@ -80,7 +80,12 @@ def momentum_row(integrator: str | Tableau, *, first: First | None = None) -> Po
     The momentum follows from the last drift, p = (q_h - q_(h-1)) / (tau c_h), and for BAB from one more kick.
 
     Odd powers are in units of q_a, even powers in units of p_a. Arguments and errors are those of
-    :func:`position_rows`; no drift may be 0.
+    :func:`position_rows`.
+
+    Raises
+    ------
+    TableauError
+        The last drift is 0.
     """
     tableau = tableau_of(integrator, first)
     before, last = position_rows(tableau)[-2:]
