@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 
 import mpmath
 import pytest
@@ -12,6 +12,7 @@ from hypothesis import settings
 from xdist.scheduler.loadscope import LoadScopeScheduling
 
 import nearharmonic as nh
+from support.trials.campaign import Campaign, TrialsPlugin
 
 #: Their tests read the projects in which the workflow has run to its end.
 FINISHED = {
@@ -56,6 +57,31 @@ def _environment():
     assert after == before
 
 
+@pytest.fixture
+def trials(request):
+    """Start a campaign of cases of one kind, such as ``trials("E. bad configs")``; all of them are checked at the end."""
+    started = []
+
+    def start(kind):
+        started.append(Campaign(kind))
+        return started[-1]
+
+    yield start
+    for one in started:
+        request.node.user_properties.append(("trials", (one.kind, one.tried, len(one.failed))))
+    for one in started:
+        one.check()
+
+
+def pytest_addoption(parser):
+    parser.addoption("--trials", metavar="FILE", help="run trials alone, and write how many cases of each kind failed")
+
+
+def pytest_configure(config):
+    if config.getoption("--trials") and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(TrialsPlugin(Path(config.getoption("--trials"))))
+
+
 class OneProcessAFile(LoadScopeScheduling):
     """The tests of a file go to one process, so that they share fixtures and caches.
 
@@ -75,9 +101,11 @@ def pytest_xdist_make_scheduler(config, log):
     return OneProcessAFile(config, log)
 
 
-def pytest_collection_modifyitems(items):
+def pytest_collection_modifyitems(config, items):
     """Put the workflow first: its files take longest, and a long file at the end keeps one process busy alone."""
     items.sort(key=lambda item: item.path.parent.name != "workflow")
+    if config.getoption("--trials"):
+        items[:] = [item for item in items if "trials" in item.fixturenames]
 
 
 @pytest.hookimpl(wrapper=True)
