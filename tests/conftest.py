@@ -59,7 +59,7 @@ def _environment():
 
 @pytest.fixture
 def trials(request):
-    """Start a campaign of cases of one kind, such as ``trials("E. bad configs")``; all of them are checked at the end."""
+    """Start campaigns of one kind of cases, such as ``trials("E. bad configs")``, checked at the end."""
     started = []
 
     def start(kind):
