@@ -36,6 +36,10 @@ class CompiledCodeError(NearharmonicError):
     """Machine code that cannot be loaded."""
 
 
+class UntrustedFileError(NearharmonicError):
+    """A Python file that a result names and that the user has not allowed to run."""
+
+
 class RefusedError(NearharmonicError):
     """A request that is refused because of its results: an answer, not a fault of the input."""
 

@@ -33,6 +33,7 @@ MINE = {
 }  # fmt: skip
 OPTION = ("--configfile", "own/mine.yaml")
 RESULTS = "results/mine"
+TRUST = [word for name in ("quartic_well", "fourth_order", "clearance") for word in ("--trust", f"own/{name}.py")]
 
 pytestmark = pytest.mark.slow  # the figure and the cube of one system alone: test_user_file.py
 
@@ -131,6 +132,10 @@ def test_other_initial_values_run_that_system_alone(made):
 
 def test_verify_finds_no_fault_reruns_and_reports_edit(made):
     done = made.nearharmonic("verify", RESULTS, "--rerun", "4")
+    assert done.returncode == 2
+    assert "own/fourth_order.py (SHA-256 " in done.stderr
+    assert made.nearharmonic("verify", RESULTS).returncode == 0
+    done = made.nearharmonic("verify", RESULTS, "--rerun", "4", *TRUST)
     assert done.returncode == 0, done.stdout
     assert "4 have the same bits" in done.stdout
     path = made.folder / "own/quartic_well.py"
@@ -195,6 +200,9 @@ def test_results_are_adopted_by_copy_of_project_that_has_files(made, tmp_path):
     for name in ("own", RESULTS):
         shutil.copytree(made.folder / name, copy.folder / name)
     done = copy.nearharmonic("adopt", "mine")
+    assert done.returncode == 2
+    assert "is not run: read it, and allow it by --trust own/clearance.py --trust own/fourth_order.py" in done.stderr
+    done = copy.nearharmonic("adopt", "mine", *TRUST)
     assert done.returncode == 0, done.stderr
     assert copy.jobs("all", *OPTION) == {}
     path = copy.folder / "own/quartic_well.py"
@@ -203,6 +211,9 @@ def test_results_are_adopted_by_copy_of_project_that_has_files(made, tmp_path):
     done = copy.nearharmonic("adopt", "mine")
     assert done.returncode == 1
     assert "was made with other code" in done.stdout + done.stderr
+    done = copy.nearharmonic("adopt", "mine", *TRUST)
+    assert done.returncode == 2
+    assert "own/quartic_well.py is not the file that made results/mine" in done.stderr
 
 
 def test_recommend_knows_the_systems_and_the_integrators_of_a_config(made):

@@ -13,6 +13,7 @@ from types import ModuleType
 from typing import Any
 
 from nearharmonic.errors import NearharmonicError
+from nearharmonic.registry.trust import check_trust
 
 #: Size and time of the last change of each file that a module was loaded from.
 Files = dict[Path, tuple[int, int]]
@@ -37,10 +38,13 @@ def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicE
     ------
     NearharmonicError
         Of the class ``error``: the file does not exist, its name does not end in ``.py``, or it fails when it is run.
+    UntrustedFileError
+        The file must not be run in this block.
     """
     path = Path(place)
     if not is_file(path):
         raise error(f"{path}: no such file. {declares}")
+    check_trust(path)
     key = path.resolve()
     if key in _LOADED:
         module, files = _LOADED[key]

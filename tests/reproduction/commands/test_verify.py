@@ -8,7 +8,6 @@ import pytest
 
 from nearharmonic.cli import main
 from nearharmonic.errors import RefusedError
-from nearharmonic.reproduction.record import verify
 from nearharmonic.reproduction.record.adopt import check_jobs
 from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.tasks.provenance import settings_digest, task
@@ -29,7 +28,6 @@ def results(tmp_path, monkeypatch):
     receipt.add([CUBE], TASK)
     receipt.write()
     manifest.write(tmp_path / "results/paper")
-    verify._difference.cache_clear()
     return tmp_path / "results/paper"
 
 

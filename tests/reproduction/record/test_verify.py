@@ -40,7 +40,6 @@ def results(tmp_path, monkeypatch):
     receipt.write()
     manifest.write(folder)
     (folder / "history.jsonl").write_text("{}\n")
-    verify._difference.cache_clear()
     return folder
 
 
@@ -98,7 +97,6 @@ def edit(results, **changes):
     for entry in document["files"].values():
         entry.update(changes)
     place.write_text(manifest.sealed(document))
-    verify._difference.cache_clear()
 
 
 @pytest.mark.parametrize(

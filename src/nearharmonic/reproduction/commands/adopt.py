@@ -6,6 +6,7 @@ import argparse
 import sys
 
 from nearharmonic.output.answers import Answer
+from nearharmonic.reproduction.commands.verify import TRUST
 
 HELP = "take results that were copied here as up to date, after they were verified"
 
@@ -14,6 +15,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to ``parser``."""
     parser.add_argument("result", help="a folder of results in results/, or its name")
     parser.add_argument("--configfile", metavar="FILE", help="its config (default: the one that it was made with)")
+    parser.add_argument("--trust", metavar="FILE", action="append", default=[], help=TRUST)
 
 
 def answer(chosen: argparse.Namespace) -> Answer:
@@ -21,8 +23,10 @@ def answer(chosen: argparse.Namespace) -> Answer:
     from nearharmonic.errors import RefusedError
     from nearharmonic.reproduction.record.adopt import adopt
     from nearharmonic.reproduction.record.files.folders import folder_of
+    from nearharmonic.reproduction.record.files.trusted import check_trusted
 
     folder = folder_of(chosen.result)
+    check_trusted(folder, chosen.trust)
     try:
         number, reason = adopt(folder, chosen.configfile), ""
     except RefusedError as refusal:

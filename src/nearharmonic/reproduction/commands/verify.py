@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from nearharmonic.output.answers import Answer
 
 HELP = "check every file of a result, or of an archive, against its record, and this code against the recorded"
+
+#: Description of the option --trust.
+TRUST = "a Python file of the config that may be run, if its code is the recorded one; repeatable"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -16,6 +20,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("result", help="a folder of results, its name below results/, or an archive (.zip)")
     parser.add_argument("--rerun", metavar="N", default="0", help="integrate N runs again and compare every bit")
     parser.add_argument("--seed", metavar="N", default="1", help="which runs are drawn (default 1)")
+    parser.add_argument("--trust", metavar="FILE", action="append", default=[], help=TRUST)
 
 
 def answer(chosen: argparse.Namespace) -> Answer:
@@ -24,15 +29,22 @@ def answer(chosen: argparse.Namespace) -> Answer:
         return _of_archive(Path(chosen.result))
     from nearharmonic.engine.settings import whole_number
     from nearharmonic.reproduction.record.files.folders import folder_of
-    from nearharmonic.reproduction.record.verify import extent, faults, of_other_configs
+    from nearharmonic.reproduction.record.files.trusted import check_trusted
+    from nearharmonic.reproduction.record.verify import extent, faults, files_not_run, of_other_configs
 
     number, seed = whole_number(chosen.rerun, "rerun"), whole_number(chosen.seed, "seed")
     folder = folder_of(chosen.result)
+    check_trusted(folder, chosen.trust)
     found = [{"file": f.file, "fault": f.says, "mend": f.mend} for f in faults(folder)]
     notes = []
     if not found:
         files, size = extent(folder)
         notes = [f"{_counted(files, 'file')}, {size} bytes: each as its job wrote it, by this code"]
+        if not_run := files_not_run(folder):
+            says = "are those of their recorded code; to compute them: verify"
+            notes.append(
+                f"coefficients of {', '.join(not_run)} {says} {' '.join(f'--trust {quote(f)}' for f in not_run)}"
+            )
         others = of_other_configs(folder)
         if others:
             notes.append(f"{_counted(others, 'file')} of runs whose config was not that of the newest run")

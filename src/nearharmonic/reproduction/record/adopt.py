@@ -13,6 +13,7 @@ from typing import Any
 from nearharmonic.errors import RefusedError
 from nearharmonic.output.store import DEFAULT_CONFIG
 from nearharmonic.reproduction.record.files import manifest
+from nearharmonic.reproduction.record.files.trusted import check_files_of
 from nearharmonic.reproduction.record.verify import faults
 from nearharmonic.reproduction.tasks.provenance import settings_digest
 from nearharmonic.reproduction.tasks.receipts import BESIDE, forget
@@ -43,6 +44,8 @@ def adopt(folder: Path, configfile: str | None = None) -> int:
     RefusedError
         The results differ from their manifest, were made with another code or config or in another folder, or Snakemake
         fails; the message gives the reason.
+    UntrustedFileError
+        The results need a user's file that is not trusted. The process of Snakemake runs no such file either.
     """
     if folder.absolute().parent != Path("results").absolute() or not Path("Snakefile").is_file():
         message = f"{folder} is not in results/ of the folder of the workflow: copy it there, and adopt it from there"
@@ -53,6 +56,7 @@ def adopt(folder: Path, configfile: str | None = None) -> int:
         raise RefusedError(f"{folder} is not adopted: {found[0]}{more}")
     told = manifest.read(folder)
     names = told["files"]
+    check_files_of(names.values())
     command = [sys.executable, "-m", "snakemake", "--touch", "--forceall", "-j1", "--quiet", "rules"]
     files = [f"results/{folder.name}/{name}" for name in names]
     done = subprocess.run(
@@ -63,7 +67,7 @@ def adopt(folder: Path, configfile: str | None = None) -> int:
         check=False,
     )
     if done.returncode:
-        reason = re.search(r"(?:RefusedError in .*|MissingRuleException:)\n(.*)", done.stderr)
+        reason = re.search(r"(?:RefusedError in .*|MissingRuleException:|WorkflowError in .*)\n(.*)", done.stderr)
         message = f"{folder} is not adopted: {reason[1] if reason else done.stderr.strip()[-1000:]}"
         raise RefusedError(message)
     forget(folder, names)  # receipts of previous results in this folder

@@ -17,6 +17,7 @@ from nearharmonic.output.dataset import Variables
 from nearharmonic.reproduction.experiments.paper.grid.plan import runs_of
 from nearharmonic.reproduction.experiments.paper.run import integrate_run
 from nearharmonic.reproduction.record.files import manifest
+from nearharmonic.reproduction.record.files.trusted import check_files_of
 from nearharmonic.reproduction.record.query.run_table import SKIPPED
 from nearharmonic.reproduction.tasks.definitions import defined, read_definitions
 
@@ -59,18 +60,20 @@ def rerun(folder: Path, number: int, seed: int = 1) -> list[Rerun]:
     ------
     ResultFileError
         The manifest or a run file is missing or damaged.
+    UntrustedFileError
+        A system or an integrator is that of a user's file which is not trusted.
     """
-    cells = list(_cells(folder))
-    drawn = sorted(random.Random(seed).sample(range(len(cells)), min(number, len(cells))))
-    return [_again(folder, *cells[i]) for i in drawn]
+    entries = {n: entry for n, entry in manifest.read(folder)["files"].items() if entry["function"] == FUNCTION}
+    cells = [cell for name in entries for cell in _cells(folder, name)]
+    drawn = [cells[i] for i in sorted(random.Random(seed).sample(range(len(cells)), min(number, len(cells))))]
+    check_files_of(entries[name] for name, _, _ in drawn)
+    return [_again(folder, *cell) for cell in drawn]
 
 
-def _cells(folder: Path) -> Iterator[tuple[str, str, int]]:
-    """Yield file, precision and index of every run."""
-    for name, entry in manifest.read(folder)["files"].items():
-        if entry["function"] == FUNCTION:
-            for precision, runs in store.read_precisions(folder / name).items():
-                yield from ((name, precision, i) for i in np.flatnonzero(runs.status.values != SKIPPED).tolist())
+def _cells(folder: Path, name: str) -> Iterator[tuple[str, str, int]]:
+    """Yield file, precision and index of every run of a file."""
+    for precision, runs in store.read_precisions(folder / name).items():
+        yield from ((name, precision, i) for i in np.flatnonzero(runs.status.values != SKIPPED).tolist())
 
 
 def _again(folder: Path, name: str, precision: str, index: int) -> Rerun:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output.store import command_for, workflow_command
 from nearharmonic.reproduction.record import history
 from nearharmonic.reproduction.record.files import manifest
+from nearharmonic.reproduction.record.files.trusted import integrator_files_not_run, is_edited, recorded_digests
 from nearharmonic.reproduction.tasks.definitions import defined, read_definitions
 from nearharmonic.reproduction.tasks.experiment import beside_the_paper, experiments
 from nearharmonic.reproduction.tasks.provenance import digests
@@ -110,10 +111,11 @@ def _of_inputs(folder: Path, entries: Entries) -> Iterator[Fault]:
 def _of_origins(folder: Path, entries: Entries) -> Iterator[Fault]:
     """Yield a fault for each function whose code, systems or methods have changed since it made some of its files."""
     made_otherwise: dict[tuple[str, str], list[str]] = {}
+    difference = cache(partial(_difference, recorded_digests(folder)))
     for name, entry in entries.items():
         reached = tuple(entry["systems"]), tuple(entry["integrators"])
         definitions = json.dumps(entry.get("definitions", {}))
-        differs = _difference(entry["function"], *reached, definitions, **_recorded(entry))
+        differs = difference(entry["function"], *reached, definitions, **_recorded(entry))
         if differs:
             made_otherwise.setdefault((entry["function"], differs), []).append(name)
     for (function, differs), names in made_otherwise.items():
@@ -128,14 +130,25 @@ def _recorded(entry: Mapping[str, Any]) -> dict[str, str]:
     return {what: entry[what] for what in ("code", "coefficients")}
 
 
-@cache
 def _difference(
-    function: str, problems: tuple[str, ...], methods: tuple[str, ...], definitions: str, **recorded: str
+    files: Mapping[str, str],
+    function: str,
+    problems: tuple[str, ...],
+    methods: tuple[str, ...],
+    definitions: str,
+    **recorded: str,
 ) -> str:
-    """Describe the deviations from the record; ``definitions`` of systems and integrators are JSON."""
+    """Describe the deviations from the record; ``definitions`` of systems and integrators are JSON.
+
+    Coefficients from files that are not trusted are compared by the recorded digests of these ``files``.
+    """
+    told = json.loads(definitions)
     try:
-        with defined(read_definitions(json.loads(definitions))):
-            here = digests(function, problems, methods)
+        not_run = integrator_files_not_run([{"definitions": told}])
+        with defined(read_definitions(told)):
+            here = digests(function, problems, () if not_run else methods)
+        if not_run:
+            here["coefficients"] = "" if any(is_edited(file, files) for file in not_run) else recorded["coefficients"]
     except NearharmonicError as error:
         return f"code, of which something is not here ({error})"
     return " and ".join(what for what in recorded if here[what] != recorded[what])
@@ -158,6 +171,17 @@ def extent(folder: Path) -> tuple[int, int]:
     """
     sizes = [entry["size"] for entry in manifest.read(folder)["files"].values()]
     return len(sizes), sum(sizes)
+
+
+def files_not_run(folder: Path) -> list[str]:
+    """Return the sorted files with users' integrators whose coefficients :func:`faults` does not compute.
+
+    Raises
+    ------
+    ResultFileError
+        The manifest is missing or damaged.
+    """
+    return integrator_files_not_run(manifest.read(folder)["files"].values())
 
 
 def of_other_configs(folder: Path) -> int:

@@ -9,6 +9,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from nearharmonic.errors import SettingError
+from nearharmonic.registry.user_module import is_file
 from nearharmonic.reproduction.tasks.sources import PACKAGE, Source, reached, read_source
 
 
@@ -31,7 +32,10 @@ def _beside(folder: Path, path: Path) -> Iterator[Path]:
     package = path.parent if path.parent != folder else folder
     for written in _source(path).imports:
         name = written.lstrip(".")
-        above = package.parents[len(written) - len(name) - 2] if written.startswith("..") else package
+        level = len(written) - len(name) - 1
+        if level > len(package.parents):
+            continue
+        above = package.parents[level - 1] if level > 0 else package
         start = above if written.startswith(".") else folder
         parts = name.split(".") if name else []
         for end in range(1, len(parts) + 1):
@@ -69,8 +73,10 @@ def digest_of(place: str | os.PathLike[str]) -> str:
 
 
 def _source(path: Path) -> Source:
+    if not is_file(path):
+        raise SettingError(f"{path} is no file")
     try:
         return read_source(path)
-    except (OSError, SyntaxError, ValueError) as error:
+    except (OSError, SyntaxError, ValueError, RecursionError, MemoryError) as error:
         message = f"{path} cannot be read: {error}"
         raise SettingError(message) from error

@@ -157,7 +157,7 @@ def python_lines(run: SingleRun) -> list[str]:
     definitions = read_definitions(run.definitions)
     system, before = _system_lines(str(cells["system"]), definitions)
     own = definitions.get("integrators", {}).get(str(cells["integrator"]))
-    integrator = f'"{cells["integrator"]}"' if own is None else f'"{own.file}:{cells["integrator"]}"'
+    integrator = _text(cells["integrator"] if own is None else f"{own.file}:{cells['integrator']}")
     given: dict[str, Any] = {name: settings[name] for name in ("t_end", "summation", "samples") if name in settings}
     given |= {
         name: settings[name]
@@ -170,7 +170,7 @@ def python_lines(run: SingleRun) -> list[str]:
         *before,
         "",
         "run = nh.integrate(",
-        f'    {system}, {integrator}, tau={cells["tau"]!r}, precision="{cells["precision"]}",',
+        f"    {system}, {integrator}, tau={cells['tau']!r}, precision={_text(cells['precision'])},",
         *([f"    {more},"] if more else []),
         ")",
         f"print(run.max_energy_error.item())  # {cells['max_energy_error']!r}",
@@ -181,11 +181,20 @@ def _system_lines(name: str, definitions: Mapping[str, Any]) -> tuple[str, list[
     """Return the argument for a system in a call, and the lines before the call."""
     told = definitions.get("systems", {}).get(name)
     if told is None:
-        return f'"{name}"', []
+        return _text(name), []
     if told == SystemDefinition(file=told.file):
-        return f'"{told.file}"', []
-    lines = ["from nearharmonic.systems.user_file import SystemDefinition", "", f'system = {told!r}.make("{name}")']
+        return _text(told.file), []
+    lines = [
+        "from nearharmonic.systems.user_file import SystemDefinition",
+        "",
+        f"system = {told!r}.make({_text(name)})",
+    ]
     return "system", lines
+
+
+def _text(value: object) -> str:
+    """Return the literal of a text in Python; names in a result may hold quotes."""
+    return json.dumps(str(value))
 
 
 def files_of(run: SingleRun, folder: Path, manifest: Mapping[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:
