@@ -165,3 +165,13 @@ def test_inner_block_cannot_allow_more_than_outer_block(evil):
         load_module(evil, "", UntrustedFileError)
     with pytest.raises(UntrustedFileError, match="cannot be run"):
         load_module(evil, "", UntrustedFileError)
+
+
+def test_archive_takes_no_file_that_history_has_not_recorded(project, evil, capsys, monkeypatch):
+    """A forged manifest names a private file, which would be published with the archive."""
+    monkeypatch.setattr("nearharmonic.reproduction.record.archive.pack.faults", lambda folder: [])
+    Path("private.py").write_text("PASSWORD = 1\n")
+    resealed(project, definitions={"systems": {"mine": {"file": "private.py"}}})
+    assert tried("archive paper -o paper.zip") == 2
+    assert "private.py is not archived: its code has no digest in the history" in capsys.readouterr().err
+    assert not Path("paper.zip").exists()

@@ -40,7 +40,8 @@ def _beside(folder: Path, path: Path) -> Iterator[Path]:
         parts = name.split(".") if name else []
         for end in range(1, len(parts) + 1):
             stem = start.joinpath(*parts[:end])
-            yield from (one for one in (stem.with_suffix(".py"), stem / "__init__.py") if one.is_file())
+            beside = (stem.with_suffix(".py"), stem / "__init__.py")
+            yield from (one for one in beside if one.is_relative_to(folder) and is_file(one))
 
 
 def package_modules_of(place: str | os.PathLike[str]) -> set[str]:

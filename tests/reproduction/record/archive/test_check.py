@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import random
-from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
+import stat
+from copy import copy
+from hashlib import sha256
+from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 
 import pytest
 
@@ -146,17 +150,18 @@ def undescribed(contents):
         (undescribed, ["report.html is in manifest.json but not in the archive"]),
         (
             lambda contents: [*contents, ("tables/\n\x1b[2J.csv", b"1\n")],
-            [r"tables/\n\x1b[2J.csv in little.zip is not described in ro-crate-metadata.json"],
+            [r"tables/\n\x1b[2J.csv is no plain path inside of the archive"],
+        ),
+        (
+            lambda contents: [*contents, ("tables/more.csv", b"1\n")],
+            ["tables/more.csv in little.zip is not described in ro-crate-metadata.json"],
         ),
         (
             lambda contents: [*contents, ("LICENSE", b"none")],
-            [
-                "LICENSE is in little.zip 2 times",
-                "LICENSE in little.zip does not have the size and the digest that ro-crate-metadata.json gives",
-            ],
+            ["LICENSE is in the archive 2 times"],
         ),
     ],
-    ids=["changed", "missing", "undescribed", "extra", "twice"],
+    ids=["changed", "missing", "undescribed", "escape sequence", "extra", "twice"],
 )
 def test_fault_is_found_under_a_seal_that_is_right(place, change, says):
     sealed_again(place, change)
@@ -165,7 +170,67 @@ def test_fault_is_found_under_a_seal_that_is_right(place, change, says):
 
 def test_compressed_members_are_not_ours(place):
     sealed_again(place, lambda contents: contents, ZIP_DEFLATED)
-    assert faults_of_archive(place)
+    assert all("is compressed: the members" in each for each in faults_of_archive(place))
+
+
+def described(name, mode=0o100644):
+    """A member that the metadata describe, under a name and with a mode that ``nearharmonic archive`` never writes."""
+
+    def change(contents):
+        content = b"/etc/passwd"
+        entity = {"@id": name, "@type": "File", "contentSize": "11", "sha256": sha256(content).hexdigest()}
+        for each, old in contents:
+            if each == "ro-crate-metadata.json":
+                document = json.loads(old)
+                yield each, json.dumps({"@graph": [*document["@graph"], entity]})
+            else:
+                yield each, old
+        member = ZipInfo(name)
+        member.external_attr = mode << 16
+        yield member, content
+
+    return change
+
+
+@pytest.mark.parametrize(
+    "name", ["../../evil.txt", "/etc/evil", "a/./b", "a//b", "folder/", "..", "C:/x", "a\\..\\b", "a\x1b[2J"]
+)
+def test_path_that_leaves_archive_is_one_sentence(place, name):
+    sealed_again(place, described(name))
+    shown = name.replace("\x1b", r"\x1b")
+    assert faults_of_archive(place) == [f"{shown} is no plain path inside of the archive"]
+
+
+@pytest.mark.parametrize(("mode", "says"), [(stat.S_IFLNK, "is a symbolic link"), (stat.S_IFIFO, "is no regular file")])
+def test_link_or_pipe_in_archive_is_one_sentence(place, mode, says):
+    sealed_again(place, described("tables/link", mode | 0o777))
+    assert faults_of_archive(place) == [f"tables/link {says}"]
+
+
+def test_plain_member_that_metadata_describe_is_no_fault(place):
+    sealed_again(place, described("tables/more.csv"))
+    assert faults_of_archive(place) == []
+
+
+def test_members_that_share_bytes_are_found_before_they_are_read(place):
+    """A directory of 200 entries for the same bytes: what is read is far larger than the file."""
+    with ZipFile(place, "w") as zipped:
+        zipped.comment = seal.BLANK
+        zipped.writestr("0", bytes(100_000))
+        first = zipped.infolist()[0]
+        for number in range(1, 200):
+            again = copy(first)
+            again.filename = again.orig_filename = str(number)
+            zipped.filelist.append(again)
+    seal.close(place)
+    (found,) = faults_of_archive(place)
+    assert found == "members of the archive overlap: together they are larger than its file"
+
+
+def test_pipe_in_place_of_archive_is_one_sentence(tmp_path):
+    os.mkfifo(tmp_path / "pipe.zip")
+    with pytest.raises(ResultFileError, match=r"pipe\.zip is no file"):
+        faults_of_archive(tmp_path / "pipe.zip")
 
 
 @pytest.mark.parametrize("name", ["ro-crate-metadata.json", "manifest.json"])

@@ -6,21 +6,23 @@ import hashlib
 import json
 import os
 import struct
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import unquote
-from zipfile import ZIP_STORED, BadZipFile, ZipFile
+from zipfile import BadZipFile, ZipFile
 
 from nearharmonic.errors import ResultFileError
+from nearharmonic.registry.user_module import is_file
 from nearharmonic.reproduction.record.archive import seal
+from nearharmonic.reproduction.record.archive.members import faults_of_members
 from nearharmonic.reproduction.record.archive.metadata import METADATA
 from nearharmonic.reproduction.record.archive.pack import RUNS
 
 #: Exceptions from damaged zip files and damaged JSON.
 _UNREADABLE = (
-    BadZipFile, EOFError, KeyError, NotImplementedError, OSError, OverflowError, RuntimeError, ValueError, struct.error
+    BadZipFile, EOFError, KeyError, NotImplementedError, OSError, OverflowError, RuntimeError, TypeError, ValueError,
+    struct.error,
 )  # fmt: skip
 
 
@@ -42,6 +44,8 @@ def faults_of_archive(path: str | os.PathLike[str]) -> list[str]:
         The file does not exist or cannot be read.
     """
     place = Path(path)
+    if place.exists() and not is_file(place):
+        raise ResultFileError(f"{place} is no file")
     try:
         whole = seal.is_whole(place)
     except OSError as error:
@@ -51,7 +55,7 @@ def faults_of_archive(path: str | os.PathLike[str]) -> list[str]:
         return [f"{place} is not an archive of `nearharmonic archive`, or its end is missing or damaged"]
     broken = [] if whole else [f"{place} is damaged: its bytes do not have the digest at its end"]
     try:
-        found = list(_faults_of_members(place))
+        found = list(_faults_of_contents(place))
     except _UNREADABLE as error:
         found = [] if broken else [f"{place} cannot be read: {error}"]
     return [_one_line(sentence) for sentence in broken + found]
@@ -62,11 +66,13 @@ def _one_line(sentence: str) -> str:
     return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in sentence)
 
 
-def _faults_of_members(place: Path) -> Iterator[str]:
+def _faults_of_contents(place: Path) -> Iterator[str]:
     with ZipFile(place) as archive:
-        names = Counter(archive.namelist())
-        yield from (f"{name} is in {place.name} {count} times" for name, count in sorted(names.items()) if count > 1)
-        digests = {name: _digest(archive, name) for name in sorted(names)}
+        unsafe = list(faults_of_members(archive, place.stat().st_size))
+        yield from unsafe
+        if unsafe:
+            return
+        digests = {name: _digest(archive, name) for name in sorted(archive.namelist())}
         described = _described(archive)
         for name in sorted(described):
             if name not in digests:
@@ -81,19 +87,16 @@ def _faults_of_members(place: Path) -> Iterator[str]:
 def _digest(archive: ZipFile, name: str) -> tuple[int, str] | None:
     """Return size and digest of a member; None if it cannot be read."""
     try:
-        told = archive.getinfo(name)
-        if told.compress_type != ZIP_STORED:
-            return None
         member: Any = archive.open(name)
         with member:
-            return told.file_size, hashlib.file_digest(member, "sha256").hexdigest()
+            return archive.getinfo(name).file_size, hashlib.file_digest(member, "sha256").hexdigest()
     except _UNREADABLE:
         return None
 
 
 def _document(archive: ZipFile, name: str) -> dict[str, Any]:
     """Return the JSON object in a member."""
-    found = json.loads(archive.read(name)) if archive.getinfo(name).compress_type == ZIP_STORED else None
+    found = json.loads(archive.read(name))
     if not isinstance(found, dict):
         message = f"{name} holds no JSON object"
         raise ResultFileError(message)

@@ -23,6 +23,7 @@ from nearharmonic.reproduction.record.archive.readme import readme
 from nearharmonic.reproduction.record.archive.software import DOCUMENTS, document
 from nearharmonic.reproduction.record.archive.user_files import UserFiles
 from nearharmonic.reproduction.record.files import manifest
+from nearharmonic.reproduction.record.files.trusted import recorded_digests
 
 #: Folder of the trajectories, which an archive includes only on request.
 RUNS = "runs"
@@ -128,7 +129,7 @@ def _members(result: Path, *, with_runs: bool) -> list[Member]:
     recorded = manifest.read(result)["files"]
     taken = {path: entry for path, entry in recorded.items() if with_runs or PurePosixPath(path).parts[0] != RUNS}
     left_out = len(recorded) - len(taken)
-    user_files = UserFiles(recorded.values())
+    user_files = UserFiles(recorded.values(), recorded_digests(result))
     configs, texts = _configs(runs, user_files)
     members = [_result_file(result, path, entry) for path, entry in taken.items()]
     members += [Member.of_bytes(path, text, _ADDED["config"]) for path, text in texts.items()]

@@ -6,8 +6,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from nearharmonic.errors import ResultFileError
 from nearharmonic.registry.registry import split_path
 from nearharmonic.reproduction.record.archive.metadata import Member
+from nearharmonic.reproduction.record.files.trusted import is_edited
 from nearharmonic.reproduction.tasks.user_sources import files_of
 
 #: Folder of these files in an archive.
@@ -15,9 +17,10 @@ FOLDER = "user_files"
 
 
 class UserFiles:
-    """Users' files of some results, from the entries of their manifest."""
+    """Users' files of some results, from the entries of their manifest and the ``recorded`` digests of their code."""
 
-    def __init__(self, entries: Iterable[Mapping[str, Any]]) -> None:
+    def __init__(self, entries: Iterable[Mapping[str, Any]], recorded: Mapping[str, str]) -> None:
+        self._recorded = recorded
         self._systems: dict[str, Path] = {}
         self._integrators: dict[str, Path] = {}
         for entry in entries:
@@ -37,10 +40,12 @@ class UserFiles:
         Raises
         ------
         ResultFileError
-            A file cannot be read.
+            A file cannot be read, or its code is not that of the recorded digest: a manifest may name any file.
         """
         found = {}
         for path in (*self._systems.values(), *self._integrators.values()):
+            if is_edited(path, self._recorded):
+                raise ResultFileError(f"{path} is not archived: its code has no digest in the history, or another one")
             for one in files_of(path):
                 name = f"{self._folders[path.parent]}/{one.relative_to(path.parent).as_posix()}"
                 found[name] = Member.of_file(name, one, "Python file of a system or an integrator of the config.")

@@ -45,15 +45,15 @@ def recorded_digests(folder: Path) -> dict[str, str]:
     return found
 
 
-def is_edited(file: str, recorded: Mapping[str, str]) -> bool:
-    """Return True if the code of a user's file is not that of the ``recorded`` digest, if there is one.
+def is_edited(file: str | os.PathLike[str], recorded: Mapping[str, str]) -> bool:
+    """Return True if the code of a user's file has not the ``recorded`` digest.
 
     Raises
     ------
     SettingError
         The file cannot be read.
     """
-    return digest_of(file) != recorded.get(_key(file), digest_of(file))
+    return digest_of(file) != recorded.get(_key(file))
 
 
 def check_files_of(entries: Entries) -> None:
@@ -79,5 +79,5 @@ def _definitions(entry: Mapping[str, Any]) -> Mapping[str, Any]:
     return found
 
 
-def _key(file: str) -> str:
+def _key(file: str | os.PathLike[str]) -> str:
     return str(Path(os.path.realpath(file)))
