@@ -14,11 +14,11 @@ from pathlib import Path
 
 import pytest
 
-from nearharmonic.reproduction.tasks import sources
+from nearharmonic.reproduction.tasks.code import sources
+from nearharmonic.reproduction.tasks.code.sources import closure
 from nearharmonic.reproduction.tasks.declarations import figures_of
 from nearharmonic.reproduction.tasks.experiment import experiments
 from nearharmonic.reproduction.tasks.provenance import code_digest
-from nearharmonic.reproduction.tasks.sources import closure
 from nearharmonic.systems import systems
 
 RULES = Path(__file__).parents[2] / "workflow/rules"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from nearharmonic.reproduction.report import assets
-from nearharmonic.reproduction.tasks import sources
+from nearharmonic.reproduction.tasks.code import sources
 from nearharmonic.reproduction.tasks.provenance import function_of
 from support.projects.opened_files import read_by_jobs
 from support.projects.planned_jobs import CORES

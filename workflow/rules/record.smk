@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from nearharmonic.reproduction.tasks.job import run
 from nearharmonic.reproduction.record.adopt import ADOPTING, check_jobs
 from nearharmonic.reproduction.record.workflow_run import WorkflowRun
+from nearharmonic.reproduction.tasks.remote.submission import submit_frozen
 
 CLAIMS = "tables/claims.json"
 THIS_RUN = WorkflowRun(RESULTS, CONFIG, sources=workflow.basedir)
@@ -17,7 +18,8 @@ def record_start():
     if workflow.touch and ADOPTING in os.environ:
         check_jobs(Path(RESULTS), workflow.dag.jobs)
     if not workflow.touch:
-        THIS_RUN.begin(sys.argv, sorted(workflow.dag_settings.targets) or ["all"], workflow.cores)
+        THIS_RUN.begin(sys.argv, sorted(workflow.dag_settings.targets) or ["all"], ALL_CORES)
+        submit_frozen(workflow)
 
 
 def record_end(exit_status):

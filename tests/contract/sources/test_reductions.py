@@ -9,9 +9,9 @@ from importlib.util import find_spec
 
 import pytest
 
-from nearharmonic.reproduction.tasks import sources
+from nearharmonic.reproduction.tasks.code import sources
+from nearharmonic.reproduction.tasks.code.sources import closure
 from nearharmonic.reproduction.tasks.reduction import Reductions
-from nearharmonic.reproduction.tasks.sources import closure
 
 EXPERIMENTS = sources.ROOT / "reproduction/experiments"
 #: Dotted names of all slices that declare reductions.

@@ -14,7 +14,7 @@ from nearharmonic.errors import SettingError, UntrustedFileError
 from nearharmonic.registry.trust import trusting_only
 from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.record.rerun import rerun
-from nearharmonic.reproduction.tasks.user_sources import digest_of
+from nearharmonic.reproduction.tasks.code.user_sources import digest_of
 from support.results.finished_results import write_history
 from support.results.result_folder import edited, history_line, write_manifest
 

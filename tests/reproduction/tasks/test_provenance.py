@@ -10,10 +10,11 @@ import pytest
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators, modified_integrators
-from nearharmonic.reproduction.tasks import provenance, sources
+from nearharmonic.reproduction.tasks import provenance
+from nearharmonic.reproduction.tasks.code import sources
+from nearharmonic.reproduction.tasks.code.sources import closure, module_digest
 from nearharmonic.reproduction.tasks.job import covered
 from nearharmonic.reproduction.tasks.provenance import code_digest, coefficients_digest, library_version, task
-from nearharmonic.reproduction.tasks.sources import closure, module_digest
 from nearharmonic.systems import systems
 
 

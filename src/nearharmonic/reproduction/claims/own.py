@@ -8,9 +8,9 @@ from importlib import import_module
 from types import ModuleType
 
 from nearharmonic.reproduction.claims.claim import Claim
+from nearharmonic.reproduction.tasks.code.sources import PACKAGE, ROOT
 from nearharmonic.reproduction.tasks.experiment import ROOM
 from nearharmonic.reproduction.tasks.provenance import code_digest
-from nearharmonic.reproduction.tasks.sources import PACKAGE, ROOT
 
 
 def modules() -> list[str]:

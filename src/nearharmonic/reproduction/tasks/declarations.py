@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from nearharmonic.reproduction.tasks.sources import ROOT
+from nearharmonic.reproduction.tasks.code.sources import ROOT
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

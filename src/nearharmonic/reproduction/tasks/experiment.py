@@ -15,7 +15,7 @@ from importlib import import_module
 from itertools import product
 from typing import Any
 
-from nearharmonic.reproduction.tasks.sources import PACKAGE, ROOT
+from nearharmonic.reproduction.tasks.code.sources import PACKAGE, ROOT
 
 #: Dotted name of the folder below the package.
 ROOM = "reproduction.experiments"

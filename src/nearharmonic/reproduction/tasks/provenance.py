@@ -14,8 +14,8 @@ from typing import Any
 
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.reproduction.tasks.code.sources import PACKAGE, closure, module_digest, module_of
 from nearharmonic.reproduction.tasks.definitions import definitions_of
-from nearharmonic.reproduction.tasks.sources import PACKAGE, closure, module_digest, module_of
 from nearharmonic.systems import systems
 
 #: Libraries whose version may change the last bit of a result or the bytes of its file.
@@ -82,7 +82,7 @@ def digests(function: str, problems: Iterable[str], methods: Iterable[str]) -> d
     declared = [module for name in names if (module := systems.module_of(name)) is not None]
     if not files:
         return {"code": code_digest(_module_of(function), *declared), "coefficients": coefficients}
-    from nearharmonic.reproduction.tasks.user_sources import digest_of, package_modules_of
+    from nearharmonic.reproduction.tasks.code.user_sources import digest_of, package_modules_of
 
     imported = {module for place in files.values() for name in package_modules_of(place) if (module := module_of(name))}
     code = code_digest(_module_of(function), *declared, *imported)

@@ -10,7 +10,7 @@ from nearharmonic.errors import ResultFileError
 from nearharmonic.registry.registry import split_path
 from nearharmonic.reproduction.record.archive.metadata import Member
 from nearharmonic.reproduction.record.files.trusted import is_edited
-from nearharmonic.reproduction.tasks.user_sources import files_of
+from nearharmonic.reproduction.tasks.code.user_sources import files_of
 
 #: Folder of these files in an archive.
 FOLDER = "user_files"

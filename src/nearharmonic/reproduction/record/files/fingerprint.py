@@ -14,10 +14,10 @@ from typing import Any
 
 from nearharmonic.integrators import integrators
 from nearharmonic.reproduction.config.config import Config
+from nearharmonic.reproduction.tasks.code.sources import PACKAGE, ROOT, module_digest
+from nearharmonic.reproduction.tasks.code.user_sources import digest_of as digest_of_file
 from nearharmonic.reproduction.tasks.definitions import files_in
 from nearharmonic.reproduction.tasks.provenance import coefficients_digest
-from nearharmonic.reproduction.tasks.sources import PACKAGE, ROOT, module_digest
-from nearharmonic.reproduction.tasks.user_sources import digest_of as digest_of_file
 from nearharmonic.systems import systems
 
 #: Libraries that affect a number or a picture.

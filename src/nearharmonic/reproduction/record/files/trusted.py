@@ -11,8 +11,8 @@ from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.registry.trust import check_trust, is_trusted
 from nearharmonic.registry.user_module import is_file
 from nearharmonic.reproduction.record.history import runs_newest_first
+from nearharmonic.reproduction.tasks.code.user_sources import digest_of
 from nearharmonic.reproduction.tasks.definitions import files_in, read_definitions
-from nearharmonic.reproduction.tasks.user_sources import digest_of
 
 Entries = Iterable[Mapping[str, Any]]
 

@@ -7,7 +7,7 @@ import atexit
 import pytest
 
 from nearharmonic.core.machine import disk
-from nearharmonic.reproduction.tasks import sources
+from nearharmonic.reproduction.tasks.code import sources
 
 TEXT = b'"""A docstring."""\nimport nearharmonic.errors\nx = 1\n'
 

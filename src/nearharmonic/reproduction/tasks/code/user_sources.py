@@ -10,7 +10,7 @@ from pathlib import Path
 
 from nearharmonic.errors import SettingError
 from nearharmonic.registry.user_module import is_file
-from nearharmonic.reproduction.tasks.sources import PACKAGE, Source, reached, read_source
+from nearharmonic.reproduction.tasks.code.sources import PACKAGE, Source, reached, read_source
 
 
 def files_of(place: str | os.PathLike[str]) -> tuple[Path, ...]:

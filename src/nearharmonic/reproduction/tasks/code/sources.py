@@ -18,7 +18,7 @@ from nearharmonic.errors import NearharmonicError
 Node = TypeVar("Node")
 
 PACKAGE = "nearharmonic"
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 #: Maximum number of entries of the cache on disk, 150 bytes each. A larger cache is cleared.
 MOST_CACHED = 3000
 

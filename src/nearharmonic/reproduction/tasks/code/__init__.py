@@ -1,0 +1,1 @@
+"""Digests and imports of source files: those of the package, and those of users."""

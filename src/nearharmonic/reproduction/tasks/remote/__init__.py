@@ -1,0 +1,1 @@
+"""Jobs on other computers: each gets a frozen description and does not read the workflow again."""

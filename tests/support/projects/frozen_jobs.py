@@ -1,0 +1,16 @@
+"""Jobs of a target in the form in which a cluster gets them, as lines of JSON: rule, outputs, file if frozen."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+from planned_jobs import planned
+
+from nearharmonic.reproduction.tasks.remote.submission import frozen, is_plain
+
+if __name__ == "__main__":
+    config, target, folder = sys.argv[1:]
+    for job in planned(config, target):
+        place = str(frozen(job, patience=0).write(folder)) if is_plain(job) else None
+        print(json.dumps({"rule": job.rule.name, "output": list(job.output), "norun": job.is_norun, "place": place}))
