@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 
 from nearharmonic import __version__, commands
 from nearharmonic.errors import NearharmonicError, SettingError, unknown_name
+from nearharmonic.output.terminal import printable
 from nearharmonic.reproduction import commands as of_the_record
 
 PROGRAM = "nearharmonic"
@@ -111,7 +112,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(sys.argv[1:] if arguments is None else list(arguments))
     except NearharmonicError as error:
-        sys.stderr.write(f"{PROGRAM}: {error}\n")
+        sys.stderr.write(printable(f"{PROGRAM}: {error}\n"))
         return 2
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] in {*sys.stdlib_module_names, PROGRAM}:
@@ -119,7 +120,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stderr.write(f"{PROGRAM}: {error.name} is not installed: pip install '{PROGRAM}[workflow]'\n")
         return 2
     except OSError as error:
-        sys.stderr.write(f"{PROGRAM}: {error}\n")
+        sys.stderr.write(printable(f"{PROGRAM}: {error}\n"))
         return 2
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -152,10 +153,10 @@ def _run(words: Sequence[str]) -> int:
 
 
 def _write(text: str) -> None:
-    """Print ``text``; letters that the terminal does not have are replaced by question marks."""
+    """Print ``text``; control characters are escaped, letters that the terminal does not have are question marks."""
     encoding = sys.stdout.encoding or "utf-8"
     try:
-        sys.stdout.write(text.encode(encoding, "replace").decode(encoding))
+        sys.stdout.write(printable(text).encode(encoding, "replace").decode(encoding))
         sys.stdout.flush()
     except BrokenPipeError:  # the reader, such as head, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

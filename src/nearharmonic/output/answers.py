@@ -9,6 +9,7 @@ from math import isfinite
 from typing import Any
 
 from nearharmonic.output.table import Table
+from nearharmonic.output.terminal import in_one_line
 
 FORMATS = ("table", "json", "csv")
 #: Significant digits of a float in a table: as many as the step sizes of a grid have.
@@ -47,7 +48,11 @@ def printed(answer: Answer, form: str) -> str:
 
 
 def _table(answer: Answer) -> str:
-    return "\n".join([*answer.lines(answer.digits), *answer.notes]) if answer.text is None else answer.text
+    return (
+        "\n".join([*answer.lines(answer.digits), *map(in_one_line, answer.notes)])
+        if answer.text is None
+        else answer.text
+    )
 
 
 def _json(answer: Answer) -> str:

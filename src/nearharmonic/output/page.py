@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -15,7 +16,15 @@ def pipes(header: Sequence[str], rows: Iterable[Sequence[Cell]], align: str = "l
     ``align`` has a letter, ``l`` or ``r``, for each column; the last letter holds for all further columns.
     """
     marks = ["---:" if align[min(i, len(align) - 1)] == "r" else "---" for i in range(len(header))]
-    return [f"| {' | '.join(header)} |", f"|{'|'.join(marks)}|", *(f"| {' | '.join(map(str, row))} |" for row in rows)]
+    return [
+        f"| {' | '.join(header)} |",
+        f"|{'|'.join(marks)}|",
+        *(f"| {' | '.join(map(_cell, row))} |" for row in rows),
+    ]
+
+
+def _cell(cell: Cell) -> str:
+    return re.sub(r"(?<!\\)\|", r"\|", str(cell))
 
 
 def filled(page: str, parts: Mapping[str, str]) -> str:

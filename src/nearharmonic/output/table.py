@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isnan
@@ -13,6 +14,7 @@ from typing import Any
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.atomic import write_text
+from nearharmonic.output.terminal import in_one_line
 
 #: Endings of the files of a table.
 SUFFIXES = ("csv", "md", "tex")
@@ -66,11 +68,15 @@ class Table:
 
     def markdown(self) -> str:
         """Return the caption and the table in Markdown, floats to four digits."""
-        return f"{self.caption}\n\n{self._tabulated('github')}\n"
+        escaped = Table(
+            header=list(map(in_markdown, self.header)),
+            rows=[[in_markdown(cell) if isinstance(cell, str) else cell for cell in row] for row in self.rows],
+        )
+        return f"{_one_line(self.caption)}\n\n{escaped._tabulated('github')}\n"
 
     def latex(self) -> str:
         """Return the caption and the table in LaTeX, floats to four digits."""
-        return f"% {self.caption}\n{self._tabulated('latex_booktabs')}\n"
+        return f"% {_one_line(self.caption)}\n{self._tabulated('latex_booktabs')}\n"
 
     def _tabulated(self, form: str) -> str:
         cells = [[f"{cell:.{SHOWN}g}" if isinstance(cell, float) else str(cell) for cell in row] for row in self.rows]
@@ -81,7 +87,7 @@ class Table:
 
         There is no header above no rows.
         """
-        caption = [self.caption] if self.caption else []
+        caption = [in_one_line(self.caption)] if self.caption else []
         if not self.rows:
             return caption
         cells = [[_in_words(cell, digits) for cell in row] for row in self.rows]
@@ -106,7 +112,17 @@ def _in_words(cell: Cell, digits: int | None) -> str:
         return "-"
     if isinstance(cell, bool):
         return "yes" if cell else "no"
-    return f"{cell:.{digits}g}" if isinstance(cell, float) and digits else str(cell)
+    return f"{cell:.{digits}g}" if isinstance(cell, float) and digits else in_one_line(str(cell))
+
+
+def in_markdown(text: str) -> str:
+    """Return ``text`` for a cell in Markdown: bars, tags and links of labels are escaped, line feeds are spaces."""
+    text = re.sub(r"(?<!\\)\|", r"\|", _one_line(text))
+    return re.sub(r"<(?=[A-Za-z/!?])", "&lt;", text).replace("](", "]\\(")
+
+
+def _one_line(text: str) -> str:
+    return re.sub(r"\s*[\n\r]\s*", " ", text)
 
 
 def from_csv(text: str) -> Table:

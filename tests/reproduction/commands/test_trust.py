@@ -175,3 +175,13 @@ def test_archive_takes_no_file_that_history_has_not_recorded(project, evil, caps
     assert tried("archive paper -o paper.zip") == 2
     assert "private.py is not archived: its code has no digest in the history" in capsys.readouterr().err
     assert not Path("paper.zip").exists()
+
+
+@pytest.mark.parametrize("form", ["table", "json", "csv"])
+def test_escape_sequences_of_history_do_not_reach_terminal(project, capsys, form):
+    write_history(project, [history_line(8, id="a\x1b[2J\x9b", status="\x1b]0;ok\x07", targets=["\u202eall"])])
+    for command in ("history", "history paper --full", "history --full b"):
+        tried(f"{command} --format {form}")
+    shown = "".join(capsys.readouterr())
+    assert not set("\x1b\x9b\x07\u202e") & set(shown)
+    assert r"a\u001b[2J\u009b" in shown

@@ -2,7 +2,7 @@
 
 from nearharmonic.output.store.files import attributes_of, groups_of
 from nearharmonic.output.store.reader import read, read_precisions
-from nearharmonic.output.store.remake import DEFAULT_CONFIG, command_for, unusable, workflow_command
+from nearharmonic.output.store.remake import DEFAULT_CONFIG, command_for, unusable, usable_configs, workflow_command
 from nearharmonic.output.store.seal import sealed_digest
 from nearharmonic.output.store.writer import write, write_dataset
 
@@ -15,6 +15,7 @@ __all__ = [
     "read_precisions",
     "sealed_digest",
     "unusable",
+    "usable_configs",
     "workflow_command",
     "write",
     "write_dataset",

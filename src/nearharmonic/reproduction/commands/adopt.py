@@ -6,6 +6,7 @@ import argparse
 import sys
 
 from nearharmonic.output.answers import Answer
+from nearharmonic.output.terminal import printable
 from nearharmonic.reproduction.commands.verify import TRUST
 
 HELP = "take results that were copied here as up to date, after they were verified"
@@ -31,7 +32,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
         number, reason = adopt(folder, chosen.configfile), ""
     except RefusedError as refusal:
         number, reason = 0, str(refusal)
-        sys.stderr.write(f"nearharmonic: {refusal}\n")
+        sys.stderr.write(printable(f"nearharmonic: {refusal}\n"))
     return Answer(
         header=["result", "files", "reason"],
         rows=[] if reason else [[str(folder), number, ""]],

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.errors import RefusedError
-from nearharmonic.output.store import DEFAULT_CONFIG
+from nearharmonic.output.store import DEFAULT_CONFIG, usable_configs
 from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.files.trusted import check_files_of
 from nearharmonic.reproduction.record.verify import faults
@@ -78,7 +78,7 @@ def _config_option(name: str, told: Mapping[str, Any], given: str | None) -> lis
     """Return the option of Snakemake for the config that writes to ``results/<name>``; none for the default config."""
     if given is not None:
         return ["--configfile", given]
-    made_with = [str(place) for place in told["configfiles"]]
+    made_with = usable_configs(told["configfiles"], Path("results", name))
     if made_with and all(Path(place).is_file() for place in made_with):
         found = made_with
     else:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
@@ -103,7 +104,7 @@ def _of_inputs(folder: Path, entries: Entries) -> Iterator[Fault]:
             if source in entries and source not in now:
                 now[source] = identity(folder / source)
             if now.get(source, before) != before:
-                mend = f"Bring it up to date: {workflow_command(folder / name)} -- {folder / name}"
+                mend = f"Bring it up to date: {workflow_command(folder / name)} -- {quote(str(folder / name))}"
                 yield Fault(file=name, says=f"was made from another {source}", mend=mend)
                 break
 

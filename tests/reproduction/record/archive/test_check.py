@@ -150,7 +150,7 @@ def undescribed(contents):
         (undescribed, ["report.html is in manifest.json but not in the archive"]),
         (
             lambda contents: [*contents, ("tables/\n\x1b[2J.csv", b"1\n")],
-            [r"tables/\n\x1b[2J.csv is no plain path inside of the archive"],
+            [r"tables/\n\u001b[2J.csv is no plain path inside of the archive"],
         ),
         (
             lambda contents: [*contents, ("tables/more.csv", b"1\n")],
@@ -197,7 +197,7 @@ def described(name, mode=0o100644):
 )
 def test_path_that_leaves_archive_is_one_sentence(place, name):
     sealed_again(place, described(name))
-    shown = name.replace("\x1b", r"\x1b")
+    shown = name.replace("\x1b", r"\u001b")
     assert faults_of_archive(place) == [f"{shown} is no plain path inside of the archive"]
 
 

@@ -13,6 +13,7 @@ from urllib.parse import unquote
 from zipfile import BadZipFile, ZipFile
 
 from nearharmonic.errors import ResultFileError
+from nearharmonic.output.terminal import in_one_line
 from nearharmonic.registry.user_module import is_file
 from nearharmonic.reproduction.record.archive import seal
 from nearharmonic.reproduction.record.archive.members import faults_of_members
@@ -58,12 +59,7 @@ def faults_of_archive(path: str | os.PathLike[str]) -> list[str]:
         found = list(_faults_of_contents(place))
     except _UNREADABLE as error:
         found = [] if broken else [f"{place} cannot be read: {error}"]
-    return [_one_line(sentence) for sentence in broken + found]
-
-
-def _one_line(sentence: str) -> str:
-    """Return ``sentence`` with escaped line ends and control characters, which a damaged name can contain."""
-    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in sentence)
+    return [in_one_line(sentence) for sentence in broken + found]
 
 
 def _faults_of_contents(place: Path) -> Iterator[str]:
