@@ -8,6 +8,7 @@ from pathlib import Path
 from shlex import quote
 
 from nearharmonic.errors import ResultFileError
+from nearharmonic.output.reading import read_text
 
 #: Config of ``snakemake`` without ``--configfile``.
 DEFAULT_CONFIG = "config/config.yaml"
@@ -40,7 +41,7 @@ def workflow_command(path: str | os.PathLike[str]) -> str:
 def _configs_of(folder: Path) -> list[str]:
     """Return the config files of the results in ``folder``, or that of their name if they are unknown."""
     try:
-        said = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))["configfiles"]
+        said = json.loads(read_text(folder / "manifest.json"))["configfiles"]
         return usable_configs(said, folder) or [_guess(folder)]
     except (OSError, ValueError, LookupError, TypeError, RecursionError):
         return [_guess(folder)]

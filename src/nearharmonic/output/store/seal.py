@@ -11,6 +11,8 @@ from hashlib import file_digest, sha256
 from pathlib import Path
 from typing import BinaryIO
 
+from nearharmonic.output.reading import opened
+
 #: Name and value of the attribute that identifies the result files of this package.
 FORMAT_KEY, FORMAT = "format", "nearharmonic 2"
 #: First bytes of any HDF5 file.
@@ -32,7 +34,7 @@ def seal(path: Path) -> None:
 def complaint(path: Path) -> str:
     """Return the reason why a file must not be opened, empty if there is none, without the HDF5 library."""
     try:
-        with path.open("rb") as file:
+        with opened(path) as file:
             signed = file.read(len(SIGNATURE)) == SIGNATURE
             size = file.seek(0, os.SEEK_END) - SEALED
             if size < 0 or not signed:
@@ -57,7 +59,7 @@ def digest_of_first(file: BinaryIO, size: int) -> str:
 
 def sealed_digest(path: str | os.PathLike[str]) -> str:
     """Return the digest in the last line of a file, or an empty text if the file ends otherwise."""
-    with Path(path).open("rb") as file:
+    with opened(path) as file:
         file.seek(max(0, file.seek(0, os.SEEK_END) - SEALED))
         last = file.read()
     return last[len(SEAL) : -1].decode() if last.startswith(SEAL) and len(last) == SEALED else ""

@@ -229,7 +229,7 @@ def test_members_that_share_bytes_are_found_before_they_are_read(place):
 
 def test_pipe_in_place_of_archive_is_one_sentence(tmp_path):
     os.mkfifo(tmp_path / "pipe.zip")
-    with pytest.raises(ResultFileError, match=r"pipe\.zip is no file"):
+    with pytest.raises(ResultFileError, match=r"pipe\.zip cannot be read: not a regular file"):
         faults_of_archive(tmp_path / "pipe.zip")
 
 

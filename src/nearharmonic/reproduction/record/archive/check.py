@@ -14,7 +14,6 @@ from zipfile import BadZipFile, ZipFile
 
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output.terminal import in_one_line
-from nearharmonic.registry.user_module import is_file
 from nearharmonic.reproduction.record.archive import seal
 from nearharmonic.reproduction.record.archive.members import faults_of_members
 from nearharmonic.reproduction.record.archive.metadata import METADATA
@@ -45,8 +44,6 @@ def faults_of_archive(path: str | os.PathLike[str]) -> list[str]:
         The file does not exist or cannot be read.
     """
     place = Path(path)
-    if place.exists() and not is_file(place):
-        raise ResultFileError(f"{place} is no file")
     try:
         whole = seal.is_whole(place)
     except OSError as error:

@@ -15,6 +15,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO
 
 from nearharmonic.errors import ResultFileError
+from nearharmonic.output import reading
 from nearharmonic.reproduction.record.archive.software import HOMES, citation, homepage
 
 #: Name of the metadata in the archive.
@@ -96,7 +97,7 @@ def opened(source: Path | bytes) -> BinaryIO:
     if isinstance(source, bytes):
         return io.BytesIO(source)
     try:
-        return source.open("rb")
+        return reading.opened(source)
     except OSError as error:
         message = f"{source} cannot be read: {error.strerror}"
         raise ResultFileError(message) from error

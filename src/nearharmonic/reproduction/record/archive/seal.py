@@ -11,6 +11,7 @@ import os
 from pathlib import Path
 from typing import BinaryIO
 
+from nearharmonic.output.reading import opened
 from nearharmonic.output.store.seal import digest_of_first
 
 #: Text of the comment of the zip file before the digest.
@@ -33,7 +34,7 @@ def is_whole(place: str | os.PathLike[str]) -> bool | None:
     OSError
         ``place`` cannot be read.
     """
-    with Path(place).open("rb") as file:
+    with opened(place) as file:
         seal = _seal(file)
         written = file.read()
     return written == seal if written.startswith(WORDS) and len(written) == len(BLANK) else None

@@ -9,6 +9,7 @@ from typing import Any
 
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output.atomic import write_text
+from nearharmonic.output.reading import read_text
 from nearharmonic.output.store import command_for
 from nearharmonic.reproduction.record.files.fingerprint import digest_of
 from nearharmonic.reproduction.record.history import HISTORY
@@ -36,7 +37,7 @@ def read(folder: Path) -> dict[str, Any]:
     """
     place = folder / MANIFEST
     try:
-        found = json.loads(place.read_text(encoding="utf-8"))
+        found = json.loads(read_text(place))
         if found.pop("sha256") == digest_of(found) and all(map(_is_inside, found["files"])):
             return {"configfiles": [], "former": [], "unrecorded": [], **found}
         complaint = "is damaged"

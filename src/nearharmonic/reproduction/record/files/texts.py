@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
+from nearharmonic.output.reading import read_bytes
 from nearharmonic.output.store import unusable
 from nearharmonic.output.table import Table, from_csv
 from nearharmonic.reproduction.record.files import manifest
@@ -34,7 +35,7 @@ class Texts:
         """
         place = self._folder / name
         try:
-            content = place.read_bytes()
+            content = read_bytes(place)
             if name in self._entries and sha256(content).hexdigest() != self._entries[name]["sha256"]:
                 raise self.unusable(name, "is damaged: its bytes are not those that its job wrote")
             return content.decode()
