@@ -68,7 +68,7 @@ def test_a_geometric_grid_is_correctly_rounded(lowest, highest, count):
 def test_a_geometric_grid_holds_the_decimals_that_it_passes():
     assert geometric(1e-4, 1, 5) == [1e-4, 1e-3, 1e-2, 1e-1, 1.0]
     assert geometric(3.0, 5.0, 1) == [3.0]
-    assert [float(x) for x in decades(0.2, 5, 2)][::2] == [0.2, 2.0, 20.0]
+    assert [float(x) for x in decades(0.2, 2, 0, 5)][::2] == [0.2, 2.0, 20.0]
 
 
 def symmetric(seed, count, n):

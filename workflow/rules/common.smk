@@ -10,7 +10,7 @@ from snakemake.exceptions import WorkflowError
 
 from nearharmonic.reproduction.config.reading import load
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.reproduction.experiments.paper.grid.plan import shards_of
+from nearharmonic.reproduction.experiments.paper.grid.shards import REDUCED_AT_ONCE, shards_of
 from nearharmonic.reproduction.tasks.declarations import figures_of
 from nearharmonic.reproduction.tasks.experiment import experiments
 from nearharmonic.reproduction.tasks.provenance import task
@@ -87,6 +87,15 @@ def run_files(system):
     return {
         name: [f"{folder}/{name}/{shard}.h5" for shard in range(shards_of(SWEEPS[system], name))]
         for name in CONFIG.methods
+    }
+
+
+def reduced_files(system):
+    """Return the files that a cube is made from, by method: its run files, or the reduced numbers of many."""
+    folder = f"{RESULTS}/reduced/{system}"
+    return {
+        name: [f"{folder}/{name}.h5"] if len(paths) > REDUCED_AT_ONCE else paths
+        for name, paths in run_files(system).items()
     }
 
 

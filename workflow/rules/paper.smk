@@ -6,6 +6,15 @@ PAPER_TABLES = {stem: TABLE(stem) for stem in PAPER.tables}
 TABLE_FILES = [f"{RESULTS}/tables/skipped.csv", *PAPER_TABLES.values()]
 
 
+def shard_of(wildcards):
+    """Return the settings of the job of a shard."""
+    return {
+        "sweep": SWEEPS[wildcards.system],
+        "integrator": wildcards.integrator,
+        "shard": int(wildcards.shard),
+    }
+
+
 rule compile:
     # One job per system, so that later parallel jobs find the kernels and do not compile them again.
     output:
@@ -31,11 +40,28 @@ rule integrate:
     log:
         LOG("integrate/{system}/{integrator}/{shard}"),
     params:
+        # Without samples, a run file holds reduced numbers.
+        task=lambda wildcards: (
+            task("reproduction.experiments.paper.run:integrate", **shard_of(wildcards))
+            if CONFIG.samples
+            else task("reproduction.experiments.paper.grid.reduced_run:integrate_and_reduce", **shard_of(wildcards))
+        ),
+    script:
+        "../scripts/task.py"
+
+
+rule reduce_method:
+    input:
+        runs=lambda wildcards: run_files(wildcards.system)[wildcards.integrator],
+    output:
+        reduced=f"{RESULTS}/reduced/{{system}}/{{integrator}}.h5",
+    log:
+        LOG("reduce/{system}/{integrator}"),
+    params:
         task=lambda wildcards: task(
-            "reproduction.experiments.paper.run:integrate",
+            "reproduction.experiments.paper.reduce:reduce_method",
             sweep=SWEEPS[wildcards.system],
             integrator=wildcards.integrator,
-            shard=int(wildcards.shard),
         ),
     script:
         "../scripts/task.py"
@@ -43,7 +69,7 @@ rule integrate:
 
 rule reduce:
     input:
-        unpack(lambda wildcards: run_files(wildcards.system)),
+        unpack(lambda wildcards: reduced_files(wildcards.system)),
     output:
         cube=CUBE("{system}"),
     log:

@@ -4,6 +4,7 @@ import os
 import sys
 from types import SimpleNamespace
 
+from nearharmonic.output.store.earlier import forget, keep
 from nearharmonic.reproduction.tasks.job import run
 from nearharmonic.reproduction.record.adopt import ADOPTING, check_jobs
 from nearharmonic.reproduction.record.workflow_run import WorkflowRun
@@ -18,6 +19,7 @@ def record_start():
     if workflow.touch and ADOPTING in os.environ:
         check_jobs(Path(RESULTS), workflow.dag.jobs)
     if not workflow.touch:
+        keep(Path(RESULTS), (job.output.run for job in workflow.dag.needrun_jobs() if job.rule.name == "integrate"))
         THIS_RUN.begin(sys.argv, sorted(workflow.dag_settings.targets) or ["all"], ALL_CORES)
         submit_frozen(workflow)
 
@@ -30,12 +32,15 @@ def record_end(exit_status):
         ended = working & needed & set(workflow.dag.finished_jobs)
         configs = [os.path.relpath(path) for path in workflow.configfiles]
         counts = {"jobs_run": len(ended), "jobs_reused": len(working - needed)}
+        if not exit_status:
+            forget(Path(RESULTS))
         THIS_RUN.end(exit_status, **counts, refresh=refresh, makeable=makeable(), configfiles=configs)
 
 
 def makeable():
     """Return the names of all files that jobs of this config make, in the folder of results."""
-    runs = [path for system in SWEEPS for paths in run_files(system).values() for path in paths]
+    by_method = [files(system) for files in (run_files, reduced_files) for system in SWEEPS]
+    runs = [path for files in by_method for paths in files.values() for path in paths]
     files = [*rules.everything.input, *RUNS, *runs, *map(CUBE, [*SWEEPS, *PAPER.cubes])]
     return {str(Path(path).relative_to(RESULTS)) for path in files}
 

@@ -2,33 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from decimal import Decimal
 from fractions import Fraction
 from functools import cache
-from math import floor, log10
-from typing import TypeVar
+from math import ceil, floor, log10
+
+import numpy as np
 
 from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, MOST_STEPS, exact_decimal
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau
 from nearharmonic.numerics.geometric import decades
+from nearharmonic.numerics.types import Floats, Integers
 from nearharmonic.systems.definition.system import System
 
-Item = TypeVar("Item")
+
+def grid_points(lowest: float, highest: float, points_per_decade: float) -> int:
+    """Return the number of step sizes of :func:`tau_grid`, 0 if ``highest`` is below ``lowest``."""
+    # The slack admits a highest that is itself written with few digits, such as 158.489 for 10^2.2.
+    return max(0, floor(log10(highest / lowest) * points_per_decade + 1e-3) + 1)
 
 
 @cache
-def tau_grid(lowest: float, highest: float, points_per_decade: int) -> tuple[float, ...]:
-    """Return ``lowest`` * 10^(i / ``points_per_decade``) up to ``highest``, to six significant digits."""
-    # The slack admits a highest that is itself written with few digits, such as 158.489 for 10^2.2.
-    last = floor(log10(highest / lowest) * points_per_decade + 1e-3)
-    return tuple(float(f"{tau:.6g}") for tau in decades(lowest, last + 1, points_per_decade))
+def tau_grid(lowest: float, highest: float, points_per_decade: float) -> tuple[float, ...]:
+    """Return ``lowest`` * 10^(i / ``points_per_decade``) up to ``highest``, each rounded as :func:`tau_range` does."""
+    return tau_range(lowest, points_per_decade, 0, grid_points(lowest, highest, points_per_decade))
 
 
-def shard(items: Sequence[Item], index: int, count: int) -> Sequence[Item]:
-    """Return every ``count``-th of ``items`` from ``index`` on, so that every shard has small and large step sizes."""
-    return items[index::count]
+def tau_range(lowest: float, points_per_decade: float, begin: int, end: int) -> tuple[float, ...]:
+    """Return the step sizes i of a grid for ``begin`` <= i < ``end``.
+
+    They are rounded to six significant digits, or to more in a grid of over 10^4 points per decade, whose neighbours
+    would otherwise be equal.
+    """
+    digits = max(6, ceil(log10(points_per_decade)) + 2)
+    return tuple(float(f"{tau:.{digits}g}") for tau in decades(lowest, points_per_decade, begin, end))
+
+
+def steps_over(taus: Floats, t_end: str, tableau: Tableau) -> Integers:
+    """Return the steps that ``tableau`` takes over [0, t_end] with each step size per stage, as its ``steps`` does."""
+    ratios = float(exact_decimal(t_end)) / (taus * tableau.stages)
+    steps = np.rint(ratios)
+    # A ratio is off by less than three roundings. Nearer to a half than that, exact arithmetic decides.
+    unsure = np.abs(np.abs(ratios - steps) - 0.5) <= 1e-15 * ratios
+    steps[unsure] = [tableau.steps(tau, exact_decimal(t_end)) for tau in taus[unsure].tolist()]
+    return np.maximum(steps, 1).astype(np.int64)
 
 
 def steps_of(t_end: str, tau: float, key: str = "tau", given: object = None) -> int:

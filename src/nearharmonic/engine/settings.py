@@ -224,7 +224,7 @@ class Sweep(SharedSettings):
     precision : tuple of str
         Arithmetic of the runs: "double", "extended" or both.
     samples : int
-        States that a run keeps at most.
+        States that a run keeps at most; 0 for reduced numbers alone.
     shards : int
         Files that share the step sizes of a method.
     """

@@ -88,7 +88,7 @@ def test_decimal_strings_are_numbers_for_yaml_misreads_1e_4():
         ("systems.sho.precision", [], "systems.sho.precision = [] is not allowed"),
         ("systems.sho.precision", ["extendd"], "Did you mean 'extended'?"),
         ("summation", "kahan", "summation = 'kahan' is not allowed: one of compensated, plain"),
-        ("samples", 0, "samples = 0 is not allowed: an integer of 1 or more"),
+        ("samples", -1, "samples = -1 is not allowed: an integer of 0 or more"),
         ("samples", 10**9, "samples = 1000000000 is not allowed: a job would hold 4e+10 bytes"),
         ("shards", 0, "shards = 0 is not allowed: an integer of 1 or more"),
     ],
@@ -160,7 +160,7 @@ def test_schema_takes_shipped_configs_and_refuses_what_loading_refuses(file):
     shipped = yaml.safe_load((ROOT / "config" / file).read_text(encoding="utf-8"))
     schema_validator = Draft202012Validator(SCHEMA)
     assert schema_validator.is_valid(shipped)
-    for key, value in (("samples", 0), ("shards", "many"), ("integrators", []), ("summation", "kahan"), ("sharsd", 2)):
+    for key, value in (("samples", -1), ("shards", "many"), ("integrators", []), ("summation", "kahan"), ("sharsd", 2)):
         assert not schema_validator.is_valid(shipped | {key: value})
 
 
@@ -175,7 +175,7 @@ def test_a_whole_number_may_be_written_with_a_point():
 
 @pytest.mark.parametrize("value", [10.5, "10.5", True, None, "ten", [10]])
 def test_what_is_no_whole_number_is_refused(value):
-    with pytest.raises(NearharmonicError, match=re.escape(f"samples = {value!r} is not allowed: an integer of 1")):
+    with pytest.raises(NearharmonicError, match=re.escape(f"samples = {value!r} is not allowed: an integer of 0")):
         load(SMALL | {"samples": value})
 
 

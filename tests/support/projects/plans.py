@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nearharmonic.reproduction.experiments.paper.grid import plan
+from nearharmonic.reproduction.experiments.paper.grid import plan, shards
 
 
 def planned_runs(sweeps, methods):
@@ -10,7 +10,7 @@ def planned_runs(sweeps, methods):
         run
         for sweep in sweeps
         for name in methods
-        for index in range(plan.shards_of(sweep, name))
+        for index in range(shards.shards_of(sweep, name))
         for run in plan.runs_of(sweep, name, index)
     ]
 

@@ -14,7 +14,7 @@ import h5py
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.output import table
 from nearharmonic.output.table import Table
-from nearharmonic.reproduction.experiments.paper.grid.plan import shards_of
+from nearharmonic.reproduction.experiments.paper.grid.shards import shards_of
 from nearharmonic.reproduction.experiments.paper.reduce import reduce
 from nearharmonic.reproduction.experiments.paper.run import integrate
 from nearharmonic.reproduction.experiments.paper.tableaus.decompose import decompose

@@ -17,14 +17,14 @@ from nearharmonic.engine.batch.lanes import with_lanes
 from nearharmonic.engine.batch.processed import processed_call
 from nearharmonic.engine.batch.queue import Batch
 from nearharmonic.engine.batch.regularised import landing_call
-from nearharmonic.engine.batch.results import Integers, Trajectories, filled, surface_limit, trajectories_of
+from nearharmonic.engine.batch.results import Trajectories, filled, surface_limit, trajectories_of
 from nearharmonic.engine.grid import check_fit
 from nearharmonic.engine.numbers.coefficients import moves_of
 from nearharmonic.engine.numbers.initial_values import parameters_at_run_time, standard_parameters, standard_start
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.types import Floats, Integers
 from nearharmonic.systems.definition.system import System
 
 

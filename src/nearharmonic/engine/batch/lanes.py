@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from nearharmonic.engine.batch.results import Integers
 from nearharmonic.engine.settings import WIDTH, Numerics
+from nearharmonic.numerics.types import Integers
 from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.numba.potential import numba_potential
 

@@ -8,9 +8,9 @@ from functools import cached_property
 from math import nan
 
 from nearharmonic.engine.batch import execution
-from nearharmonic.engine.batch.results import Filled, Integers, filled
+from nearharmonic.engine.batch.results import Filled, filled
 from nearharmonic.engine.settings import Numerics
-from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.types import Floats, Integers
 
 
 @dataclass(frozen=True, kw_only=True)

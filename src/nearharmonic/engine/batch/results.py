@@ -8,15 +8,12 @@ from math import inf
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from nearharmonic.core.layout import running_rows
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.types import Floats, Integers
 from nearharmonic.systems.definition.system import System
-
-Integers = NDArray[np.int64]
 
 #: Samples at which the energy of a processed method is measured if its errors alone are wanted.
 SAMPLES_OF_PROCESSED = 1000

@@ -15,7 +15,7 @@ from nearharmonic.engine.batch.batch import sample_marks
 from nearharmonic.engine.batch.lanes import most_lanes_of
 from nearharmonic.engine.batch.queue import Batch
 from nearharmonic.engine.batch.regularised import check_bound
-from nearharmonic.engine.batch.results import Filled, Integers, Trajectories, joined
+from nearharmonic.engine.batch.results import Filled, Trajectories, joined
 from nearharmonic.engine.numbers.initial_values import (
     parameter_array,
     parameters_at_run_time,
@@ -38,7 +38,7 @@ from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_THREADS, checked_count, checked_samples
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.types import Floats, Integers
 from nearharmonic.output.dataset import assembled, described
 from nearharmonic.systems.definition.system import System
 

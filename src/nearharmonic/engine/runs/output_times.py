@@ -9,13 +9,13 @@ from fractions import Fraction
 import numpy as np
 
 from nearharmonic.engine.batch.batch import single_steps
-from nearharmonic.engine.batch.results import Integers, Trajectories, energy_unit
+from nearharmonic.engine.batch.results import Trajectories, energy_unit
 from nearharmonic.engine.numbers.arrays import list_of
 from nearharmonic.engine.numbers.initial_values import exact
 from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.engine.settings import MOST_SAMPLES
 from nearharmonic.errors import bad_setting
-from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.types import Floats, Integers
 
 
 def checked_times(t: object, problem: Setup) -> list[Fraction]:

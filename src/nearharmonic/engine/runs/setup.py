@@ -13,7 +13,7 @@ from nearharmonic.engine.batch.kernels import cost_of
 from nearharmonic.engine.batch.numba_runs import check_precision, energy_floor
 from nearharmonic.engine.batch.queue import Batch
 from nearharmonic.engine.batch.regularised import check_bound
-from nearharmonic.engine.batch.results import Filled, Integers, Trajectories, trajectories_of
+from nearharmonic.engine.batch.results import Filled, Trajectories, trajectories_of
 from nearharmonic.engine.grid import check_fit, steps_of
 from nearharmonic.engine.numbers.coefficients import moves_of
 from nearharmonic.engine.numbers.initial_values import exact, standard_parameters, standard_start
@@ -31,7 +31,7 @@ from nearharmonic.engine.settings import (
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.types import Floats, Integers
 from nearharmonic.systems import systems
 from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.oscillator import check_oscillator

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from nearharmonic.engine.batch.queue import Batch
-from nearharmonic.engine.batch.results import Integers, Trajectories, filled
+from nearharmonic.engine.batch.results import Trajectories, filled
 from nearharmonic.engine.runs.continuation import Start, start_of
 from nearharmonic.engine.runs.description import trajectory_dataset
 from nearharmonic.engine.runs.setup import Setup
-from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.types import Floats, Integers
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -47,6 +47,23 @@ def attributes_of(path: str | os.PathLike[str]) -> dict[str, Any]:
         return attributes_in(file)
 
 
+def claimed_attributes(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the attributes of the file ``path`` without a check of its bytes, to choose among files before a reader.
+
+    Raises
+    ------
+    ResultFileError
+        The file is missing, or HDF5 cannot open it.
+    """
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            return attributes_in(file)
+    except OSError as error:
+        raise unusable(path, "cannot be read") from error
+
+
 def groups_of(path: str | os.PathLike[str]) -> tuple[str, ...]:
     """Return the names of the groups below the root of ``path``; errors are those of :func:`checked`."""
     with checked(path) as file:

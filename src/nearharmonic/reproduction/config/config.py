@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, make_dataclass
+from dataclasses import dataclass, make_dataclass, replace
 from functools import cache
 from typing import Annotated, Any
 
 from nearharmonic.engine.settings import Sweep, shared_settings_from
 from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.integrators.user_file import expanded
-from nearharmonic.reproduction.entries import STRICT, Reading, setting, whole_from
-from nearharmonic.reproduction.experiments.paper.grid.plan import fewest_shards
+from nearharmonic.reproduction.entries import POSITIVE, STRICT, PositiveNumber, Reading, setting, whole_from
+from nearharmonic.reproduction.experiments.paper.grid.shards import suitable_shards
 from nearharmonic.reproduction.experiments.paper.settings import Summation, SystemSettings
 from nearharmonic.reproduction.tasks.experiment import experiments
 from nearharmonic.systems import systems
@@ -57,13 +57,17 @@ class Config:
         "The Hamiltonian systems, by name; each holds the keys below", "at least one system by its name", min_length=1
     )
     samples: int = setting(
-        "States that a run keeps; the largest and the mean error see every step all the same",
+        "States that a run keeps; the largest and the mean error see every step all the same. 0 keeps the reduced "
+        "numbers alone, those of 500 states",
         default=500,
-        **whole_from(1),
+        **whole_from(0),
+    )
+    job_seconds: PositiveNumber = setting(
+        "Time for which the work of one job is planned; it determines the shards", POSITIVE, unit="s", default=5.0
     )
     shards: int | None = setting(
-        "Jobs, and files, that share the step sizes of one method on one system; if not given, as few as keep the "
-        "trajectories of a job below 4e8 bytes",
+        "Jobs, and files, that share the step sizes of one method on one system; if not given, as few as keep a job "
+        "near job_seconds and its trajectories below 4e8 bytes",
         default=None,
         **whole_from(1),
     )
@@ -100,20 +104,21 @@ class Config:
     @property
     def sweeps(self) -> tuple[Sweep, ...]:
         """Sweep of each system; t_end is by default that of the system."""
-        return tuple(
-            Sweep(
-                system=name,
-                t_end=asked.t_end or systems[name].t_end,
-                lowest=asked.tau_per_stage.lowest,
-                highest=asked.tau_per_stage.highest,
-                points_per_decade=asked.tau_per_stage.points_per_decade,
-                precision=asked.precision,
-                samples=self.samples,
-                **shared_settings_from(asked, self),
-                shards=self.shards or fewest_shards(systems[name], asked.tau_per_stage, self.samples),
-            )
-            for name, asked in self.systems.items()
+        return tuple(self._sweep(name, asked) for name, asked in self.systems.items())
+
+    def _sweep(self, name: str, asked: SystemSettings) -> Sweep:
+        sweep = Sweep(
+            system=name,
+            t_end=asked.t_end or systems[name].t_end,
+            lowest=asked.tau_per_stage.lowest,
+            highest=asked.tau_per_stage.highest,
+            points_per_decade=asked.tau_per_stage.points_per_decade,
+            precision=asked.precision,
+            samples=self.samples,
+            **shared_settings_from(asked, self),
+            shards=self.shards or 1,
         )
+        return sweep if self.shards else replace(sweep, shards=suitable_shards(sweep, self.job_seconds))
 
     @property
     def compared(self) -> tuple[str, ...]:

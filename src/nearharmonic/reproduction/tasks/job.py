@@ -6,7 +6,7 @@ import gc
 import os
 import sys
 import traceback
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
 from inspect import signature
 from pathlib import Path
@@ -16,11 +16,12 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
 from nearharmonic.output.atomic import write_bytes, write_text
 from nearharmonic.output.dataset import Contents
+from nearharmonic.output.store.earlier import kept_for
 from nearharmonic.output.table import Table, save_document
 from nearharmonic.output.table import save as save_table
 from nearharmonic.reproduction.tasks.definitions import defined, files_in
 from nearharmonic.reproduction.tasks.provenance import digests, function_of, named_in, provenance
-from nearharmonic.reproduction.tasks.receipts import WHOLE, Receipt
+from nearharmonic.reproduction.tasks.receipts import WHOLE, Receipt, folder_of
 from nearharmonic.systems import systems
 
 Places = Sequence[str]
@@ -30,9 +31,9 @@ def run(snakemake: Any) -> None:
     """Run the job of a rule whose ``params.task`` comes from :func:`.provenance.task`.
 
     The function is called with its settings, and with the paths of the inputs of the rule under their names. Its
-    optional parameter ``threads`` is the number of threads of the job; its optional parameter ``report`` writes a
-    progress line to the terminal. It returns a mapping with a result for each named output, of the types of
-    :func:`write`.
+    optional parameter ``threads`` is the number of threads of the job; ``report`` writes a progress line to the
+    terminal; ``earlier`` are files that this job may take results from. It returns a mapping with a result for each
+    named output, of the types of :func:`write`.
 
     Raises
     ------
@@ -41,14 +42,17 @@ def run(snakemake: Any) -> None:
     """
     with logged(snakemake.log[0]), rarely_collected():
         task = snakemake.params.task
-        function = function_of(task)
-        offered = {"threads": snakemake.threads, "report": _report}
-        extra = {name: value for name, value in offered.items() if name in signature(function).parameters}
+        function, origin = function_of(task), provenance(task)
+        offered: dict[str, Callable[[], Any]] = {
+            "threads": lambda: snakemake.threads,
+            "report": lambda: _report,
+            "earlier": lambda: kept_for(folder_of(snakemake.log[0]), snakemake.output[0], origin),
+        }
+        extra = {name: value() for name, value in offered.items() if name in signature(function).parameters}
         inputs = {name: _plain(value) for name, value in snakemake.input.items()}
         receipt = Receipt(snakemake.log[0], map(str, snakemake.input))
         with covered(task):
             results = function(**task["settings"], **inputs, **extra)
-            origin = provenance(task)
             for name, made in snakemake.output.items():
                 places = [made] if isinstance(made, str) else list(made)
                 write(results[name], places, origin)

@@ -11,7 +11,7 @@ from nearharmonic.errors import SettingError
 from nearharmonic.output.store import write
 from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.experiments.paper.figures.fig2_decomposition import fig2_decomposition
-from nearharmonic.reproduction.experiments.paper.grid.plan import shards_of
+from nearharmonic.reproduction.experiments.paper.grid.shards import shards_of
 from nearharmonic.reproduction.experiments.paper.reduce import reduce
 from nearharmonic.reproduction.experiments.paper.run import integrate
 from nearharmonic.reproduction.experiments.paper.tableaus.decompose import decompose

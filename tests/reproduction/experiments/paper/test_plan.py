@@ -6,14 +6,17 @@ from dataclasses import replace
 from fractions import Fraction
 from itertools import pairwise
 
+import mpmath
+import numpy as np
 import pytest
 from mpmath import mpf
 
-from nearharmonic.engine.grid import shard, tau_grid
+from nearharmonic.engine.grid import steps_over, tau_grid, tau_range
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.errors import NearharmonicError, SettingError
 from nearharmonic.integrators import integrators
-from nearharmonic.reproduction.experiments.paper.grid.plan import check_sweep, runs_of, shards_of
+from nearharmonic.reproduction.experiments.paper.grid.plan import check_sweep, runs_of
+from nearharmonic.reproduction.experiments.paper.grid.shards import shard_range, shards_of, suitable_shards
 from support.oracles.reference_solutions import ellipse_error
 from support.projects.plans import omitted, planned_runs
 
@@ -56,16 +59,49 @@ def test_a_grid_may_be_a_single_step_size():
 
 @pytest.mark.parametrize("count", [1, 2, 7, 161])
 def test_shards_share_the_grid_without_gap_or_overlap(count):
-    grid = tau_grid(1e-4, 1.0, 40)
-    shards = [shard(grid, index, count) for index in range(count)]
-    assert sorted(tau for part in shards for tau in part) == list(grid)
+    asked = replace(SHO, shards=count)
+    shards = [shard_range(asked, "ruth", index) for index in range(shards_of(asked, "ruth"))]
+    assert [i for part in shards for i in part] == list(range(161))
+
+
+@pytest.mark.parametrize("points_per_decade", [40, 25_000, 250_000])
+def test_part_of_a_grid_is_that_of_the_whole(points_per_decade):
+    """The step sizes are computed as products of two powers; those of one at a time are powers."""
+    begin, end = 3 * points_per_decade - 5, 3 * points_per_decade + 5
+    part = tau_range(1e-4, points_per_decade, begin, end)
+    assert part == tuple(tau_range(1e-4, points_per_decade, i, i + 1)[0] for i in range(begin, end))
+    assert part[5] == 0.1
+    for i, tau in enumerate(part, begin):
+        with mpmath.workdps(40):
+            assert abs(tau / (mpf("1e-4") * mpf(10) ** (mpf(i) / points_per_decade)) - 1) < 5e-6
+    assert len(set(part)) == 10
+
+
+@pytest.mark.parametrize("name", ["ruth", "babps9o7h"])
+def test_steps_of_a_grid_are_those_of_each_step_size(name):
+    """Ratios at exactly a half, as 500 / (3 * 100 / 3) = 5 and 2.5, are rounded to even."""
+    taus = np.array([*tau_grid(1e-3, 100.0, 50), 500 / 2.5 / integrators[name].stages, 200 / 3])
+    each = [integrators[name].steps(tau, Fraction(500)) for tau in taus.tolist()]
+    assert steps_over(taus, "500", integrators[name]).tolist() == each
 
 
 def test_two_shards_cost_same_within_one_step_of_grid():
     costs = [
         sum(run.steps[i] for run in runs_of(HENON_HEILES, "aba864", k) for i in range(len(run.steps))) for k in (0, 1)
     ]
-    assert 1 <= costs[0] / costs[1] <= 10 ** (1 / 40) * 1.001  # each pair of neighbours differs by this ratio
+    # Cut at a step size, each part is off by at most the largest of them: a share 1 - 10^(-1/40) of the whole.
+    assert abs(costs[0] / sum(costs) - 0.5) <= 1 - 10 ** (-1 / 40)
+
+
+def test_jobs_of_a_fine_grid_take_the_time_asked_for():
+    """10^5 step sizes: all jobs have equal shares, but for one run, of which there are thousands in each."""
+    fine = replace(HENON_HEILES, points_per_decade=25_000, samples=0)
+    count = suitable_shards(fine, 5.0)
+    assert suitable_shards(fine, 50.0) == -(-count // 10)
+    asked = replace(fine, shards=count)
+    parts = [runs_of(asked, "ruth", index)[0] for index in (0, count // 2, count - 1)]
+    costs = [sum(part.steps) * 3 * 2e-9 + len(part.steps) * 1e-4 for part in parts]
+    assert costs == pytest.approx([5.0] * 3, rel=0.05)
 
 
 def test_one_shard_per_step_size_gives_its_runs_only():
@@ -164,8 +200,8 @@ def test_kick_first_method_saves_reused_force():
     [
         ({"lowest": 1e-9}, "would take 166666666667 steps"),
         ({"lowest": 1e-300, "highest": 1e-299}, "steps"),
-        ({"points_per_decade": 10**6}, "may have 10000"),
-        ({"lowest": 4e-7, "points_per_decade": 1500}, "force evaluations"),
+        ({"points_per_decade": 10**6}, "may have 1000001"),
+        ({"lowest": 4e-7, "points_per_decade": 150_000}, "force evaluations"),
         ({"samples": 10**7}, "add shards"),
     ],
 )

@@ -14,7 +14,8 @@ from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import assembled, described
 from nearharmonic.output.store import write
 from nearharmonic.reproduction.experiments.paper import reduce
-from nearharmonic.reproduction.experiments.paper.grid.plan import runs_of, shards_of
+from nearharmonic.reproduction.experiments.paper.grid.plan import runs_of
+from nearharmonic.reproduction.experiments.paper.grid.shards import shards_of
 from nearharmonic.reproduction.experiments.paper.reduce import numbers
 from nearharmonic.reproduction.experiments.paper.run import integrate, integrate_run
 from nearharmonic.reproduction.experiments.paper.tableaus.decompose import decompose
@@ -38,7 +39,7 @@ def cube_of(system, parts):
     methods = {}
     for name, by_precision in parts.items():
         layers = {p: xr.concat(shards, "tau_per_stage").sortby("tau_per_stage") for p, shards in by_precision.items()}
-        methods[name] = reduce._joined([one.expand_dims(precision=[p]) for p, one in layers.items()], "precision")
+        methods[name] = reduce.joined([one.expand_dims(precision=[p]) for p, one in layers.items()], "precision")
     return reduce.cube_of(system, methods)
 
 

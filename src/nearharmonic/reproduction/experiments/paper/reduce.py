@@ -24,12 +24,19 @@ TAKEN_OVER = ("tau_per_stage", "tau", "steps", "evaluations", "status", "diverge
 
 
 def reduce(sweep: Sweep, integrators: Sequence[str], **runs: Sequence[str]) -> dict[str, xr.Dataset]:
-    """Return the ``cube`` of a system, :func:`cube_of` the run files of each method, by its name in ``runs``.
+    """Return the ``cube`` of a system, :func:`cube_of` the files of each method, by its name in ``runs``.
 
+    They are its run files, or one file of reduced numbers.
     The methods are in the order of ``integrators``.
     """
     leave_out = STATES if sweep.system in PAPER else ()
     return {"cube": cube_of(sweep.system, {name: numbers_of(runs[name], leave_out) for name in integrators})}
+
+
+def reduce_method(sweep: Sweep, integrator: str, runs: Sequence[str]) -> dict[str, xr.Dataset]:
+    """Return the ``reduced`` numbers of the run files of a method: a cube of many files is made in constant memory."""
+    found = numbers_of(runs, STATES if sweep.system in PAPER else ())
+    return {"reduced": found.assign_attrs(system=sweep.system, integrator=integrator)}
 
 
 def numbers_of(paths: Iterable[str], leave_out: Collection[str] = ()) -> xr.Dataset:
@@ -40,13 +47,19 @@ def numbers_of(paths: Iterable[str], leave_out: Collection[str] = ()) -> xr.Data
     shards: dict[str, list[xr.Dataset]] = {}
     for path in paths:
         for precision, runs in store.read_precisions(path, leave_out=leave_out).items():
+            if "precision" in runs.dims:
+                return runs  # those of all files of a method
             shards.setdefault(precision, []).append(numbers(runs))
-    curves = {name: _joined(parts, "tau_per_stage").sortby("tau_per_stage") for name, parts in shards.items()}
-    return _joined([one.expand_dims(precision=[name]) for name, one in curves.items()], "precision")
+    curves = {name: joined(parts, "tau_per_stage").sortby("tau_per_stage") for name, parts in shards.items()}
+    whole = joined([one.expand_dims(precision=[name]) for name, one in curves.items()], "precision")
+    whole["precision"].attrs |= described("precision")
+    return whole
 
 
 def numbers(runs: xr.Dataset) -> xr.Dataset:
     """Return the numbers of ``runs`` over tau_per_stage: those of the file, and the results of the reductions."""
+    if "sample" not in runs.dims:
+        return runs  # reduced already
     runs = runs.reset_coords()  # xarray compares auxiliary coordinates at every operation
     return runs[list(TAKEN_OVER)].assign(reduction.of(runs))
 
@@ -59,7 +72,7 @@ def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:
     """
     problem = systems[system]
     labels = [methods_by_name[name].label for name in methods]
-    cube = _joined([numbers.expand_dims(integrator=[name]) for name, numbers in methods.items()], "integrator")
+    cube = joined([numbers.expand_dims(integrator=[name]) for name, numbers in methods.items()], "integrator")
     cube = cube.transpose("precision", "integrator", "tau_per_stage").assign_coords(label=("integrator", labels))
     cube = cube.assign(reduction.of(cube, over="tau_per_stage"))
     cube.tau_per_stage.attrs |= described("step size per stage", problem.units["t"])
@@ -75,8 +88,8 @@ def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:
     return cube
 
 
-def _joined(parts: Sequence[xr.Dataset], dimension: str) -> xr.Dataset:
-    """Concatenate along ``dimension``, with fill values for missing variables of a part."""
+def joined(parts: Sequence[xr.Dataset], dimension: str) -> xr.Dataset:
+    """Return ``parts`` along ``dimension``, with fill values for missing variables of a part."""
     names = {name for part in parts for name in part.data_vars}
     return xr.concat(
         parts, dimension, data_vars="all", coords="minimal", compat="override", join="outer",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from nearharmonic.engine.runs.description import kernel_in_words, sampled
 from nearharmonic.engine.runs.problem import Problem
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.output.dataset import Contents, Variable, Variables, coordinate, counted
+from nearharmonic.reproduction.experiments.paper.grid.earlier import Earlier, vacant
 from nearharmonic.reproduction.experiments.paper.grid.plan import Run, runs_of
 from nearharmonic.systems import systems
 
@@ -17,8 +19,17 @@ from nearharmonic.systems import systems
 COORDINATES = ("t",)
 
 
-def integrate(sweep: Sweep, integrator: str, shard: int) -> dict[str, Contents]:
+def integrate(
+    sweep: Sweep, integrator: str, shard: int, earlier: Sequence[str | os.PathLike[str]] = ()
+) -> dict[str, Contents]:
     """Integrate one shard, numbered from 0, of the step sizes of a method on a system.
+
+    Parameters
+    ----------
+    sweep, integrator, shard
+        The plan of the runs.
+    earlier : sequence of path
+        Run files of the same code and coefficients, as an earlier config planned them: their runs are taken over.
 
     Returns
     -------
@@ -27,9 +38,16 @@ def integrate(sweep: Sweep, integrator: str, shard: int) -> dict[str, Contents]:
         are runs in double precision, the group has their step sizes and samples, so that ``xarray.open_datatree`` opens
         both; runs that the plan omits have the status "skipped".
     """
+    return {"run": contents(sweep, integrator, shard, Earlier(sweep, integrator, shard, earlier), integrate_run)}
+
+
+def contents(
+    sweep: Sweep, integrator: str, shard: int, earlier: Earlier, function: Callable[[Run], Variables]
+) -> Contents:
+    """Return the contents of a run file: what ``function`` returns for the runs that ``earlier`` files do not hold."""
     planned = runs_of(sweep, integrator, shard)
-    problems = {run.precision: _problem(run) for run in planned}
-    parts = {run.precision: integrate_run(run) for run in planned}
+    problems = {run.precision: problem_of(run) for run in planned}
+    parts = {run.precision: earlier.completed(run, function) for run in planned}
     attributes: dict[str, object] = {
         "system": sweep.system,
         "integrator": integrator,
@@ -40,9 +58,7 @@ def integrate(sweep: Sweep, integrator: str, shard: int) -> dict[str, Contents]:
     made = sum(map(_evaluations, parts.values()))
     root = parts.pop("double", {})
     groups = {name: _padded(part, root) if root else part for name, part in parts.items()}
-    return {
-        "run": Contents(variables=root, attributes=attributes, coordinates=COORDINATES, groups=groups, evaluations=made)
-    }
+    return Contents(variables=root, attributes=attributes, coordinates=COORDINATES, groups=groups, evaluations=made)
 
 
 def _evaluations(variables: Variables) -> int:
@@ -61,13 +77,14 @@ def integrate_run(run: Run) -> Variables:
         tau_per_stage. ``block_max_energy_error`` and ``block_mean_energy_error`` cover the ``block_steps`` steps since
         the previous sample, so that they determine maximum and mean over all steps.
     """
-    problem = _problem(run)
+    problem = problem_of(run)
     grid = coordinate("tau_per_stage", run.tau_per_stage, "step size per stage", problem.system.units["t"])
     variables = grid | sampled(problem, run.steps, run.samples)
     return variables | counted(variables)
 
 
-def _problem(run: Run) -> Problem:
+def problem_of(run: Run) -> Problem:
+    """Return the system, method and settings of planned runs."""
     system = systems[run.system]
     return Problem(system, run.integrator, t_end=run.t_end, precision=run.precision, **run.shared_settings)
 
@@ -76,14 +93,13 @@ def _padded(part: Variables, whole: Mapping[str, Variable]) -> Variables:
     """Return the runs of ``part``, padded to all step sizes and samples of ``whole``."""
     grid = np.asarray(whole["tau_per_stage"][1])
     rows = np.searchsorted(grid, np.asarray(part["tau_per_stage"][1]))
-    sizes = {"tau_per_stage": grid.size, "sample": len(whole["sample"][1])}
+    sizes = {name: len(whole[name][1]) for name in ("tau_per_stage", "sample") if name in whole}
     found: Variables = {}
     for name, (dims, values, notes) in part.items():
         if name in whole and name in dims:
             found[name] = whole[name]
             continue
-        filler = "skipped" if name == "status" else np.nan if values.dtype.kind == "f" else 0
-        filled = np.full([sizes.get(d, n) for d, n in zip(dims, values.shape, strict=True)], filler, values.dtype)
+        filled = vacant(name, values, [sizes.get(d, n) for d, n in zip(dims, values.shape, strict=True)])
         filled[np.ix_(rows, *map(np.arange, values.shape[1:]))] = values
         found[name] = dims, filled, notes
     return found

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from nearharmonic.engine.grid import tau_grid
+from nearharmonic.engine.grid import steps_over, tau_grid
 from nearharmonic.engine.settings import PRECISIONS, Sweep
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators as methods_by_name
@@ -110,12 +110,12 @@ def table_of(rows: Sequence[Omission]) -> Table:
 def _not_asked(sweep: Sweep, name: str) -> Iterator[Omission]:
     """Yield one row for each precision that ``sweep`` does not use."""
     tableau = methods_by_name[name]
-    grid = tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade)
+    grid = np.array(tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade))
+    evaluations = int(tableau.evaluations(steps_over(grid, sweep.t_end, tableau)).sum())
     for precision in PRECISIONS:
         if precision not in sweep.precision:
-            evaluations = sum(tableau.evaluations(tableau.steps(t, sweep.t_end)) for t in grid)
             what = f"runs in {precision} precision"
-            yield Omission(sweep.system, name, precision, what, NOT_ASKED, len(grid), evaluations)
+            yield Omission(sweep.system, name, precision, what, NOT_ASKED, grid.size, evaluations)
 
 
 def _ended_early(system: str, cube: xr.Dataset) -> Iterator[Omission]:

@@ -11,14 +11,14 @@ import numpy as np
 
 from nearharmonic.engine.batch.batch import integrate_batch
 from nearharmonic.engine.batch.kernels import kernel_of
-from nearharmonic.engine.batch.results import Integers, Trajectories
+from nearharmonic.engine.batch.results import Trajectories
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import cos, sin
 from nearharmonic.numerics.geometric import decades, geometric
 from nearharmonic.numerics.portable import log10
-from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.types import Floats, Integers
 from nearharmonic.output.dataset import Contents, coordinate, variable
 from nearharmonic.reproduction.experiments.stability.settings import MapSettings
 from nearharmonic.systems.definition.quantities import Parameter
@@ -54,7 +54,7 @@ def evaluations_grid(settings: MapSettings) -> Floats:
     """Return the requested force evaluations per orbit, ascending and evenly spaced in the logarithm."""
     grid = settings.evaluations_per_orbit
     points = int(log10(grid.highest / grid.lowest) * grid.points_per_decade + 1e-9) + 1
-    return np.array(decades(grid.lowest, points, grid.points_per_decade), dtype=float)
+    return np.array(decades(grid.lowest, grid.points_per_decade, 0, points), dtype=float)
 
 
 def steps_per_orbit(settings: MapSettings, stages: int) -> Integers:

@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 from nearharmonic.core.arithmetic import rounded_pair
 from nearharmonic.engine.batch.batch import integrate_batch
 from nearharmonic.engine.batch.kernels import kernel_of
-from nearharmonic.engine.batch.results import Integers, Trajectories
+from nearharmonic.engine.batch.results import Trajectories
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.geometric import geometric
 from nearharmonic.numerics.quasi_random import quasi_random
-from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.types import Floats, Integers
 from nearharmonic.output.dataset import Contents, coordinate, variable
 from nearharmonic.reproduction.experiments.stability.kepler.run import PERIOD, SYSTEM, kepler_apoapsis
 from nearharmonic.reproduction.experiments.stability.settings import RoundingSettings

@@ -1,0 +1,68 @@
+"""Files that jobs are about to write again: kept beside the logs until the workflow has ended without an error.
+
+Snakemake deletes the outputs of a job before it starts. A job whose settings have changed may still use most of what
+the file holds.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.errors import NearharmonicError
+
+#: Folder of the files that are kept, in the folder of results.
+PLACE = "logs/earlier"
+
+
+def keep(folder: Path, outputs: Iterable[str | os.PathLike[str]]) -> None:
+    """Keep all result files in the folders of ``outputs``, which jobs are about to write, in a folder of results."""
+    for place in sorted({Path(output).parent for output in outputs}):
+        for path in place.glob("*.h5"):
+            kept = folder / PLACE / place.relative_to(folder) / f"{path.stem}-{path.stat().st_mtime_ns}.h5"
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            if not kept.exists():
+                _link(path, kept)
+
+
+def _link(path: Path, kept: Path) -> None:
+    try:
+        kept.hardlink_to(path)
+    except OSError:  # a file system without links
+        shutil.copyfile(path, kept)
+
+
+def forget(folder: Path) -> None:
+    """Delete what was kept."""
+    shutil.rmtree(folder / PLACE, ignore_errors=True)
+
+
+def kept_for(folder: Path, output: str | os.PathLike[str], origin: Mapping[str, str]) -> list[Path]:
+    """Return the kept files beside ``output`` of the same code, coefficients and users' definitions.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of results.
+    output : path
+        File that a job is about to write.
+    origin : mapping
+        Provenance attributes of the job.
+    """
+    place = folder / PLACE / Path(output).parent.relative_to(folder)
+    return [path for path in sorted(place.glob("*.h5")) if _is_like(path, origin)]
+
+
+def _is_like(path: Path, origin: Mapping[str, str]) -> bool:
+    from nearharmonic.output.store import claimed_attributes
+
+    try:
+        said: Mapping[str, Any] = claimed_attributes(path)
+        theirs, ours = (json.loads(one["settings"]).get("definitions") for one in (said, origin))
+    except (NearharmonicError, AttributeError, KeyError, TypeError, ValueError):
+        return False
+    return theirs == ours and all(said.get(key) == origin[key] for key in ("code_digest", "coefficients_digest"))
