@@ -58,7 +58,8 @@ def test_current_run_is_listed_as_running_until_history_has_it(project, capsys):
     started = history_line(10, status="running", end=None, duration=None)
     marker.write_text(json.dumps(started))
     marker.with_name("torn.json").write_text('{"id": "2026')
-    assert [row["status"] for row in told(capsys, "paper")] == ["running", "ok", "failed"]
+    assert [row["status"] for row in told(capsys, "paper")] == ["running", "ok", "failed", "damaged"]
+    marker.with_name("torn.json").unlink()
     write_history(project / "results/paper", [history_line(10)])
     assert [row["status"] for row in told(capsys, "paper")] == ["ok"]
 

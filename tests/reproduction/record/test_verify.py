@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from nearharmonic.output.sealed_json import sealed
 from nearharmonic.reproduction.record import history, verify
 from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.verify import _target_of, faults
@@ -39,7 +40,7 @@ def results(tmp_path, monkeypatch):
         receipt.add([f"results/smoke/{name}"], TASK)
     receipt.write()
     manifest.write(folder)
-    (folder / "history.jsonl").write_text("{}\n")
+    history.append(folder, {"id": "0", "start": "2026-01-01T00:00:00.000Z", "config": {}, "status": "ok"})
     return folder
 
 
@@ -96,7 +97,7 @@ def edit(results, **changes):
     document = manifest.read(results)
     for entry in document["files"].values():
         entry.update(changes)
-    place.write_text(manifest.sealed(document))
+    place.write_text(json.dumps(sealed(document)))
 
 
 @pytest.mark.parametrize(
@@ -214,20 +215,28 @@ def test_files_and_bytes_are_counted(results):
     assert verify.extent(results) == (len(FILES), sum(map(len, FILES.values())))
 
 
-def test_files_of_runs_with_another_config_are_counted(results, monkeypatch):
-    def run(name, config, status="ok"):
-        start = f"2026-01-01T00:00:0{name}.000Z"
-        history.append(results, {"id": name, "start": start, "status": status, "config": {}, "config_digest": config})
+def test_files_of_runs_with_another_config_are_counted(results):
+    def run(name, config, status="ok", made=()):
+        told = {"start": f"2026-01-01T00:00:0{name}.000Z", "status": status, "config": {}, "made": list(made)}
+        history.append(results, {"id": name, "config_digest": config, **told})
 
-    for name, receipt_of in (("1", ("cubes/sho.h5",)), ("2", tuple(set(FILES) - {"cubes/sho.h5"}))):
-        monkeypatch.setenv("NEARHARMONIC_RUN", name)
-        receipt = Receipt(f"results/smoke/logs/{'a' if name == '2' else 'b'}.log")
-        receipt.add([f"results/smoke/{file}" for file in receipt_of], TASK)
-        receipt.write()
-    manifest.write(results)
     assert verify.of_other_configs(results) == 0
-    run("1", "former")
-    run("2", "present")
+    run("1", "former", made=FILES)
+    run("2", "present", made=set(FILES) - {"cubes/sho.h5"})
     assert verify.of_other_configs(results) == 1
     run("3", "failed", status="failed")
     assert verify.of_other_configs(results) == 1
+
+
+def test_a_changed_line_of_the_history_is_named(results):
+    place = results / "history.jsonl"
+    place.write_text(place.read_text().replace('"ok"', '"no"'))
+    (found,) = faults(results)
+    assert (found.file, found.says) == ("history.jsonl", "line 1 is damaged: its seal does not match")
+
+
+def test_a_changed_receipt_is_named(results):
+    place = results / "logs/a.json"
+    place.write_text(place.read_text().replace('"size": 10', '"size": 11'))
+    (found,) = faults(results)
+    assert (found.file, found.says) == ("logs/a.json", "is no receipt as its job wrote it")

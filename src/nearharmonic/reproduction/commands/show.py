@@ -30,6 +30,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each fact, followed by lines of Python."""
     from nearharmonic.reproduction.record.files import manifest
     from nearharmonic.reproduction.record.files.folders import folder_of
+    from nearharmonic.reproduction.record.history import makers_in
     from nearharmonic.reproduction.record.query.single import files_of, python_lines, single_run
 
     folder = folder_of(chosen.result)
@@ -37,7 +38,11 @@ def answer(chosen: argparse.Namespace) -> Answer:
         folder, chosen.system, chosen.integrator, chosen.tau, precision=chosen.precision, per_stage=chosen.per_stage
     )
     told = manifest.read(folder) if (folder / "manifest.json").exists() else {}
-    files = {what: {"path": name, **entry} for what, name, entry in files_of(run, folder, told)}
+    makers = makers_in(folder)
+    files = {
+        what: {"path": name, **entry, **({"run": makers[name]} if name in makers else {})}
+        for what, name, entry in files_of(run, folder, told)
+    }
     lines = python_lines(run)
     document = {
         "result": str(folder),
@@ -89,5 +94,5 @@ def _remarks(run: SingleRun, folder: Path, manifest: dict[str, Any]) -> list[str
     if file is not None and not run.system_units:
         remarks.append(f"The units of the system are those in {file}, Python code that this command does not run.")
     if not manifest:
-        remarks.append(f"{folder} has no manifest.json, which would name the run of the workflow that made it.")
+        remarks.append(f"{folder} has no manifest.json, which would give the digests of its files.")
     return remarks

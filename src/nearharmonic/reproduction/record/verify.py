@@ -18,7 +18,7 @@ from nearharmonic.reproduction.record.files.trusted import integrator_files_not_
 from nearharmonic.reproduction.tasks.definitions import defined, read_definitions
 from nearharmonic.reproduction.tasks.experiment import beside_the_paper, experiments
 from nearharmonic.reproduction.tasks.provenance import digests
-from nearharmonic.reproduction.tasks.receipts import identity, measured
+from nearharmonic.reproduction.tasks.receipts import damaged_receipts, identity, measured
 
 Entries = Mapping[str, Mapping[str, Any]]
 
@@ -49,7 +49,7 @@ class Fault:
 
 
 def faults(folder: Path) -> list[Fault]:
-    """Compare every file of ``folder`` with the manifest, and the code and coefficients here with those recorded.
+    """Compare every file of ``folder`` with the record, and the code and coefficients here with those recorded.
 
     Only the record is parsed; all other files are compared as bytes, so that damaged files cannot mislead or block the
     reader.
@@ -63,11 +63,23 @@ def faults(folder: Path) -> list[Fault]:
         told = manifest.read(folder)
     except ResultFileError as error:
         says, _, mend = str(error).partition(". ")
-        return [Fault(file=manifest.MANIFEST, says=says.removeprefix(f"{folder / manifest.MANIFEST} "), mend=mend)]
-    found = list(_of_files(folder, told))
+        says = says.removeprefix(f"{folder / manifest.MANIFEST} ")
+        return [*_of_record(folder), Fault(file=manifest.MANIFEST, says=says, mend=mend)]
+    found = [*_of_record(folder), *_of_files(folder, told)]
     whole = {name: entry for name, entry in told["files"].items() if name not in {fault.file for fault in found}}
     found += [*_of_inputs(folder, whole), *_of_origins(folder, told["files"])]
     return sorted(found, key=lambda fault: (_rank(fault.file), fault))
+
+
+def _of_record(folder: Path) -> Iterator[Fault]:
+    """Yield a fault for each line of the history and each receipt that has changed since it was written."""
+    again = command_for(folder / "report.html")
+    for line in history.faulty_lines(history.lines_of(folder / history.HISTORY)):
+        says = f"line {line.number} {line.fault}"
+        yield Fault(file=history.HISTORY, says=says, mend=f"The next run with jobs records this, for example: {again}")
+    for place in damaged_receipts(folder):
+        mend = f"The next run replaces or removes it: {workflow_command(place)}"
+        yield Fault(file=place.relative_to(folder).as_posix(), says="is no receipt as its job wrote it", mend=mend)
 
 
 def _rank(name: str) -> int:
@@ -196,6 +208,6 @@ def of_other_configs(folder: Path) -> int:
         The manifest is missing or damaged.
     """
     configs = {run["id"]: run.get("config_digest") for run in history.runs_of(folder)}
-    newest = history.newest_finished(folder)
-    runs = [entry["run"] for entry in manifest.read(folder)["files"].values()]
+    newest, makers = history.newest_finished(folder), history.makers_in(folder)
+    runs = [makers.get(name, entry.get("run")) for name, entry in manifest.read(folder)["files"].items()]
     return sum(configs.get(run) != newest.get("config_digest") for run in runs) if newest else 0

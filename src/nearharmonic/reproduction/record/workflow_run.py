@@ -16,7 +16,7 @@ from nearharmonic.reproduction.experiments.paper.grid.omissions import totals_in
 from nearharmonic.reproduction.record import history
 from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.files.fingerprint import fingerprint, machine, revision
-from nearharmonic.reproduction.tasks.receipts import RUN, receipts_in
+from nearharmonic.reproduction.tasks.receipts import RUN, damaged_receipts, names_made_by, receipts_in
 
 #: What the history tells of a run as soon as it starts, in this order; None if it is not known.
 FIELDS = (
@@ -59,7 +59,9 @@ class WorkflowRun:
             self._told |= machine()
         with self._warning("the commit is not recorded"):
             self._told |= revision(self._sources)
-        self._told |= {"jobs_run": None, "jobs_reused": None, "evaluations": None, "evaluations_skipped": None}
+        self._told |= dict.fromkeys(("jobs_run", "jobs_reused", "evaluations", "evaluations_skipped")) | {"made": []}
+        with self._warning("damaged receipts are not removed"):
+            self._remove_damaged_receipts()
         with self._warning("killed runs are not closed"):
             history.close_killed(self._folder)
         with self._warning("the history is not written"):
@@ -102,6 +104,7 @@ class WorkflowRun:
             "cpu_seconds": round(sum(os.times()[:4]), 2),
             "jobs_run": jobs_run,
             "jobs_reused": jobs_reused,
+            "made": names_made_by(self._folder, self.id),
         }
         with self._warning("the evaluations are not recorded"):
             self._told |= self._evaluations()
@@ -110,6 +113,12 @@ class WorkflowRun:
                 history.append(self._folder, self._told)
             finally:
                 history.unmark(self._folder, self.id)
+
+    def _remove_damaged_receipts(self) -> None:
+        """Remove damaged receipts: the manifest has the entries of their files, or their jobs run again."""
+        for place in damaged_receipts(self._folder):
+            self._warn(str(place), f"{place} is not as its job wrote it, and is removed")
+            place.unlink()
 
     def made(self, name: str) -> bool:
         """Return True if a job of this run made the file ``name``."""

@@ -1,7 +1,8 @@
 """Receipts: lists of the files that each job of a workflow wrote, stored beside its log; the manifest combines them.
 
 A receipt holds the size and the SHA-256 of each file as the job left it, so that a file that was edited later can be
-distinguished from a file that was made again. It is not a result file, so it may contain timestamps.
+distinguished from a file that was made again. It is not a result file, so it may contain timestamps. A receipt is
+sealed; one whose seal does not match is not believed.
 """
 
 from __future__ import annotations
@@ -14,6 +15,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from nearharmonic.output.atomic import write_text
+from nearharmonic.output.reading import read_bytes
+from nearharmonic.output.sealed_json import opened, sealed
 from nearharmonic.output.store import sealed_digest
 from nearharmonic.reproduction.tasks.provenance import settings_digest, settings_text
 
@@ -28,6 +31,8 @@ REQUIRED = frozenset(
 )  # fmt: skip
 #: Folders of files that are no results: logs, the marks of jobs among them, and copies of pages of the documentation.
 BESIDE = ("logs", "docs")
+#: Folder below ``logs`` with the markers of unfinished runs, which are no receipts.
+MARKED = "running"
 #: Marks a whole file as volatile, in place of columns.
 WHOLE = "*"
 
@@ -103,7 +108,7 @@ class Receipt:
         if not self._files:
             return
         try:
-            write_text(self._place, json.dumps(self._files, indent=1) + "\n")
+            write_text(self._place, json.dumps(sealed({"files": self._files}), indent=1) + "\n")
         except OSError as error:
             print(f"warning: no receipt {self._place}: {error.strerror}")
 
@@ -128,14 +133,36 @@ def folder_of(log: str | os.PathLike[str]) -> Path:
 
 
 def receipts_in(folder: Path) -> Iterator[tuple[Path, dict[str, dict[str, Any]]]]:
-    """Yield place and files by name of each receipt in a folder of results; unreadable receipts are skipped."""
+    """Yield place and files by name of each receipt in a folder of results; damaged receipts are skipped."""
+    yield from ((place, files) for place, files in _receipts(folder) if files is not None)
+
+
+def damaged_receipts(folder: Path) -> list[Path]:
+    """Return the receipts in a folder of results that cannot be read, or whose seal is missing or does not match."""
+    return [place for place, files in _receipts(folder) if files is None]
+
+
+def names_made_by(folder: Path, run: str) -> list[str]:
+    """Return the sorted names of the files that jobs of the workflow run with this id made."""
+    made = (name for _, files in receipts_in(folder) for name, entry in files.items() if entry["run"] == run)
+    return sorted(made)
+
+
+def _receipts(folder: Path) -> Iterator[tuple[Path, dict[str, dict[str, Any]] | None]]:
     for place in sorted((folder / "logs").rglob("*.json")):
-        try:
-            found = json.loads(place.read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError):
-            continue
-        if isinstance(found, dict) and all(isinstance(e, dict) and e.keys() >= REQUIRED for e in found.values()):
-            yield place, found
+        if place.parent != folder / "logs" / MARKED:
+            try:
+                files = (opened(read_bytes(place)) or {}).get("files")
+            except FileNotFoundError:  # removed in between
+                continue
+            except OSError:
+                files = None
+            known = isinstance(files, dict) and all(map(_is_entry, files.values()))
+            yield place, files if known else None
+
+
+def _is_entry(found: object) -> bool:
+    return isinstance(found, dict) and found.keys() >= REQUIRED
 
 
 def forget(folder: Path, entries: Mapping[str, Mapping[str, Any]]) -> None:

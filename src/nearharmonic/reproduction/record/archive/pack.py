@@ -46,7 +46,7 @@ _ADDED = {
     "CITATION.cff": "How to cite the software and the paper.",
     "LICENSE": "Text of the licence.",
     "history.jsonl": "Every run of the workflow, oldest first: times, command, commit, settings, versions, counts.",
-    "manifest.json": "Every result file with its size, its digest, the code that made it and the run that made it.",
+    "manifest.json": "Every result file with its size, its digest, and the code that made it.",
     "README.md": "What this archive holds and how to read it.",
 }
 
@@ -123,7 +123,7 @@ def target(folder: str | os.PathLike[str], place: str | os.PathLike[str] | None)
 
 def _members(result: Path, *, with_runs: bool) -> list[Member]:
     """Return all members of the archive, sorted by path."""
-    runs = history.runs_of(result)
+    runs = [run for run in history.runs_of(result) if run["status"] != "damaged"]
     if not runs:
         raise ResultFileError(_no_history(result))
     recorded = manifest.read(result)["files"]
@@ -131,7 +131,8 @@ def _members(result: Path, *, with_runs: bool) -> list[Member]:
     left_out = len(recorded) - len(taken)
     user_files = UserFiles(recorded.values(), recorded_digests(result))
     configs, texts = _configs(runs, user_files)
-    members = [_result_file(result, path, entry) for path, entry in taken.items()]
+    makers = history.makers_in(result)
+    members = [_result_file(result, path, entry, makers.get(path, entry.get("run"))) for path, entry in taken.items()]
     members += [Member.of_bytes(path, text, _ADDED["config"]) for path, text in texts.items()]
     members += [Member.of_file(name, result / name, _ADDED[name]) for name in manifest.LEFT_OUT]
     members += [Member.of_bytes(name, document(name), _ADDED[name]) for name in DOCUMENTS]
@@ -169,16 +170,15 @@ def _set(value: Any) -> Any:
     return value
 
 
-def _result_file(result: Path, path: str, entry: Mapping[str, Any]) -> Member:
-    """Return the member for the file ``path`` of ``result`` with this ``entry`` in the manifest."""
+def _result_file(result: Path, path: str, entry: Mapping[str, Any], run: str | None) -> Member:
+    """Return the member for the file ``path`` of ``result`` with this ``entry`` in the manifest, made by ``run``."""
     first = PurePosixPath(path).parts[0]
     stem = PurePosixPath(path).with_suffix("").relative_to(first) if path != first else PurePosixPath(first)
     volatile = entry.get("volatile") or ()
     measured = "; holds measured times" if volatile else ""
     description = f"{_KINDS.get(first, 'File')} {stem}, {format_of(path)[1]}, made by {entry['function']}{measured}."
     return Member(
-        path=path, source=result / path, size=entry["size"], sha256=entry["sha256"], description=description,
-        run=entry["run"],
+        path=path, source=result / path, size=entry["size"], sha256=entry["sha256"], description=description, run=run
     )  # fmt: skip
 
 

@@ -20,7 +20,7 @@ PLACES = {
     "user_files": "Python files of systems and integrators that the config names",
     "config.json": "the settings of the newest run that ended well, as resolved",
     "history.jsonl": "every run of the workflow, one JSON object a line",
-    "manifest.json": "size and digest of every result file, with the code and the run that made it",
+    "manifest.json": "size and digest of every result file, with the code that made it",
     "CITATION.cff": "how to cite the software and the paper",
     "LICENSE": "the licence",
 }

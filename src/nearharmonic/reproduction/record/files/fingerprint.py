@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import platform
 import subprocess
-from collections.abc import Iterable, Mapping
-from dataclasses import asdict, is_dataclass
-from hashlib import sha256
+from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from nearharmonic.integrators import integrators
+from nearharmonic.output.sealed_json import digest_of, plain
 from nearharmonic.reproduction.config.config import Config
 from nearharmonic.reproduction.tasks.code.sources import PACKAGE, ROOT, module_digest
 from nearharmonic.reproduction.tasks.code.user_sources import digest_of as digest_of_file
@@ -37,7 +36,7 @@ def fingerprint(config: Config) -> dict[str, Any]:
         these, which is equal for equal work.
     """
     resolved = json.loads(
-        json.dumps(config, default=_plain)
+        json.dumps(config, default=plain)
     )  # keys in their order, which determines the order of tables and legends
     methods = dict.fromkeys((*config.methods, *config.decomposed, *config.compared))
     told = {
@@ -51,17 +50,6 @@ def fingerprint(config: Config) -> dict[str, Any]:
     if files:
         told["user_files"] = {file: digest_of_file(file) for file in files}
     return {"work": digest_of(told), **told}
-
-
-def _plain(value: Any) -> Any:
-    if is_dataclass(value) and not isinstance(value, type):
-        return asdict(value)
-    return dict(value) if isinstance(value, Mapping) else str(value)
-
-
-def digest_of(document: Any) -> str:
-    """Return the SHA-256 of ``document`` as JSON: keys sorted, settings as mappings, exact numbers as text."""
-    return sha256(json.dumps(document, sort_keys=True, ensure_ascii=False, default=_plain).encode()).hexdigest()
 
 
 def package_digest(root: Path = ROOT) -> str:

@@ -10,13 +10,15 @@ from typing import Any
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output.atomic import write_text
 from nearharmonic.output.reading import read_text
+from nearharmonic.output.sealed_json import opened, sealed
 from nearharmonic.output.store import command_for
-from nearharmonic.reproduction.record.files.fingerprint import digest_of
 from nearharmonic.reproduction.record.history import HISTORY
 from nearharmonic.reproduction.tasks.receipts import BESIDE, measured, receipts_in
 
 MANIFEST = "manifest.json"
 FORMAT = "nearharmonic manifest 1"
+#: What a receipt says that differs between runs with equal results: the time of a file, and the run that made it.
+VARYING = ("modified", "run")
 #: Files that no manifest lists, because they change with every run.
 LEFT_OUT = (HISTORY, MANIFEST)
 
@@ -37,8 +39,8 @@ def read(folder: Path) -> dict[str, Any]:
     """
     place = folder / MANIFEST
     try:
-        found = json.loads(read_text(place))
-        if found.pop("sha256") == digest_of(found) and all(map(_is_inside, found["files"])):
+        found = opened(read_text(place))
+        if found is not None and all(map(_is_inside, found["files"])):
             return {"configfiles": [], "former": [], "unrecorded": [], **found}
         complaint = "is damaged"
     except FileNotFoundError:
@@ -83,9 +85,10 @@ def write(folder: Path, makeable: Collection[str] | None = None, configfiles: Se
     there = set(names_in(folder))
     wanted = there if makeable is None else there | set(makeable)
     entries = {name: entries[name] for name in sorted(entries) if makeable is None or name in wanted}
-    changed = [name for name, entry in entries.items() if name in there and _is_changed(folder / name, entry)]
+    changed = [name for name, entry in entries.items() if name in there and is_changed(folder / name, entry)]
     for entry in entries.values():
-        entry.pop("modified", None)  # a timestamp, only used on this machine
+        for varying in VARYING:
+            entry.pop(varying, None)
     document = {
         "format": FORMAT,
         "configfiles": list(configfiles),
@@ -94,24 +97,30 @@ def write(folder: Path, makeable: Collection[str] | None = None, configfiles: Se
         "former": [] if makeable is None else sorted(entries.keys() - set(makeable)),
         "unrecorded": [] if makeable is None else sorted((there & set(makeable)) - entries.keys()),
     }
-    write_text(folder / MANIFEST, sealed(document))
+    write_text(folder / MANIFEST, json.dumps(sealed(document), indent=1) + "\n")
     return changed
 
 
 def entries_of(folder: Path) -> dict[str, dict[str, Any]]:
-    """Return the present entries of the files of ``folder``: from receipts, or from the previous manifest."""
+    """Return the present entries of the files of ``folder``: from receipts, or from the previous manifest.
+
+    If a receipt and the manifest give different digests of a file, the file decides: the receipt of a later job agrees
+    with it, an old receipt, for example from before a copy of the results, does not.
+    """
     try:
         entries = dict(read(folder)["files"])
     except ResultFileError:
         entries = {}
     for _, receipt in receipts_in(folder):
-        entries.update(receipt)
+        entries.update({name: e for name, e in receipt.items() if _is_latest(folder / name, e, entries.get(name))})
     return entries
 
 
-def sealed(document: Mapping[str, Any]) -> str:
-    """Return the text of a manifest: ``document`` followed by its SHA-256."""
-    return json.dumps({**document, "sha256": digest_of(document)}, indent=1) + "\n"
+def _is_latest(place: Path, entry: Mapping[str, Any], before: Mapping[str, Any] | None) -> bool:
+    """Return True unless a file differs from its receipt and agrees with the manifest."""
+    if before is None or before["sha256"] == entry["sha256"] or not place.is_file():
+        return True
+    return not is_changed(place, entry) or is_changed(place, before)
 
 
 def names_in(folder: Path) -> Iterator[str]:
@@ -127,7 +136,7 @@ def names_in(folder: Path) -> Iterator[str]:
             yield name.as_posix()
 
 
-def _is_changed(place: Path, entry: dict[str, Any]) -> bool:
+def is_changed(place: Path, entry: Mapping[str, Any]) -> bool:
     """Return True if a file differs from the output of its job; equal size and time count as equal."""
     state = place.stat()
     if (state.st_size, state.st_mtime_ns) == (entry["size"], entry.get("modified")):
