@@ -1,4 +1,4 @@
-"""The page of results: one file with claims, figures, tables and history, which needs no network."""
+"""The page of results: one file with claims, figures and tables, which needs no network."""
 
 from nearharmonic.reproduction.report.assets import digest
 

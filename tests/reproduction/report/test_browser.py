@@ -25,7 +25,7 @@ def test_no_request_leaves_the_file_and_nothing_goes_wrong(opened, place):
 
 def test_every_plot_is_drawn(wide):
     names = wide.evaluate("Bokeh.documents[0].roots().map((plot) => plot.name)")
-    assert set(names) == {f"figure-{n}-panel-{i}" for n in PLOTS for i in range(1, PLOTS[n] + 1)} | {"history-chart"}
+    assert set(names) == {f"figure-{n}-panel-{i}" for n in PLOTS for i in range(1, PLOTS[n] + 1)}
     for name in names:
         box = wide.locator(f"#{name} canvas").first.bounding_box()
         assert box["width"] > 300

@@ -40,9 +40,9 @@ def test_document_loads_without_complaint_and_numbers_its_models_from_0(text, ca
     assert list(dict.fromkeys(numbered)) == [f"m{i}" for i in range(len({*numbered}))]
 
 
-def test_panels_of_six_figures_and_history_chart_exist(plots):
+def test_panels_of_six_figures_exist(plots):
     names = {f"figure-{n}-panel-{i}" for n, count in PLOTS.items() for i in range(1, count + 1)}
-    assert set(plots) == names | {"history-chart"}
+    assert set(plots) == names
     assert all(plot.name == name for name, plot in plots.items())
 
 

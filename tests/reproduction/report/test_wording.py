@@ -27,12 +27,6 @@ from nearharmonic.reproduction.report.shown.tables import ShownTable
         (short(1.5e-7, 2), "1.5 × 10⁻⁷"),
         (short(0.25), "0.25"),
         (power_of_ten(-30), "10⁻³⁰"),
-        (wording.seconds(23.41), "23.4 s"),
-        (wording.seconds(60), "1 min 0 s"),
-        (wording.seconds(3599.7), "1 h 0 min"),
-        (wording.seconds(None), "not known"),
-        (wording.moment("2026-11-22T08:02:53.123Z"), "2026-11-22 08:02:53 UTC"),
-        (wording.moment(None), "not known"),
         (wording.percent(0.4928), "49 %"),
         (wording.percent(0), "0 %"),
         (wording.percent(2.7e-5), "below 0.01 %"),
@@ -41,9 +35,6 @@ from nearharmonic.reproduction.report.shown.tables import ShownTable
         (wording.verdict("fails", 2), "fail"),
         (wording.verdict("fails", 1), "fails"),
         (wording.verdict("not decided here", 3), "not decided here"),
-        (wording.told(["snakemake", "-j2"]), "snakemake -j2"),
-        (wording.told(None), "not known"),
-        (wording.told(0), "0"),
     ],
 )
 def test_numbers_are_said_in_words(said, text):

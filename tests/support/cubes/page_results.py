@@ -12,10 +12,8 @@ from nearharmonic.plotting.style import save
 from nearharmonic.reproduction.tasks.declarations import figures_of
 from nearharmonic.reproduction.tasks.provenance import function_of
 from support.cubes import figure_cubes as made
-from support.results.finished_results import run, write_history
 
 SYSTEMS = {"sho": "oscillator of the tests", "henon_heiles": "<b>galaxy</b> & tests", "kepler": "planet of the tests"}
-COMMIT = "0123456789abcdef" * 2 + "01234567"
 #: Status of a run by the index of its step size, where it is not "ok".
 STATUS = {0: "skipped", 11: "skipped", made.TAU.size - 1: "diverged"}
 
@@ -73,15 +71,8 @@ def write_cube(path, dataset):
     store.write(path, variables, dict(dataset.attrs))
 
 
-def run_of_history(number, status="ok", duration=20.0, **more):
-    """A line of the history."""
-    start, spent = f"2026-01-01T00:00:0{number}.000Z", None if duration is None else 2 * duration
-    about = {"status": status, "duration": duration, "cpu_seconds": spent, "commit": COMMIT, "config": {}}
-    return run(f"20260101T00000{number}Z-0000000{number}", start, None, **about, **more)
-
-
 def write_results(folder, systems=tuple(SYSTEMS), methods=made.METHODS):
-    """Write cubes, static figures, claims, tables and two runs of history to ``folder``."""
+    """Write cubes, static figures, claims and tables to ``folder``."""
     for name in ("cubes", "figures", "tables"):
         (folder / name).mkdir(parents=True)
     cubes = {system: cube(system, methods) for system in systems} | {"sho_terms": made.terms(methods)}
@@ -95,7 +86,6 @@ def write_results(folder, systems=tuple(SYSTEMS), methods=made.METHODS):
             place.write_text(SVG, encoding="utf-8")
     write_claims(folder)
     write_tables(folder)
-    write_history(folder, [run_of_history(1, "failed", 3.5), run_of_history(2)])
     return folder
 
 

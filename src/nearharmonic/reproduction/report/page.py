@@ -11,13 +11,11 @@ from typing import Any
 from nearharmonic.reproduction.claims.pages.summary import failures, of_the_paper, sums
 from nearharmonic.reproduction.report import assets
 from nearharmonic.reproduction.report.plots import models
-from nearharmonic.reproduction.report.plots.durations import durations
 from nearharmonic.reproduction.report.shown.figures import ShownFigure, entries, interactive, static
 from nearharmonic.reproduction.report.shown.links import Places
 from nearharmonic.reproduction.report.shown.results import VERDICTS, ShownResults
 from nearharmonic.reproduction.report.shown.tables import ShownTable
 from nearharmonic.reproduction.tasks.experiment import Experiment, beside_the_paper
-from nearharmonic.reproduction.tasks.receipts import RUN, measures_time
 
 #: Maximum size of the page in bytes.
 LARGEST = 6_000_000
@@ -54,8 +52,7 @@ def sections_of(results: ShownResults) -> list[Section]:
     ]
 
 
-@measures_time
-def page(folder: str | os.PathLike[str], run: str | None = None, **_: Any) -> dict[str, str]:
+def page(folder: str | os.PathLike[str], **_: Any) -> dict[str, str]:
     """Make the page of the results in a folder.
 
     Parameters
@@ -63,16 +60,13 @@ def page(folder: str | os.PathLike[str], run: str | None = None, **_: Any) -> di
     folder : path
         ``results/<name>``, with ``tables/claims.json``, ``tables/skipped.csv``, cubes and figures; other existing
         results are shown too.
-    run : str, optional
-        Id of the run that makes the page; by default that of the environment variable
-        :data:`nearharmonic.reproduction.tasks.receipts.RUN`.
     **_
         Paths of the files that a rule names as inputs, which are found in the folder.
 
     Returns
     -------
     dict
-        ``page``, the text of the HTML file. The same results and history give the same text.
+        ``page``, the text of the HTML file. The same results give the same text.
 
     Raises
     ------
@@ -85,12 +79,9 @@ def page(folder: str | os.PathLike[str], run: str | None = None, **_: Any) -> di
     placed = ("skipped", "claims", *(pattern for one in beside_the_paper() for pattern in one.table_patterns))
     tables = results.tables(("table*", "*"), without=placed)
     plots = {name: plot for figure in figures for name, plot in figure.plots.items()}
-    if any(one.get("duration") is not None for one in results.finished):
-        plots["history-chart"] = durations(results.finished)
     for name, plot in plots.items():
         plot.name = name  # the script of the page finds it by this id
     document, ids = models.document(list(plots.values()))
-    asked = run or os.environ.get(RUN)
     sections = sections_of(results)
     places = Places(
         [*figures, *(figure for section in sections for figure in section.figures)],
@@ -108,8 +99,6 @@ def page(folder: str | os.PathLike[str], run: str | None = None, **_: Any) -> di
         "tables": tables,
         "skipped": results.tables(("skipped",)),
         "sections": sections,
-        "run": results.run(asked),
-        "asked": asked,
         # A "<" would end the script element.
         "document": document.replace("<", "\\u003c"),
         "roots": dict(zip(plots, ids, strict=True)),

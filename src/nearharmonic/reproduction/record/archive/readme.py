@@ -11,7 +11,7 @@ from nearharmonic.reproduction.record.archive.metadata import Member, Run
 
 #: Descriptions of the files and folders of an archive; missing ones are not mentioned.
 PLACES = {
-    "report.html": "the page: claims, figures, tables, history; opens in a browser without a network",
+    "report.html": "the page: claims, figures, tables; opens in a browser without a network",
     "cubes": "HDF5 cubes of errors and derived quantities; xarray opens them with the engine h5netcdf",
     "tables": "tables as CSV (every digit), Markdown and LaTeX; `tables/claims.json` holds the claims",
     "figures": "figures as PDF, SVG and PNG",

@@ -1,4 +1,4 @@
-"""Content of the page for a folder of results: claims, tables, figures and runs, read from files."""
+"""Content of the page for a folder of results: claims, tables and figures, read from files."""
 
 from __future__ import annotations
 
@@ -10,12 +10,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from nearharmonic.errors import NearharmonicError, ResultFileError
+from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.store import attributes_of
 from nearharmonic.reproduction.claims.claim import OPEN
 from nearharmonic.reproduction.experiments.paper.grid.omissions import Totals, totals_in
-from nearharmonic.reproduction.record import history
-from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.files.texts import Texts
 from nearharmonic.reproduction.report.shown.tables import ShownTable, tables_of
 from nearharmonic.reproduction.tasks.declarations import Declaration, figures_of
@@ -135,24 +133,6 @@ class ShownResults:
             return totals_in(text)
         except NearharmonicError as error:
             raise self._texts.unusable(name, "holds no totals") from error
-
-    @cached_property
-    def changed(self) -> list[str]:
-        """Files that changed after their jobs wrote them, from the manifest of the last finished run."""
-        try:
-            return [str(name) for name in manifest.read(self.folder).get("changed", [])]
-        except ResultFileError:
-            return []
-
-    @cached_property
-    def finished(self) -> list[dict[str, Any]]:
-        """Lines of the history, oldest first."""
-        return history.runs_of(self.folder)
-
-    def run(self, identity: str | None) -> dict[str, Any] | None:
-        """Return the unfinished or finished run with this id; None if it is not recorded."""
-        runs = [*history.running_in(self.folder), *reversed(self.finished)]
-        return next((run for run in runs if run["id"] == identity), None)
 
 
 def number_of(figure: Declaration) -> int | None:

@@ -1,10 +1,8 @@
-"""Formats of numbers, times and verdicts on the page."""
+"""Formats of numbers and verdicts on the page."""
 
 from __future__ import annotations
 
 import re
-from datetime import datetime
-from typing import Any
 
 from nearharmonic.reproduction.claims.pages.summary import VERDICTS
 
@@ -28,25 +26,6 @@ def is_number(text: str) -> bool:
     return bool(_FLOAT.fullmatch(text)) or text in {"nan", "inf", "-inf"}
 
 
-def seconds(number: float | None) -> str:
-    """Return the text of a duration in seconds in suitable units, "not known" for None."""
-    if number is None:
-        return "not known"
-    if number < 60:
-        return f"{number:.3g} s"
-    minutes, rest = divmod(round(number), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s"
-
-
-def moment(stamp: str | None) -> str:
-    """Return a timestamp in UTC to the second, "not known" if it is invalid."""
-    try:
-        return f"{datetime.fromisoformat(stamp or ''):%Y-%m-%d %H:%M:%S} UTC"
-    except ValueError:
-        return "not known"
-
-
 def percent(share: float) -> str:
     """Return a fraction as a percentage with two digits, or "below 0.01 %"."""
     return f"{100 * share:.2g} %" if share >= 1e-4 or share == 0 else "below 0.01 %"
@@ -60,10 +39,3 @@ def verdict(name: str, number: int) -> str:
 def counted(number: int, one: str, more: str = "") -> str:
     """Return ``number`` with its noun: 1 claim, 2 claims."""
     return f"{number} {one if number == 1 else more or one + 's'}"
-
-
-def told(value: Any) -> str:
-    """Return a value in the record of a run as text: "not known" for None."""
-    if value is None or value == "":
-        return "not known"
-    return " ".join(map(str, value)) if isinstance(value, list) else str(value)
