@@ -150,12 +150,17 @@ def code_digest(*modules: str, root: Path | None = None) -> str:
     NearharmonicError
         The package has no such module.
     """
-    digest = sha256()
-    for library in NUMERICAL_LIBRARIES:
-        digest.update(f"{library} {library_version(library)}\n".encode())
-    for module in closure(*modules, root=root):
-        digest.update(f"{module} {module_digest(module, root=root)}\n".encode())
-    return digest.hexdigest()
+    versions = tuple(f"{library} {library_version(library)}" for library in NUMERICAL_LIBRARIES)
+    return _digest_of_running(versions, modules) if root is None else _digest_of(versions, modules, root)
+
+
+def _digest_of(versions: tuple[str, ...], modules: tuple[str, ...], root: Path | None = None) -> str:
+    told = (f"{module} {module_digest(module, root=root)}" for module in closure(*modules, root=root))
+    return sha256("".join(f"{line}\n" for line in (*versions, *told)).encode()).hexdigest()
+
+
+#: In the running package, whose files are read once, thousands of jobs ask for the same digest.
+_digest_of_running = cache(_digest_of)
 
 
 def coefficients_digest(tableaus: Iterable[Tableau]) -> str:

@@ -48,9 +48,18 @@ def closure(*modules: str, root: Path | None = None) -> tuple[str, ...]:
     NearharmonicError
         The package has no such module.
     """
-    files = _files(root)
+    return _of_running(modules) if root is None else _closure(_files(root), modules)
+
+
+def _closure(files: _Files, modules: tuple[str, ...]) -> tuple[str, ...]:
     found = reached(modules, lambda name: [] if name == PACKAGE else [name.rpartition(".")[0], *files.imported(name)])
     return tuple(sorted(found - {PACKAGE}))
+
+
+@cache
+def _of_running(modules: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the closure in the running package: thousands of jobs ask for the same."""
+    return _closure(_running(), modules)
 
 
 def reached(starts: Iterable[Node], following: Callable[[Node], Iterable[Node]]) -> set[Node]:
