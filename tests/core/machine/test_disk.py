@@ -11,6 +11,8 @@ import resource
 import stat
 import subprocess
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -133,6 +135,38 @@ def test_fault_of_compiled_code_is_not_blamed_on_systems_formulas(folder, monkey
     kernel_of.cache_clear()
     with pytest.raises(CompiledCodeError, match="no object file"):
         kernel_of(nh.systems["sho"], Numerics(width=2))
+
+
+def test_code_that_many_want_at_once_is_compiled_once(folder, right):
+    made = []
+
+    def make():
+        made.append(right)
+        time.sleep(0.2)
+        return right
+
+    with ThreadPoolExecutor(4) as pool:
+        values = [*pool.map(lambda _: native.native("dot", DOT, make)(0.5, A, B), range(4))]
+    assert (values, made) == ([5.5] * 4, [right])
+    assert [path.name for path in folder.iterdir()] == ["dot.kernel"]
+
+
+def test_a_killed_process_leaves_its_claim_to_the_next(folder, right):
+    claim = "from pathlib import Path; from nearharmonic.core.machine import disk\n"
+    claim += f"with disk.claimed(Path({str(folder / 'dot.kernel')!r})): print('claimed', flush=True); input()"
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen([sys.executable, "-c", claim], **pipes) as other:
+        other.stdout.readline()
+        assert (folder / "dot.lock").exists()
+        other.kill()
+    assert value(right) == 5.5
+    assert not (folder / "dot.lock").exists()
+
+
+def test_who_waits_too_long_compiles_itself(folder, monkeypatch, right):
+    monkeypatch.setattr(disk, "PATIENCE", 0.1)
+    with disk.claimed(folder / "dot.kernel"):
+        assert value(right) == 5.5
 
 
 def test_file_under_name_of_another_key_is_not_executed(folder, right, planted):

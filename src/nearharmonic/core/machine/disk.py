@@ -12,10 +12,14 @@ import os
 import platform
 import stat
 import tempfile
-from contextlib import suppress
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 
+#: Seconds to wait for code that another process compiles; a kernel takes 1 to 10.
+PATIENCE = 120.0
 _WARNED: list[str] = []
 
 
@@ -102,6 +106,46 @@ def write(place: Path, name: str, code: bytes) -> None:
             raise
     except OSError as error:
         _warn(str(error))
+
+
+@contextmanager
+def claimed(place: Path | None) -> Iterator[None]:
+    """Hold a lock for the file ``place`` inside the block; another process that claims it waits up to :data:`PATIENCE`.
+
+    The lock ends with its process, also on other hosts of a shared folder. Where files cannot be locked, the block runs
+    without a lock, and several processes may compile the same code.
+    """
+    descriptor = _lock(place.with_suffix(".lock")) if place else None
+    try:
+        yield
+    finally:
+        if place and descriptor is not None:
+            discard(place.with_suffix(".lock"))
+            os.close(descriptor)
+
+
+def _lock(path: Path) -> int | None:
+    """Return the descriptor of the locked file ``path``; None if it cannot be locked."""
+    try:
+        from fcntl import LOCK_EX, LOCK_NB, flock
+
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666 if _shared() else 0o600)
+    except (ImportError, OSError):
+        return None
+    end = time.monotonic() + PATIENCE
+    while True:
+        try:
+            flock(descriptor, LOCK_EX | LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() < end:
+                time.sleep(0.05)
+                continue
+        except OSError:
+            pass
+        else:
+            return descriptor
+        os.close(descriptor)
+        return None
 
 
 def discard(place: Path) -> None:

@@ -37,9 +37,12 @@ def kept(name: str, choice: str, make: Callable[[], tuple[str, bytes]]) -> tuple
     place = disk.place_of(key)
     found = disk.read(place) if place else None
     if found is None:
-        found = _MADE[key] = _MADE.get(key) or make()
-        if place:
-            disk.write(place, *found)
+        with disk.claimed(place):
+            found = disk.read(place) if place else None
+            if found is None:
+                found = _MADE[key] = _MADE.get(key) or make()
+                if place:
+                    disk.write(place, *found)
     return found
 
 

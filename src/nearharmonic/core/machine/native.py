@@ -51,12 +51,27 @@ def native(key: str, signature: Signature, make: Callable[[], tuple[str, bytes]]
         New code cannot be loaded.
     """
     place = disk.place_of(key)
+    found = _kept(place, signature)
+    if found is None:
+        with disk.claimed(place):
+            # Of many processes that start together, one compiles and the others wait.
+            found = _kept(place, signature) or _made(place, signature, make)
+    return found
+
+
+def _kept(place: Path | None, signature: Signature) -> NativeFunction | None:
+    """Load the function in the file ``place``; None if it is absent or cannot be loaded, and then it is deleted."""
     kept = disk.read(place) if place else None
-    if place and kept:
-        try:
-            return NativeFunction(_address(*kept), signature)
-        except CompiledCodeError:
-            disk.discard(place)
+    if not place or not kept:
+        return None
+    try:
+        return NativeFunction(_address(*kept), signature)
+    except CompiledCodeError:
+        disk.discard(place)
+        return None
+
+
+def _made(place: Path | None, signature: Signature, make: Callable[[], tuple[str, bytes]]) -> NativeFunction:
     with _announced():
         name, code = make()
     function = NativeFunction(_address(name, code), signature)
