@@ -179,8 +179,8 @@ def test_archive_takes_no_file_that_history_has_not_recorded(project, evil, caps
 
 @pytest.mark.parametrize("form", ["table", "json", "csv"])
 def test_escape_sequences_of_history_do_not_reach_terminal(project, capsys, form):
-    write_history(project, [history_line(8, id="a\x1b[2J\x9b", status="\x1b]0;ok\x07", targets=["\u202eall"])])
-    for command in ("history", "history paper --full", "history --full b"):
+    write_history(project, [history_line(8, status="a\x1b[2J\x9b", targets=["\u202eall", "\x07"])])
+    for command in ("history", "history paper --full", "history --full \x1b"):
         tried(f"{command} --format {form}")
     shown = "".join(capsys.readouterr())
     assert not set("\x1b\x9b\x07\u202e") & set(shown)

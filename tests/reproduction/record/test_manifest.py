@@ -155,7 +155,7 @@ def test_a_manifest_names_no_file_outside_of_its_folder(results, name):
     document = manifest.read(results)
     document["files"][name] = document["files"].pop("cubes/a.h5")
     (results / "manifest.json").write_text(json.dumps(sealed(document)))
-    with pytest.raises(ResultFileError, match="is damaged"):
+    with pytest.raises(ResultFileError, match="must be the name of a file inside the folder of results"):
         manifest.read(results)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 from nearharmonic.errors import ResultFileError
@@ -37,24 +37,19 @@ def read(folder: Path) -> dict[str, Any]:
     ResultFileError
         The manifest is missing or invalid; the message names the command that makes it again.
     """
-    place = folder / MANIFEST
+    from nearharmonic.reproduction.tasks.receipts.schema import complaint
+
+    place, found = folder / MANIFEST, None
     try:
         found = opened(read_text(place))
-        if found is not None and all(map(_is_inside, found["files"])):
-            return {"configfiles": [], "former": [], "unrecorded": [], **found}
-        complaint = "is damaged"
+        fault = "is damaged" if found is None else complaint("manifest", found)
     except FileNotFoundError:
-        complaint = "does not exist"
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
-        complaint = "is damaged"
-    message = f"{place} {complaint}. Make it again: {command_for(folder / 'report.html')}"
-    raise ResultFileError(message)
-
-
-def _is_inside(name: str) -> bool:
-    """Return True if this name is inside the folder of results; a foreign manifest may have any names."""
-    path = PurePosixPath(name)
-    return not path.is_absolute() and ".." not in path.parts
+        fault = "does not exist"
+    except (OSError, ValueError):
+        fault = "is damaged"
+    if fault or found is None:
+        raise ResultFileError(f"{place} {fault}. Make it again: {command_for(folder / 'report.html')}")
+    return {"configfiles": [], "former": [], "unrecorded": [], **found}
 
 
 def write(folder: Path, makeable: Collection[str] | None = None, configfiles: Sequence[str] = ()) -> list[str]:

@@ -26,6 +26,7 @@ Run = dict[str, Any]
 HISTORY = "history.jsonl"
 #: Start of the text of every run, which separates lines whose line end is damaged.
 FIRST = b'{"id": "'
+DAMAGED = "is damaged: its seal does not match"
 _BETWEEN = re.compile(rb"\n|(?<=\}).?(?=" + re.escape(FIRST) + rb")", re.DOTALL)
 _ID = re.compile(rb"(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)Z-[0-9a-f]{8}")
 
@@ -116,12 +117,11 @@ def _pieces(content: bytes) -> Iterator[bytes]:
 
 def _line(number: int, text: bytes, previous: Line | None) -> Line:
     digest = sha256(text).hexdigest()
-    document = _document(text)
+    document, fault = _document(text)
     if document is None:
-        return _damaged(number, digest, text)
+        return _damaged(number, digest, text, fault)
     given = {key: document.pop(key, None) for key in ("sha256", "before", "faults")}
     is_sealed = given["sha256"] is not None
-    fault = ""
     if is_sealed and not _follows(given["before"], previous):
         fault = "does not follow the line before: a line was lost, added or changed there"
     elif not is_sealed and previous is not None and previous.is_sealed:
@@ -137,26 +137,27 @@ def _follows(before: object, previous: Line | None) -> bool:
     return previous.fault != "" or before == previous.digest
 
 
-def _document(text: bytes) -> Run | None:
-    """Return a run with its seal; None if the text is no run or has a seal that does not match."""
+def _document(text: bytes) -> tuple[Run | None, str]:
+    """Return a run with its seal; None and the fault if the text is no run or has a seal that does not match."""
+    from nearharmonic.reproduction.tasks.receipts.schema import complaint
+
     try:
         found: Any = json.loads(text)
-        known = isinstance(found, dict) and isinstance(found.get("id"), str) and isinstance(found.get("start"), str)
-        if not known or not isinstance(found.get("config"), dict):
-            return None
-        if "sha256" in found or "before" in found:
-            rest = {key: value for key, value in found.items() if key != "sha256"}
-            known = found.get("sha256") == digest_of(rest)
+        if not isinstance(found, dict):
+            return None, DAMAGED
+        rest = {key: value for key, value in found.items() if key != "sha256"}
+        if digest_of(rest) != found.get("sha256") and ("sha256" in found or "before" in found):
+            return None, DAMAGED
     except (ValueError, RecursionError):
-        return None
-    return dict(found) if known else None
+        return None, DAMAGED
+    fault = complaint("run", found)
+    return (None, f"is no run: it {fault}") if fault else (found, "")
 
 
-def _damaged(number: int, digest: str, text: bytes) -> Line:
+def _damaged(number: int, digest: str, text: bytes, fault: str) -> Line:
     name = _ID.search(text[:60])
     run: Run = {"id": f"line-{number}", "start": "", "config": {}, "status": "damaged"}
     if name:
         year, month, day, *clock = (part.decode() for part in name.groups())
         run |= {"id": name[0].decode(), "start": f"{year}-{month}-{day}T{':'.join(clock)}.000Z"}
-    fault = "is damaged: its seal does not match"
     return Line(number=number, digest=digest, run=run, is_sealed=False, fault=fault, known=())

@@ -24,11 +24,6 @@ Measuring = TypeVar("Measuring", bound=Callable[..., Any])
 
 #: Environment variable with the id of the workflow run of a job.
 RUN = "NEARHARMONIC_RUN"
-#: Required keys of each file in a receipt.
-REQUIRED = frozenset(
-    {"size", "sha256", "modified", "function", "code", "coefficients", "settings", "systems", "integrators", "volatile",
-     "evaluations", "inputs", "run"}
-)  # fmt: skip
 #: Folders of files that are no results: logs, the marks of jobs among them, and copies of pages of the documentation.
 BESIDE = ("logs", "docs")
 #: Folder below ``logs`` with the markers of unfinished runs, which are no receipts.
@@ -149,6 +144,8 @@ def names_made_by(folder: Path, run: str) -> list[str]:
 
 
 def _receipts(folder: Path) -> Iterator[tuple[Path, dict[str, dict[str, Any]] | None]]:
+    from nearharmonic.reproduction.tasks.receipts.schema import complaint
+
     for place in sorted((folder / "logs").rglob("*.json")):
         if place.parent != folder / "logs" / MARKED:
             try:
@@ -157,12 +154,7 @@ def _receipts(folder: Path) -> Iterator[tuple[Path, dict[str, dict[str, Any]] | 
                 continue
             except OSError:
                 files = None
-            known = isinstance(files, dict) and all(map(_is_entry, files.values()))
-            yield place, files if known else None
-
-
-def _is_entry(found: object) -> bool:
-    return isinstance(found, dict) and found.keys() >= REQUIRED
+            yield place, None if complaint("receipt", files) else files
 
 
 def forget(folder: Path, entries: Mapping[str, Mapping[str, Any]]) -> None:
