@@ -40,6 +40,8 @@ include: "workflow/rules/record.smk"
 rule all:
     default_target: True
     input:
+        PAPER_RUNS,
+        PAPER_CUBES,
         rules.figures.input,
         rules.tables.input,
         rules.claims.input,

@@ -7,7 +7,7 @@ from nearharmonic.reproduction.claims.own import digest as digest_of_own
 rule decide_claims:
     input:
         # Unnamed inputs: the job finds them, and those of other targets, in the folder.
-        [CUBE(stem) for stem in (*SWEEPS, *PAPER.cubes)],
+        PAPER_CUBES,
         list(PAPER_TABLES.values()),
     output:
         table=multiext(f"{RESULTS}/tables/claims", ".csv", ".md"),

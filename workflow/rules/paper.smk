@@ -3,6 +3,17 @@
 PAPER = EXPERIMENTS["paper"]
 PAPER_FIGURES = [one for one in FIGURES if one.function.startswith(f"{PAPER.room}.")]
 PAPER_TABLES = {stem: TABLE(stem) for stem in PAPER.tables}
+PAPER_CUBES = [CUBE(stem) for stem in (*SWEEPS, *PAPER.cubes)]
+#: Run files and reduced files, so that a lost one is made again although the cubes are there.
+PAPER_RUNS = list(
+    dict.fromkeys(
+        path
+        for system in SWEEPS
+        for files in (run_files(system), reduced_files(system))
+        for paths in files.values()
+        for path in paths
+    )
+)
 TABLE_FILES = [f"{RESULTS}/tables/skipped.csv", *PAPER_TABLES.values()]
 
 

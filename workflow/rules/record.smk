@@ -7,7 +7,8 @@ from types import SimpleNamespace
 from nearharmonic.output.store.earlier import forget, keep
 from nearharmonic.reproduction.tasks.job import run
 from nearharmonic.reproduction.record.adopt import ADOPTING, check_jobs
-from nearharmonic.reproduction.record.workflow_run import WorkflowRun
+from nearharmonic.reproduction.record.running.guard import guard
+from nearharmonic.reproduction.record.running.workflow_run import WorkflowRun
 from nearharmonic.reproduction.tasks.remote.submission import submit_frozen
 
 CLAIMS = "tables/claims.json"
@@ -33,19 +34,29 @@ def record_end(exit_status):
         working = {job for job in workflow.dag.jobs if not job.is_norun}
         needed = set(workflow.dag.needrun_jobs(exclude_finished=False))
         ended = working & needed & set(workflow.dag.finished_jobs)
-        configs = [os.path.relpath(path) for path in workflow.configfiles]
         counts = {"jobs_run": len(ended), "jobs_reused": len(working - needed)}
         if not exit_status:
             forget(Path(RESULTS))
-        THIS_RUN.end(exit_status, **counts, refresh=refresh, makeable=makeable(), configfiles=configs)
+        THIS_RUN.end(exit_status, **counts, refresh=refresh, makeable=makeable(), configfiles=configfiles())
+
+
+def complete_record():
+    """Complete the record of a run that was killed, and that left no job to run."""
+    if THIS_RUN.is_incomplete:
+        forget(Path(RESULTS))
+        THIS_RUN.complete(refresh, makeable(), configfiles())
+        THIS_RUN.save_state(makeable())
 
 
 def makeable():
     """Return the names of all files that jobs of this config make, in the folder of results."""
-    by_method = [files(system) for files in (run_files, reduced_files) for system in SWEEPS]
-    runs = [path for files in by_method for paths in files.values() for path in paths]
-    files = [*rules.everything.input, *RUNS, *runs, *map(CUBE, [*SWEEPS, *PAPER.cubes])]
-    return {str(Path(path).relative_to(RESULTS)) for path in files}
+    files = [*rules.everything.input, *RUNS]
+    return {str(path).removeprefix(f"{RESULTS}/") for path in files}
+
+
+def configfiles():
+    """Return the paths of the config."""
+    return [os.path.relpath(path) for path in workflow.configfiles]
 
 
 def refresh():
@@ -71,3 +82,6 @@ def verdicts(document):
     from nearharmonic.output.store import workflow_command
 
     return verdicts_line(document, workflow_command(document))
+
+
+guard(workflow, Path(RESULTS), THIS_RUN, makeable, complete_record)

@@ -2,16 +2,20 @@
 
 A reader sees the old file or the new one, never a part of either. Temporary names are hidden and hold the host and the
 process, so that two machines never write to the same file in a shared folder. A killed process (SIGKILL, power loss)
-leaves its temporary file behind. No rule and no reader uses such a name, so the file can be deleted at any time.
+leaves its temporary file behind, which the next run of the workflow deletes. No rule and no reader uses such a name.
 """
 
 from __future__ import annotations
 
 import os
 import platform
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+#: Ending of the names of temporary files.
+PART = ".part"
 
 
 @contextmanager
@@ -23,7 +27,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     place = Path(path)
     place.parent.mkdir(parents=True, exist_ok=True)
-    part = place.with_name(f".{place.name}.{platform.node()}.{os.getpid()}.part")
+    part = place.with_name(f".{place.name}.{platform.node()}.{os.getpid()}{PART}")
     try:
         yield part
         part.replace(place)
@@ -41,3 +45,17 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
     """Write ``content`` to ``path``, atomically."""
     with replacing(path) as part:
         part.write_bytes(content)
+
+
+def remove_parts(folder: str | os.PathLike[str]) -> list[Path]:
+    """Delete the temporary files of ended processes below ``folder``, and return their paths.
+
+    The caller knows that no other process of this computer writes there. Files from another computer are deleted an
+    hour after their last change: a job may still be running there.
+    """
+    here, old = f".{platform.node()}.", time.time() - 3600
+    parts = sorted(Path(folder).rglob(f".*{PART}"))
+    found = [part for part in parts if here in part.name or part.lstat().st_mtime < old]
+    for part in found:
+        part.unlink(missing_ok=True)
+    return found

@@ -11,11 +11,12 @@ import yaml
 from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.record import history
 from nearharmonic.reproduction.record.files import fingerprint, manifest
-from nearharmonic.reproduction.record.workflow_run import WorkflowRun
+from nearharmonic.reproduction.record.running.workflow_run import WorkflowRun
 from nearharmonic.reproduction.tasks.provenance import task
 from nearharmonic.reproduction.tasks.receipts import Receipt
 
 SMOKE = Path(__file__).parents[3] / "config/smoke.yaml"
+MADE = ("cubes/a.h5", "cubes/b.h5", "tables/skipped.csv")
 TASK = task("reproduction.experiments.paper.tableaus.decompose:decompose", integrators=["ruth"])
 
 
@@ -24,6 +25,7 @@ def run(tmp_path, monkeypatch):
     """A run that has begun in an empty folder of results."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("NEARHARMONIC_RUN", "another")
+    monkeypatch.setenv("NEARHARMONIC_LEADER", "elsewhere:1")
     (tmp_path / "results/smoke/logs").mkdir(parents=True)
     begun = WorkflowRun("results/smoke", load(yaml.safe_load(SMOKE.read_text(encoding="utf-8"))), sources=tmp_path)
     begun.begin(["/somewhere/bin/snakemake", "-j2"], ["all"], cores=2)
@@ -51,7 +53,7 @@ def test_run_leaves_marker_and_its_id_for_its_jobs(run):
 def test_its_end_is_a_line_of_the_history(run, exit_status, status, capsys):
     make("cubes/a.h5", "a")
     make("cubes/b.h5", "b")
-    run.end(exit_status, jobs_run=2, jobs_reused=7, refresh=lambda: None)
+    run.end(exit_status, jobs_run=2, jobs_reused=7, refresh=lambda: None, makeable=MADE)
     (line,) = history.runs_of(Path("results/smoke"))
     assert (line["status"], line["exit_status"], line["jobs_run"], line["jobs_reused"]) == (status, exit_status, 2, 7)
     assert (line["evaluations"], line["evaluations_skipped"]) == (10, None)
@@ -97,7 +99,7 @@ def test_a_page_that_cannot_be_made_again_is_a_warning(run, capsys):
     def refresh():
         raise SystemExit("cubes/a.h5 is damaged")
 
-    run.end(0, 1, 0, refresh)
+    run.end(0, 1, 0, refresh, makeable=MADE)
     assert capsys.readouterr().err == (
         "nearharmonic: warning: the page of results may be old: SystemExit: cubes/a.h5 is damaged\n"
     )
@@ -106,7 +108,7 @@ def test_a_page_that_cannot_be_made_again_is_a_warning(run, capsys):
 
 def test_a_table_that_cannot_be_read_is_a_warning(run, capsys):
     make("tables/skipped.csv", "skipped")
-    run.end(0, 1, 0, refresh=lambda: None)
+    run.end(0, 1, 0, refresh=lambda: None, makeable=MADE)
     assert capsys.readouterr().err.startswith("nearharmonic: warning: the evaluations are not recorded: ")
     (line,) = history.runs_of(Path("results/smoke"))
     assert line["evaluations"] is None
@@ -118,10 +120,11 @@ def test_unknown_machine_is_one_warning_and_rest_is_kept(tmp_path, monkeypatch, 
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("NEARHARMONIC_RUN", "another")
-    monkeypatch.setattr("nearharmonic.reproduction.record.workflow_run.fingerprint", fail)
+    monkeypatch.setenv("NEARHARMONIC_LEADER", "elsewhere:1")
+    monkeypatch.setattr("nearharmonic.reproduction.record.running.workflow_run.fingerprint", fail)
     begun = WorkflowRun("results/smoke", load(yaml.safe_load(SMOKE.read_text(encoding="utf-8"))), sources=tmp_path)
     begun.begin(["snakemake"], ["all"], cores=None)
-    begun.end(0, 0, 0, refresh=lambda: None)
+    begun.end(0, 0, 0, refresh=lambda: None, makeable=MADE)
     assert capsys.readouterr().err == (
         "nearharmonic: warning: the run is not recorded in full: OSError: no such machine\n"
     )
@@ -132,7 +135,7 @@ def test_unknown_machine_is_one_warning_and_rest_is_kept(tmp_path, monkeypatch, 
 
 def test_changed_files_are_told(run, capsys):
     make("cubes/a.h5", "a").write_text("something else")
-    run.end(0, 1, 0, refresh=lambda: None)
+    run.end(0, 1, 0, refresh=lambda: None, makeable=MADE)
     assert capsys.readouterr().err == (
         "nearharmonic: warning: changed since their jobs wrote them: cubes/a.h5 in results/smoke\n"
     )

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import gc
 import os
+import platform
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
 from inspect import signature
 from pathlib import Path
+from select import select
+from signal import SIGKILL
+from threading import Thread
 from typing import Any
 
 from nearharmonic.errors import NearharmonicError
@@ -25,6 +29,9 @@ from nearharmonic.reproduction.tasks.receipts import WHOLE, Receipt, folder_of
 from nearharmonic.systems import systems
 
 Places = Sequence[str]
+
+#: Environment variable with the host and the number of the process of Snakemake: a job ends with it.
+LEADER = "NEARHARMONIC_LEADER"
 
 
 def run(snakemake: Any) -> None:
@@ -189,6 +196,7 @@ def logged(path: str | os.PathLike[str]) -> Iterator[None]:
     SystemExit
         Any error inside the block, with status 1.
     """
+    _end_with_leader()
     with Path(path).open("w", encoding="utf-8") as log:
         try:
             with redirect_stdout(log), redirect_stderr(log):
@@ -200,6 +208,29 @@ def logged(path: str | os.PathLike[str]) -> Iterator[None]:
             traceback.print_exc(file=log)
             message = f"{type(error).__name__}: {error} (traceback in {path})"
             raise SystemExit(message) from None
+
+
+def _end_with_leader() -> None:
+    """End this process when that of Snakemake ends, however it does; a job on another computer has no such process."""
+    host, _, number = os.environ.get(LEADER, "").rpartition(":")
+    if host == platform.node() and int(number) != os.getpid():
+        Thread(target=_watch, args=(int(number),), daemon=True).start()
+
+
+def _watch(leader: int) -> None:
+    """Wait for the end of the process ``leader``, then kill this process and those that it has started."""
+    if hasattr(os, "pidfd_open"):
+        with suppress(ProcessLookupError):
+            select([os.pidfd_open(leader)], [], [])
+    import psutil
+
+    if not hasattr(os, "pidfd_open"):
+        with suppress(psutil.NoSuchProcess):
+            psutil.Process(leader).wait()
+    for child in psutil.Process().children(recursive=True):
+        with suppress(psutil.NoSuchProcess):
+            child.kill()
+    os.kill(os.getpid(), SIGKILL)
 
 
 def _report(text: str) -> None:

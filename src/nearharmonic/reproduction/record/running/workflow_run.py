@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import os
+import platform
 import secrets
 import sys
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from nearharmonic.output.atomic import remove_parts
 from nearharmonic.reproduction.config.config import Config
 from nearharmonic.reproduction.experiments.paper.grid.omissions import totals_in
 from nearharmonic.reproduction.record import history
 from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.files.fingerprint import fingerprint, machine, revision
+from nearharmonic.reproduction.record.running import state
+from nearharmonic.reproduction.tasks.job import LEADER
 from nearharmonic.reproduction.tasks.receipts import RUN, damaged_receipts, names_made_by, receipts_in
 
 #: What the history tells of a run as soon as it starts, in this order; None if it is not known.
@@ -34,14 +39,48 @@ class WorkflowRun:
         self._began = datetime.now(UTC)
         self._told: dict[str, Any] = {}
         self._warned: set[str] = set()
+        self._killed: list[str] = []
 
     @property
     def id(self) -> str:
         """The id of the run: start time and a random number."""
         return str(self._told.get("id", ""))
 
+    def recover(self) -> None:
+        """Close killed runs; if there are any, or if files have changed, remove what they have left."""
+        with self._warning("killed runs are not closed"):
+            self._killed = history.close_killed(self._folder)
+        if self.is_incomplete:
+            self._clean()
+
+    def _clean(self) -> None:
+        """Remove temporary files and damaged receipts."""
+        with self._warning("temporary files are not removed"):
+            remove_parts(self._folder)
+        with self._warning("damaged receipts are not removed"):
+            self._remove_damaged_receipts()
+
+    def complete(self, refresh: Callable[[], None], makeable: Collection[str], configfiles: Sequence[str]) -> None:
+        """Bring page, claims and manifest up to date; parameters as for :meth:`end`."""
+        with self._warning("the page of results may be old"):
+            refresh()
+        with self._warning("the manifest is not written"):
+            changed = manifest.write(self._folder, makeable, configfiles)
+            if changed:
+                self._warn("", f"changed since their jobs wrote them: {', '.join(changed)} in {self._folder}")
+
+    @cached_property
+    def differing(self) -> set[str] | None:
+        """Names of the files that have changed since the end of the last run, at the start; None if not known."""
+        return state.differing(self._folder)
+
+    @property
+    def is_incomplete(self) -> bool:
+        """True if an earlier run was killed, or if a file of the results or of the record has changed since its end."""
+        return bool(self._killed) or self.differing != set()
+
     def begin(self, command: Sequence[str], targets: Sequence[str], cores: int | None) -> None:
-        """Record the start: close killed runs, and write a marker."""
+        """Record the start: write a marker, and pass the ids of run and process to the jobs."""
         self._told = dict.fromkeys(FIELDS) | {
             "id": f"{self._began:%Y%m%dT%H%M%SZ}-{secrets.token_hex(4)}",
             "config": {},
@@ -53,17 +92,14 @@ class WorkflowRun:
             "command": [Path(command[0]).name, *command[1:]],
             "targets": list(targets),
         }
-        os.environ[RUN] = self.id  # jobs inherit the variable
+        os.environ |= {RUN: self.id, LEADER: f"{platform.node()}:{os.getpid()}"}  # jobs inherit them
         with self._warning("the run is not recorded in full"):
             self._told |= fingerprint(self._config)
             self._told |= machine()
         with self._warning("the commit is not recorded"):
             self._told |= revision(self._sources)
         self._told |= dict.fromkeys(("jobs_run", "jobs_reused", "evaluations", "evaluations_skipped")) | {"made": []}
-        with self._warning("damaged receipts are not removed"):
-            self._remove_damaged_receipts()
-        with self._warning("killed runs are not closed"):
-            history.close_killed(self._folder)
+        self._clean()
         with self._warning("the history is not written"):
             history.mark(self._folder, self._told)
 
@@ -73,7 +109,7 @@ class WorkflowRun:
         jobs_run: int,
         jobs_reused: int,
         refresh: Callable[[], None],
-        makeable: Collection[str] | None = None,
+        makeable: Collection[str],
         configfiles: Sequence[str] = (),
     ) -> None:
         """Record the end: update page and claims, write the manifest and then the line of the history.
@@ -89,12 +125,7 @@ class WorkflowRun:
         makeable, configfiles
             As for :func:`nearharmonic.reproduction.record.files.manifest.write`.
         """
-        with self._warning("the page of results may be old"):
-            refresh()
-        with self._warning("the manifest is not written"):
-            changed = manifest.write(self._folder, makeable, configfiles)
-            if changed:
-                self._warn("", f"changed since their jobs wrote them: {', '.join(changed)} in {self._folder}")
+        self.complete(refresh, makeable, configfiles)
         ended = datetime.now(UTC)
         self._told |= {
             "status": "failed" if exit_status else "ok",
@@ -113,24 +144,34 @@ class WorkflowRun:
                 history.append(self._folder, self._told)
             finally:
                 history.unmark(self._folder, self.id)
+        self.save_state(makeable)
+
+    def save_state(self, makeable: Collection[str]) -> None:
+        """Remember sizes and times of all files, so that the next start looks at what has changed."""
+        with self._warning("the next start looks at all files"):
+            state.save(self._folder, makeable)
 
     def _remove_damaged_receipts(self) -> None:
         """Remove damaged receipts: the manifest has the entries of their files, or their jobs run again."""
-        for place in damaged_receipts(self._folder):
-            self._warn(str(place), f"{place} is not as its job wrote it, and is removed")
+        damaged = damaged_receipts(self._folder)
+        for place in damaged:
             place.unlink()
+        if damaged:
+            listed = ", ".join([*map(str, damaged[:3]), *(["..."] if len(damaged) > 3 else [])])
+            says = "receipts are not as their jobs wrote them, and are removed"
+            self._warn("receipts", f"{len(damaged)} {says}: {listed}")
 
     def made(self, name: str) -> bool:
         """Return True if a job of this run made the file ``name``."""
         return any(made == name for made, _ in self._entries())
 
-    def _entries(self) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Each file that a job of this run made, with its entry in the receipt."""
+    def _entries(self, *others: str) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Each file that a job of this run, or of one of the ``others``, made, with its entry in the receipt."""
         for _, receipt in receipts_in(self._folder):
-            yield from ((name, entry) for name, entry in receipt.items() if entry["run"] == self.id)
+            yield from ((name, entry) for name, entry in receipt.items() if entry["run"] in {self.id, *others})
 
     def outdates(self, name: str, shown: Collection[str] | None = None) -> bool:
-        """Return True if the file ``name`` exists and a job of this run made a newer file.
+        """Return True if the file ``name`` exists and a job of this run, or of a killed one, made a newer file.
 
         Parameters
         ----------
@@ -143,7 +184,7 @@ class WorkflowRun:
         if not place.is_file():
             return False
         made = place.stat().st_mtime_ns
-        newer = (other for other, entry in self._entries() if entry["modified"] > made)
+        newer = (other for other, entry in self._entries(*self._killed) if entry["modified"] > made)
         return any(other != name and (shown is None or other in shown) for other in newer)
 
     def _evaluations(self) -> dict[str, int | None]:
