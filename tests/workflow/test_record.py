@@ -135,7 +135,7 @@ def test_a_run_that_fails_is_remembered_as_failed(fresh):
     assert fresh.snakemake("fig2", *COMMAND).returncode == 0
 
 
-def test_damaged_lost_and_unrecorded_files_are_made_again_in_one_go(fresh):
+def test_damaged_and_lost_files_are_made_again_in_one_go(fresh):
     assert fresh.snakemake("fig2", RUN, *COMMAND).returncode == 0
     manifest = (fresh.results / "manifest.json").read_bytes()
     figure, cube, run = (fresh.results / name for name in ("figures/fig2_decomposition.svg", CUBE[13:], RUN[13:]))
@@ -152,7 +152,7 @@ def test_damaged_lost_and_unrecorded_files_are_made_again_in_one_go(fresh):
     assert fresh.manifest()["configfiles"] == ["config/tiny.yaml"]
 
 
-def test_lost_record_is_completed_by_a_start_with_nothing_to_do(fresh):
+def test_lost_manifest_is_made_again_with_nothing_to_do(fresh):
     manifest = (fresh.results / "manifest.json").read_bytes()
     for content in (None, b"", b"{}"):
         (fresh.results / "manifest.json").unlink()

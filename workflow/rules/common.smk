@@ -90,6 +90,15 @@ def run_files(system):
     }
 
 
+def shard_of(wildcards):
+    """Return the settings of the job of a shard."""
+    return {
+        "sweep": SWEEPS[wildcards.system],
+        "integrator": wildcards.integrator,
+        "shard": int(wildcards.shard),
+    }
+
+
 def reduced_files(system):
     """Return the files that a cube is made from, by method: its run files, or the reduced numbers of many."""
     folder = f"{RESULTS}/reduced/{system}"

@@ -17,15 +17,6 @@ PAPER_RUNS = list(
 TABLE_FILES = [f"{RESULTS}/tables/skipped.csv", *PAPER_TABLES.values()]
 
 
-def shard_of(wildcards):
-    """Return the settings of the job of a shard."""
-    return {
-        "sweep": SWEEPS[wildcards.system],
-        "integrator": wildcards.integrator,
-        "shard": int(wildcards.shard),
-    }
-
-
 rule compile:
     # One job per system, so that later parallel jobs find the kernels and do not compile them again.
     output:
