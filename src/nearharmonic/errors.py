@@ -2,33 +2,45 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from difflib import get_close_matches
 
-#: Largest number of characters of a value in a message.
-LONGEST_VALUE = 500
+#: Most characters of a message about bad input, of a value in it, and of the names that are allowed.
+LONGEST, LONGEST_VALUE, LONGEST_NAMES = 300, 80, 120
 
 
 class NearharmonicError(ValueError):
     """Base class of the errors of this package."""
 
 
-class TableauError(NearharmonicError):
+class InputError(NearharmonicError):
+    """Bad input. The message is one line of at most :data:`LONGEST` characters: the middle of a longer one is left out.
+
+    Parameters
+    ----------
+    message : str
+        Key, given value, what is allowed, and the nearest match.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(in_short(message))
+
+
+class TableauError(InputError):
     """Coefficients that contradict what their tableau declares."""
 
 
-class SystemDefinitionError(NearharmonicError):
+class SystemDefinitionError(InputError):
     """A Hamiltonian system that contradicts its own declaration."""
 
 
-class UnknownNameError(NearharmonicError, KeyError):
+class UnknownNameError(InputError, KeyError):
     """A name that no registry holds; a KeyError as well, which makes ``get`` of a mapping return its default."""
 
     __str__ = Exception.__str__  # KeyError would put the message in quotes
 
 
-class SettingError(NearharmonicError):
+class SettingError(InputError):
     """A setting (config key or function argument) with a value that is not allowed."""
 
 
@@ -51,9 +63,17 @@ class ResultFileError(NearharmonicError):
 def unknown_name(kind: str, name: object, known: Iterable[str]) -> UnknownNameError:
     """Return the error for a ``name`` that is not in ``known``, with the nearest match and all allowed names."""
     names = sorted(known)
-    nearest = get_close_matches(str(name), names, n=1, cutoff=0.4)
+    nearest = get_close_matches(str(name)[:LONGEST], names, n=1, cutoff=0.4)
     hint = f" Did you mean {nearest[0]!r}?" if nearest else ""
-    return UnknownNameError(f"unknown {kind} {name!r}.{hint} Known: {', '.join(names)}")
+    return UnknownNameError(f"unknown {kind} {shown(name)}.{hint} Known: {_some(names)}")
+
+
+def _some(names: list[str]) -> str:
+    """Return names as text: all, or as many as fit into a message."""
+    listed, count = "", 0
+    while count < len(names) and len(listed) + len(names[count]) <= LONGEST_NAMES:
+        listed, count = f"{listed}{', ' if listed else ''}{names[count]}", count + 1
+    return listed if count == len(names) else f"{listed}, ... ({len(names)} in all)"
 
 
 def bad_setting(key: str, value: object, allowed: str) -> SettingError:
@@ -67,5 +87,16 @@ def shown(value: object) -> str:
         text = repr(value)
     except ValueError:  # an integer with more digits than Python can write
         return f"a number of type {type(value).__name__}"
-    text = re.sub(r"\s*\n\s*", " ", text)  # arrays have several lines
+    text = in_one_line(text)  # arrays have several lines
     return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE // 2]}... ({len(text)} characters)"
+
+
+def in_one_line(text: str) -> str:
+    """Return ``text`` with a space in place of each line break and the spaces around it."""
+    return " ".join(line.strip() for line in text.splitlines() if line.strip())
+
+
+def in_short(text: str) -> str:
+    """Return ``text`` in one line of at most :data:`LONGEST` characters, with its beginning and its end."""
+    text = in_one_line(text)
+    return text if len(text) <= LONGEST else f"{text[:180]} ... {text[185 - LONGEST :]}"

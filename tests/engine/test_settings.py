@@ -14,7 +14,7 @@ from nearharmonic.engine.settings import (
     checked_t_end,
     checked_tau,
 )
-from nearharmonic.errors import SettingError
+from nearharmonic.errors import SettingError, shown
 
 
 @pytest.mark.parametrize("value", [0.25, "0.25", "2.5e-1", np.float64(0.25), np.float32(0.25), Decimal("0.25")])
@@ -34,7 +34,7 @@ def test_anything_else_is_refused_with_allowed_values(value):
             continue
         with pytest.raises(SettingError) as refusal:
             check(value)
-        assert str(refusal.value) == f"{key} = {value!r} is not allowed: a finite number above 0{more}"
+        assert str(refusal.value) == f"{key} = {shown(value)} is not allowed: a finite number above 0{more}"
 
 
 def test_t_end_keeps_all_its_digits():

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from difflib import get_close_matches
 from fractions import Fraction
 from functools import lru_cache
@@ -17,6 +17,7 @@ from numbers import Integral, Real
 from typing import Any
 
 from nearharmonic.errors import bad_setting
+from nearharmonic.numerics.written import decimal_of, is_integer
 
 #: Steps of one run: at 3 ns a stage, half a minute for ten stages. More is a slip of the decimal point.
 MOST_STEPS = 10**9
@@ -52,9 +53,9 @@ def _decimal(key: str, value: object, allowed: str) -> Decimal:
     if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
         raise bad_setting(key, value, allowed)
     try:
-        number = Decimal(value) if isinstance(value, str | Decimal | int) else Decimal(repr(float(value)))
-        usable = number.is_finite() and 0 < abs(float(number)) < inf
-    except (InvalidOperation, OverflowError):
+        number = decimal_of(str(value) if isinstance(value, str | Decimal | int) else repr(float(value)))
+        usable = 0 < abs(float(number)) < inf
+    except (ValueError, OverflowError):
         usable = False
     if not usable:
         raise bad_setting(key, value, allowed)
@@ -83,7 +84,7 @@ def checked_count(key: str, value: object, most: int) -> int:
 
 def whole_number(text: str, key: str) -> int:
     """Return an integer of at least 0 that was given as text."""
-    if not text.isdecimal():
+    if not is_integer(text) or int(text) < 0:
         raise bad_setting(key, text, "an integer of at least 0")
     return int(text)
 

@@ -9,7 +9,7 @@ from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal, TypeVar
 
-from nearharmonic.errors import TableauError
+from nearharmonic.errors import TableauError, shown
 
 if TYPE_CHECKING:
     from numpy import int64
@@ -25,6 +25,13 @@ Move = tuple[Fraction, Fraction, Fraction]
 
 #: A coefficient. Exponents are bounded because coefficients are exact fractions: 1e999999999 would fill the memory.
 DECIMAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d{1,3})?", re.ASCII)
+#: Characters of a coefficient, and decimals that a source guarantees.
+LONGEST, MOST_DIGITS = 1000, 1000
+
+
+def is_count(value: object, most: int) -> bool:
+    """Return True if ``value`` is an integer from 1 to ``most``."""
+    return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= most
 
 
 def palindrome(*half: str, centre: str | None = None) -> Row:
@@ -130,13 +137,17 @@ class Composition:
             row = getattr(self, key)
             self._expect(isinstance(row, tuple), key, row, "a tuple of decimal strings")
             for i, text in enumerate(row):
-                decimal = isinstance(text, str) and DECIMAL.fullmatch(text) is not None
-                self._expect(decimal, f"{key}[{i}]", text, "a finite decimal number as a string")
+                decimal = isinstance(text, str) and len(text) <= LONGEST and DECIMAL.fullmatch(text) is not None
+                allowed = f"a finite decimal number as a string of at most {LONGEST} characters"
+                self._expect(decimal, f"{key}[{i}]", text, allowed)
         lengths = f"{len(self.kick)} kicks, {len(self.drift)} drifts"
         fits = len(self.outer) == len(self.inner) + 1 >= 2
         self._expect(fits, "rows", lengths, f"one {self.first} more than the other operator, as first = {self.first!r}")
         fits = len(self.square) in (0, len(self.kick))
         self._expect(fits, "square", f"{len(self.square)} numbers", f"one for each of {len(self.kick)} kicks")
+
+    def _check_digits(self) -> None:
+        self._expect(is_count(self.digits, MOST_DIGITS), "digits", self.digits, f"an integer from 1 to {MOST_DIGITS}")
 
     def _check_sums(self, total: int) -> None:
         for key, row in (("kick", self.kick), ("drift", self.drift)):
@@ -149,7 +160,7 @@ class Composition:
 
     def _expect(self, condition: bool, key: str, value: object, expected: str) -> None:
         if not condition:
-            raise TableauError(f"{self._kind}: {key} = {value!r}, expected {expected}")
+            raise TableauError(f"{self._kind}: {key} = {shown(value)}, expected {expected}")
 
     @property
     def _kind(self) -> str:
@@ -184,6 +195,7 @@ class Processor(Composition):
     digits: int
 
     def __post_init__(self) -> None:
+        self._check_digits()
         self._check_rows()
         self._check_sums(0)
 

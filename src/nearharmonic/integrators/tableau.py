@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from hashlib import sha256
 
 from nearharmonic.core.arithmetic import rounded_pair
-from nearharmonic.errors import bad_setting
-from nearharmonic.integrators.composition import Composition, First, Processor, Row, palindrome
+from nearharmonic.errors import bad_setting, shown
+from nearharmonic.integrators.composition import Composition, First, Processor, Row, is_count, palindrome
 
 __all__ = [
     "QUADRATIC_KINETIC_ENERGY", "First", "ModifiedTableau", "ProcessedTableau", "Processor", "Row", "Tableau",
@@ -18,6 +19,11 @@ __all__ = [
 
 #: Requirement of a tableau of Runge-Kutta-Nystrom type: T = p.p / 2.
 QUADRATIC_KINETIC_ENERGY = "quadratic kinetic energy"
+
+#: Names of tableaus are parts of file names.
+NAME = re.compile(r"[^\s/\\.-][^/\\]{0,99}")
+#: No splitting method of a higher order is known.
+HIGHEST_ORDER = 20
 
 _OTHER: dict[First, First] = {"drift": "kick", "kick": "drift"}
 
@@ -92,16 +98,16 @@ class Tableau(Composition):
     symmetric: bool = None  # type: ignore[assignment]  # None is for the constructor alone
 
     def __post_init__(self) -> None:
+        self._check_texts()
         object.__setattr__(self, "label", self.label or self.name)
-        self._expect(self.first in _OTHER, "first", self.first, "'drift' or 'kick'")
-        for key, number in (("order", self.order), ("digits", self.digits)):
-            positive = isinstance(number, int) and not isinstance(number, bool) and number >= 1
-            self._expect(positive, key, number, "an integer >= 1")
+        self._expect(self.first in ("drift", "kick"), "first", self.first, "'drift' or 'kick'")
+        self._check_digits()
         if self.square:
             object.__setattr__(self, "requires", QUADRATIC_KINETIC_ENERGY)
         known = self.requires in (None, QUADRATIC_KINETIC_ENERGY)
         self._expect(known, "requires", self.requires, f"None or {QUADRATIC_KINETIC_ENERGY!r}")
         self._check_rows()
+        self._check_order()
         self._check_symmetry()
         self._check_sums(1)
         fits = self.processor is None or (self.modified and self.processor.modified)
@@ -159,6 +165,21 @@ class Tableau(Composition):
         }
         return facts_table("Tableau", {**self.facts, **rows})
 
+    def _check_texts(self) -> None:
+        """Raise an error for a name that is no name of a file, or for other members that are no text."""
+        named = isinstance(self.name, str) and self.name.isprintable() and NAME.fullmatch(self.name) is not None
+        self._expect(
+            named, "name", self.name, "1 to 100 printable characters without '/' and '\\', no '.' or '-' first"
+        )
+        for key in ("label", "source", "note"):
+            self._expect(isinstance(text := getattr(self, key), str), key, text, "a string")
+
+    def _check_order(self) -> None:
+        """Raise an error for an impossible order: s kicks of V make an oscillator's step a polynomial of degree 2 s."""
+        most = HIGHEST_ORDER if self.modified or self.processor is not None else min(HIGHEST_ORDER, 2 * self.stages)
+        allowed = f"an integer from 1 to {most}" + (", twice the stages" if most == 2 * self.stages else "")
+        self._expect(is_count(self.order, most), "order", self.order, allowed)
+
     def _check_symmetry(self) -> None:
         """Derive the symmetry of the method, and raise an error for rows that contradict its declaration.
 
@@ -180,7 +201,7 @@ class Tableau(Composition):
 
     @property
     def _kind(self) -> str:
-        return f"tableau {self.name!r}"
+        return f"tableau {shown(self.name)}"
 
     def role(self, first: First | None) -> Tableau:
         """Return the tableau with its outer row assigned to the operator ``first``.

@@ -9,13 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, field
-from decimal import Decimal
-from fractions import Fraction
-from numbers import Real
 from typing import Annotated, Any
 
 from nearharmonic.engine.settings import positive
 from nearharmonic.errors import bad_setting
+from nearharmonic.numerics.written import integer_of
 
 
 @dataclass(frozen=True)
@@ -41,16 +39,6 @@ class Reading:
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         return {key: list(value) if isinstance(value, tuple) else value for key, value in self.schema}
-
-
-def _whole(value: object) -> int:
-    """Return the integer of 10, 10.0 or, from a command line, "10"."""
-    if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
-        raise TypeError
-    number = Fraction(value)  # type: ignore[arg-type]
-    if number.denominator != 1:
-        raise ValueError
-    return int(number)
 
 
 def _positive_number(value: object) -> float:
@@ -108,7 +96,7 @@ def whole_between(least: int, most: int) -> tuple[Callable[[Any], int], tuple[tu
     """Return the arguments of :class:`Reading` for an integer within limits, as an entry of a list."""
 
     def accept(value: object) -> int:
-        number = _whole(value)
+        number = integer_of(value)
         if not least <= number <= most:
             raise ValueError
         return number

@@ -44,10 +44,14 @@ LEAPFROG = {
         ({"drift": ("inf",)}, "drift[0] = 'inf', expected a finite decimal number"),
         ({"drift": ("1/1",)}, "drift[0] = '1/1', expected a finite decimal number"),
         ({"drift": ("1e999999999",)}, "drift[0] = '1e999999999', expected a finite decimal number"),
-        ({"digits": 0}, "digits = 0, expected an integer >= 1"),
-        ({"digits": True}, "digits = True, expected an integer >= 1"),
-        ({"digits": 16.0}, "digits = 16.0, expected an integer >= 1"),
-        ({"order": 0}, "order = 0, expected an integer >= 1"),
+        ({"digits": 0}, "digits = 0, expected an integer from 1 to 1000"),
+        ({"digits": True}, "digits = True, expected an integer from 1 to 1000"),
+        ({"digits": 16.0}, "digits = 16.0, expected an integer from 1 to 1000"),
+        ({"digits": 10**9}, "digits = 1000000000, expected an integer from 1 to 1000"),
+        ({"drift": ("1." + "0" * 10**5,)}, "drift[0] = '1.000"),
+        ({"order": 0}, "order = 0, expected an integer from 1 to 2, twice the stages"),
+        ({"order": 99}, "order = 99, expected an integer from 1 to 2, twice the stages"),
+        ({"label": 3}, "label = 3, expected a string"),
         ({"symmetric": "yes"}, "symmetric = 'yes', expected True, False or None"),
         ({"kick": ("0.4", "0.6"), "symmetric": True}, "kick[0] = '0.4', expected its mirror image '0.6'"),
         ({"kick": ("0", "1.1")}, "kick row sum = '1+1.0e-01'"),
@@ -60,6 +64,12 @@ def test_contradiction_names_tableau_key_value_and_expected_value(change, named)
         Tableau(**LEAPFROG | change)
     assert str(caught.value).startswith("tableau 'leapfrog': ")
     assert named in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["../x", "", None, " x", "-x", "x/y", "x\\y", "x\ny", ".x", "x" * 101, 3, b"x"])
+def test_a_name_is_a_name_of_a_file(name):
+    with pytest.raises(TableauError, match="expected 1 to 100 printable characters"):
+        Tableau(**LEAPFROG | {"name": name})
 
 
 @pytest.mark.parametrize(("excess", "accepted"), [(1, True), (2, False)])

@@ -139,7 +139,10 @@ def test_name_that_workflow_has_another_use_for_is_refused(key):
         (["spaced.py"], "integrators[0] = 'five leapfrogs' is not allowed: a letter, then letters"),
         (["plural.py"], "did you mean its 'TABLEAUX'"),
         (["small.py"], "did you mean its 'tableau'"),
-        (["wrong.py"], "integrators[0]: tableau 'five_leapfrogs': order = 0, expected an integer >= 1"),
+        (
+            ["wrong.py"],
+            "integrators[0]: tableau 'five_leapfrogs': order = 0, expected an integer from 1 to 10, twice the stages",
+        ),
     ],
 )
 def test_file_that_defines_no_integrator_of_its_own_is_refused(folder, entries, says):

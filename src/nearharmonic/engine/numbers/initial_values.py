@@ -6,7 +6,7 @@ Decimal strings and fractions are exact: a double and the digits below it. Float
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from fractions import Fraction
 from functools import lru_cache
 from numbers import Rational, Real
@@ -20,7 +20,8 @@ from nearharmonic.engine.numbers.rotations import pair_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting, unknown_name
 from nearharmonic.numerics.types import Floats
-from nearharmonic.systems.definition.quantities import is_extreme, is_list
+from nearharmonic.numerics.written import fraction_of
+from nearharmonic.systems.definition.quantities import is_list
 from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.oscillator import frequency_parameters
 
@@ -40,22 +41,13 @@ def exact(key: str, value: object) -> Fraction:
         raise bad_setting(key, value, NUMBER)
     try:
         if isinstance(value, str | Decimal):
-            number = _fraction(str(value))
+            number = fraction_of(str(value))
         else:
             number = Fraction(value if isinstance(value, Rational | float) else float(value))
         float(number)
     except (ValueError, ArithmeticError):
         raise bad_setting(key, value, NUMBER) from None
     return number
-
-
-def _fraction(text: str) -> Fraction:
-    """The exact value of a decimal or of a quotient of decimals."""
-    top, slash, bottom = text.partition("/")
-    parts = [Decimal(part.strip()) for part in ([top, bottom] if slash else [top])]
-    if any(not part.is_finite() or is_extreme(part) for part in parts):
-        raise InvalidOperation
-    return Fraction(parts[0]) / Fraction(parts[1]) if slash else Fraction(parts[0])
 
 
 @lru_cache(maxsize=128)

@@ -188,7 +188,7 @@ def _refuse_duplicates(path: Path) -> None:
             for key, value in node.value:
                 line = key.start_mark.line + 1
                 if key.value in seen:
-                    raise bad_setting(str(key.value), f"in line {line} of {path}", f"line {seen[key.value]} has it too")
+                    raise SettingError(f"{path}: the key {key.value!r} is in lines {seen[key.value]} and {line}")
                 seen[key.value] = line
                 waiting.append(value)
         elif isinstance(node, yaml.SequenceNode):

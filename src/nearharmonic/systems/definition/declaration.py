@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from fractions import Fraction
 from math import isinf
 from numbers import Real
 from typing import Any
 
 from nearharmonic.errors import SystemDefinitionError, shown
+from nearharmonic.numerics.written import any_decimal_of, exact_number, is_extreme
 from nearharmonic.systems.definition.members import UNITS, Members
-from nearharmonic.systems.definition.quantities import is_extreme, is_list
+from nearharmonic.systems.definition.quantities import is_list
 
 #: Names of the variables and dimensions of every result; no invariant or observable may have such a name.
 VARIABLES = frozenset((
@@ -98,15 +99,14 @@ def check_numbers(system: Members) -> None:
     named |= {k: v for k in ("position_t_end", "energy_scale") if (v := getattr(system, k)) is not None}
     for key, text in named.items():
         try:
-            finite = not isinstance(text, bool) and Decimal(text).is_finite()
-        except (InvalidOperation, TypeError, ValueError):
-            finite = False
-        if not finite:
-            raise SystemDefinitionError(f"{system.name}: {key} = {shown(text)} is not a finite decimal number")
-        if isinf(float(text)):
-            raise SystemDefinitionError(f"{system.name}: {key} = {text!r} is larger than any double")
-        if is_extreme(text):
-            raise SystemDefinitionError(f"{system.name}: {key} = {text!r} is smaller than any double above 0")
+            number = any_decimal_of(str(text) if isinstance(text, str | Decimal) else "")
+        except ValueError:
+            message = f"{system.name}: {key} = {shown(text)} is not a finite decimal number"
+            raise SystemDefinitionError(message) from None
+        if isinf(float(number)):
+            raise SystemDefinitionError(f"{system.name}: {key} = {shown(text)} is larger than any double")
+        if is_extreme(number):
+            raise SystemDefinitionError(f"{system.name}: {key} = {shown(text)} is smaller than any double above 0")
     if system.energy_scale is not None and Decimal(system.energy_scale) <= 0:
         raise SystemDefinitionError(f"{system.name}: energy_scale = {system.energy_scale!r} is not positive")
 
@@ -131,13 +131,12 @@ def _frequency(system: Members, i: int, value: Any) -> Fraction | str:
     if isinstance(value, str) and value in system.parameters:
         return value
     try:
-        number = None if isinstance(value, bool | float) or is_extreme(value) else Fraction(value)
-        usable = number is not None and number >= 0 and float(number) < float("inf")
-    except (ValueError, TypeError, ZeroDivisionError, OverflowError):
+        number = exact_number(value)
+        usable = number >= 0 and float(number) < float("inf")
+    except (ValueError, TypeError, OverflowError):
         usable = False
     if not usable:
         names = f", or the name of a parameter: {', '.join(system.parameters)}" if system.parameters else ""
         what = f"it must be a decimal string or a fraction of at least 0{names}"
         raise _not_allowed(system, f"frequencies[{i}]", value, what)
-    assert number is not None
     return number

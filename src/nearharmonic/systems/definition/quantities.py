@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
-from decimal import Context, Decimal, InvalidOperation
+from decimal import Context, Decimal
 from numbers import Rational, Real
 from typing import Any
 
 #: A coordinate tuple of any number type: float, numpy array, mpf, or a number traced into a kernel.
 Vector = tuple[Any, ...]
-#: Decimals with larger exponents are outside the range of doubles, and their conversion to fractions is slow.
-LARGEST_EXPONENT = 400
 #: Digits of a fraction that is not a finite decimal: three times those of double-double.
 DIGITS = 100
 
@@ -57,15 +55,6 @@ def decimal(value: Any) -> Any:
     if isinstance(value, Rational):
         return str(Context(prec=DIGITS).divide(Decimal(int(value.numerator)), Decimal(int(value.denominator))))
     return repr(float(value))
-
-
-def is_extreme(value: Any) -> bool:
-    """Return True if a decimal is far outside the range of doubles: its fraction then has very many digits."""
-    try:
-        number = Decimal(value) if isinstance(value, str | Decimal) else Decimal(1)
-    except InvalidOperation:
-        return False
-    return number.is_finite() and number != 0 and abs(number.adjusted()) > LARGEST_EXPONENT
 
 
 def is_list(values: Any) -> bool:

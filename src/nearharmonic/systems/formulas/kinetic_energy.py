@@ -10,8 +10,9 @@ from sys import float_info
 from typing import Any
 
 from nearharmonic.core.formulas.number import Constant
-from nearharmonic.errors import SystemDefinitionError
-from nearharmonic.systems.definition.quantities import is_extreme, is_list
+from nearharmonic.errors import SystemDefinitionError, shown
+from nearharmonic.numerics.written import exact_number
+from nearharmonic.systems.definition.quantities import is_list
 from nearharmonic.systems.formulas.energy import constants_beside
 
 Vector = tuple[Any, ...]
@@ -131,14 +132,12 @@ def _number(key: str, value: Any) -> Fraction:
         It is not a number, or not a finite double.
     """
     try:
-        number = Fraction(value) if not (isinstance(value, float) or is_extreme(value)) else None
-        if number is not None:
-            float(number)
-    except (ValueError, TypeError, ZeroDivisionError, OverflowError):
-        number = None
-    if number is None:
+        number = exact_number(value)
+        float(number)
+    except (ValueError, TypeError, OverflowError):
         what = "a decimal string or a fraction, such as '0.5', '1/3'"
-        raise SystemDefinitionError(f"{key} = {value!r} is not allowed: it must be {what}, and finite as a double")
+        message = f"{key} = {shown(value)} is not allowed: it must be {what}, and finite as a double"
+        raise SystemDefinitionError(message) from None
     return number
 
 

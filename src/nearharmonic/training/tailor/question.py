@@ -14,6 +14,7 @@ from nearharmonic.engine.runs.setup import ANY, Setup
 from nearharmonic.engine.settings import checked_count, checked_tau
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.written import integer_of
 from nearharmonic.systems.definition.system import System
 from nearharmonic.training.tailor.inputs.start_file import least_starts, read_starts
 
@@ -137,7 +138,7 @@ def _stages(given: Any) -> tuple[int, ...]:
     allowed = f"integers from {FEWEST_STAGES} to {MOST_STAGES}, as 8, or 6:10 for all from 6 to 10"
     parts = _parts(given)
     try:
-        ends = [checked_count("stages", int(x) if isinstance(x, str) else x, MOST_STAGES) for x in parts]
+        ends = [checked_count("stages", integer_of(x) if isinstance(x, str) else x, MOST_STAGES) for x in parts]
     except ValueError:  # errors of this package are ValueErrors
         raise bad_setting("stages", given, allowed) from None
     if len(ends) > 2 or min(ends, default=0) < FEWEST_STAGES or ends != sorted(ends):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from math import isfinite
 from numbers import Real
 from typing import Annotated, Literal
 
+from nearharmonic.numerics.written import decimal_of
 from nearharmonic.reproduction.entries import (
     AT_LEAST_LOWEST,
     POSITIVE,
@@ -19,7 +20,6 @@ from nearharmonic.reproduction.entries import (
     setting,
     whole_from,
 )
-from nearharmonic.systems.definition.quantities import is_extreme
 
 Precision = Literal["double", "extended"]
 Summation = Literal["compensated", "plain"]
@@ -33,10 +33,10 @@ def _exact_decimal(value: object) -> str:
     if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
         raise TypeError
     try:
-        number = Decimal(value) if isinstance(value, str | Decimal | int) else Decimal(repr(float(value)))
-    except InvalidOperation:
+        number = decimal_of(str(value) if isinstance(value, str | Decimal | int) else repr(float(value)))
+    except OverflowError:
         raise ValueError from None
-    if not (number.is_finite() and isfinite(float(number))) or is_extreme(number):
+    if not isfinite(float(number)):
         raise ValueError
     return str(number.normalize() + 0)
 

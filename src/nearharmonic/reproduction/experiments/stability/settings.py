@@ -11,6 +11,7 @@ from typing import Annotated, Any
 from nearharmonic.engine.settings import MOST_STEPS
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.written import decimal_of, fraction_of
 from nearharmonic.reproduction.entries import (
     AT_LEAST_LOWEST,
     POSITIVE,
@@ -33,18 +34,15 @@ MOST_BYTES = 10**9
 
 
 def _energy(value: object) -> str:
-    try:
-        energy = Fraction(str(value))
-    except ZeroDivisionError:
-        raise ValueError from None
+    energy = fraction_of(str(value))
     if not 0 < energy <= ESCAPE_ENERGY:
         raise ValueError
     return str(energy)
 
 
 def _eccentricity(value: object) -> float:
-    number = float(value)  # type: ignore[arg-type]
-    if isinstance(value, bool) or not 0 < number < 1:
+    number = float(decimal_of(str(value)))
+    if not 0 < number < 1:
         raise ValueError
     return number
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.written import decimal_of
 
 #: Minimum number of starts: four for the search, and four for the test.
 FEWEST = 8
@@ -68,7 +69,7 @@ def least_starts(key: str, given: object, rows: Floats, dimension: int) -> None:
 def _row(cells: list[str], dimension: int) -> list[float]:
     wanted = f"expected {2 * dimension} finite numbers, {dimension} positions and {dimension} momenta"
     try:
-        numbers = [float(cell) for cell in cells]
+        numbers = [float(decimal_of(cell)) for cell in cells]
     except ValueError:
         raise ValueError(f"{wanted}, got {','.join(cells)!r}") from None
     if len(numbers) != 2 * dimension or not np.isfinite(numbers).all():
