@@ -60,6 +60,10 @@ class ResultFileError(NearharmonicError):
     """A result file that is missing, truncated, or not of this package."""
 
 
+class FileWriteError(NearharmonicError, OSError):
+    """A file that cannot be written: the disk is full, the folder is read-only, or the like."""
+
+
 def unknown_name(kind: str, name: object, known: Iterable[str]) -> UnknownNameError:
     """Return the error for a ``name`` that is not in ``known``, with the nearest match and all allowed names."""
     names = sorted(known)

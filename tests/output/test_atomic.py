@@ -5,11 +5,14 @@ from __future__ import annotations
 import os
 import platform
 import signal
+import stat
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+from nearharmonic.errors import FileWriteError
 from nearharmonic.output.atomic import replacing, write_text
 
 
@@ -88,3 +91,31 @@ def test_killed_process_leaves_old_content_and_hidden_file(tmp_path):
     assert left.endswith(".part")
     write_text(place, "new")
     assert place.read_text() == "new"
+
+
+def test_bytes_are_on_disk_before_the_name(tmp_path, monkeypatch):
+    done = []
+
+    def noted(number):
+        done.append("folder" if stat.S_ISDIR(os.fstat(number).st_mode) else os.fstat(number).st_size)
+        return synchronise(number)
+
+    synchronise, move = os.fsync, Path.replace
+    monkeypatch.setattr(os, "fsync", noted)
+    monkeypatch.setattr(Path, "replace", lambda part, place: done.append("move") or move(part, place))
+    write_text(tmp_path / "table.csv", "seven b")
+    assert done == [7, "move", "folder"]
+
+
+def test_writing_that_fails_is_one_sentence_with_file_and_reason(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    (tmp_path / "folder").mkdir()
+    no_folder = tmp_path / "file/table.csv"
+    with pytest.raises(FileWriteError, match=r"/file/table\.csv cannot be written: .*(Not a directory|File exists)"):
+        write_text(no_folder, "new")
+    with pytest.raises(FileWriteError, match=r"/folder cannot be written: .*Is a directory"):
+        write_text(tmp_path / "folder", "new")
+    monkeypatch.setattr(os, "fsync", lambda _: os.open(tmp_path / "missing", os.O_RDONLY))
+    with pytest.raises(FileWriteError, match=r"/table\.csv cannot be written: .*No such file or directory: .*missing"):
+        write_text(tmp_path / "table.csv", "new")
+    assert sorted(names(tmp_path)) == ["file", "folder"]

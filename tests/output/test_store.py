@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+
 import h5py
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output import store
 from nearharmonic.output.dataset import flags
 from nearharmonic.output.store import writer
+from nearharmonic.output.store.name import name_of
 
 
 def described(dims, values, units="1", long_name="something"):
@@ -238,3 +241,46 @@ def test_the_command_names_the_config_of_the_results():
     assert store.command_for("results/smoke/cubes/sho.h5") == (
         "snakemake -j2 --configfile config/smoke.yaml --force results/smoke/cubes/sho.h5"
     )
+
+
+def test_file_under_the_name_of_another_is_refused(tmp_path, variables):
+    results = tmp_path / "results/paper"
+    for name in ("cubes/kepler.h5", "runs/kepler/ruth/0.h5"):
+        store.write(results / name, variables, {})
+    for name, other in (("cubes/kepler.h5", "cubes/sho.h5"), ("runs/kepler/ruth/0.h5", "runs/kepler/ruth/1.h5")):
+        shutil.copy(results / name, results / other)
+        with pytest.raises(ResultFileError, match=rf"{other} says it is {name}\. Make it again: .*--force .*{other}$"):
+            store.read(results / other)
+        with pytest.raises(ResultFileError, match=f"{other} says it is {name}"):
+            store.read_precisions(results / other)
+
+
+def test_copies_outside_of_results_and_renamed_results_are_read(tmp_path, variables):
+    store.write(tmp_path / "results/paper/cubes/kepler.h5", variables, {})
+    shutil.copytree(tmp_path / "results/paper", tmp_path / "results/other name")
+    shutil.copy(tmp_path / "results/paper/cubes/kepler.h5", tmp_path / "mine.h5")
+    for name in ("results/other name/cubes/kepler.h5", "mine.h5"):
+        assert store.attributes_of(tmp_path / name)["file"] == "cubes/kepler.h5"
+
+
+def test_dataset_that_was_read_gets_name_of_its_new_file(tmp_path, variables):
+    store.write(tmp_path / "results/paper/runs/kepler/ruth/0.h5", variables, {})
+    cube = store.read(tmp_path / "results/paper/runs/kepler/ruth/0.h5")
+    for place, name in (("results/paper/cubes/kepler.h5", "cubes/kepler.h5"), ("elsewhere.h5", None)):
+        store.write_dataset(tmp_path / place, cube, {})
+        assert store.attributes_of(tmp_path / place).get("file") == name
+
+
+@pytest.mark.parametrize(
+    ("path", "name"),
+    [
+        ("results/paper/runs/kepler/ruth/0.h5", "runs/kepler/ruth/0.h5"),
+        ("/home/results/results/my paper/cubes/sho.h5", "cubes/sho.h5"),
+        ("results/paper/runs/results/cubes/0.h5", "runs/results/cubes/0.h5"),  # a system of this name
+        ("results/paper/logs/earlier/runs/kepler/ruth/0-17.h5", ""),
+        ("results/kepler.h5", ""),
+        ("cubes/kepler.h5", ""),
+    ],
+)
+def test_name_begins_below_the_folder_of_results(path, name):
+    assert name_of(path) == name

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 import xarray as xr
@@ -32,6 +34,24 @@ def test_any_other_error_leaves_its_traceback_in_the_log(tmp_path):
         raise ZeroDivisionError("by zero")
     assert str(end.value) == f"ZeroDivisionError: by zero (traceback in {place})"
     assert "Traceback" in (tmp_path / "log").read_text()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_full_disk_under_the_log_does_not_hide_the_error(tmp_path):
+    (tmp_path / "log").symlink_to("/dev/full")
+    stack = ExitStack()
+    stack.enter_context(logged(str(tmp_path / "log")))
+    sys.stdout.write("out\n" * 10_000)
+    error = ResultFileError("0.h5 is truncated")
+    with pytest.raises(SystemExit, match=r"^0\.h5 is truncated$"):
+        stack.__exit__(ResultFileError, error, None)
+
+
+def test_log_that_cannot_be_made_ends_job_with_sentence(tmp_path):
+    with pytest.raises(SystemExit, match=r" cannot be written: Is a directory$"), logged(str(tmp_path)):
+        sys.stdout.write("out\n")
+    with pytest.raises(SystemExit, match=r"^.* cannot be written: No such file or directory$"), logged("none/log"):
+        sys.stdout.write("out\n")
 
 
 def test_dataset_goes_to_hdf5_file_though_it_is_mapping(tmp_path):

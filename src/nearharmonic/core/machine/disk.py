@@ -20,6 +20,8 @@ from pathlib import Path
 
 #: Seconds to wait for code that another process compiles; a kernel takes 1 to 10.
 PATIENCE = 120.0
+#: Without it, opening a pipe would wait for its writer.
+_NO_WAIT = getattr(os, "O_NONBLOCK", 0)
 _WARNED: list[str] = []
 
 
@@ -76,7 +78,7 @@ def read(place: Path) -> tuple[str, bytes] | None:
     A file that is damaged, or that another user may have changed, is deleted, and the result is None.
     """
     try:
-        with place.open("rb") as file:
+        with os.fdopen(os.open(place, os.O_RDONLY | _NO_WAIT), "rb") as file:
             fault, content = _fault(os.fstat(file.fileno())), file.read()
     except OSError:
         return None

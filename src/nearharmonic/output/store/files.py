@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from nearharmonic.output.store.name import NAME_KEY, misplaced
 from nearharmonic.output.store.remake import unusable
 from nearharmonic.output.store.seal import FORMAT, FORMAT_KEY, complaint
 
@@ -14,13 +15,13 @@ SCALES = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST"}
 
 
 def checked(path: str | os.PathLike[str]) -> Any:
-    """Open an HDF5 file after a check that its bytes have not changed.
+    """Open an HDF5 file after a check that its bytes have not changed, and that it is the file of this name.
 
     Raises
     ------
     ResultFileError
-        The file is missing, truncated, damaged or not one of this package; the message contains the command that makes
-        it again.
+        The file is missing, truncated, damaged, not one of this package, or a copy of another file of the results; the
+        message contains the command that makes it again.
     """
     import h5py
 
@@ -31,6 +32,10 @@ def checked(path: str | os.PathLike[str]) -> Any:
     if str(file.attrs.get(FORMAT_KEY)) != FORMAT:
         file.close()
         raise unusable(path, f"has another format (attribute {FORMAT_KEY} is not {FORMAT!r})")
+    fault = misplaced(path, file.attrs.get(NAME_KEY))
+    if fault:
+        file.close()
+        raise unusable(path, fault)
     return file
 
 

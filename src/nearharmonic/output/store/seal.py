@@ -7,7 +7,8 @@ HDF5 library may crash, return wrong numbers, or never end.
 from __future__ import annotations
 
 import os
-from hashlib import file_digest, sha256
+from hashlib import sha256
+from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
@@ -24,11 +25,10 @@ SEALED = len(SEAL) + 2 * sha256().digest_size + len(b"\n")
 PIECE = 2**20
 
 
-def seal(path: Path) -> None:
-    """Append the last line to a file."""
-    with path.open("r+b") as file:
-        digest = file_digest(file, "sha256").hexdigest()
-        file.write(_line(digest))
+def seal(content: BytesIO) -> None:
+    """Append the last line to the bytes of a file."""
+    content.seek(0, os.SEEK_END)
+    content.write(_line(sha256(content.getbuffer()).hexdigest()))
 
 
 def complaint(path: Path) -> str:

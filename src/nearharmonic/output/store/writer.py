@@ -1,19 +1,22 @@
 """Writer of result files: atomic, and without timestamps.
 
 It writes described variables, so that integration jobs need not load xarray, which would take a third of their time.
+A file is built in memory: if the disk is full, the HDF5 library crashes at the exit of the process.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterator, Mapping
+from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.output.atomic import replacing
+from nearharmonic.output.atomic import write_bytes
 from nearharmonic.output.dataset import FLAG_MEANINGS, FLAG_VALUES, Variables, counted
+from nearharmonic.output.store.name import NAME_KEY, name_of
 from nearharmonic.output.store.seal import FORMAT, FORMAT_KEY, seal
 
 if TYPE_CHECKING:
@@ -45,7 +48,7 @@ def write(
         Dimensions, values and attributes of each variable, by name. A text variable whose attributes list its possible
         words (``flag_meanings``) is stored as integers with ``flag_values`` (CF conventions, section 3.5).
     attributes : mapping
-        Attributes of the file, besides its format and conventions.
+        Attributes of the file, besides its format, its conventions, and its name in the folder of results.
     groups : mapping of str to Variables, optional
         Variables of each group, by its name.
     coordinates : collection of str
@@ -56,15 +59,19 @@ def write(
     ------
     NearharmonicError
         A variable has no units or no long_name, or its lengths contradict a dimension.
+    FileWriteError
+        The file cannot be written.
     """
     import h5netcdf
 
-    with replacing(path) as part:
-        with h5netcdf.File(part, "w") as file:
-            file.attrs.update({FORMAT_KEY: FORMAT, "Conventions": "CF-1.11", **attributes})
-            for group, members in ((file, variables), *((file.create_group(n), m) for n, m in (groups or {}).items())):
-                _fill(group, members, [name for name in coordinates if name in members])
-        seal(part)
+    named = {FORMAT_KEY: FORMAT, "Conventions": "CF-1.11", **attributes, NAME_KEY: name_of(path)}
+    content = BytesIO()
+    with h5netcdf.File(content, "w") as file:
+        file.attrs.update({key: value for key, value in named.items() if key != NAME_KEY or value})
+        for group, members in ((file, variables), *((file.create_group(n), m) for n, m in (groups or {}).items())):
+            _fill(group, members, [name for name in coordinates if name in members])
+    seal(content)
+    write_bytes(path, content.getbuffer())
 
 
 def write_dataset(path: str | os.PathLike[str], dataset: xr.Dataset, attributes: Mapping[str, Any]) -> None:

@@ -10,6 +10,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
 from inspect import signature
+from io import BufferedWriter, FileIO, TextIOWrapper
 from pathlib import Path
 from select import select
 from signal import SIGKILL
@@ -187,6 +188,16 @@ def write(result: Any, places: Places, origin: Mapping[str, str]) -> None:
         save_document({"provenance": dict(origin), **result}, places[0])
 
 
+class _Log(FileIO):
+    """A log file: text for which the disk has no room is lost, and never hides an error of the job."""
+
+    def write(self, text: Any, /) -> int:
+        try:
+            return super().write(text)
+        except OSError:
+            return len(text)
+
+
 @contextmanager
 def logged(path: str | os.PathLike[str]) -> Iterator[None]:
     """Write printed text and tracebacks to the file ``path``; the terminal shows an error in one sentence.
@@ -197,7 +208,11 @@ def logged(path: str | os.PathLike[str]) -> Iterator[None]:
         Any error inside the block, with status 1.
     """
     _end_with_leader()
-    with Path(path).open("w", encoding="utf-8") as log:
+    try:
+        file = _Log(os.fspath(path), "w")
+    except OSError as error:
+        raise SystemExit(f"{path} cannot be written: {error.strerror}") from None
+    with TextIOWrapper(BufferedWriter(file), encoding="utf-8", errors="backslashreplace") as log:
         try:
             with redirect_stdout(log), redirect_stderr(log):
                 yield

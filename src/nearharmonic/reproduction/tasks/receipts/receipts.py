@@ -105,7 +105,7 @@ class Receipt:
         try:
             write_text(self._place, json.dumps(sealed({"files": self._files}), indent=1) + "\n")
         except OSError as error:
-            print(f"warning: no receipt {self._place}: {error.strerror}")
+            print(f"warning: no receipt: {error}")
 
 
 def measured(place: str | os.PathLike[str]) -> dict[str, Any]:
