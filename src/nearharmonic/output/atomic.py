@@ -2,8 +2,8 @@
 
 A reader sees the old file or the new one, never a part of either, also after a power failure: the bytes are on disk
 before the file gets its name. Temporary names are hidden and hold the host and the process, so that two machines never
-write to the same file in a shared folder. A killed process (SIGKILL, power loss) leaves its temporary file behind, which
-the next run of the workflow deletes. No rule and no reader uses such a name.
+write to the same file in a shared folder. A killed process (SIGKILL, power loss) leaves its temporary file behind;
+the next run of the workflow deletes it. No rule and no reader uses such a name.
 """
 
 from __future__ import annotations
