@@ -144,3 +144,20 @@ def test_files_of_former_config_are_told_until_they_are_gone(breakable):
     config.write_text(text)
     assert breakable.snakemake("results/tiny/cubes/sho.h5", "-j2", *TINY).returncode == 0
     assert breakable.nearharmonic("verify", "tiny").returncode == 0
+
+
+@pytest.mark.slow
+def test_adopt_runs_no_file_of_its_config(finished, tmp_path):
+    """The manifest names no user's file, and the config in config/ does: Snakemake reads it in a process of its own."""
+    copy = Project(tmp_path / "copy")
+    shutil.copytree(finished.results, copy.results, ignore=shutil.ignore_patterns("logs"), copy_function=shutil.copy)
+    (copy.folder / "evil.py").write_text("from pathlib import Path\n\nPath('ran').touch()\n")
+    config = copy.folder / "config/tiny.yaml"
+    text = config.read_text()
+    assert "integrators: [ruth, babs7o7h]" in text
+    config.write_text(text.replace("integrators: [ruth, babs7o7h]", "integrators: [ruth, babs7o7h, evil.py]"))
+    refused = copy.nearharmonic("adopt", "tiny")
+    assert refused.returncode == 1
+    assert "evil.py (SHA-256 " in refused.stderr
+    assert "is not run" in refused.stderr
+    assert not (copy.folder / "ran").exists()

@@ -13,6 +13,7 @@ from nearharmonic.cli import main
 from nearharmonic.errors import SettingError, UntrustedFileError
 from nearharmonic.registry.trust import trusting_only
 from nearharmonic.reproduction.config.reading import load
+from nearharmonic.reproduction.record.adopt import adopt
 from nearharmonic.reproduction.record.rerun import rerun
 from nearharmonic.reproduction.tasks.code.user_sources import digest_of
 from support.results.finished_results import write_history
@@ -185,3 +186,22 @@ def test_escape_sequences_of_history_do_not_reach_terminal(project, capsys, form
     shown = "".join(capsys.readouterr())
     assert not set("\x1b\x9b\x07\u202e") & set(shown)
     assert r"a\u001b[2J\u009b" in shown
+
+
+TEMPLATE = '__use_yte__: true\nname: ?__import__("pathlib").Path("ran").write_text("paper")\n'
+
+
+@pytest.mark.parametrize(
+    "text", [TEMPLATE, '{"__use_yte__": true, "name": "paper",}', 'a: &a {"\\x5f_use_yte__": true}\n<<: *a\n']
+)
+def test_template_in_place_of_config_is_refused_before_snakemake(project, text, monkeypatch):
+    monkeypatch.setattr("nearharmonic.reproduction.record.adopt.faults", lambda folder: [])
+    monkeypatch.setattr("subprocess.run", lambda *_, **__: pytest.fail("Snakemake was started"))
+    Path("Snakefile").write_text("")
+    Path("own.yaml").write_text(text)
+    resealed(project)
+    with pytest.raises(SettingError, match=r"^__use_yte__ = True is not allowed: a config is data"):
+        adopt(project, "own.yaml")
+    with pytest.raises(SettingError, match=r"^__use_yte__ = True is not allowed: a config is data"):
+        load({"name": "paper"}, ["own.yaml"])
+    assert not Path("ran").exists()

@@ -14,6 +14,7 @@ from nearharmonic.integrators.user_file import expanded
 from nearharmonic.reproduction.config.config import NUMBERS, Config, adapter, sections
 from nearharmonic.reproduction.config.definitions import define, folders_of, named
 from nearharmonic.reproduction.config.schema import schema
+from nearharmonic.reproduction.config.template import refuse_template
 from nearharmonic.reproduction.experiments.paper.grid.plan import check_sweep
 from nearharmonic.systems import systems
 
@@ -38,6 +39,7 @@ def load(mapping: Mapping[str, Any], files: Iterable[Path | str] = ()) -> Config
     """
     places = list(files)
     for path in places:
+        refuse_template(path)
         _refuse_duplicates(Path(path))
     config = _typed(mapping)
     for key, value, allowed in _repetitions(config, mapping):

@@ -12,6 +12,7 @@ from typing import Any
 
 from nearharmonic.errors import RefusedError
 from nearharmonic.output.store import DEFAULT_CONFIG, usable_configs
+from nearharmonic.reproduction.config.template import refuse_template
 from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.files.trusted import check_files_of
 from nearharmonic.reproduction.record.verify import faults
@@ -44,6 +45,8 @@ def adopt(folder: Path, configfile: str | None = None) -> int:
     RefusedError
         The results differ from their manifest, were made with another code or config or in another folder, or Snakemake
         fails; the message gives the reason.
+    SettingError
+        The config cannot be read, or is a template in which Snakemake would run Python.
     UntrustedFileError
         The results need a user's file that is not trusted. The process of Snakemake runs no such file either.
     """
@@ -57,10 +60,13 @@ def adopt(folder: Path, configfile: str | None = None) -> int:
     told = manifest.read(folder)
     names = told["files"]
     check_files_of(names.values())
+    option = _config_option(folder.name, told, configfile)
+    for place in option[1:] or [DEFAULT_CONFIG]:
+        refuse_template(place)
     command = [sys.executable, "-m", "snakemake", "--touch", "--forceall", "-j1", "--quiet", "rules"]
     files = [f"results/{folder.name}/{name}" for name in names]
     done = subprocess.run(
-        [*command, *_config_option(folder.name, told, configfile), "--", *files],
+        [*command, *option, "--", *files],
         env={**os.environ, ADOPTING: "1"},
         capture_output=True,
         text=True,
