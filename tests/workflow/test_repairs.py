@@ -19,7 +19,7 @@ def flip(place):
     place.write_bytes(content)
 
 
-def test_two_runs_make_equal_files_page_and_manifest_included(finished, breakable):
+def test_two_runs_make_equal_files_with_page_and_manifest(finished, breakable):
     expected = files_in(finished.results)
     clear(breakable)
     assert breakable.snakemake(*COMMAND).returncode == 0
@@ -28,7 +28,7 @@ def test_two_runs_make_equal_files_page_and_manifest_included(finished, breakabl
     assert [name for name in expected if found[name] != expected[name]] == []
 
 
-def test_damaged_files_of_each_kind_are_made_again_in_one_go(breakable):
+def test_damage_of_each_kind_is_repaired_in_one_go(breakable):
     results = breakable.results
     expected = files_in(results)
     flip(results / "runs/sho/ruth/0.h5")
