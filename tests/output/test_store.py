@@ -115,6 +115,16 @@ def test_chunks_stay_small_enough_to_be_cached(tmp_path):
         assert file["q"].chunks == (13, 10_000)  # 13 rows of 80 kB fit into 1 MiB
 
 
+def test_slice_of_a_million_step_sizes_needs_one_chunk_of_a_mebibyte(tmp_path):
+    cube = {
+        "tau_per_stage": described(["tau_per_stage"], np.arange(1_000_000.0)),
+        "error": described(["precision", "integrator", "tau_per_stage"], np.zeros((1, 2, 1_000_000))),
+    }
+    store.write(tmp_path / "cube.h5", cube, {})
+    with h5py.File(tmp_path / "cube.h5") as file:
+        assert file["error"].chunks == (1, 1, 2**17)
+
+
 def test_a_group_has_dimensions_of_its_own(tmp_path, variables):
     shorter = {"tau_per_stage": described(["tau_per_stage"], np.array([0.1]), "h", "step size per stage")}
     store.write(tmp_path / "0.h5", variables, {}, {"extended": shorter})

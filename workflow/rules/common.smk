@@ -22,6 +22,7 @@ except NearharmonicError as error:
 
 RESULTS = f"results/{CONFIG.name}"
 SWEEPS = {sweep.system: sweep for sweep in CONFIG.sweeps}
+METHODS = CONFIG.methods
 EXPERIMENTS = experiments()
 FIGURES = figures_of(
     "reproduction.experiments", CONFIG.systems, [stem for one in EXPERIMENTS.values() for stem in one.cubes]
@@ -35,8 +36,8 @@ except WorkflowError:  # --summary, --list-changes, --report and remote executor
 
 
 wildcard_constraints:
-    system="|".join(CONFIG.systems),
-    integrator="|".join(CONFIG.methods),
+    system="[^/]+",  # a list of all names would be matched for each file
+    integrator="[^/]+",
     shard="[0-9]+",
 
 
@@ -85,9 +86,15 @@ def run_files(system):
     """Return the run files of each method on one system, by method."""
     folder = f"{RESULTS}/runs/{system}"
     return {
-        name: [f"{folder}/{name}/{shard}.h5" for shard in range(shards_of(SWEEPS[system], name))]
-        for name in CONFIG.methods
+        name: [f"{folder}/{name}/{shard}.h5" for shard in range(shards_of(SWEEPS[system], name))] for name in METHODS
     }
+
+
+def compiled(wildcards):
+    """Return the mark of the kernels that a run needs; wildcards alone admit any names."""
+    if wildcards.system not in SWEEPS or wildcards.integrator not in METHODS:
+        raise WorkflowError(f"the config has no runs of {wildcards.integrator} on {wildcards.system}")
+    return f"{RESULTS}/logs/compile/{wildcards.system}.done"
 
 
 def shard_of(wildcards):

@@ -29,6 +29,8 @@ rule compile:
         touch(f"{RESULTS}/logs/compile/{{system}}.done"),
     log:
         LOG("compile/{system}"),
+    wildcard_constraints:
+        system="|".join(SWEEPS),
     priority: 1  # all runs wait for these
     resources:
         compiler=1,  # the profile allows one: half of the first system's kernel is common to all systems
@@ -42,7 +44,7 @@ rule compile:
 
 rule integrate:
     input:
-        f"{RESULTS}/logs/compile/{{system}}.done",
+        compiled,
     output:
         run=RUN("{system}/{integrator}/{shard}"),
     log:
@@ -82,6 +84,8 @@ rule reduce:
         cube=CUBE("{system}"),
     log:
         LOG("reduce/{system}"),
+    wildcard_constraints:
+        system="|".join(SWEEPS),  # other cubes have rules of their own
     params:
         task=lambda wildcards: task(
             "reproduction.experiments.paper.reduce:reduce", sweep=SWEEPS[wildcards.system], integrators=CONFIG.methods

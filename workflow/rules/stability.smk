@@ -37,6 +37,8 @@ rule stability_run:
         run=RUN("stability/{ensemble}/{integrator}"),
     log:
         LOG("stability/{ensemble}/{integrator}"),
+    wildcard_constraints:
+        integrator="|".join(METHODS),
     params:
         task=lambda wildcards: task(
             f"reproduction.experiments.stability.{wildcards.ensemble}.run:measure",

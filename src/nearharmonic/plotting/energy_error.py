@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from nearharmonic.plotting.envelope import envelope
 from nearharmonic.plotting.floor import draw_floor
 from nearharmonic.plotting.levels import LARGEST_ERROR, energy_error_label
 from nearharmonic.plotting.style import (
@@ -84,10 +85,10 @@ def _profiles(cube: xr.Dataset) -> Iterator[Profile]:
     for precision in [str(p) for p in cube["precision"].values] if "precision" in cube.dims else [""]:
         layer = cube.sel(precision=precision) if precision else cube
         for position, name in enumerate(names):
-            runs = layer.sel(integrator=name)
+            runs = envelope(layer.sel(integrator=name), [variable for _, variable, _, _ in PANELS])
             yield Profile(
                 integrator=name,
-                tau_per_stage=cube["tau_per_stage"].values,
+                tau_per_stage=runs["tau_per_stage"].values,
                 errors={variable: runs[variable].values for _, variable, _, _ in PANELS},
                 turn=(position, len(names)),
                 look=dashed() if precision == "extended" else {},

@@ -134,10 +134,13 @@ def _flags(name: str, values: np.ndarray, notes: dict[str, Any]) -> tuple[np.nda
 
 
 def _filters(values: np.ndarray) -> dict[str, Any]:
-    """Return HDF5 filters: compression for large arrays; chunks contain complete trailing axes."""
+    """Return HDF5 filters: compression for large arrays; chunks contain as many trailing axes as fit."""
     if values.nbytes < WORTH_COMPRESSING:
         return {}
-    row = values.nbytes // values.shape[0]
-    rows = min(values.shape[0], max(1, LARGEST_CHUNK // row))
+    chunks: list[int] = []
+    size = values.itemsize
+    for length in reversed(values.shape):
+        chunks.insert(0, min(length, max(1, LARGEST_CHUNK // size)))
+        size *= length
     packed = {"compression": "gzip", "compression_opts": GZIP_LEVEL, "shuffle": True}
-    return {"chunks": (rows, *values.shape[1:]), **packed}
+    return {"chunks": tuple(chunks), **packed}

@@ -9,6 +9,7 @@ from bokeh import models as bokeh
 from bokeh.models import ColumnDataSource as Source
 from bokeh.models import Plot
 
+from nearharmonic.plotting.envelope import envelope
 from nearharmonic.plotting.floor import floor_name, floor_near
 from nearharmonic.plotting.levels import LARGEST_ERROR, energy_error_label
 from nearharmonic.reproduction.report.plots import panels
@@ -36,7 +37,11 @@ def energy_error(cube: xr.Dataset) -> list[Panel]:
     for precision in cube["precision"].values.tolist() if "precision" in cube.dims else [""]:
         layer = cube.sel(precision=precision) if precision else cube
         for turn in range(layer.sizes["integrator"]):
-            profile.draw(layer.isel(integrator=turn), (turn, layer.sizes["integrator"]), precision)
+            profile.draw(
+                envelope(layer.isel(integrator=turn), PANELS, panels.COLUMNS),
+                (turn, layer.sizes["integrator"]),
+                precision,
+            )
     return profile.panels()
 
 

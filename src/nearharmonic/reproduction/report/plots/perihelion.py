@@ -10,6 +10,7 @@ from bokeh.models import GlyphRenderer as Renderer
 from bokeh.models import Plot
 
 from nearharmonic.output.dataset import double_runs
+from nearharmonic.plotting.envelope import envelope
 from nearharmonic.plotting.levels import MERCURY_RELATIVISTIC_ADVANCE, arcseconds_per_century
 from nearharmonic.plotting.palette import style_of
 from nearharmonic.reproduction.report.plots import panels
@@ -39,7 +40,7 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
     relativity = f"general relativity: {MERCURY_RELATIVISTIC_ADVANCE}″ per century"
     panels.add_level(plot, MERCURY_RELATIVISTIC_ADVANCE / century, relativity)
     methods = cube.sizes["integrator"]
-    dots = [dot for turn in range(methods) for dot in _draw(plot, runs.isel(integrator=turn), (turn, methods), century)]
+    dots = [dot for turn in range(methods) for dot in _draw(plot, _seen(runs, turn), (turn, methods), century)]
     rows = [
         ("method", "$name"),
         ("evaluations per orbit", f"@{_X}{{%.5g}}"),
@@ -51,6 +52,11 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
     ]
     panels.add_hover(plot, dots, rows)
     return [Panel(title="", plot=plot)]
+
+
+def _seen(runs: xr.Dataset, turn: int) -> xr.Dataset:
+    """Return the runs of one method that the plot can show."""
+    return envelope(runs.isel(integrator=turn), ["perihelion_advance"], panels.COLUMNS)
 
 
 def _draw(plot: Plot, runs: xr.Dataset, turn: tuple[int, int], century: float) -> list[Renderer]:

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from nearharmonic.output.dataset import double_runs
+from nearharmonic.plotting.envelope import envelope
 from nearharmonic.plotting.levels import MERCURY_RELATIVISTIC_ADVANCE, arcseconds_per_century
 from nearharmonic.plotting.style import (
     log_scale,
@@ -63,6 +64,7 @@ def fig4_perihelion(cube: xr.Dataset) -> Figure:
 
 def _draw_method(axes: Axes, runs: xr.Dataset, name: str, position: int, methods: int) -> None:
     style = style_of(name)
+    runs = envelope(runs, ["perihelion_advance"])
     evaluations = runs["evaluations_per_orbit"].values
     advance, interval = abs(runs["perihelion_advance"]), runs["perihelion_advance_interval"]
     known = advance.where(interval < advance)
