@@ -115,7 +115,7 @@ def test_chunks_stay_small_enough_to_be_cached(tmp_path):
         assert file["q"].chunks == (13, 10_000)  # 13 rows of 80 kB fit into 1 MiB
 
 
-def test_slice_of_a_million_step_sizes_needs_one_chunk_of_a_mebibyte(tmp_path):
+def test_slice_of_a_million_step_sizes_is_one_chunk(tmp_path):
     cube = {
         "tau_per_stage": described(["tau_per_stage"], np.arange(1_000_000.0)),
         "error": described(["precision", "integrator", "tau_per_stage"], np.zeros((1, 2, 1_000_000))),

@@ -9,7 +9,7 @@ passes :data:`LOST`.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from math import sqrt
+from math import ceil, sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -77,11 +77,16 @@ def _pieces(x: Floats, chosen: Bools) -> Iterator[tuple[float, float]]:
         yield float(x[start]), float(x[stop - 1])
 
 
+#: Step sizes at which statements are judged: of more, every second, third, ....
+MOST_JUDGED = 2000
+
+
 class Curves(Memory):
     """The runs of one system over step sizes, from its cube: those in double precision, which have all step sizes."""
 
     def __init__(self, cube: xr.Dataset) -> None:
         super().__init__()
+        cube = cube.isel(tau_per_stage=slice(None, None, ceil(cube.sizes["tau_per_stage"] / MOST_JUDGED)))
         self.cube = double_runs(cube)
         self.x: Floats = cube["tau_per_stage"].values
         unit = cube["tau_per_stage"].attrs.get("units", "1")
