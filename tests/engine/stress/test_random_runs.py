@@ -44,7 +44,7 @@ def assert_bounded(case, run):
         for x, y, bound in zip(found, exact.states[n], exact.bounds[n], strict=True):
             assert abs(x - y) <= bound + abs(y) * mpf(2) ** -104, (n, float(x - y), bound)
         signed = float(mpf(run.energy_error[sample].item()) - exact.errors[n])
-        assert abs(signed) <= bounds[n] + 2e-16 * errors[n], (n, signed, bounds[n])
+        assert abs(signed) <= bounds[n] + 4e-16 * errors[n], (n, signed, bounds[n])
     return known == case.steps or bool(run.diverged_at.item())
 
 
@@ -68,11 +68,11 @@ def assert_left(run, method, errors, bounds, limit, known):
 
 def assert_even(marks, case):
     """Samples from the first step to the last, evenly spaced to a step; a single sample is the end."""
-    if case.samples > 1:
+    assert len(marks) <= max(1 if case.samples == 1 else 2, min(case.samples, case.steps + 1))
+    if len(marks) > 1:
         gaps = np.diff(marks)
         assert marks[0] == 0
-        assert len(marks) <= max(2, min(case.samples, case.steps + 1))
-        assert 1 <= gaps.min(initial=case.steps) <= gaps.max(initial=1) <= gaps.min(initial=case.steps) + 1
+        assert 1 <= gaps.min() <= gaps.max() <= gaps.min() + 1
 
 
 def assert_same_bits(case, run, monkeypatch):
@@ -156,6 +156,6 @@ def test_a_coefficient_with_a_wrong_digit_is_outside_the_bound(precision, fault)
 
 @pytest.mark.long
 def test_many_random_runs_are_those_of_mpmath_to_rounding(trials, monkeypatch):
-    """500 runs: 20 minutes."""
+    """500 runs: five minutes."""
     cases = [random_case(seed, most_steps=150) for seed in range(1000, 1500)]
     tried(trials("G. random runs against mpmath"), cases, monkeypatch)

@@ -51,8 +51,8 @@ class Formulas:
 def _henon_heiles_square(q):
     x, y = q
     return [
-        [2 * x, 8 * x * y, 4 * x**3, 4 * x * y * y],
-        [2 * y, 4 * x * x, -4 * y * y, 4 * y**3, 4 * x * x * y],
+        [2 * x, 12 * x * y, 4 * x**3, 4 * x * y * y],
+        [2 * y, 6 * x * x, -6 * y * y, 4 * y**3, 4 * x * x * y],
     ]
 
 
@@ -133,7 +133,7 @@ def bounded_run(
     method, given: Formulas, start, tau: Fraction, steps: int, precision: str, summation: str
 ) -> BoundedRun:
     """Integrate ``steps`` steps of a method from ``start``, (q, p) as decimal strings."""
-    with mpmath.workdps(DIGITS):
+    with mpmath.workdps(DIGITS), np.errstate(all="ignore"):
         return _Integration(method, given, start, tau, UNITS[precision, summation]).run(steps)
 
 

@@ -34,7 +34,7 @@ _TELLING = frozenset(
 )
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=1)  # for the functions of one kernel; more would keep systems that are no longer used
 def fingerprint(rules: Rules) -> str:
     """Digest of the instructions that the formulas emit; compiled code depends on nothing else of a system."""
     physics = rules.physics

@@ -91,7 +91,7 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
     run, place = native(f"run-{code_key()}", RUN, make), _place_of_stages(RUN)
 
     def prepared(*given: Any) -> PreparedCall:
-        return run.prepared(advance.address, begin, *given, *space(given[place - 2]))
+        return run.prepared(advance, begin, *given, *space(given[place - 2]))
 
     return Kernel(width, advance, space, prepared)
 
@@ -137,7 +137,7 @@ def build_landing(
 
     def prepared(*given: Any) -> PreparedCall:
         rows, trial, lanes, *_ = workspace(physics.dimension, given[place - 3], parameters=physics.parameters, width=1)
-        return land.prepared(main.address, look.address, begin, *given, rows, lanes, trial, lanes.copy())
+        return land.prepared(main, look, begin, *given, rows, lanes, trial, lanes.copy())
 
     return prepared
 
@@ -185,12 +185,12 @@ def _advance(rules: Rules, width: int, energy: str) -> NativeFunction:
     return native(f"advance-{_key(rules, width, energy)}", ADVANCE, make)
 
 
-def _begin(rules: Rules, width: int, energy: str) -> int:
-    """Address of the function that resets tallies, 0 if the energy is never measured."""
+def _begin(rules: Rules, width: int, energy: str) -> NativeFunction | int:
+    """The function that resets tallies, 0 if the energy is never measured."""
     if energy == "none":
         return 0
     choice = {"large": rules.physics.loops is not None, "quick": rules.quick_energy}
-    return native(f"begin-{_key(rules, width)}", BEGIN, lambda: _linked("begin", BEGIN, choice, rules, width)).address
+    return native(f"begin-{_key(rules, width)}", BEGIN, lambda: _linked("begin", BEGIN, choice, rules, width))
 
 
 def _form(rules: Rules, energy: str) -> Form:

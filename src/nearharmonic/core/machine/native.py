@@ -32,7 +32,7 @@ _KINDS: dict[Scalar, tuple[Any, np.dtype[Any]]] = {
     "float64": (ctypes.c_double, np.dtype(np.float64)),
     "bool": (ctypes.c_bool, np.dtype(np.bool_)),
 }
-_ENGINES: list[Any] = []
+_PERMANENT: set[NativeFunction] = set()
 
 
 def native(key: str, signature: Signature, make: Callable[[], tuple[str, bytes]]) -> NativeFunction:
@@ -65,7 +65,7 @@ def _kept(place: Path | None, signature: Signature) -> NativeFunction | None:
     if not place or not kept:
         return None
     try:
-        return NativeFunction(_address(*kept), signature)
+        return loaded(*kept, signature)
     except CompiledCodeError:
         disk.discard(place)
         return None
@@ -74,7 +74,7 @@ def _kept(place: Path | None, signature: Signature) -> NativeFunction | None:
 def _made(place: Path | None, signature: Signature, make: Callable[[], tuple[str, bytes]]) -> NativeFunction:
     with _announced():
         name, code = make()
-    function = NativeFunction(_address(name, code), signature)
+    function = loaded(name, code, signature)
     if place:
         disk.write(place, name, code)
     return function
@@ -105,7 +105,8 @@ def loaded(name: str, code: bytes, signature: Signature) -> NativeFunction:
     CompiledCodeError
         The code cannot be loaded.
     """
-    return NativeFunction(_address(name, code), signature)
+    address, engine = _loaded(name, code)
+    return NativeFunction(address, signature, engine)
 
 
 def code_key(*parts: str, sources: Iterable[Path] = ()) -> str:
@@ -176,7 +177,8 @@ def object_code(module: Any) -> bytes:
     return code
 
 
-def _address(name: str, code: bytes) -> int:
+def _loaded(name: str, code: bytes) -> tuple[int, Any]:
+    """The address of a symbol, and the engine whose memory it is in."""
     try:
         engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target_machine())
         file = binding.ObjectFileRef.from_data(code)
@@ -189,15 +191,17 @@ def _address(name: str, code: bytes) -> int:
         raise CompiledCodeError(f"LLVM cannot load {name!r}: {error}") from error
     if not address:
         raise CompiledCodeError(f"no symbol {name!r} in the object file")
-    _ENGINES.append(engine)  # the code lives as long as its engine
-    return address
+    return address, engine
 
 
 class NativeFunction:
-    """A C function at an address, with the arguments of its signature."""
+    """A C function at an address, with the arguments of its signature.
 
-    def __init__(self, address: int, signature: Signature) -> None:
-        self.address, self._packed = address, signature.packed
+    Its machine code is freed together with ``engine``, when neither this object nor a prepared call exists any longer.
+    """
+
+    def __init__(self, address: int, signature: Signature, engine: Any = None) -> None:
+        self.place, self._engine, self._packed = address, engine, signature.packed
         self._arguments = [(argument, _KINDS[argument.scalar][1]) for argument in signature.arguments]
         kinds: list[Any] = []
         for argument in signature.arguments:
@@ -206,6 +210,12 @@ class NativeFunction:
         result = _KINDS[signature.result][0] if signature.result else None
         kinds = [ctypes.c_void_p] if signature.packed else kinds
         self._function = ctypes.CFUNCTYPE(result, *kinds)(address)
+
+    @property
+    def address(self) -> int:
+        """The address, for code that has no reference to this object: the machine code is then never freed."""
+        _PERMANENT.add(self)
+        return self.place
 
     def __call__(self, *given: Any) -> Any:
         """Call the function.
@@ -227,7 +237,7 @@ class NativeFunction:
         TypeError
             As for a call of this object.
         """
-        return PreparedCall(self._function, _converted(zip(self._arguments, given, strict=True)), given)
+        return PreparedCall(self._function, _converted(zip(self._arguments, given, strict=True)), (self, *given))
 
 
 class PreparedCall:
@@ -240,7 +250,7 @@ class PreparedCall:
         for i, number in numbers.items():
             doubles[i] = number
         self._function, self._place = function, block.ctypes.data
-        self._alive = block, given  # the block holds the addresses of these arrays
+        self._alive = block, given  # the block holds the addresses of these arrays and functions
 
     def __call__(self) -> Any:
         """Call the function."""
@@ -252,13 +262,19 @@ def _converted(pairs: Iterable[tuple[tuple[Argument, Any], Any]]) -> list[Any]:
     flat: list[Any] = []
     for (argument, kind), value in pairs:
         if not argument.dimensions:
-            flat.append(float(value) if argument.scalar == "float64" else value)
+            flat.append(_number(argument, value))
             continue
         if value.dtype != kind or value.ndim != argument.dimensions or not value.flags.c_contiguous:
             message = f"expected a contiguous {kind} array of {argument.dimensions} dimensions"
             raise TypeError(f"{argument.name}: {message}")
         flat += [_place(value), *value.shape]
     return flat
+
+
+def _number(argument: Argument, value: Any) -> Any:
+    if isinstance(value, NativeFunction):
+        return value.place
+    return float(value) if argument.scalar == "float64" else value
 
 
 def _place(array: NDArray[Any]) -> int:

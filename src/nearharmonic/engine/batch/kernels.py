@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import fields
-from functools import cache
 from typing import TYPE_CHECKING
 
 from nearharmonic.core.formulas.number import Constant
@@ -11,6 +10,7 @@ from nearharmonic.core.formulas.physics import Hamiltonian, Physics
 from nearharmonic.engine.batch.numba_runs import check_precision
 from nearharmonic.engine.settings import WIDTH, Numerics
 from nearharmonic.errors import bad_setting
+from nearharmonic.systems.definition.remembered import remembered
 from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.gradients import check_gradients
 from nearharmonic.systems.formulas.kinetic_energy import quadratic_T
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 STANDARD = Numerics()
 
 
-@cache
+@remembered
 def kernel_of(system: System, numerics: Numerics = STANDARD, *, modified: bool = False) -> Kernel:
     """Return the compiled kernel for ``system``, from the cache on disk if it is there.
 
@@ -72,7 +72,7 @@ def _width(system: System, width: int | None) -> int:
     return 1
 
 
-@cache
+@remembered
 def cost_of(system: System, numerics: Numerics, *, modified: bool = False) -> int:
     """Return the time of a force evaluation in units of at most a few nanoseconds."""
     from nearharmonic.core.loops.kernel import cost
@@ -80,7 +80,7 @@ def cost_of(system: System, numerics: Numerics, *, modified: bool = False) -> in
     return cost(physics_of(system, numerics, modified=modified), extended=numerics.precision == "extended")
 
 
-@cache
+@remembered
 def formulas_digest(system: System) -> str:
     """Return a digest of the equations of motion: the instructions of the formulas, with parameters as values."""
     from nearharmonic.core.formulas.emission import fingerprint

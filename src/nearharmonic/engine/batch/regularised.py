@@ -13,13 +13,14 @@ from nearharmonic.engine.batch.kernels import physics_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting
 from nearharmonic.numerics.types import Floats
+from nearharmonic.systems.definition.remembered import remembered
 from nearharmonic.systems.definition.system import System
 
 if TYPE_CHECKING:
     from nearharmonic.core.machine.native import PreparedCall
 
 
-@cache
+@remembered
 def landing_of(system: System, numerics: Numerics) -> Callable[..., PreparedCall]:
     """Return a function that prepares calls of the compiled runs of ``system``, cached on disk."""
     from nearharmonic.core.loops.kernel import build_landing
@@ -33,7 +34,7 @@ def landing_of(system: System, numerics: Numerics) -> Callable[..., PreparedCall
     )
 
 
-@cache
+@remembered
 def unperturbed(system: System) -> System:
     """Return ``system`` without its perturbation: an oscillator, whose forces are cheap."""
     assert system.regularisation is not None

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from fractions import Fraction
-from functools import lru_cache
 from numbers import Rational, Real
 from typing import Any
 
@@ -22,6 +21,7 @@ from nearharmonic.errors import bad_setting, unknown_name
 from nearharmonic.numerics.types import Floats
 from nearharmonic.numerics.written import fraction_of
 from nearharmonic.systems.definition.quantities import is_list
+from nearharmonic.systems.definition.remembered import remembered
 from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.oscillator import frequency_parameters
 
@@ -50,7 +50,7 @@ def exact(key: str, value: object) -> Fraction:
     return number
 
 
-@lru_cache(maxsize=128)
+@remembered
 def standard_start(system: System, plain: bool) -> Floats:
     """Return the initial values (4 d,) of ``system`` as :func:`start_array` does; not to be changed."""
     row = start_row(*system.extended_start(Fraction), plain=plain)
@@ -58,7 +58,7 @@ def standard_start(system: System, plain: bool) -> Floats:
     return row
 
 
-@lru_cache(maxsize=128)
+@remembered
 def standard_parameters(system: System) -> Floats:
     """Return the parameters (2 P,) of ``system`` as :func:`parameter_array` does; not to be changed."""
     row = parameter_row(system.constants(Fraction))

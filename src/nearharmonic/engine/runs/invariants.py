@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache, reduce
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.math import hypot
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Variables, described
+from nearharmonic.systems.definition.remembered import remembered
 from nearharmonic.systems.definition.system import System
 
 
@@ -76,7 +77,7 @@ def _at_state(
         return None
 
 
-@lru_cache(maxsize=128)
+@remembered
 def check_quantities(system: System) -> None:
     """Evaluate invariants and observables at the start, so that formulas that fail do so before any work.
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from decimal import MAX_EMAX, MIN_EMIN, Context, Decimal, DivisionByZero, InvalidOperation, Overflow, localcontext
-from functools import cache
 from random import Random
 from typing import Any, NamedTuple
 
@@ -18,6 +17,7 @@ from nearharmonic.core.formulas.expression.size import check_size, operations
 from nearharmonic.core.formulas.number import Constant, Number, call, scalar, vector
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.definition.extended import DerivedGradient
+from nearharmonic.systems.definition.remembered import remembered
 from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.formulas import Formulas
 from nearharmonic.systems.formulas.kinetic_energy import MassKineticEnergy, quadratic_grad_T, quadratic_T
@@ -167,7 +167,7 @@ POTENTIALS: Mapping[str, Callable[..., Any]] = {
 }
 
 
-@cache
+@remembered
 def check_gradients(system: System) -> None:
     """Compare given gradients with V and T, and V with a declared potential, at points near the start.
 

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cache
 from typing import Any
 
 from nearharmonic.core.formulas.number import Constant
 from nearharmonic.errors import bad_setting
 from nearharmonic.systems.definition.declaration import written_frequencies
 from nearharmonic.systems.definition.quantities import Vector
+from nearharmonic.systems.definition.remembered import remembered
 from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.energy import Energy, constants_beside
 from nearharmonic.systems.formulas.formulas import Formulas
@@ -36,7 +36,7 @@ class Remainder:
         return self.system.V(q, *parameters) - rest
 
 
-@cache
+@remembered
 def frequencies_of(system: System) -> tuple[tuple[Fraction, ...], tuple[int, ...]]:
     """Return the distinct frequencies, and for each coordinate the index of its frequency.
 
@@ -86,7 +86,7 @@ def check_oscillator(system: System, key: str = "split") -> None:
     raise bad_setting(key, value, needed)
 
 
-@cache
+@remembered
 def remainder_formulas(system: System) -> Formulas:
     """Return the formulas of ``system`` with the grad_V of V without its oscillators; V is the full potential.
 

@@ -140,9 +140,9 @@ def test_warming_up_compiles_what_the_runs_use():
     ):
         kernel_of.cache_clear()
         assert module.warm_up() == {}
-        before = kernel_of.cache_info().misses
+        before = kernel_of.misses
         for system, precision, summation, energy in uses:
             problem = nh.systems["henon_heiles"] if system == "henon_heiles" else maps.SYSTEM
             how = {"precision": precision, "summation": summation, "width": module.WIDTH, "energy": energy}
             kernel_of(problem, Numerics(**how))
-        assert kernel_of.cache_info().misses == before
+        assert kernel_of.misses == before
