@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import h5py
 import numpy as np
 import pytest
@@ -25,12 +27,14 @@ SWEEP = Sweep(
 def results(tmp_path, monkeypatch):
     """Two run files, as the workflow makes them."""
     monkeypatch.chdir(tmp_path)
+    return made(tmp_path, SWEEP, "run:integrate")
+
+
+def made(tmp_path, sweep, function):
     folder = tmp_path / "results/paper"
     (folder / "logs").mkdir(parents=True)
     for shard in (0, 1):
-        described = task(
-            "reproduction.experiments.paper.run:integrate", sweep=SWEEP, integrator="babs7o7h", shard=shard
-        )
+        described = task(f"reproduction.experiments.paper.{function}", sweep=sweep, integrator="babs7o7h", shard=shard)
         place = f"results/paper/runs/sho/babs7o7h/{shard}.h5"
         write(function_of(described)(**described["settings"])["run"], [place], provenance(described))
         receipt = Receipt(f"results/paper/logs/{shard}.log")
@@ -54,6 +58,14 @@ def test_every_run_has_the_same_bits_again(results):
     again = rerun(results, 1000)
     assert len(again) == sum(sizes(results)) > 6
     assert {run.precision for run in again} == {"double", "extended"}
+    assert [run.differs for run in again] == [()] * len(again)
+
+
+def test_run_without_samples_has_the_same_numbers_again(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    folder = made(tmp_path, replace(SWEEP, samples=0), "grid.reduced_run:integrate_and_reduce")
+    again = rerun(folder, 1000)
+    assert len(again) == sum(sizes(folder)) > 6
     assert [run.differs for run in again] == [()] * len(again)
 
 

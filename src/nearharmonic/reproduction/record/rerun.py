@@ -15,13 +15,18 @@ from nearharmonic.engine.settings import Sweep
 from nearharmonic.output import store
 from nearharmonic.output.dataset import Variables
 from nearharmonic.reproduction.experiments.paper.grid.plan import runs_of
+from nearharmonic.reproduction.experiments.paper.grid.reduced_run import reduced_run
 from nearharmonic.reproduction.experiments.paper.run import integrate_run
 from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.files.trusted import check_files_of
 from nearharmonic.reproduction.record.query.run_table import SKIPPED
 from nearharmonic.reproduction.tasks.definitions import defined, read_definitions
 
-FUNCTION = "reproduction.experiments.paper.run:integrate"
+#: Tasks that write run files.
+REPEATED = (
+    "reproduction.experiments.paper.run:integrate",
+    "reproduction.experiments.paper.grid.reduced_run:integrate_and_reduce",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,7 +68,7 @@ def rerun(folder: Path, number: int, seed: int = 1) -> list[Rerun]:
     UntrustedFileError
         A system or an integrator is that of a user's file which is not trusted.
     """
-    entries = {n: entry for n, entry in manifest.read(folder)["files"].items() if entry["function"] == FUNCTION}
+    entries = {n: entry for n, entry in manifest.read(folder)["files"].items() if entry["function"] in REPEATED}
     cells = [cell for name in entries for cell in _cells(folder, name)]
     drawn = [cells[i] for i in sorted(random.Random(seed).sample(range(len(cells)), min(number, len(cells))))]
     check_files_of(entries[name] for name, _, _ in drawn)
@@ -88,13 +93,14 @@ def _compared(name: str, precision: str, index: int, kept: Any, settings: Mappin
     sweep = Sweep(**settings["sweep"] | {"precision": tuple(settings["sweep"]["precision"])})
     planned = runs_of(sweep, settings["integrator"], settings["shard"])
     (run,) = (run for run in planned if run.precision == precision)
+    repeated = integrate_run if sweep.samples else reduced_run
     place = run.tau_per_stage.index(float(kept.tau_per_stage[index]))
     one = replace(run, tau_per_stage=run.tau_per_stage[place : place + 1], steps=run.steps[place : place + 1])
     return Rerun(
         file=name,
         precision=precision,
         tau_per_stage=one.tau_per_stage[0],
-        differs=tuple(sorted(_differing(integrate_run(one), kept, index))),
+        differs=tuple(sorted(_differing(repeated(one), kept, index))),
     )
 
 
