@@ -16,12 +16,13 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+from nearharmonic.reproduction.tasks.job import LEADER
 from nearharmonic.reproduction.tasks.remote.plan import Files, FrozenJob
 
 #: Command that runs Python on the nodes, for example in a container; by default the present interpreter.
 PYTHON = "NEARHARMONIC_NODE_PYTHON"
 #: The process that ends the jobs of this computer with itself has no meaning on another.
-_ENVIRONMENT = "env -u NEARHARMONIC_LEADER"
+_ENVIRONMENT = f"env -u {LEADER}"
 #: Functions of the module job, by the scripts of the rules.
 _FUNCTIONS = {"task.py": "run", "draw.py": "draw"}
 #: Marks of outputs that need nothing on the node.
