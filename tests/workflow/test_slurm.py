@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -41,10 +42,13 @@ def local(tmp_path_factory):
 
 
 @pytest.fixture
-def cluster(node, tmp_path, monkeypatch):
-    """A project without results, whose Snakemake finds the node."""
+def cluster(local, node, tmp_path, monkeypatch):
+    """The same project without results, whose Snakemake finds the node."""
     monkeypatch.setenv("SLURM_CONF", str(node.configuration))
-    return Project(tmp_path / "project")
+    project = local.copy(tmp_path / "project")
+    for name in ("results", ".snakemake"):
+        shutil.rmtree(project.folder / name)
+    return project
 
 
 def submitted(project, *targets):
