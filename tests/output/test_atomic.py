@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from nearharmonic.errors import FileWriteError
-from nearharmonic.output.atomic import replacing, write_text
+from nearharmonic.output.atomic import parts_in, remove_parts, replacing, write_text
 
 
 def names(folder):
@@ -119,3 +119,17 @@ def test_writing_that_fails_is_one_sentence_with_file_and_reason(tmp_path, monke
     with pytest.raises(FileWriteError, match=r"/table\.csv cannot be written: .*No such file or directory: .*missing"):
         write_text(tmp_path / "table.csv", "new")
     assert sorted(names(tmp_path)) == ["file", "folder"]
+
+
+def test_temporary_files_of_ended_processes_are_removed(tmp_path):
+    here, elsewhere = (tmp_path / f"figures/.a.svg.{host}.7.part" for host in (platform.node(), "elsewhere"))
+    here.parent.mkdir()
+    kept = tmp_path / "figures/mine.part"
+    for place in (here, elsewhere, kept):
+        place.write_bytes(b"half")
+    assert parts_in(tmp_path) == sorted([here, elsewhere])
+    remove_parts(tmp_path)
+    assert sorted(tmp_path.rglob("*.part")) == sorted([elsewhere, kept])
+    os.utime(elsewhere, (1, 1))
+    remove_parts(tmp_path)
+    assert list(tmp_path.rglob("*.part")) == [kept]

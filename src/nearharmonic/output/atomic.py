@@ -72,15 +72,18 @@ def write_bytes(path: str | os.PathLike[str], content: bytes | memoryview) -> No
         part.write_bytes(content)
 
 
-def remove_parts(folder: str | os.PathLike[str]) -> list[Path]:
-    """Delete the temporary files of ended processes below ``folder``, and return their paths.
+def parts_in(folder: str | os.PathLike[str]) -> list[Path]:
+    """Return the sorted paths of the temporary files below ``folder``."""
+    return sorted(Path(folder).rglob(f".*{PART}"))
+
+
+def remove_parts(folder: str | os.PathLike[str]) -> None:
+    """Delete the temporary files of ended processes below ``folder``.
 
     The caller knows that no other process of this computer writes there. Files from another computer are deleted an
     hour after their last change: a job may still be running there.
     """
     here, old = f".{platform.node()}.", time.time() - 3600
-    parts = sorted(Path(folder).rglob(f".*{PART}"))
-    found = [part for part in parts if here in part.name or part.lstat().st_mtime < old]
-    for part in found:
-        part.unlink(missing_ok=True)
-    return found
+    for part in parts_in(folder):
+        if here in part.name or part.lstat().st_mtime < old:
+            part.unlink(missing_ok=True)

@@ -240,3 +240,9 @@ def test_a_changed_receipt_is_named(results):
     place.write_text(place.read_text().replace('"size": 10', '"size": 11'))
     (found,) = faults(results)
     assert (found.file, found.says) == ("logs/a.json", "is no receipt as its job wrote it")
+
+
+def test_a_temporary_file_is_named(results):
+    (results / "figures/.f.png.host.7.part").write_bytes(b"half")
+    (found,) = faults(results)
+    assert (found.file, found.says) == ("figures/.f.png.host.7.part", "is a temporary file of an unfinished job")

@@ -11,6 +11,7 @@ from shlex import quote
 from typing import Any
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
+from nearharmonic.output.atomic import parts_in
 from nearharmonic.output.store import command_for, workflow_command
 from nearharmonic.reproduction.record import history
 from nearharmonic.reproduction.record.files import manifest
@@ -80,6 +81,11 @@ def _of_record(folder: Path) -> Iterator[Fault]:
     for place in damaged_receipts(folder):
         mend = f"The next run replaces or removes it: {workflow_command(place)}"
         yield Fault(file=place.relative_to(folder).as_posix(), says="is no receipt as its job wrote it", mend=mend)
+    for place in parts_in(folder):
+        mend = f"The next run with jobs removes it, for example: {again}"
+        yield Fault(
+            file=place.relative_to(folder).as_posix(), says="is a temporary file of an unfinished job", mend=mend
+        )
 
 
 def _rank(name: str) -> int:

@@ -44,6 +44,7 @@ def guard(workflow: Any, folder: Path, run: WorkflowRun, makeable: Makeable, com
             _force_damaged(workflow, folder, run, makeable)
         if kind.dryrun_exec:
             return execute(executor_plugin=executor_plugin, **settings)
+        workflow.dag_settings.force_incomplete = True  # a killed job runs again
         recorded = not (kind.touch_exec or workflow.execution_settings.no_hooks)
         workflow.execution_settings.lock = False  # Snakemake's lock outlives a killed process
         with ExitStack() as held:

@@ -1,4 +1,4 @@
-"""State of a folder of results at the end of a run: sizes and times of all its files.
+"""State of a folder of results at the end of a run: sizes and times of all its files and receipts.
 
 A start compares it with the present state, which takes milliseconds, and computes digests only of what differs.
 """
@@ -15,6 +15,7 @@ from nearharmonic.output.reading import read_bytes
 from nearharmonic.output.sealed_json import opened, sealed
 from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.history import HISTORY
+from nearharmonic.reproduction.tasks.receipts import receipts_in
 
 STATE = Path("logs", "state")
 #: Files of the record, which are compared too.
@@ -42,7 +43,8 @@ def save(folder: Path, makeable: Iterable[str]) -> None:
     """
     told = manifest.read(folder)
     unknown = {*told["changed"], *told["unrecorded"]}
-    names = sorted({*makeable, *told["files"], *RECORD} - unknown)
+    receipts = (place.relative_to(folder).as_posix() for place, _ in receipts_in(folder))
+    names = sorted({*makeable, *told["files"], *RECORD, *receipts} - unknown)
     files = {name: _observed(folder, name) for name in names} | {name: [] for name in sorted(unknown)}
     write_text(folder / STATE, json.dumps(sealed({"files": files})) + "\n")
 
