@@ -50,6 +50,7 @@ class Earlier:
         missing = [i for i, steps in enumerate(run.steps) if steps not in known]
         if len(missing) == len(run.steps):
             return function(run)
+        print(f"{run.precision}: {len(run.steps) - len(missing)} of {len(run.steps)} runs are of an earlier plan")
         if missing:
             steps = tuple(run.steps[i] for i in missing)
             made = function(replace(run, tau_per_stage=tuple(run.tau_per_stage[i] for i in missing), steps=steps))
