@@ -102,6 +102,15 @@ def test_the_next_start_closes_a_killed_run(tmp_path):
     assert history.close_killed(tmp_path) == []
 
 
+def test_a_run_whose_process_has_ended_is_listed_as_killed(tmp_path):
+    leave_marker(tmp_path, "old", a_dead_process())
+    history.mark(tmp_path, {**RUN, "id": "beside", "status": "running"})
+    assert {run["id"]: run["status"] for _, run in history.runs_newest_first([tmp_path])} == {
+        "old": "killed",
+        "beside": "running",
+    }
+
+
 def test_a_run_beside_this_one_is_left_alone(tmp_path):
     history.mark(tmp_path, {**RUN, "id": "beside"})
     assert history.close_killed(tmp_path) == []

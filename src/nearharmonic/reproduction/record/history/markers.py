@@ -16,8 +16,9 @@ MARKERS = Path("logs", MARKED)
 
 
 def running_in(folder: Path) -> list[Run]:
-    """Return the unfinished runs, oldest first; some may have been killed."""
-    return [run for run, _ in _marked(folder)]
+    """Return the unfinished runs, oldest first; the status is "killed" if the process has ended on this machine."""
+    ended = {"status": "killed"}
+    return [run | ended if run.get("process") and _is_dead(run) else run for run, _ in _marked(folder)]
 
 
 def _marked(folder: Path) -> Iterator[tuple[Run, Path]]:
