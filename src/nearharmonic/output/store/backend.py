@@ -19,8 +19,8 @@ from nearharmonic.output.store.remake import unusable
 
 #: Attribute that names auxiliary coordinates (CF conventions, section 5).
 COORDINATES = "coordinates"
-#: Exceptions of the HDF5 library for a file that it cannot read.
-UNREADABLE = (OSError, KeyError, ValueError, RuntimeError)
+#: Exceptions of the HDF5 library for a file that it cannot read, and of attributes of other types than were written.
+UNREADABLE = (OSError, AttributeError, LookupError, TypeError, ValueError, RuntimeError)
 
 
 class ResultFiles(xr.backends.BackendEntrypoint):
