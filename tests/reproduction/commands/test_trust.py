@@ -11,6 +11,7 @@ import pytest
 
 from nearharmonic.cli import main
 from nearharmonic.errors import SettingError, UntrustedFileError
+from nearharmonic.output.store.name import NAME_KEY
 from nearharmonic.registry.trust import trusting_only
 from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.record.adopt import adopt
@@ -83,6 +84,7 @@ def test_no_command_runs_definition_of_cube_or_run_file(project, evil, capsys):
         with edited(path) as file:
             settings = json.loads(file.attrs["settings"].replace('"kepler"', '"mine"'))
             file.attrs["system"] = "mine"
+            file.attrs[NAME_KEY] = path.relative_to(project).as_posix()
             file.attrs["settings"] = json.dumps(settings | {"definitions": {"systems": {"mine": {"file": str(evil)}}}})
     resealed(project, "runs/mine/", function="reproduction.experiments.paper.run:integrate")
     with trusting_only([]), pytest.raises(UntrustedFileError, match="is Python code, which is not run"):
