@@ -16,7 +16,7 @@ from support.trials.campaign import Campaign, TrialsPlugin
 
 #: Their tests read the projects in which the workflow has run to its end.
 FINISHED = {
-    "test_adopt", "test_derive", "test_everything", "test_frozen_jobs", "test_results", "test_rules",
+    "test_adopt", "test_damage", "test_derive", "test_everything", "test_frozen_jobs", "test_results", "test_rules",
     "test_settings_of_results", "test_work_precision",
 }  # fmt: skip
 

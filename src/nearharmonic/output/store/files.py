@@ -28,7 +28,10 @@ def checked(path: str | os.PathLike[str]) -> Any:
     fault = complaint(Path(path))
     if fault:
         raise unusable(path, fault)
-    file = h5py.File(path, "r")
+    try:
+        file = h5py.File(path, "r")
+    except OSError as error:
+        raise unusable(path, "cannot be read") from error
     if str(file.attrs.get(FORMAT_KEY)) != FORMAT:
         file.close()
         raise unusable(path, f"has another format (attribute {FORMAT_KEY} is not {FORMAT!r})")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
@@ -74,8 +75,10 @@ def faults(folder: Path) -> list[Fault]:
 
 def _of_record(folder: Path) -> Iterator[Fault]:
     """Yield a fault for each line of the history and each receipt that has changed since it was written."""
-    again = command_for(folder / "report.html")
-    for line in history.faulty_lines(history.lines_of(folder / history.HISTORY)):
+    again, place = command_for(folder / "report.html"), folder / history.HISTORY
+    if os.path.lexists(place) and not place.is_file():
+        yield Fault(file=history.HISTORY, says="is not a regular file", mend="Move it elsewhere")
+    for line in history.faulty_lines(history.lines_of(place)):
         says = f"line {line.number} {line.fault}"
         yield Fault(file=history.HISTORY, says=says, mend=f"The next run with jobs records this, for example: {again}")
     for place in damaged_receipts(folder):

@@ -92,7 +92,7 @@ def append(folder: Path, run: Mapping[str, Any]) -> None:
     """
     place = folder / HISTORY
     json.dumps(run, allow_nan=False)  # before a file is created
-    file = os.open(place, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
+    file = os.open(place, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NONBLOCK, 0o666)  # a pipe must not block
     try:
         with suppress(OSError):  # a file system without locks
             fcntl.flock(file, fcntl.LOCK_EX)

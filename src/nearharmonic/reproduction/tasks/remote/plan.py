@@ -15,6 +15,7 @@ from typing import Any
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.atomic import write_bytes
+from nearharmonic.output.reading import read_bytes
 
 SUFFIX = ".job"
 
@@ -82,7 +83,7 @@ def read(place: str | Path) -> FrozenJob:
     """
     path = Path(place)
     try:
-        content = path.read_bytes()
+        content = read_bytes(path)
     except OSError as error:
         message = f"the job {path} cannot be read: {error.strerror}"
         raise NearharmonicError(message) from None
