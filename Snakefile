@@ -53,6 +53,9 @@ rule everything:
         [getattr(rules, one.target).input for one in EXPERIMENTS.values()],
 
 
+check_first(workflow, makeable_files, refuse)
+
+
 # The garbage collector skips all modules and rules loaded so far: scanning them takes a fifth of a dry run.
 gc.freeze()
 gc.enable()

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 from nearharmonic.output.store.earlier import forget, keep
 from nearharmonic.reproduction.tasks.job import run
+from nearharmonic.reproduction.config.targets import check_first
 from nearharmonic.reproduction.record.adopt import ADOPTING, check_jobs
 from nearharmonic.reproduction.record.running.guard import guard
 from nearharmonic.reproduction.record.running.workflow_run import WorkflowRun
@@ -50,8 +51,12 @@ def complete_record():
 
 def makeable():
     """Return the names of all files that jobs of this config make, in the folder of results."""
-    files = [*rules.everything.input, *RUNS]
-    return {str(path).removeprefix(f"{RESULTS}/") for path in files}
+    return {path.removeprefix(f"{RESULTS}/") for path in makeable_files()}
+
+
+def makeable_files():
+    """Return the paths of these files."""
+    return {str(path) for path in (*rules.everything.input, *RUNS)}
 
 
 def configfiles():

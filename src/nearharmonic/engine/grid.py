@@ -5,7 +5,7 @@ from __future__ import annotations
 from decimal import Decimal
 from fractions import Fraction
 from functools import cache
-from math import ceil, floor, log10
+from math import ceil, floor, inf, log10
 
 import numpy as np
 
@@ -20,7 +20,9 @@ from nearharmonic.systems.definition.system import System
 def grid_points(lowest: float, highest: float, points_per_decade: float) -> int:
     """Return the number of step sizes of :func:`tau_grid`, 0 if ``highest`` is below ``lowest``."""
     # The slack admits a highest that is itself written with few digits, such as 158.489 for 10^2.2.
-    return max(0, floor(log10(highest / lowest) * points_per_decade + 1e-3) + 1)
+    ratio = highest / lowest
+    width = log10(ratio) if ratio < inf else log10(highest) - log10(lowest)
+    return max(0, floor(width * points_per_decade + 1e-3) + 1)
 
 
 @cache

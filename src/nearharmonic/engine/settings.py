@@ -14,6 +14,7 @@ from fractions import Fraction
 from functools import lru_cache
 from math import inf
 from numbers import Integral, Real
+from sys import float_info
 from typing import Any
 
 from nearharmonic.errors import bad_setting
@@ -49,12 +50,12 @@ def positive(key: str, value: object) -> Decimal:
 
 
 def _decimal(key: str, value: object, allowed: str) -> Decimal:
-    """``value``, a number other than 0, exactly."""
+    """``value``, a number other than 0, exactly; subnormal numbers, of few digits, count as 0."""
     if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
         raise bad_setting(key, value, allowed)
     try:
         number = decimal_of(str(value) if isinstance(value, str | Decimal | int) else repr(float(value)))
-        usable = 0 < abs(float(number)) < inf
+        usable = float_info.min <= abs(float(number)) < inf
     except (ValueError, OverflowError):
         usable = False
     if not usable:
@@ -64,7 +65,7 @@ def _decimal(key: str, value: object, allowed: str) -> Decimal:
 
 def checked_tau(tau: object, key: str = "tau") -> float:
     """Return ``tau`` as a float, if it is a finite number above 0 (or the decimal string of one)."""
-    if type(tau) is float and 0 < tau < inf:
+    if type(tau) is float and float_info.min <= tau < inf:
         return tau
     return float(positive(key, tau))
 

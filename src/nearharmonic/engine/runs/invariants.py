@@ -4,17 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import reduce
+from math import isfinite
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.errors import SystemDefinitionError, bad_setting
 from nearharmonic.math import hypot
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Variables, described
 from nearharmonic.systems.definition.remembered import remembered
 from nearharmonic.systems.definition.system import System
+
+
+def energy_at_start(system: System) -> float:
+    """Return H at the system's own start, in double precision.
+
+    Raises
+    ------
+    SettingError
+        It is not finite.
+    """
+    q, p = system.start(float)
+    try:
+        H0 = float(system.energy(q, p, system.constants(float), 0.0))
+    except (ArithmeticError, ValueError):
+        H0 = float("nan")
+    if not isfinite(H0):
+        raise bad_setting("(q0, p0)", f"({list(q)}, {list(p)})", f"a start where the energy of {system.name} is finite")
+    return H0
 
 
 def invariant_values(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, make_dataclass, replace
 from functools import cache
 from typing import Annotated, Any
 
-from nearharmonic.engine.settings import Sweep, shared_settings_from
+from nearharmonic.engine.settings import MOST_SAMPLES, Sweep, shared_settings_from
 from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.integrators.user_file import expanded
 from nearharmonic.reproduction.entries import POSITIVE, STRICT, PositiveNumber, Reading, setting, whole_from
@@ -60,7 +60,7 @@ class Config:
         "States that a run keeps; the largest and the mean error see every step all the same. 0 keeps the reduced "
         "numbers alone, those of 500 states",
         default=500,
-        **whole_from(0),
+        **whole_from(0, MOST_SAMPLES),
     )
     job_seconds: PositiveNumber = setting(
         "Time for which the work of one job is planned; it determines the shards", POSITIVE, unit="s", default=5.0
@@ -69,7 +69,7 @@ class Config:
         "Jobs, and files, that share the step sizes of one method on one system; if not given, as few as keep a job "
         "near job_seconds and its trajectories below 4e8 bytes",
         default=None,
-        **whole_from(1),
+        **whole_from(1, 10**6),
     )
     summation: Summation = setting(
         "Summation of the state in double precision, with or without the carry of the rounding error",

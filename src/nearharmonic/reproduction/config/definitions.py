@@ -70,9 +70,12 @@ def _check_formulas(system: System) -> None:
     ------
     SystemDefinitionError
         A formula fails or uses unsupported operations, or a gradient contradicts its potential.
+    SettingError
+        The energy at the start is not finite.
     """
-    from nearharmonic.engine.runs.invariants import invariant_values
+    from nearharmonic.engine.runs.invariants import energy_at_start, invariant_values
 
+    energy_at_start(system)
     check_gradients(system)
     q, p = system.start(float)
     invariant_values(system, q, p)

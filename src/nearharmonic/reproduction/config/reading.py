@@ -11,10 +11,12 @@ from nearharmonic.engine.settings import one_of
 from nearharmonic.errors import NearharmonicError, SettingError, bad_setting, unknown_name
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.user_file import expanded
+from nearharmonic.numerics.written import integer_of
 from nearharmonic.reproduction.config.config import NUMBERS, Config, adapter, sections
 from nearharmonic.reproduction.config.definitions import define, folders_of, named
 from nearharmonic.reproduction.config.schema import schema
 from nearharmonic.reproduction.config.template import refuse_template
+from nearharmonic.reproduction.config.text import MOST_ENTRIES, MOST_LEVELS, check_text, read_mapping
 from nearharmonic.reproduction.experiments.paper.grid.plan import check_sweep
 from nearharmonic.systems import systems
 
@@ -40,7 +42,7 @@ def load(mapping: Mapping[str, Any], files: Iterable[Path | str] = ()) -> Config
     places = list(files)
     for path in places:
         refuse_template(path)
-        _refuse_duplicates(Path(path))
+        check_text(path)
     config = _typed(mapping)
     for key, value, allowed in _repetitions(config, mapping):
         raise bad_setting(key, value, allowed)
@@ -63,16 +65,7 @@ def read(place: Path) -> Config:
     NearharmonicError
         The file does not exist, is no YAML mapping, or :func:`load` finds an error.
     """
-    import yaml
-
-    try:
-        mapping = yaml.safe_load(place.read_text(encoding="utf-8"))
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        message = f"{place} cannot be read as a config: {error}"
-        raise SettingError(message) from error
-    if not isinstance(mapping, Mapping):
-        raise bad_setting("--config", str(place), "a YAML file with the keys of a config")
-    return load(mapping, [place])
+    return load(read_mapping(place), [place])
 
 
 def _lists_of_methods(config: Config) -> dict[str, tuple[str, ...]]:
@@ -94,6 +87,8 @@ def _check(config: Config, mapping: Mapping[str, Any]) -> None:
         if sweep.highest < sweep.lowest:
             allowed = f"a finite number, at least lowest = {grid['lowest']}"
             raise bad_setting(f"{here}.highest", grid["highest"], allowed)
+        if sweep.highest > float(sweep.t_end):
+            raise bad_setting(f"{here}.highest", grid["highest"], f"a finite number, at most t_end = {sweep.t_end}")
         check_sweep(sweep, config.methods)
     methods = [integrators[name] for name in config.methods]
     for member in fields(config):
@@ -105,9 +100,12 @@ def _check(config: Config, mapping: Mapping[str, Any]) -> None:
 def _typed(mapping: Mapping[str, Any]) -> Config:
     from pydantic import ValidationError
 
-    for path, value in _leaves(mapping):
-        # pydantic takes True for 1, and None for a key not given
-        if (isinstance(value, bool) or value is None) and (there := _described(path)):
+    for number, (path, value) in enumerate(_members(mapping)):
+        if number == MOST_ENTRIES:
+            raise SettingError(f"the config has more than {MOST_ENTRIES} entries")
+        # pydantic takes True for 1, None for a key not given, and digits of each script for an integer
+        odd = isinstance(value, bool) or value is None or (isinstance(value, str) and not _is_written(value))
+        if odd and (there := _described(path)) and (not isinstance(value, str) or there.get("type") == "integer"):
             raise bad_setting(_dotted(path), value, there["allowed"])
     try:
         return cast("Config", adapter().validate_python(mapping))
@@ -121,16 +119,26 @@ def _typed(mapping: Mapping[str, Any]) -> Config:
         raise _error_of(first) from None
 
 
-def _leaves(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], Any]]:
-    """Yield path and value of all scalars; raise an error for a key that YAML does not read as text."""
+def _is_written(text: str) -> bool:
+    """Return True if ``text`` is an integer."""
+    try:
+        integer_of(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _members(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], Any]]:
+    """Yield path and value of all members; raise an error for a key that YAML does not read as text."""
     if isinstance(value, Mapping | list | tuple):
+        if len(path) == MOST_LEVELS:
+            raise SettingError(f"the config has more than {MOST_LEVELS} levels of nesting, at {_dotted(path)}")
         for step in value if isinstance(value, Mapping) else ():
             if not isinstance(step, str):
                 raise bad_setting(f"a key of {_dotted(path) or 'the config'}", step, "a name, in quotes if need be")
         for step, member in value.items() if isinstance(value, Mapping) else enumerate(value):
-            yield from _leaves(member, (*path, step))
-    else:
-        yield path, value
+            yield (*path, step), member
+            yield from _members(member, (*path, step))
 
 
 def _error_of(fault: Mapping[str, Any]) -> Exception:
@@ -176,22 +184,3 @@ def _repetitions(section: Any, given: Any, here: tuple[str, ...] = ()) -> Iterat
             yield _dotted((*here, name)), given[name], _described((*here, name))["allowed"]
         elif isinstance(value, Mapping) or is_dataclass(value):
             yield from _repetitions(value, given[name], (*here, name))
-
-
-def _refuse_duplicates(path: Path) -> None:
-    """Raise SettingError if a key occurs twice in a mapping of the YAML file ``path``: YAML would use the last one."""
-    import yaml
-
-    waiting: list[Any] = [yaml.compose(path.read_text(encoding="utf-8"), Loader=yaml.SafeLoader)]
-    while waiting:
-        node = waiting.pop()
-        if isinstance(node, yaml.MappingNode):
-            seen: dict[str, int] = {}
-            for key, value in node.value:
-                line = key.start_mark.line + 1
-                if key.value in seen:
-                    raise SettingError(f"{path}: the key {key.value!r} is in lines {seen[key.value]} and {line}")
-                seen[key.value] = line
-                waiting.append(value)
-        elif isinstance(node, yaml.SequenceNode):
-            waiting += node.value

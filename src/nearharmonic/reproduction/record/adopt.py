@@ -10,9 +10,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from nearharmonic.errors import RefusedError
+from nearharmonic.errors import RefusedError, SettingError
 from nearharmonic.output.store import DEFAULT_CONFIG, usable_configs
 from nearharmonic.reproduction.config.template import refuse_template
+from nearharmonic.reproduction.config.text import read_mapping
 from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.files.trusted import check_files_of
 from nearharmonic.reproduction.record.verify import faults
@@ -98,13 +99,10 @@ def _config_option(name: str, told: Mapping[str, Any], given: str | None) -> lis
 
 def _name_in(place: Path) -> object:
     """Return the name of the results of a config; None if the file is no config."""
-    import yaml
-
     try:
-        document = yaml.safe_load(place.read_text(encoding="utf-8"))
-    except (OSError, ValueError, yaml.YAMLError):
+        return read_mapping(place).get("name")
+    except SettingError:
         return None
-    return document.get("name") if isinstance(document, Mapping) else None
 
 
 def check_jobs(folder: Path, jobs: Iterable[Any]) -> None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from nearharmonic.engine.numbers.initial_values import exact
+from nearharmonic.engine.runs.invariants import energy_at_start
 from nearharmonic.engine.runs.setup import ANY, Setup
 from nearharmonic.engine.settings import checked_count, checked_tau
 from nearharmonic.errors import SettingError, bad_setting
@@ -106,7 +106,7 @@ def question(
     if subject.dimension > MOST_COORDINATES:
         what = f"a system of at most {MOST_COORDINATES} coordinates, and it has {subject.dimension}: a search takes "
         raise bad_setting("system", subject.name, f"{what}thousands of runs. Tailor a method for a small copy of it")
-    H0 = _energy(subject)
+    H0 = energy_at_start(subject)
     return Question(
         system=subject,
         stages=_stages(stages),
@@ -119,18 +119,6 @@ def question(
         seed=SEED if seed is None else _seed(seed),
         scale=problem.scale or abs(H0) or 1.0,
     )
-
-
-def _energy(system: System) -> float:
-    """Return H at the given start."""
-    q, p = system.start(float)
-    try:
-        H0 = float(system.energy(q, p, system.constants(float), 0.0))
-    except (ArithmeticError, ValueError):
-        H0 = float("nan")
-    if not isfinite(H0):
-        raise bad_setting("(q0, p0)", f"({list(q)}, {list(p)})", f"a start where the energy of {system.name} is finite")
-    return H0
 
 
 def _stages(given: Any) -> tuple[int, ...]:

@@ -63,7 +63,7 @@ class StepSizes:
     highest: PositiveNumber = setting(
         "The grid ends at or just below this step size per stage", AT_LEAST_LOWEST, unit="the system's unit of time"
     )
-    points_per_decade: int = setting("Step sizes in each factor of ten", **whole_from(1))
+    points_per_decade: int = setting("Step sizes in each factor of ten", **whole_from(1, 10**9))
 
 
 @dataclass(frozen=True, kw_only=True)

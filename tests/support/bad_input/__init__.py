@@ -1,0 +1,33 @@
+"""Checks of messages about bad input."""
+
+from __future__ import annotations
+
+from time import process_time
+
+from nearharmonic.errors import LONGEST, NearharmonicError
+
+#: Seconds of a case.
+LIMIT = 2
+
+
+def check_message(text, says=""):
+    """One line, short, which holds the words ``says``."""
+    assert text == text.strip()
+    assert len(text.splitlines()) == 1, text
+    assert len(text) <= LONGEST, text
+    assert "Traceback" not in text
+    assert says in text, text
+
+
+def refused(call, says=""):
+    """The message of the error that ``call`` raises at once."""
+    begin = process_time()
+    try:
+        call()
+    except NearharmonicError as error:
+        text = str(error)
+    else:
+        raise AssertionError("it is accepted")
+    assert process_time() - begin < LIMIT
+    check_message(text, says)
+    return text
