@@ -16,7 +16,7 @@ from nearharmonic.reproduction.config.config import NUMBERS, Config, adapter, se
 from nearharmonic.reproduction.config.definitions import define, folders_of, named
 from nearharmonic.reproduction.config.schema import schema
 from nearharmonic.reproduction.config.template import refuse_template
-from nearharmonic.reproduction.config.text import MOST_ENTRIES, MOST_LEVELS, check_text, read_mapping
+from nearharmonic.reproduction.config.text import MOST_ENTRIES, MOST_LEVELS, read_mapping
 from nearharmonic.reproduction.experiments.paper.grid.plan import check_sweep
 from nearharmonic.systems import systems
 
@@ -42,7 +42,6 @@ def load(mapping: Mapping[str, Any], files: Iterable[Path | str] = ()) -> Config
     places = list(files)
     for path in places:
         refuse_template(path)
-        check_text(path)
     config = _typed(mapping)
     for key, value, allowed in _repetitions(config, mapping):
         raise bad_setting(key, value, allowed)

@@ -19,27 +19,10 @@ def read_mapping(path: str | os.PathLike[str]) -> dict[str, Any]:
     Raises
     ------
     SettingError
-        The file cannot be read, or :func:`check_text` finds an error, or it holds no mapping.
-    """
-    found = _checked(path)
-    if not isinstance(found, dict):
-        raise SettingError(f"{path} is no config: a mapping of the keys of a config to values is allowed")
-    return found
-
-
-def check_text(path: str | os.PathLike[str]) -> None:
-    """Raise an error for the file of a config that cannot be read within the limits.
-
-    Raises
-    ------
-    SettingError
         The file is missing or is no file; it is too large, too deep, no text in UTF-8, or neither YAML nor JSON; an
-        alias repeats the entry that it is a part of; or a key occurs twice in a mapping: YAML would use the last one.
+        alias repeats the entry that it is a part of; a key occurs twice in a mapping: YAML would use the last one; or
+        there is no mapping.
     """
-    _checked(path)
-
-
-def _checked(path: str | os.PathLike[str]) -> Any:
     import yaml
 
     try:
@@ -64,6 +47,8 @@ def _checked(path: str | os.PathLike[str]) -> Any:
         place = f" in line {mark.line + 1}" if mark is not None else ""
         reason = getattr(error, "problem", None) or getattr(error, "reason", None) or "it is no YAML"
         raise SettingError(f"{path} cannot be read as a config: {reason}{place}") from None
+    if not isinstance(found, dict):
+        raise SettingError(f"{path} is no config: a mapping of the keys of a config to values is allowed")
     return found
 
 
