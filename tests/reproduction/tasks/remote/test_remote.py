@@ -150,9 +150,15 @@ def test_special_jobs_keep_the_command_of_snakemake(changes):
     assert command == "env -u NEARHARMONIC_LEADER snakemake of reduce"
 
 
-def test_arrays_keep_the_command_of_snakemake():
-    command = _submitting(_Executor(array_jobs="reduce")).format_job_exec(_job())
+@pytest.mark.parametrize("rules", ["all", "integrate, reduce", "reduce;integrate"])
+def test_arrays_keep_the_command_of_snakemake(rules):
+    command = _submitting(_Executor(array_jobs=rules)).format_job_exec(_job())
     assert command.endswith("snakemake of reduce")
+
+
+def test_rules_beside_those_of_arrays_are_frozen(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert SUFFIX in _submitting(_Executor(array_jobs="integrate")).format_job_exec(_job())
 
 
 @pytest.mark.parametrize(("status", "asked"), [(0, "sacct"), (1, "squeue"), (None, "squeue")])

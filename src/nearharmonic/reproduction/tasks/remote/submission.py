@@ -7,6 +7,7 @@ groups, job arrays, containers, and outputs that Snakemake prepares in a special
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -47,7 +48,8 @@ def submit_frozen(workflow: Any) -> None:
 
 def _command(executor: Any, usual: Callable[[Any], str], job: Any) -> str:
     """Return the shell command of a job on a node."""
-    if not is_plain(job) or getattr(executor.executor_settings, "array_jobs", None):
+    arrays = re.split(r"[,;\s]+", getattr(executor.executor_settings, "array_jobs", None) or "")
+    if not is_plain(job) or {"all", job.rule.name}.intersection(arrays):
         return f"{_ENVIRONMENT} {usual(job)}"
     place = frozen(job, executor.workflow.execution_settings.latency_wait).write(executor.tmpdir)
     python = os.environ.get(PYTHON) or shlex.quote(sys.executable)
