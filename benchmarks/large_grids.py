@@ -1,4 +1,4 @@
-"""What many runs cost: the workflow on ever finer grids, of the ten methods of the paper on the Hénon-Heiles system.
+"""Cost of many runs: the workflow on ever finer grids, of the ten methods of the paper on the Hénon-Heiles system.
 
 Run: ``python benchmarks/large_grids.py`` for up to a million runs (some minutes), or ``--finest 2500`` for a hundred
 thousand. The table is that of ``docs/large_grids.md``.

@@ -43,7 +43,7 @@ def local(tmp_path_factory):
 
 @pytest.fixture
 def cluster(local, node, tmp_path, monkeypatch):
-    """The same project without results, whose Snakemake finds the node."""
+    """Copy of the project without results, whose Snakemake finds the node."""
     monkeypatch.setenv("SLURM_CONF", str(node.configuration))
     project = local.copy(tmp_path / "project")
     for name in ("results", ".snakemake"):
