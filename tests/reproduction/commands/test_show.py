@@ -63,7 +63,7 @@ def test_run_file_holds_run_with_stated_number_of_samples(project, question, cap
 
 
 def test_the_run_is_in_the_shard_that_has_its_step(project, capsys):
-    paths = {shown(capsys, "henon_heiles", "ruth", tau)["files"]["run file"]["path"] for tau in ("0.15", "0.238")}
+    paths = {shown(capsys, "henon_heiles", "ruth", tau)["files"]["run file"]["path"] for tau in ("0.15", "4")}
     assert paths == {f"runs/henon_heiles/ruth/{shard}.h5" for shard in (0, 1)}
 
 
