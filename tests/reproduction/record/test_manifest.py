@@ -220,3 +220,13 @@ def test_a_receipt_that_cannot_be_written_costs_a_warning(results, capsys):
     (results / "logs/reduce/a.json").mkdir()
     make(results, "cubes/a.h5", b"numbers")
     assert "warning: no receipt" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("replace", [os.mkfifo, os.mkdir, lambda place: place.symlink_to("/dev/zero")])
+def test_what_is_no_regular_file_counts_as_changed(results, replace):
+    make(results, "cubes/a.h5", b"numbers")
+    entry = manifest.entries_of(results)["cubes/a.h5"]
+    assert not manifest.is_changed(results / "cubes/a.h5", entry)
+    (results / "cubes/a.h5").unlink()
+    replace(results / "cubes/a.h5")
+    assert manifest.is_changed(results / "cubes/a.h5", entry)

@@ -14,8 +14,8 @@ from hashlib import file_digest
 from pathlib import Path
 from typing import Any, TypeVar
 
+from nearharmonic.output import reading
 from nearharmonic.output.atomic import write_text
-from nearharmonic.output.reading import read_bytes
 from nearharmonic.output.sealed_json import opened, sealed
 from nearharmonic.output.store import sealed_digest
 from nearharmonic.reproduction.tasks.provenance import settings_digest, settings_text
@@ -109,9 +109,9 @@ class Receipt:
 
 
 def measured(place: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return ``size`` (bytes) and ``sha256`` (hex) of a file."""
-    with Path(place).open("rb") as file:
-        digest = file_digest(file, "sha256").hexdigest()
+    """Return ``size`` (bytes) and ``sha256`` (hex) of a regular file."""
+    with reading.opened(place) as file:
+        digest = file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]  # it has readinto
         return {"size": file.tell(), "sha256": digest}
 
 
@@ -149,7 +149,7 @@ def _receipts(folder: Path) -> Iterator[tuple[Path, dict[str, dict[str, Any]] | 
     for place in sorted((folder / "logs").rglob("*.json")):
         if place.parent != folder / "logs" / MARKED:
             try:
-                files = (opened(read_bytes(place)) or {}).get("files")
+                files = (opened(reading.read_bytes(place)) or {}).get("files")
             except FileNotFoundError:  # removed in between
                 continue
             except OSError:
