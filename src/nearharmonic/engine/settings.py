@@ -24,6 +24,8 @@ from nearharmonic.numerics.written import decimal_of, is_integer
 MOST_STEPS = 10**9
 #: Kept states of one run: about half a gigabyte for a planar system.
 MOST_SAMPLES = 10**7
+#: Step sizes of a sweep.
+MOST_TAUS = 10**6
 #: SIMD lanes of a kernel: one AVX-512 register of doubles. On narrower processors the compiler splits it, with the same
 #: bits.
 WIDTH = 8

@@ -19,7 +19,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, cast
 
-from nearharmonic.errors import TableauError
+from nearharmonic.errors import TableauError, shown
 from nearharmonic.integrators.composition import DECIMAL
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, First, Row
 from nearharmonic.registry.registry import split_path
@@ -30,6 +30,8 @@ HIGHEST_ORDER = 10
 HIGHEST_HARMONIC_ORDER = 100
 #: Limits: coefficients per row, characters per coefficient, and absolute value of a coefficient.
 LONGEST_ROW, LONGEST_NUMBER, LARGEST_NUMBER = 100, 400, 1000
+#: Most bytes of a file.
+MOST_BYTES = 10**6
 
 _ROWS = ("kick", "drift")
 _TEXTS = ("name", "label", "source", "note")
@@ -96,7 +98,7 @@ def read(path: str) -> CoefficientFile:
         The file cannot be read, a key is unknown, or a value is not what its key allows.
     """
     readers: Mapping[str, Callable[[str], Any]] = {
-        ".json": partial(json.loads, parse_float=Decimal),
+        ".json": partial(json.loads, parse_float=Decimal, object_pairs_hook=_once),
         ".toml": partial(tomllib.loads, parse_float=Decimal),
         ".csv": _csv,
     }
@@ -107,14 +109,26 @@ def read(path: str) -> CoefficientFile:
         raise TableauError(f"{path}: a file of coefficients ends with {', '.join(readers)}, .py")
     if not place.is_file():
         raise TableauError(f"{path}: there is no such file")
+    if place.stat().st_size > MOST_BYTES:
+        raise TableauError(f"{path} cannot be read as {place.suffix[1:].upper()}: it has more than {MOST_BYTES} bytes")
     try:
         found = readers[place.suffix.lower()](place.read_text(encoding="utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        reason = str(error).splitlines()[0]
+    except (OSError, ValueError, RecursionError, csv.Error) as error:
+        reason = next(iter(str(error).splitlines()), "it is nested too deeply")
         raise TableauError(f"{path} cannot be read as {place.suffix[1:].upper()}: {reason}") from None
     if not isinstance(found, dict):
         raise TableauError(f"{path} holds no keys and values: expected at least kick and drift")
     return _checked(path, {key: value for key, value in found.items() if value is not None})
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return the members of a JSON object, of which Python's reader would take the last one of a name."""
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        if key in found:
+            raise ValueError(f"there are two keys {shown(key)}")
+        found[key] = value
+    return found
 
 
 def _csv(text: str) -> dict[str, Any]:
@@ -245,5 +259,5 @@ def _truth(path: str, value: Any) -> bool | None:
 
 
 def _refuse(path: str, key: str, value: object, allowed: str) -> NoReturn:
-    shown = repr(str(value) if isinstance(value, Decimal) else value)
-    raise TableauError(f"{path}: {key} = {shown[:200]} is not allowed: {allowed}")
+    given = shown(str(value) if isinstance(value, Decimal) else value)
+    raise TableauError(f"{path}: {key} = {given} is not allowed: {allowed}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ def array_of(key: str, values: Any) -> NDArray[Any] | None:
     return array if array.dtype.kind in "fiu" else None
 
 
-def list_of(key: str, values: Any, allowed: str) -> list[Any]:
+def list_of(key: str, values: Any, allowed: str, most: int) -> list[Any]:
     """Return the entries of a list, of another iterable of numbers, or of an array, whose axes are joined.
 
     Entries are not checked, except for masks.
@@ -34,14 +35,18 @@ def list_of(key: str, values: Any, allowed: str) -> list[Any]:
     Raises
     ------
     SettingError
-        No list: a single value, text, bytes, a mapping or a set; or a masked entry. The message begins with ``key``.
+        No list: a single value, text, bytes, a mapping or a set; a masked entry; or more than ``most`` entries. The
+        message begins with ``key``.
     """
     if hasattr(values, "__array__"):
         check_mask(key, values)
-        return np.asarray(values).ravel().tolist()
-    if not is_list(values):
+        values = np.asarray(values).ravel()[: most + 1].tolist()
+    elif not is_list(values):
         raise bad_setting(key, values, allowed)
-    return list(values)
+    found = list(islice(values, most + 1))  # an iterator may be endless
+    if len(found) > most:
+        raise bad_setting(key, f"more than {most} entries", f"{allowed}, at most {most}")
+    return found
 
 
 def check_mask(key: str, values: Any) -> None:

@@ -28,7 +28,7 @@ def checked_times(t: object, problem: Setup) -> list[Fraction]:
     SettingError
         No list, no times, too many, a masked one, one outside the interval, or one before its predecessor.
     """
-    given, end = list_of("t", t, "a list of output times"), problem.end
+    given, end = list_of("t", t, "a list of output times", MOST_SAMPLES), problem.end
     if not 1 <= len(given) <= MOST_SAMPLES:
         raise bad_setting("t", f"{len(given)} times", f"from 1 to {MOST_SAMPLES} output times")
     times = [exact(f"t[{i}]", value) for i, value in enumerate(given)]

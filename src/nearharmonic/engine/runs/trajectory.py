@@ -24,7 +24,7 @@ from nearharmonic.engine.runs.description import (
 from nearharmonic.engine.runs.output_times import checked_times, run_at
 from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.engine.runs.solution import Solution
-from nearharmonic.engine.settings import KINETIC_POTENTIAL, checked_samples, checked_tau
+from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_TAUS, checked_samples, checked_tau
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import Variables, assembled, described
@@ -178,7 +178,7 @@ def sweep(
     )  # fmt: skip
     requested = _checked_taus(taus)
     begin = start_of(problem, q0, p0, parameters)
-    steps = [problem.steps_of(tau) for tau in requested]
+    steps = [problem.steps_of(tau, f"taus[{i}]") for i, tau in enumerate(requested)]
     variables: Variables = {}
     if t is None:
         paths = problem.run(steps, least_samples(problem.tableau), start=begin.state, parameters=begin.parameters)
@@ -207,7 +207,7 @@ def _check_start(problem: Setup, paths: Trajectories) -> None:
 
 
 def _checked_taus(taus: Iterable[float]) -> list[float]:
-    asked = list_of("taus", taus, "a list of step sizes")
+    asked = list_of("taus", taus, "a list of step sizes", MOST_TAUS)
     if not asked:
         raise bad_setting("taus", asked, "at least one step size")
     return [checked_tau(tau, f"taus[{i}]") for i, tau in enumerate(asked)]

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import Any
 
+from nearharmonic.errors import bad_setting
 from nearharmonic.output.store.name import NAME_KEY, misplaced
 from nearharmonic.output.store.remake import unusable
 from nearharmonic.output.store.seal import FORMAT, FORMAT_KEY, complaint
@@ -25,6 +26,8 @@ def checked(path: str | os.PathLike[str]) -> Any:
     """
     import h5py
 
+    if not isinstance(path, str | os.PathLike) or not 1 <= len(os.fspath(path)) <= 4096 or "\0" in os.fspath(path):
+        raise bad_setting("path", path, "the path of a result file")
     fault = complaint(Path(path))
     if fault:
         raise unusable(path, fault)

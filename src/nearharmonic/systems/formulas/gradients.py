@@ -267,7 +267,7 @@ def _contradiction(
 
 
 def _shown(point: Sequence[Decimal]) -> str:
-    shown = [repr(float(x)) for x in point[:SMALL]]
+    shown = [repr(float(x)) if len(point) <= 4 else f"{float(x):.4g}" for x in point[:SMALL]]
     return ", ".join(shown) if len(point) <= SMALL else f"{', '.join(shown)}, ... {len(point)} in all"
 
 
