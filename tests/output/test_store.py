@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+import subprocess
+import sys
 
 import h5py
 import numpy as np
@@ -13,6 +15,7 @@ from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output import store
 from nearharmonic.output.dataset import flags
 from nearharmonic.output.store import writer
+from nearharmonic.output.store.earlier import PLACE, keep
 from nearharmonic.output.store.name import name_of
 
 
@@ -294,3 +297,38 @@ def test_dataset_that_was_read_gets_name_of_its_new_file(tmp_path, variables):
 )
 def test_name_begins_below_the_folder_of_results(path, name):
     assert name_of(path) == name
+
+
+def test_damaged_file_is_not_kept_for_later_jobs(tmp_path, variables):
+    for shard in (0, 1):
+        store.write(tmp_path / f"runs/sho/ruth/{shard}.h5", variables, {})
+    damaged = tmp_path / "runs/sho/ruth/1.h5"
+    content = bytearray(damaged.read_bytes())
+    content[len(content) // 2] ^= 4
+    damaged.write_bytes(content)
+    keep(tmp_path, [tmp_path / "runs/sho/ruth/2.h5"])
+    (kept,) = (tmp_path / PLACE).rglob("*.h5")
+    assert kept.name.startswith("0-")
+
+
+def test_full_disk_is_one_sentence_and_no_crash_at_exit(tmp_path):
+    script = (
+        "import resource, sys\n"
+        "import numpy as np\n"
+        "from nearharmonic.errors import FileWriteError\n"
+        "from nearharmonic.output import store\n"
+        "x = (('x',), np.arange(9000.0), {'units': '1', 'long_name': 'x'})\n"
+        "for size in (0, 1, 512, 4096):\n"
+        "    resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))\n"
+        "    try:\n"
+        "        store.write(sys.argv[1], {'x': x}, {})\n"
+        "    except FileWriteError as error:\n"
+        "        sys.stderr.write(f'{error}\\n')\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))\n"
+        "store.write(sys.argv[1], {'x': x}, {})\n"
+    )
+    place = tmp_path / "0.h5"
+    done = subprocess.run([sys.executable, "-c", script, place], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, f"{place} cannot be written: File too large\n" * 4)
+    assert [path.name for path in tmp_path.iterdir()] == ["0.h5"]
+    assert store.read(place).x.size == 9000

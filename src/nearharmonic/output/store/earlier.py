@@ -14,18 +14,22 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.errors import NearharmonicError
+from nearharmonic.output.store.seal import complaint
 
 #: Folder of the files that are kept, in the folder of results.
 PLACE = "logs/earlier"
 
 
 def keep(folder: Path, outputs: Iterable[str | os.PathLike[str]]) -> None:
-    """Keep all result files in the folders of ``outputs``, which jobs are about to write, in a folder of results."""
+    """Keep all sound result files in the folders of ``outputs``, which jobs are about to write, in a folder of results.
+
+    The HDF5 library may crash on a damaged file, so that none is kept.
+    """
     for place in sorted({Path(output).parent for output in outputs}):
         for path in place.glob("*.h5"):
             kept = folder / PLACE / place.relative_to(folder) / f"{path.stem}-{path.stat().st_mtime_ns}.h5"
-            kept.parent.mkdir(parents=True, exist_ok=True)
-            if not kept.exists():
+            if not kept.exists() and not complaint(path):
+                kept.parent.mkdir(parents=True, exist_ok=True)
                 _link(path, kept)
 
 

@@ -71,7 +71,7 @@ def claimed_attributes(path: str | os.PathLike[str]) -> dict[str, Any]:
     try:
         with h5py.File(path, "r") as file:
             return attributes_in(file)
-    except OSError as error:
+    except (OSError, RuntimeError) as error:
         raise unusable(path, "cannot be read") from error
 
 
