@@ -36,7 +36,8 @@ def contradiction(made):
     match = re.fullmatch(pattern, str(caught.value))
     assert match, str(caught.value)
     formula, index, point, value, derivative = match.groups()
-    return formula, int(index), float(value), float(derivative), [float(x) for x in point.split(", ")[:12]]
+    coordinates = re.findall(number, point.partition(" ... ")[0])
+    return formula, int(index), float(value), float(derivative), list(map(float, coordinates))
 
 
 def half_square(q):
@@ -130,7 +131,7 @@ def test_one_wrong_component_of_many_is_named(wrong, d):
     formula, index, value, derivative, point = contradiction(made)
     assert (formula, index) == ("grad_V", wrong)
     assert value == pytest.approx(derivative * (1 + 1e-9), rel=1e-13)
-    assert len(point) == min(d, 12)
+    assert 4 <= len(point) <= min(d, 12)  # a long message leaves out its middle
 
 
 def test_a_component_that_should_vanish_is_found():

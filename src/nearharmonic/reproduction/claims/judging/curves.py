@@ -86,7 +86,7 @@ class Curves(Memory):
 
     def __init__(self, cube: xr.Dataset) -> None:
         super().__init__()
-        cube = cube.isel(tau_per_stage=slice(None, None, ceil(cube.sizes["tau_per_stage"] / MOST_JUDGED)))
+        cube = cube.isel(tau_per_stage=slice(None, None, ceil(cube.sizes["tau_per_stage"] / MOST_JUDGED) or 1))
         self.cube = double_runs(cube)
         self.x: Floats = cube["tau_per_stage"].values
         unit = cube["tau_per_stage"].attrs.get("units", "1")
