@@ -10,10 +10,13 @@ import json
 import os
 import shutil
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from nearharmonic.errors import NearharmonicError
+from nearharmonic.output.dataset import Variables
+from nearharmonic.output.store.files import claimed_attributes
 from nearharmonic.output.store.seal import complaint
 
 #: Folder of the files that are kept, in the folder of results.
@@ -45,7 +48,33 @@ def forget(folder: Path) -> None:
     shutil.rmtree(folder / PLACE, ignore_errors=True)
 
 
-def kept_for(folder: Path, output: str | os.PathLike[str], origin: Mapping[str, str]) -> list[Path]:
+@dataclass(frozen=True)
+class KeptFile:
+    """A kept file: the ``settings`` that it states, and its contents.
+
+    Its users need no reader of files, so that an edit of one leaves their results valid.
+    """
+
+    path: Path
+    settings: Mapping[str, Any]
+
+    def contents(self) -> dict[str, Variables]:
+        """Return the variables by precision; none if the file is damaged."""
+        from nearharmonic.output.store.reader import read_precisions
+
+        try:
+            read = read_precisions(self.path)
+        except NearharmonicError:
+            return {}
+        return {
+            precision: {
+                str(name): (tuple(map(str, one.dims)), one.values, one.attrs) for name, one in runs.variables.items()
+            }
+            for precision, runs in read.items()
+        }
+
+
+def kept_for(folder: Path, output: str | os.PathLike[str], origin: Mapping[str, str]) -> list[KeptFile]:
     """Return the kept files beside ``output`` of the same code, coefficients and users' definitions.
 
     Parameters
@@ -58,15 +87,15 @@ def kept_for(folder: Path, output: str | os.PathLike[str], origin: Mapping[str, 
         Provenance attributes of the job.
     """
     place = folder / PLACE / Path(output).parent.relative_to(folder)
-    return [path for path in sorted(place.glob("*.h5")) if _is_like(path, origin)]
-
-
-def _is_like(path: Path, origin: Mapping[str, str]) -> bool:
-    from nearharmonic.output.store import claimed_attributes
-
-    try:
-        said: Mapping[str, Any] = claimed_attributes(path)
-        theirs, ours = (json.loads(one["settings"]).get("definitions") for one in (said, origin))
-    except (NearharmonicError, AttributeError, KeyError, TypeError, ValueError):
-        return False
-    return theirs == ours and all(said.get(key) == origin[key] for key in ("code_digest", "coefficients_digest"))
+    ours = json.loads(origin["settings"]).get("definitions")
+    found = []
+    for path in sorted(place.glob("*.h5")):
+        try:
+            said = claimed_attributes(path)
+            settings = json.loads(said["settings"])
+            same = all(said[key] == origin[key] for key in ("code_digest", "coefficients_digest"))
+            if same and settings.get("definitions") == ours:
+                found.append(KeptFile(path, settings))
+        except (NearharmonicError, AttributeError, KeyError, TypeError, ValueError):
+            continue  # a file that does not say what it is
+    return found

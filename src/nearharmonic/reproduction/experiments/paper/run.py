@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -11,7 +10,7 @@ from nearharmonic.engine.runs.description import kernel_in_words, sampled
 from nearharmonic.engine.runs.problem import Problem
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.output.dataset import Contents, Variable, Variables, coordinate, counted
-from nearharmonic.reproduction.experiments.paper.grid.earlier import Earlier, vacant
+from nearharmonic.reproduction.experiments.paper.grid.earlier import Earlier, EarlierFile, vacant
 from nearharmonic.reproduction.experiments.paper.grid.plan import Run, runs_of
 from nearharmonic.systems import systems
 
@@ -19,16 +18,14 @@ from nearharmonic.systems import systems
 COORDINATES = ("t",)
 
 
-def integrate(
-    sweep: Sweep, integrator: str, shard: int, earlier: Sequence[str | os.PathLike[str]] = ()
-) -> dict[str, Contents]:
+def integrate(sweep: Sweep, integrator: str, shard: int, earlier: Sequence[EarlierFile] = ()) -> dict[str, Contents]:
     """Integrate one shard, numbered from 0, of the step sizes of a method on a system.
 
     Parameters
     ----------
     sweep, integrator, shard
         The plan of the runs.
-    earlier : sequence of path
+    earlier : sequence of EarlierFile
         Run files of the same code and coefficients, as an earlier config planned them: their runs are taken over.
 
     Returns

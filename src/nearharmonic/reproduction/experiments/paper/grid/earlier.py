@@ -6,17 +6,14 @@ of the grid, other shards and other precisions leave each run as it is.
 
 from __future__ import annotations
 
-import json
-import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from nearharmonic.engine.settings import Sweep
-from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.dataset import Variable, Variables
 from nearharmonic.reproduction.experiments.paper.grid.plan import Run
 from nearharmonic.reproduction.experiments.paper.grid.shards import ends_of
@@ -28,6 +25,17 @@ CHOOSING = ("lowest", "highest", "points_per_decade", "shards", "precision")
 Kept = tuple[Variables, dict[int, int]]
 
 
+class EarlierFile(Protocol):
+    """A run file that jobs made in place of this one before."""
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """The settings that it states."""
+
+    def contents(self) -> dict[str, Variables]:
+        """Its variables by precision; none if it is damaged."""
+
+
 class Earlier:
     """Runs of earlier files with the settings of a shard.
 
@@ -35,13 +43,13 @@ class Earlier:
     ----------
     sweep, integrator, shard
         The plan of the runs that are wanted.
-    paths : sequence of path
+    files : sequence of EarlierFile
         Run files of the same code and coefficients, of any plan.
     """
 
-    def __init__(self, sweep: Sweep, integrator: str, shard: int, paths: Sequence[str | os.PathLike[str]] = ()) -> None:
+    def __init__(self, sweep: Sweep, integrator: str, shard: int, files: Sequence[EarlierFile] = ()) -> None:
         self._plan = (sweep, integrator, shard)
-        self._paths = paths
+        self._files = files
 
     def completed(self, run: Run, function: Callable[[Run], Variables]) -> Variables:
         """Return what ``function`` returns for ``run``, bit for bit; it is called for the runs that no file holds."""
@@ -60,34 +68,21 @@ class Earlier:
     @cached_property
     def _kept(self) -> dict[str, list[Kept]]:
         """The runs of the earlier files by precision."""
-        from nearharmonic.output import store
-
         found: dict[str, list[Kept]] = {}
-        for path in filter(self._is_of_use, self._paths):
-            try:
-                read = store.read_precisions(path)
-            except NearharmonicError:
-                continue  # a damaged file holds nothing
-            for precision, runs in read.items():
-                variables = {
-                    str(name): (tuple(map(str, one.dims)), one.values, one.attrs)
-                    for name, one in runs.variables.items()
-                }
-                whole = np.flatnonzero(runs.status.values != "skipped").tolist()
-                steps = runs.steps.values.tolist()
+        for file in self._files:
+            for precision, variables in file.contents().items() if self._is_of_use(file.settings) else ():
+                whole = np.flatnonzero(variables["status"][1] != "skipped").tolist()
+                steps = variables["steps"][1].tolist()
                 found.setdefault(precision, []).append((variables, {steps[row]: row for row in reversed(whole)}))
         return found
 
-    def _is_of_use(self, path: str | os.PathLike[str]) -> bool:
-        """Return True if a file may hold wanted runs. What it says of itself is checked when it is read."""
-        from nearharmonic.output import store
-
+    def _is_of_use(self, settings: Mapping[str, Any]) -> bool:
+        """Return True if a file of these settings may hold wanted runs."""
         sweep, integrator, shard = self._plan
         try:
-            settings = json.loads(store.claimed_attributes(path)["settings"])
             theirs = Sweep(**settings["sweep"] | {"precision": tuple(settings["sweep"]["precision"])})
             begin, end = ends_of(theirs, settings["integrator"], settings["shard"])
-        except (NearharmonicError, KeyError, TypeError, ValueError):
+        except (KeyError, TypeError, ValueError):
             return False
         first, last = ends_of(sweep, integrator, shard)
         same = {key: value for key, value in asdict(theirs).items() if key not in CHOOSING} == {

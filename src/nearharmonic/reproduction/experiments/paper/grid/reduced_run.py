@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.output.dataset import Contents, Variables, assembled
-from nearharmonic.reproduction.experiments.paper.grid.earlier import Earlier
+from nearharmonic.reproduction.experiments.paper.grid.earlier import Earlier, EarlierFile
 from nearharmonic.reproduction.experiments.paper.grid.plan import Run
 from nearharmonic.reproduction.experiments.paper.reduce import STATES, joined, numbers
 from nearharmonic.reproduction.experiments.paper.reductions import PAPER
@@ -21,7 +20,7 @@ AT_ONCE = 1000
 
 
 def integrate_and_reduce(
-    sweep: Sweep, integrator: str, shard: int, earlier: Sequence[str | os.PathLike[str]] = ()
+    sweep: Sweep, integrator: str, shard: int, earlier: Sequence[EarlierFile] = ()
 ) -> dict[str, Contents]:
     """Integrate one shard with 500 samples, as the rule ``integrate`` does, and keep reduced numbers alone.
 
