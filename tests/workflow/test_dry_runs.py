@@ -70,7 +70,7 @@ BAD = (
 
 
 @pytest.mark.parametrize(("key", "value", "says"), BAD)
-def test_a_bad_config_ends_with_status_1_and_one_message(project, key, value, says):
+def test_a_bad_config_ends_with_status_2_and_one_message(project, key, value, says):
     config = yaml.safe_load((project.folder / "config/smoke.yaml").read_text())
     *above, last = key.split(".")
     place = config
@@ -79,7 +79,7 @@ def test_a_bad_config_ends_with_status_1_and_one_message(project, key, value, sa
     place[last] = value
     (project.folder / "bad.yaml").write_text(yaml.safe_dump(config))
     done = project.snakemake("-j1", "--configfile", "bad.yaml")
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert done.stdout.count(says) == 1
     assert done.stdout.count("Error") == 1
     assert "Traceback" not in done.stdout

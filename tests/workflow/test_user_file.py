@@ -61,10 +61,10 @@ def test_edit_runs_what_depends_on_file_and_nothing_else(made):
     assert unchanged == {}
 
 
-def test_a_bad_file_ends_with_status_1_and_one_message(made):
+def test_a_bad_file_ends_with_status_2_and_one_message(made):
     config = made.folder / "bad.yaml"
     config.write_text(yaml.safe_dump(MINE | {"systems": {"kepler": MINE["systems"]["well"]}}))
     done = made.snakemake("-j1", "--configfile", "bad.yaml")
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert done.stdout.count("kepler is a registered system, taken as it is") == 1
     assert "Traceback" not in done.stdout
