@@ -180,25 +180,22 @@ def test_no_file_holds_the_time_of_its_making(tmp_path):
 
 
 @pytest.mark.parametrize("failing", ["pdf", "svg", "png"])
-def test_file_that_fails_to_write_leaves_old_ones_in_place(tmp_path, monkeypatch, failing):
+def test_figure_that_fails_to_draw_leaves_old_files_in_place(tmp_path, monkeypatch, failing):
     figure = plain_figure()
     for suffix in ("pdf", "svg", "png"):
         (tmp_path / f"fig.{suffix}").write_bytes(b"old")
-    seen = []
 
-    def savefig(path, *, format, **_):
-        seen.append(path)
-        path.write_bytes(b"half of the new")
+    def savefig(content, *, format, **_):
+        content.write(b"half of the new")
         if format == failing:
-            raise OSError(28, "No space left on device")
+            raise MemoryError
 
     monkeypatch.setattr(figure, "savefig", savefig)
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(MemoryError):
         save(figure, places(tmp_path / "fig"))
     left = ["pdf", "svg", "png"][["pdf", "svg", "png"].index(failing) :]
     assert [(tmp_path / f"fig.{suffix}").read_bytes() for suffix in left] == [b"old"] * len(left)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["fig.pdf", "fig.png", "fig.svg"]
-    assert all(path.parent == tmp_path for path in seen)  # a move within a folder cannot leave half a file
 
 
 def test_drawing_leaves_the_callers_matplotlib_settings_alone(tmp_path):

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from nearharmonic.output.atomic import replacing
+from nearharmonic.output.atomic import write_bytes
 from nearharmonic.plotting.palette import Style, style_of
 
 __all__ = [
@@ -134,6 +134,8 @@ def save(figure: Figure, places: Sequence[str | os.PathLike[str]]) -> list[Path]
     paths = [Path(place) for place in places]
     for path in paths:
         suffix = path.suffix.removeprefix(".")
-        with replacing(path) as part, mpl.rc_context(SETTINGS):
-            figure.savefig(part, format=suffix, dpi=200, metadata=_METADATA[suffix])
+        content = BytesIO()  # on a full disk, matplotlib's PDF writer raises an error of its own
+        with mpl.rc_context(SETTINGS):
+            figure.savefig(content, format=suffix, dpi=200, metadata=_METADATA[suffix])
+        write_bytes(path, content.getbuffer())
     return paths

@@ -1,7 +1,7 @@
 """A process that has Snakemake's modules loaded and forks for each command: loading them takes most of a dry run.
 
-A request is a line of JSON on the standard input: folder, arguments, environment, and the file to print to. The answer
-is a line with the exit status.
+A request is a line of JSON on the standard input: folder, arguments, environment, the file to print to, and
+limits of resources by name. The answer is a line with the exit status.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import json
 import os
+import resource
 import runpy
 import sys
 
@@ -19,12 +20,14 @@ LOADED = (
 )  # fmt: skip
 
 
-def run(folder: str, arguments: list[str], environment: dict[str, str], printed: str) -> int:
+def run(folder: str, arguments: list[str], environment: dict[str, str], printed: str, limits: dict[str, int]) -> int:
     """Run ``python -m snakemake`` in this process; return its exit status."""
     output = os.open(printed, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
     nothing = os.open(os.devnull, os.O_RDONLY)
     for given, stream in ((nothing, 0), (output, 1), (output, 2)):
         os.dup2(given, stream)
+    for name, most in limits.items():
+        resource.setrlimit(getattr(resource, name), (most, most))
     os.chdir(folder)
     os.environ.clear()
     os.environ.update(environment)

@@ -45,11 +45,11 @@ class Project:
         other.folder = folder
         return other
 
-    def snakemake(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        """``snakemake`` with ``arguments``; what it prints is in ``stdout``, errors included."""
+    def snakemake(self, *arguments: str, **limits: int) -> subprocess.CompletedProcess[str]:
+        """``snakemake`` with ``arguments`` and limits such as ``RLIMIT_FSIZE``; ``stdout`` has errors, too."""
         printed = self.folder.with_name(f"{self.folder.name}.printed")
         server = _server()
-        request = {"folder": str(self.folder), "arguments": arguments, "printed": str(printed)}
+        request = {"folder": str(self.folder), "arguments": arguments, "printed": str(printed), "limits": limits}
         server.stdin.write(json.dumps(request | {"environment": self._environment}) + "\n")
         server.stdin.flush()
         status = int(server.stdout.readline())
