@@ -123,7 +123,7 @@ def test_full_disk_is_one_sentence_and_rerun_gives_identical_files(drawn, projec
 
 @needs_prlimit
 def test_little_memory_leaves_no_half_written_file(drawn, project, trials):
-    """Which import or job fails depends on the versions of the libraries."""
+    """The import or the job that fails depends on the versions of the libraries."""
     with trials(KIND).case("little memory"):
         done = start(project, "fig2", *WORDS, before=("prlimit", f"--as={330 << 20}"))
         assert "SIGSEGV" not in done.stdout
