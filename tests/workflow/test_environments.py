@@ -108,13 +108,12 @@ def test_user_without_passwd_entry_needs_write_access_to_results_alone(drawn, pr
 
 def test_full_disk_is_one_sentence_and_rerun_gives_identical_files(drawn, project, trials):
     expected, campaign = drawn[1], trials(KIND)
-    for room, file in ((10_000, CUBE), (20_000, "results/tiny/figures/fig2_decomposition.pdf")):
-        with campaign.case(f"room for {room} bytes"):
-            done = project.snakemake("fig2", *WORDS, RLIMIT_FSIZE=room)
-            assert done.returncode == 1
-            assert f"{file} cannot be written: File too large\n" in done.stdout
-            assert "Traceback" not in done.stdout
-            check_nothing_is_half_written(project, expected)
+    with campaign.case("room for 20000 bytes"):
+        done = project.snakemake("fig2", *WORDS, RLIMIT_FSIZE=20_000)
+        assert done.returncode == 1
+        assert "results/tiny/figures/fig2_decomposition.pdf cannot be written: File too large\n" in done.stdout
+        assert "Traceback" not in done.stdout
+        check_nothing_is_half_written(project, expected)
     with campaign.case("room again"):
         done = project.snakemake("fig2", *WORDS)
         assert done.returncode == 0, done.stdout
@@ -125,10 +124,10 @@ def test_full_disk_is_one_sentence_and_rerun_gives_identical_files(drawn, projec
 def test_little_memory_leaves_no_half_written_file(drawn, project, trials):
     """The import or the job that fails depends on the versions of the libraries."""
     with trials(KIND).case("little memory"):
-        done = start(project, "fig2", *WORDS, before=("prlimit", f"--as={330 << 20}"))
+        done = start(project, CUBE, *WORDS, before=("prlimit", f"--as={330 << 20}"))
         assert "SIGSEGV" not in done.stdout
         check_nothing_is_half_written(project, drawn[1])
-        assert done.returncode != 0 or files_in(project.results) == drawn[1]
+        assert done.returncode != 0 or (project.folder / CUBE).exists()
 
 
 def test_clock_set_back_ends_with_a_sentence_about_the_clock(drawn, trials):
