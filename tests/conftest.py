@@ -16,8 +16,8 @@ from support.trials.campaign import Campaign, TrialsPlugin
 
 #: Their tests read the projects in which the workflow has run to its end.
 FINISHED = {
-    "test_adopt", "test_damage", "test_derive", "test_everything", "test_frozen_jobs", "test_results", "test_rules",
-    "test_settings_of_results", "test_work_precision",
+    "test_adopt", "test_damage", "test_derive", "test_everything", "test_frozen_jobs", "test_pages", "test_repairs",
+    "test_results", "test_rules", "test_settings_of_results", "test_without_numba", "test_work_precision",
 }  # fmt: skip
 
 # A busy machine is no fault: tests have no deadline of their own.
