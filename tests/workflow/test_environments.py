@@ -14,7 +14,7 @@ from nearharmonic.reproduction.config.config import LONGEST_NAME
 from support.projects.killed_runs import clear, files_in
 from support.projects.workflow_project import TINY, Project
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 KIND = "D. scarce environments"
 CUBE = "results/tiny/cubes/sho_terms.h5"

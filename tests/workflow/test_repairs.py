@@ -10,7 +10,6 @@ from support.projects.killed_runs import clear, files_in
 from support.projects.workflow_project import TINY
 
 COMMAND = ("-j2", "--quiet", "rules", *TINY)
-pytestmark = pytest.mark.slow
 
 
 def flip(place):
@@ -19,6 +18,7 @@ def flip(place):
     place.write_bytes(content)
 
 
+@pytest.mark.long
 def test_two_runs_make_equal_files_with_page_and_manifest(finished, breakable):
     expected = files_in(finished.results)
     clear(breakable)
@@ -28,6 +28,7 @@ def test_two_runs_make_equal_files_with_page_and_manifest(finished, breakable):
     assert [name for name in expected if found[name] != expected[name]] == []
 
 
+@pytest.mark.slow
 def test_damage_of_each_kind_is_repaired_in_one_go(breakable):
     results = breakable.results
     expected = files_in(results)

@@ -168,26 +168,3 @@ def test_an_edit_of_coefficients_runs_their_method_and_nothing_else(finished):
     swapped = 'TABLEAUS = tuple(tableau.role("kick") for tableau in TABLEAUS)\n'
     jobs = jobs_after_edit(finished, "integrators/forest_ruth_1990.py", swapped, "results/tiny/cubes/sho.h5", *TINY)
     assert jobs == {"integrate": 2, "reduce": 1}
-
-
-@pytest.mark.slow
-def test_broken_results_are_named_with_commands_that_make_them_again(breakable):
-    """Empty, no HDF5, and cut in half: the cube of each fails by itself."""
-    contents = {
-        "sho": lambda _: b"",
-        "henon_heiles": lambda _: b"not HDF5",
-        "kepler": lambda whole: whole[: len(whole) // 2],
-    }
-    cubes = [f"results/tiny/cubes/{system}.h5" for system in contents]
-    files = {f"results/tiny/runs/{system}/ruth/0.h5": broken for system, broken in contents.items()}
-    wholes = {name: (breakable.folder / name).read_bytes() for name in files}
-    for name, broken in files.items():
-        (breakable.folder / name).write_bytes(broken(wholes[name]))
-    said = breakable.snakemake(*cubes, "-j2", "--keep-going", *TINY)
-    assert said.returncode == 1
-    for name, whole in wholes.items():
-        command = f"snakemake -j2 --configfile config/tiny.yaml --force {name}"
-        assert f"{name} is truncated or no result file. Make it again: {command}" in said.stdout
-        assert breakable.snakemake(*command.split()[1:]).returncode == 0
-        assert (breakable.folder / name).read_bytes() == whole
-    assert breakable.snakemake(*cubes, "-j2", *TINY).returncode == 0
