@@ -22,7 +22,7 @@ from nearharmonic.reproduction.report.plots.markers import MARKERS
 #: Width in pixels: a hover finds curves within half of it.
 _REACH = 12
 #: Columns of a curve of more points than a page can hold.
-COLUMNS = 250
+COLUMNS = 120
 #: Number of markers on a curve, interleaved with those of other methods.
 _MARKS = 14
 #: In pixels.

@@ -56,7 +56,7 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
 
 def _seen(runs: xr.Dataset, turn: int) -> xr.Dataset:
     """Return the runs of one method that the plot can show."""
-    return envelope(runs.isel(integrator=turn), ["perihelion_advance"], panels.COLUMNS)
+    return envelope(runs.isel(integrator=turn), ["perihelion_advance"], panels.COLUMNS // 2)
 
 
 def _draw(plot: Plot, runs: xr.Dataset, turn: tuple[int, int], century: float) -> list[Renderer]:

@@ -25,6 +25,9 @@ from nearharmonic.reproduction.tasks.declarations import figure
 if TYPE_CHECKING:
     import xarray as xr
 
+#: Each point is a dot with a bar, 1.5 mm wide.
+COLUMNS = 100
+
 
 @figure(
     cube="kepler",
@@ -64,7 +67,7 @@ def fig4_perihelion(cube: xr.Dataset) -> Figure:
 
 def _draw_method(axes: Axes, runs: xr.Dataset, name: str, position: int, methods: int) -> None:
     style = style_of(name)
-    runs = envelope(runs, ["perihelion_advance"])
+    runs = envelope(runs, ["perihelion_advance"], COLUMNS)
     evaluations = runs["evaluations_per_orbit"].values
     advance, interval = abs(runs["perihelion_advance"]), runs["perihelion_advance_interval"]
     known = advance.where(interval < advance)
