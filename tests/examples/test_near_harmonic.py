@@ -103,7 +103,7 @@ def test_a_row_of_the_page_is_found_again(systems, place):
     assert [cell.strip() for cell in again.strip("|").split("|")] == text
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_tables_of_the_page_are_found_again():
     found, _ = examples.tables(FILES)
     assert filled(PAGE, found) == PAGE

@@ -55,7 +55,7 @@ def test_trained_method_leads_published_ones_on_other_problems(name):
 RESOLVED = 0.05
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_search_finds_method_as_good_as_registered_one():
     """The last bits of linear algebra differ from processor to processor, and the search takes another path."""
     purpose, settings = PURPOSES["weak"], SearchSettings()
