@@ -7,6 +7,7 @@ gc.disable()
 
 from snakemake.utils import min_version
 
+from nearharmonic.reproduction.config.refusal import refuse_unreadable
 from nearharmonic.reproduction.experiments.paper.grid.omissions import summary_line
 
 min_version("9.0")
@@ -14,6 +15,7 @@ min_version("9.0")
 
 # Snakemake merges configs, so systems of the default config would appear in another: a given config is used alone.
 if not workflow.overwrite_configfiles:
+    refuse_unreadable(["config/config.yaml"])
 
     configfile: "config/config.yaml"
 

@@ -30,6 +30,17 @@ CONFIGS = {
     "name: ../x\nintegrators: [ruth]\nsystems: {sho: 5}\n": "name = '../x' is not allowed: letters, digits",
     "name: small\n": "the config lacks the key 'integrators'",
 }
+#: Eight lists, each of which is the one before 99 times.
+LAUGHS = b"a: &a [x, x]\n"
+LAUGHS += b"".join(b"%c: &%c [%s]\n" % (n, n, b", ".join([b"*%c" % (n - 1)] * 99)) for n in b"bcdefgh")
+#: Files that Snakemake cannot read, or runs, if it comes to read them.
+UNREADABLE = {
+    "cyclic": (b"name: x\nsystems: &a\n  sho: *a\n", "the alias *a in line 3 is part of what it repeats"),
+    "deep": (b"name: " + b"[" * 5000 + b"]" * 5000, "more than 20 levels"),
+    "binary": (bytes(range(256)), "byte 128 is no text in UTF-8"),
+    "laughs": (LAUGHS, "10000"),
+    "template": (b"__use_yte__: true\nname: ?open('ran', 'w').close()\n", "__use_yte__ = True is not allowed"),
+}
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +62,14 @@ def end(project, says, *arguments):
     assert len(told) == 1, done.stdout
     check_message(told[0].removeprefix("nearharmonic: "), says)
     assert files(project.folder) == before
+
+
+def end_unreadable(bad, project, name):
+    content, says = UNREADABLE[name]
+    place = project.folder / f"config/{name}.yaml"
+    place.write_bytes(content)
+    with bad.case(name):
+        end(project, says, "-j2", "--configfile", f"config/{name}.yaml")
 
 
 class Rule:
@@ -82,6 +101,21 @@ def test_an_unknown_target_is_refused_with_its_nearest_match(trials):
 def test_the_workflow_refuses_a_target_before_any_work(trials, project):
     with trials(KIND).case("everything_else"):
         end(project, TARGETS["everything_else"], "fig1", "everything_else", "-j2", "--configfile", "config/tiny.yaml")
+
+
+def test_a_config_is_checked_before_snakemake_reads_it(trials, project):
+    end_unreadable(trials("E. bad configs"), project, "template")
+
+
+@pytest.mark.slow
+def test_configs_that_snakemake_cannot_read_end_with_one_sentence(trials, project):
+    bad = trials("E. bad configs")
+    for name in UNREADABLE:
+        end_unreadable(bad, project, name)
+    with bad.case("folder"):
+        end(project, "config cannot be read as a config: not a regular file", "-n", "--configfile", "config")
+    with bad.case("missing"):
+        end(project, "config/none.yaml cannot be read as a config", "-n", "--configfile", "config/none.yaml")
 
 
 @pytest.mark.slow

@@ -5,24 +5,16 @@ installed in, whose versions ``constraints.txt`` pins and every result file reco
 """
 
 import os
-import sys
 
 from snakemake.exceptions import WorkflowError
 
 from nearharmonic.reproduction.config.reading import load
+from nearharmonic.reproduction.config.refusal import refuse
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.output.terminal import printable
 from nearharmonic.reproduction.experiments.paper.grid.shards import REDUCED_AT_ONCE, shards_of
 from nearharmonic.reproduction.tasks.declarations import figures_of
 from nearharmonic.reproduction.tasks.experiment import experiments
 from nearharmonic.reproduction.tasks.provenance import task
-
-
-def refuse(error):
-    """End with a sentence about bad input, and the exit status of the commands for it: Snakemake's has its traceback."""
-    sys.stderr.write(printable(f"nearharmonic: {error}\n"))
-    sys.exit(2)
-
 
 try:
     CONFIG = load(config, files=workflow.configfiles)

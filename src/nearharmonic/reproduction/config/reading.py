@@ -14,8 +14,8 @@ from nearharmonic.integrators.user_file import expanded
 from nearharmonic.numerics.written import integer_of
 from nearharmonic.reproduction.config.config import NUMBERS, Config, adapter, sections
 from nearharmonic.reproduction.config.definitions import define, folders_of, named
+from nearharmonic.reproduction.config.refusal import refuse_template
 from nearharmonic.reproduction.config.schema import schema
-from nearharmonic.reproduction.config.template import refuse_template
 from nearharmonic.reproduction.config.text import MOST_ENTRIES, MOST_LEVELS, read_mapping
 from nearharmonic.reproduction.experiments.paper.grid.plan import check_sweep
 from nearharmonic.systems import systems

@@ -12,7 +12,7 @@ from typing import Any
 
 from nearharmonic.errors import RefusedError, SettingError
 from nearharmonic.output.store import DEFAULT_CONFIG, usable_configs
-from nearharmonic.reproduction.config.template import refuse_template
+from nearharmonic.reproduction.config.refusal import refuse_template
 from nearharmonic.reproduction.config.text import read_mapping
 from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.files.trusted import check_files_of
