@@ -51,6 +51,7 @@ def test_interval_of_option_takes_place_of_that_of_config(capsys, tmp_path, monk
     assert told(capsys, *words, "--t-end", "12.5")[0]["t_end"] == "12.5"
 
 
+@pytest.mark.slow
 def test_other_libraries_are_left_out_if_methods_are_named(capsys):
     with_all, _ = told(capsys, "sho", "--error", "1e-2", "--budget", "2000", "--results", "/nowhere")
     assert "other libraries: not timed (/nowhere" in with_all["basis"]

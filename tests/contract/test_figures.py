@@ -44,6 +44,11 @@ OWN = {stem: DECLARED.pop(stem) for stem in ("sho_energy_error", "henon_heiles_e
 )
 
 
+def fast_for_the_paper(names):
+    """Parameters of a test: the figures that are not of the paper make it slow."""
+    return [pytest.param(name, marks=[] if name.startswith("fig") else pytest.mark.slow) for name in names]
+
+
 def drawing(name):
     """The function that draws the figure ``name``."""
     return function_of({"function": DECLARED[name].function})
@@ -98,15 +103,13 @@ def test_paper_system_figure_equals_paper_figure():
         assert second.target == f"{system}_energy_error"
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[] if name.startswith("fig") else pytest.mark.slow) for name in CUBES]
-)
+@pytest.mark.parametrize("name", fast_for_the_paper(CUBES))
 def test_figure_draws_single_method_without_style(name):
     cube, _ = CUBES[name]
     is_drawn(drawing(name)(cube(["a_method_of_tomorrow"])))
 
 
-@pytest.mark.parametrize("name", CUBES)
+@pytest.mark.parametrize("name", fast_for_the_paper(CUBES))
 def test_a_figure_draws_a_cube_without_a_number(name):
     cube, kept = CUBES[name]
     is_drawn(drawing(name)(made.emptied(cube(["ruth", "babps9o7h"]), *kept)))
@@ -124,7 +127,7 @@ def test_work_precision_figure_draws_single_method_and_empty_curves():
     is_drawn(work_precision_figure("toy", [("20", ("max", "mean"), absent), ("5", ("position",), absent)], made.FACTS))
 
 
-@pytest.mark.parametrize("name", DECLARED)
+@pytest.mark.parametrize("name", fast_for_the_paper(DECLARED))
 def test_each_entry_of_legend_has_look_of_what_is_drawn(name):
     """A method has its own; what stands for all methods is of the grey of no method, and of a form that is drawn."""
     artists = [one for axes in figure_of(name).axes for one in axes.findobj() if one.axes is axes]
@@ -143,7 +146,7 @@ def test_each_entry_of_legend_has_look_of_what_is_drawn(name):
             assert to_hex(one.get_color()) in colours, text
 
 
-@pytest.mark.parametrize("name", DECLARED)
+@pytest.mark.parametrize("name", fast_for_the_paper(DECLARED))
 def test_a_figure_names_each_method_or_curve(name):
     said = " ".join(text.get_text() for text in figure_of(name).findobj(Text))
     of_one = ("fig6_displaced", "fig6_substeps", "trained_gain", "trained_ideas")  # names of orbits, ensembles, ideas
@@ -158,7 +161,7 @@ def test_lines_of_a_legend_stand_out_from_white_paper(name):
         assert not isinstance(one, Line2D) or 1.05 / (luminance(one.get_color()) + 0.05) >= 3, text
 
 
-@pytest.mark.parametrize("name", DECLARED)
+@pytest.mark.parametrize("name", fast_for_the_paper(DECLARED))
 def test_panels_are_lettered_in_order_and_both_axes_are_labelled(name):
     figure = figure_of(name)
     titles = [text.get_text() for text in figure.findobj(Text)]
@@ -170,7 +173,7 @@ def test_panels_are_lettered_in_order_and_both_axes_are_labelled(name):
             assert getattr(part, over)() or any(getattr(axes, get)() for axes in part.axes)
 
 
-@pytest.mark.parametrize("name", DECLARED)
+@pytest.mark.parametrize("name", fast_for_the_paper(DECLARED))
 def test_titles_labels_and_notes_do_not_overlap(name):
     figure = figure_of(name)
     boxes = {}

@@ -155,10 +155,11 @@ KICK, DRIFT, NONE = ("compensated", "kick", "every"), ("plain", "drift", "sample
 @pytest.mark.parametrize(
     ("name", "settings"),
     [
-        ("driven", DRIFT),
+        ("embedded", DRIFT),
         *(
             pytest.param(name, settings, marks=pytest.mark.slow)
             for name in ("driven", "uneven", "embedded") for settings in (KICK, DRIFT, NONE)
+            if (name, settings) != ("embedded", DRIFT)
         ),
     ],
 )  # fmt: skip

@@ -29,6 +29,7 @@ def older_processor():
     }
 
 
+@pytest.mark.slow
 def test_another_processor_computes_the_same_bits():
     environment = os.environ | older_processor()
     done = subprocess.run([sys.executable, PROGRAM], env=environment, capture_output=True, text=True, check=True)

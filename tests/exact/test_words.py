@@ -64,6 +64,7 @@ def test_sums_of_arrays_are_those_of_each_column(step):
             assert float(value) == pytest.approx(at, rel=1e-12, abs=1e-10), word
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(steps)
 def test_slopes_in_sixty_digits_are_the_exact_derivatives(step):

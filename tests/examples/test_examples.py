@@ -21,8 +21,8 @@ ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 SYSTEMS = [path for path in EXAMPLES if "SYSTEM = " in path.read_text(encoding="utf-8")]
 CONFIG = yaml.safe_load((ROOT / "examples/examples.yaml").read_text(encoding="utf-8"))
-#: A system, one that depends on time, and an integrator; each takes more than a second.
-SOME = {"pendulum", "driven_oscillator", "fourth_order"}
+#: The others take seconds each.
+SOME = {"fourth_order"}
 ALL = [pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * (path.stem not in SOME)) for path in EXAMPLES]
 
 

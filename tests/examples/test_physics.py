@@ -123,6 +123,7 @@ def recurrence(system, name, tau):
     return float(run.t[last]) / (pi / sin(pi / 64)), energy[last] / energy[0]
 
 
+@pytest.mark.slow
 def test_fput_chain_recurs_after_157_or_146_periods_as_stated():
     system = module("fput_recurrence").SYSTEM
     # "After 157 periods of the mode": Dauxois (2008), Physics Today 61(1), 55; the report's step is sqrt(1/8).
@@ -177,6 +178,7 @@ def test_outer_solar_system_after_200_000_days_matches_heyoka():
     assert abs(heyoka_positions(float, "1e-16") - ours).max() < 3e-11
 
 
+@pytest.mark.slow
 def test_outer_solar_system_conserves_momentum_and_moves_centre_evenly():
     planets = module("outer_solar_system")
     run = nh.integrate(planets.SYSTEM, "aba104", 200, t_end=20000, samples=50)
@@ -252,6 +254,7 @@ def test_mass_with_clearance_is_back_after_its_flights_and_oscillations():
         assert abs(end.q[-1, 0] - 1.5) < kicked * period
 
 
+@pytest.mark.slow
 def test_the_neural_force_is_nearly_that_of_henon_and_heiles():
     system, formula = module("neural_force").SYSTEM, nh.systems["henon_heiles"].V
     x = np.linspace(-0.75, 0.75, 61)

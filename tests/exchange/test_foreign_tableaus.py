@@ -72,6 +72,7 @@ def test_every_file_is_in_a_table_of_this_test():
     assert names("libraries") == sorted([*LIBRARIES, "teloy_8a17c"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_what_a_paper_says_of_its_method_is_proved(name):
     found = verdict("published", name)

@@ -47,6 +47,7 @@ def test_majorant_is_series_of_minus_logarithm_of_two_minus_exp():
         assert abs(mpf(one.numerator) / one.denominator - coefficient) < mpf(10) ** -12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("digits", [6, 10, 16, 30])
 @pytest.mark.parametrize("name", SOME)
 def test_no_rounding_of_a_registered_method_refutes_what_it_declares(name, digits):

@@ -181,6 +181,7 @@ def chain(sites):
     return nh.System(name="chain", V=V, q0=q0, p0=[0] * sites, t_end=10)
 
 
+@pytest.mark.slow
 def test_system_of_many_coordinates_is_timed_as_integrated():
     system = chain(MOST_UNROLLED + 1)
     found = nh.recommend(system, 1e-4, methods=FEW)

@@ -83,6 +83,7 @@ def test_stability_edges_are_distinguished_in_30_digits():
     assert all(beside(name, stability_limit(name)) for name in integrators)
 
 
+@pytest.mark.slow
 @EVERY_METHOD
 def test_a_scan_finds_instability_in_the_gaps_alone(name):
     gaps, tableau = stability_gaps(name), integrators[name]
@@ -184,6 +185,7 @@ def beside_edges(name):
         yield (edge - away, edge + away) if opens else (edge + away, edge - away)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BENCHMARKED)
 def test_runs_on_both_sides_of_every_edge_confirm_it(name):
     """Rounding moves an edge by 1e-16 times the size of the step's operators, below 1e-12; runs keep 5e-9 away."""

@@ -135,6 +135,7 @@ def test_a_highest_order_below_one_or_no_integer_is_refused(highest):
 ASYMMETRIC = [name for name, tableau in plain_integrators.items() if not tableau.symmetric]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "first", "tau_per_stage"),
     [

@@ -18,6 +18,7 @@ from support.methods.family_members import FAMILIES, members
 from support.oracles.word_series import operators_of, series
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES, ids=str)
 def test_polished_members_have_the_orders_of_their_family_by_proof(family):
     for x in members(family, 2):
@@ -42,6 +43,7 @@ def test_order_six_conditions_are_necessary_and_not_fulfilled_by_chance():
     assert tableau.requires
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES, ids=str)
 def test_sixty_decimals_meet_the_equations_in_exact_arithmetic(family):
     tableau = tableau_of(family, members(family, 1)[0], name="member", source="here")

@@ -107,6 +107,7 @@ def test_descent_finds_minimum_and_returns_member_that_has_it(family):
     assert value == pytest.approx(objective(x[None])[0], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_search_finds_again_what_it_found_and_counts_it():
     objective = Distance(FAMILY, members(FAMILY, 1)[0])
     starts = [Start(origin=str(i), point=objective.target + 0.01 * (i + 1), spread=0.01) for i in range(3)]

@@ -63,6 +63,7 @@ def test_evaluations_of_run_match_table_of_skipped_work(finished):
     assert run["evaluations"] + run["evaluations_skipped"] == count["all", "full grid"] + orbits
 
 
+@pytest.mark.slow
 def test_results_that_were_copied_are_adopted_and_nothing_runs_again(finished, tmp_path):
     copy = Project(tmp_path / "copy")
     shutil.copytree(finished.folder / "src", copy.folder / "src", dirs_exist_ok=True)
@@ -78,9 +79,8 @@ def test_results_that_were_copied_are_adopted_and_nothing_runs_again(finished, t
     assert copy.jobs("results/tiny/cubes/sho.h5", *TINY) == {"reduce": 1}
 
 
-@pytest.mark.parametrize(
-    "fault", ["another setting", *(pytest.param(one, marks=pytest.mark.slow) for one in ("a flipped bit", "no config"))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", ["another setting", "a flipped bit", "no config"])
 def test_deceptive_results_are_refused_with_reason(finished, tmp_path, fault):
     copy = Project(tmp_path / "copy")
     without_logs = shutil.ignore_patterns("logs")
@@ -122,6 +122,7 @@ def test_the_commands_that_verify_prints_mend_what_it_found(breakable):
     assert breakable.jobs(*TINY) == {}
 
 
+@pytest.mark.slow
 def test_the_settings_in_an_archive_make_the_same_results(breakable):
     assert breakable.nearharmonic("archive", "tiny", "-o", "tiny.zip").returncode == 0
     with ZipFile(breakable.folder / "tiny.zip") as archive:

@@ -106,6 +106,7 @@ def flip(campaign, kept, readers, kind, number):
             assert readers.end(name_in_answers(file), asked) == "found"
 
 
+@pytest.mark.slow
 def test_flipped_bits_are_found_by_each_reader(kept, readers, trials):
     campaign = trials("D. flipped bits")
     for kind in KINDS:

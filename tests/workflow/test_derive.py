@@ -43,6 +43,7 @@ def test_a_figure_derives_nothing(project):
     assert not {"derive_coefficients", "search_sixth_order"} & set(project.jobs("figures", *SMOKE))
 
 
+@pytest.mark.slow
 def test_everything_holds_what_the_default_leaves_out(project):
     more = set(project.jobs("everything", *SMOKE)) - set(project.jobs("all", *SMOKE))
     assert {"search_sixth_order", "work_precision_times", "stability_run"} <= more

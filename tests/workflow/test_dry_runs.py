@@ -28,6 +28,7 @@ def test_the_paper_fans_out_over_methods_systems_and_shards(paper):
     }
 
 
+@pytest.mark.slow
 def test_the_smoke_run_is_the_same_workflow(smoke, paper):
     assert set(smoke) == set(paper)
     assert smoke["integrate"] == 3 * 3
@@ -39,6 +40,7 @@ def test_the_linter_asks_for_environments_and_for_nothing_else(project):
     assert titles == {"* Specify a conda environment or container for each rule.:"}  # common.smk says why none does
 
 
+@pytest.mark.slow
 def test_kernels_compile_one_system_at_a_time_to_share_code(project):
     planned = project.snakemake("results/paper/logs/compile/sho.done", "-n", "--quiet", "host").stdout
     assert "compiler=1" in planned  # what the job takes
@@ -46,6 +48,7 @@ def test_kernels_compile_one_system_at_a_time_to_share_code(project):
     assert profile["resources"] == ["compiler=1"]  # what there is
 
 
+@pytest.mark.slow
 def test_one_shard_for_each_step_size_works(project):
     # Henon-Heiles has 11 step sizes in the smoke config: two decades of 5, ends included.
     assert project.jobs("fig3", *SMOKE, "--config", "shards=1000")["integrate"] == 3 * 11

@@ -184,6 +184,7 @@ def test_no_two_figures_are_equal_except_those_with_two_names(after):
     assert len(set(pictures.values())) == len(pictures)
 
 
+@pytest.mark.slow
 @each(".png")
 def test_a_figure_shows_its_methods_in_each_of_its_files(after, stem):
     place = after.folder / RESULTS / "figures"

@@ -99,6 +99,7 @@ def extended(tmp_path_factory):
     return project.folder / "results/added"
 
 
+@pytest.mark.slow
 def test_system_is_one_file_with_cube_and_energy_error_figure(extended):
     with h5py.File(extended / "cubes/quartic.h5") as cube:
         assert cube["max_energy_error"].shape == (1, 2, 3)

@@ -34,6 +34,7 @@ def _run_again(project, job):
     return before, [path.read_bytes() for path in outputs]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "rule", ["integrate", "skipped", *(pytest.param(name, marks=pytest.mark.slow) for name in ("reduce", "draw_sho"))]
 )

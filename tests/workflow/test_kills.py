@@ -41,6 +41,7 @@ def try_kills(campaign, project, words, expected, kills):
             check_next_start(project, words, expected)
 
 
+@pytest.mark.slow
 def test_few_kills_are_completed_by_the_next_start(project, trials):
     expected, seconds = undisturbed(project, FEW)
     campaign = trials("C. kills")

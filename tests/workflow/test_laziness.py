@@ -53,6 +53,7 @@ def test_target_asks_for_files_it_needs_and_for_no_other(project, target):
     assert {name for name in asked if not name.startswith("logs/")} == NEEDED[target]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "target", ["cubes/sho.h5", *(pytest.param(target, marks=pytest.mark.slow) for target in ("fig2", "fig4"))]
 )

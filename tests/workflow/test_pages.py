@@ -44,6 +44,7 @@ def jobs(project):
     return found
 
 
+@pytest.mark.slow
 def test_each_page_with_marks_has_a_rule(jobs):
     made = {name.rpartition("/")[2] for job in jobs.values() for name in job.output}
     assert {name for name in made if name.endswith(".md")} == MARKED
@@ -56,6 +57,7 @@ def test_pages_of_times_have_a_target_of_their_own(jobs):
     assert {rule: job.threads for rule, job in jobs.items() if job.threads > 1} == {"page_of_ranking": CORES}
 
 
+@pytest.mark.slow
 def test_no_other_target_makes_a_page(planned):
     assert not [job.rule for job in planned if job.rule.startswith("page_of_")]
 
@@ -96,6 +98,7 @@ def fill(project, filled, *more):
     return project.snakemake(page, "-j1", *rest, *more, "--configfile", config)
 
 
+@pytest.mark.slow
 def test_a_page_is_filled_once_and_survives_failing_jobs(project, filled):
     page = project.results / "docs/trained.md"
     done = fill(project, filled)

@@ -33,9 +33,14 @@ BLOCKS = {
 }
 
 
-@pytest.fixture
-def beside_results(tmp_path, monkeypatch):
+#: Pages whose blocks take seconds.
+LONGER = {"exact_oscillator.md", "own_systems.md", "regularised.md", "systems.md", "tailor.md"}
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
     """A folder with a small cube and run files where README expects the paper's."""
+    folder = tmp_path_factory.mktemp("results")
     methods = {}
     for name, stages in (("ruth", 3), ("babps8o7h", 8)):
         steps = tuple(steps_of("50", tau * stages) for tau in (0.05, 0.1, 0.2))
@@ -45,13 +50,22 @@ def beside_results(tmp_path, monkeypatch):
         )  # fmt: skip
         runs = assembled(integrate_run(run), ["t"], {"system": "henon_heiles", "integrator": name})
         methods[name] = reduced_numbers(runs).expand_dims(precision=["double"])
-        store.write_dataset(tmp_path / f"results/paper/runs/henon_heiles/{name}/0.h5", runs, {})
-    store.write_dataset(tmp_path / "results/paper/cubes/henon_heiles.h5", cube_of("henon_heiles", methods), {})
-    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+        store.write_dataset(folder / f"results/paper/runs/henon_heiles/{name}/0.h5", runs, {})
+    store.write_dataset(folder / "results/paper/cubes/henon_heiles.h5", cube_of("henon_heiles", methods), {})
+    shutil.copytree(ROOT / "examples", folder / "examples")
+    return folder
+
+
+@pytest.fixture
+def beside_results(results, tmp_path, monkeypatch):
+    """A working directory with these results and the examples."""
+    shutil.copytree(results, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.parametrize("name", BLOCKS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n.partition("-")[0] in LONGER)) for n in BLOCKS]
+)
 def test_a_python_block_runs_as_printed(beside_results, name):
     exec(compile(BLOCKS[name], name, "exec"), {})
 

@@ -100,6 +100,7 @@ def test_a_second_run_has_nothing_to_do(finished):
     assert "Nothing to be done" in finished.snakemake("-j2", *TINY).stdout
 
 
+@pytest.mark.slow
 def test_the_same_run_gives_the_same_bytes(breakable):
     names = ["results/tiny/runs/kepler/ruth/0.h5", "results/tiny/cubes/sho_terms.h5"]
     before = [(breakable.folder / name).read_bytes() for name in names]
@@ -118,6 +119,7 @@ def jobs_after_edit(finished, module, more, *arguments):
         path.write_text(original)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("module", "reruns"),
     [

@@ -98,6 +98,7 @@ def test_there_is_task_for_every_rule_that_runs_script():
     assert len(tasks()) >= 20
 
 
+@pytest.mark.slow
 def test_rule_digest_covers_everything_that_comes_with_function(package, covered):
     done = subprocess.run(
         [sys.executable, "-c", IMPORTER, *covered],

@@ -8,6 +8,8 @@ import yaml
 
 from support.projects.workflow_project import ROOT, Project
 
+pytestmark = pytest.mark.slow
+
 MINE = {
     "name": "mine",
     "integrators": ["fourth_order.py"],

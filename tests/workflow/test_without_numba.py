@@ -36,6 +36,7 @@ def python(text):
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_a_process_whose_kernels_are_kept_needs_no_numba():
     python(f"forbidden = False{TEXT}")
     python(f"forbidden = True{TEXT}")

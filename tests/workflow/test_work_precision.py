@@ -18,6 +18,7 @@ SMOKE = ("--configfile", "config/smoke.yaml")
 SYSTEMS = ("sho", "henon_heiles", "kepler")
 
 
+@pytest.mark.slow
 def test_it_is_a_target_of_its_own(project):
     assert not {name for name in project.jobs(*SMOKE) if name.startswith("work_precision")}
     assert project.jobs("work_precision", *SMOKE) == {

@@ -135,8 +135,8 @@ def trend_linearity(t: Any, angle: Any) -> tuple[float, float]:
         return float("nan"), float("nan")
     x, y = x - mean(x), y - mean(y)
     spread, half = dot(y, y), (x.size + 1) // 2
-    residual = y - _slope(x, y) * x
-    first, second = (_slope(x[part] - mean(x[part]), y[part]) for part in (slice(half), slice(-half, None)))
+    residual = y - line_slope(x, y) * x
+    first, second = (line_slope(x[part] - mean(x[part]), y[part]) for part in (slice(half), slice(-half, None)))
     return (
         1 - dot(residual, residual) / spread if spread else float("nan"),
         second / first if first else float("nan"),
@@ -149,8 +149,8 @@ def _unwrapped(t: Any, angle: Any) -> tuple[Floats, Floats]:
     return t[finite], np.unwrap(angle[finite])
 
 
-def _slope(x: Floats, y: Floats) -> float:
-    """Slope of ``y`` against abscissas ``x`` of mean 0, by ordinary least squares."""
+def line_slope(x: Floats, y: Floats) -> float:
+    """Return the slope of :func:`line_fit` alone, for abscissas ``x`` (n,) of mean 0 and ordinates ``y`` (n,)."""
     return dot(x, y) / dot(x, x)
 
 

@@ -63,6 +63,7 @@ def test_every_package_that_the_library_imports_is_a_dependency():
     assert {name: place for name, place in found.items() if name not in declared} == {}
 
 
+@pytest.mark.slow
 def test_every_package_that_is_imported_is_declared():
     found = distributions_of(path for path in [*PYTHON, *RULES] if PEERS not in path.parents)
     assert {"llvmlite", "pyyaml", "snakemake"} <= found.keys()  # the walk sees Python, other names, and rules
@@ -84,6 +85,7 @@ def test_every_dependency_is_pinned(name):
     assert name in names_of(line for line in PINNED if line and line[0].isalpha())
 
 
+@pytest.mark.slow
 def test_only_the_store_imports_what_opens_hdf5():
     opening = {path.parent.name for path in PYTHON if imported_in(path) & {"h5py", "h5netcdf"}}
     assert opening == {"store"}

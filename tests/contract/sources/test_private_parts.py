@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
+import pytest
+
 import nearharmonic
 
 SOURCES = Path(nearharmonic.__file__).parent
@@ -29,6 +31,7 @@ def test_a_private_name_is_recognised():
     assert list(private_uses(text)) == ["xr.Dataset._construct_direct", "group._h5group"]
 
 
+@pytest.mark.slow
 def test_no_module_uses_private_parts_of_a_library():
     found = {
         f"{path.relative_to(SOURCES)}: {name}"

@@ -32,6 +32,7 @@ def begins_badly(docstring):
     return any(docstring.startswith(f"{words} ") for words in FORBIDDEN)
 
 
+@pytest.mark.slow
 @in_each_folder
 def test_docstrings_begin_with_a_noun_or_a_verb(folder):
     found = {(str(path), ast.get_docstring(node) or "") for path, node in definitions(folder)}
@@ -55,6 +56,7 @@ def test_expressions_are_plain(folder):
             assert [words for words in EXPRESSIONS if words in text] == [], path
 
 
+@pytest.mark.slow
 def test_names_of_tests_have_at_most_ten_words():
     named = [
         (str(path), node.name) for path, node in definitions("tests") if getattr(node, "name", "").startswith("test_")

@@ -9,6 +9,8 @@ import sys
 import tomllib
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[3]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 #: Names under which packages of the workflow are imported, where they are others.
@@ -46,6 +48,7 @@ def test_the_packages_of_the_workflow_are_absent_in_these_tests(tmp_path):
         assert "No module named" in run(f"import {name}", tmp_path).stderr
 
 
+@pytest.mark.slow
 def test_the_python_of_readme_runs_without_the_workflow(tmp_path):
     """Each block by itself, as printed, in one process."""
     assert BLOCKS

@@ -100,6 +100,7 @@ ROOT = Path(nearharmonic.__file__).parent
 SCRIPTS = Path(__file__).parents[3] / "workflow/scripts"
 
 
+@pytest.mark.slow
 def test_no_module_writes_a_file_in_place():
     walked = [
         path

@@ -245,6 +245,7 @@ def test_pefrl_is_ten_times_as_efficient_as_forest_ruth():
 NYSTROM = [name for name, tableau in plain_integrators.items() if tableau.requires is not None]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NYSTROM)
 def test_nystrom_method_loses_order_in_wrong_role_or_other_T(name):
     tableau = integrators[name]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from mpmath import mpf
@@ -55,6 +56,7 @@ points = st.tuples(coordinate, coordinate, st.floats(-1, 1), st.floats(-1, 1)).m
 )
 
 
+@pytest.mark.slow
 @settings(randomly, max_examples=25)
 @given(trees(LITERALS + EXACT, functions=False), st.lists(points, min_size=8, max_size=8))
 @example(OPERATIONS, [[-0.75, 1e-18, 1.25, -1e-17]] * 8)

@@ -69,6 +69,7 @@ def test_doubles_are_within_the_bound_of_the_page(name, count):
             assert agree, (name, operands, found, float(true))
 
 
+@pytest.mark.slow
 @COUNTS
 @pytest.mark.parametrize("name", NAMES)
 def test_double_doubles_are_within_the_bound_of_the_page(name, count):

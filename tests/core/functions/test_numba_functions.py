@@ -42,6 +42,7 @@ def walls():
     return nh.System(name="walled", V=V, grad_V=grad_V, q0=1, p0=0, t_end=20)
 
 
+@pytest.mark.slow
 def test_another_process_finds_the_same_digest_and_orbit(walls):
     here = formulas_digest(walls), nh.integrate(walls, "ruth", 0.01).q.values[-1, 0].hex()
     places = [str(Path(nh.__file__).parents[1]), str(Path(__file__).parents[2])]

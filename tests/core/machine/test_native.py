@@ -60,6 +60,7 @@ def test_a_numba_that_must_not_compile_is_one_clear_error(tmp_path):
     assert "CompiledCodeError: NUMBA_DISABLE_JIT is set, so that kernels cannot be compiled: unset it" in done.stderr
 
 
+@pytest.mark.slow
 def test_loops_are_compiled_once_where_nothing_can_be_kept(monkeypatch):
     monkeypatch.setenv("NEARHARMONIC_CACHE_DIR", "/proc/nearharmonic")  # read-only for root too
     monkeypatch.setattr(link, "_MADE", {})
@@ -179,6 +180,7 @@ def bits(numbers):
     return [np.where(np.isnan(part), np.nan, part).tobytes() for part in numbers]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("processor", "computed"),
     [

@@ -84,6 +84,7 @@ def test_a_step_size_that_is_no_number_gives_none():
         assert not np.isfinite(filled([(Fraction(1, 3), Fraction(1, 3), Fraction(1, 9))], 2, tau)).any()
 
 
+@pytest.mark.slow
 def test_threads_recall_the_moves_that_they_ask_for():
     """Different moves at one memory address."""
     rows = [(Fraction(1, k), Fraction(-k, 7), Fraction(-1, 7)) for k in range(1, 10)]

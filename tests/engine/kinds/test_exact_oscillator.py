@@ -26,7 +26,9 @@ HOW = [{}, {"summation": "plain"}, {"precision": "extended"}]
 IDS = ["carry", "plain", "dd"]
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name not in ("sho", "henon_heiles"))) for name in SYSTEMS]
+)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("first", ["drift", "kick"])
 def test_runs_are_those_of_rotations_by_cosine_and_sine(name, method, first):
@@ -114,6 +116,7 @@ def test_rest_of_v_is_simplified_like_hand_written_code():
         "srkn_a14", "babs8o6_7h", "s9odr6a",
     ],
 )  # fmt: skip
+@pytest.mark.slow
 def test_a_method_keeps_its_order_with_the_oscillator_solved_exactly(method):
     """Those for quadratic T too: [B, [B, [B, A]]] = 0 if A is of degree 2 in the momenta and B depends on q alone."""
     taus = (Fraction(1, 4), Fraction(1, 8), Fraction(1, 16))

@@ -50,7 +50,12 @@ def rates_of(system):
 
 @EVERY
 @pytest.mark.parametrize(
-    "system", [nh.systems["henon_heiles"], nh.systems["kepler"], SPRING, DRIVEN], ids=lambda system: system.name
+    "system",
+    [
+        nh.systems["henon_heiles"],
+        *(pytest.param(one, marks=pytest.mark.slow) for one in (nh.systems["kepler"], SPRING, DRIVEN)),
+    ],
+    ids=lambda system: system.name,
 )
 @pytest.mark.parametrize("precision", ["double", "extended"])
 def test_states_are_those_of_the_same_steps_in_multiprecision(name, system, precision):
@@ -94,6 +99,7 @@ def test_errors_fall_with_the_declared_order_in_extended_precision(name, system)
     assert np.abs(slopes[0] - order) < 0.2
 
 
+@pytest.mark.slow
 @EVERY
 def test_energy_of_many_coordinates_is_measured_as_at_samples(name):
     every = nh.integrate(sites(10), name, 0.5, samples=1000)

@@ -36,26 +36,34 @@ KINDS = {
     },
     **{
         f"{method} {how}": ("henon_heiles", method, 0.125, TEXTS, how)
+        for method, how in (("chin_4a", {}), ("rowlands", PLAIN))
+    },
+    "ten sites": (sites(10), "aba864", 0.25, {"q0": [mode(10, k) for k in (1, 2, 5)]}, {}),
+    "regularised": ("kepler_regularised", "babs7o7h", 256.0, BOUND, {}),
+}  # fmt: skip
+#: More methods with a modified potential, systems of other kinds, and oscillators solved exactly.
+LONGER = {
+    **{
+        f"{method} {how}": ("henon_heiles", method, 0.125, TEXTS, how)
         for method in nh.modified_integrators for how in ({}, PLAIN, EXTENDED)
+        if f"{method} {how}" not in KINDS
     },
     "processed, with parameters": ("kepler", "rowlands", 16.0, PLANETS, {}),
     **{
         f"driven {how}": (driven(), "aba864", 0.25, ONE | {"parameters": {"F": [0.5, 1.5], "w": [0.7, 0.3]}}, how)
         for how in ({}, EXTENDED)
     },
-    "ten sites": (sites(10), "aba864", 0.25, {"q0": [mode(10, k) for k in (1, 2, 5)]}, {}),
     "loops": (sites(70), "aba864", 0.25, {"q0": [mode(70, k) for k in (1, 2, 5)]}, {}),
     "numba": (springs(), "ruth", 0.125, {"q0": RNG.uniform(-1, 1, (5, 1)), "parameters": {"k": np.arange(1, 6)}}, {}),
-    **{f"regularised {how}": ("kepler_regularised", "babs7o7h", 256.0, BOUND, how) for how in ({}, PLAIN)},
-}  # fmt: skip
-#: Oscillators solved exactly again, which take seconds more.
-LONGER = {
-    f"{method} {how} {len(starts['q0'])}": (system, method, 0.25, starts, EXACT | how)
-    for system, method, starts in (
-        ("sho", "babps9o7h", ONE), ("henon_heiles", "babps9o7h", STARTS), (CHAIN.system, "aba864", THREE),
-        (CHAIN.system, "babps9o7h", THREE),
-    )
-    for how in ({}, PLAIN, EXTENDED)
+    "regularised, plain sums": ("kepler_regularised", "babs7o7h", 256.0, BOUND, PLAIN),
+    **{
+        f"{method} {how} {len(starts['q0'])}": (system, method, 0.25, starts, EXACT | how)
+        for system, method, starts in (
+            ("sho", "babps9o7h", ONE), ("henon_heiles", "babps9o7h", STARTS), (CHAIN.system, "aba864", THREE),
+            (CHAIN.system, "babps9o7h", THREE),
+        )
+        for how in ({}, PLAIN, EXTENDED)
+    },
 }  # fmt: skip
 
 

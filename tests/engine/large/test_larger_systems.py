@@ -48,6 +48,7 @@ def test_a_linear_chain_of_1024_sites_follows_its_normal_modes():
     assert np.abs(run.q[-1].values - exact).max() < 5e-12
 
 
+@pytest.mark.slow
 def test_energy_of_chain_of_1024_sites_is_measured_to_rounding():
     run = nh.integrate(sites(SITES), "aba864", 0.5, t_end=50, q0=mode(SITES, 3).round(6), samples=5)
 
@@ -117,6 +118,7 @@ def exact_error(run, sample):
     return float((energy(sample) - energy(0)) / energy(0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", ["kick", "drift"])
 @pytest.mark.parametrize(("method", "tau"), [("leapfrog", 0.2), ("aba864", 0.2), ("s9odr6a", 0.1)])
 def test_energy_error_is_that_of_states_to_four_digits(method, tau, first):

@@ -83,7 +83,7 @@ def test_step_of_every_method_has_bits_of_run(name, summation, methods):
     ("system", "method", "summation"),
     [
         ("kepler", "ruth", "plain"),
-        (CHAIN, "leapfrog", "compensated"),
+        pytest.param(CHAIN, "leapfrog", "compensated", marks=pytest.mark.slow),
         pytest.param("kepler", "chin_4a", "compensated", marks=pytest.mark.slow),
         pytest.param(CHAIN, "leapfrog", "plain", marks=pytest.mark.slow),
     ],

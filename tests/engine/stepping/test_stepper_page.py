@@ -11,6 +11,8 @@ import pytest
 import nearharmonic as nh
 from nearharmonic.core.stepper.recent_moves import SLOTS
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs/stepper.md").read_text(encoding="utf-8")
 

@@ -58,6 +58,7 @@ def ended(damping, start, bound=np.inf, step_of=levenberg_step, radius=3.0):
     return compiled(step_of)(radius, x, bound, damping), x
 
 
+@pytest.mark.slow
 @STEPS
 def test_the_iteration_comes_to_a_solution_from_near_and_far(step_of):
     for start in np.random.default_rng(1).uniform(-20, 20, (20, 3)):

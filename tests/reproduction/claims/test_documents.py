@@ -65,6 +65,7 @@ def test_what_fails_in_substance_is_said_in_a_sentence():
     assert failures_in_words(ENTRIES) in README
 
 
+@pytest.mark.slow
 def test_the_committed_verdicts_are_decided_again_from_recorded_results(tmp_path):
     assert decided(unpack(tmp_path), plain_integrators.registered)["document"] == TEXT
 

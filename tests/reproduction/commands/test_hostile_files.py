@@ -126,6 +126,7 @@ def try_results(kind, seeds, hostile, capsys, trials):
             path.write_bytes(content)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", RESULTS)
 def test_hostile_result_is_answered_or_refused(kind, hostile, capsys, trials):
     try_results(kind, range(4), hostile, capsys, trials)

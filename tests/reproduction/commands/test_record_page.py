@@ -21,6 +21,7 @@ COMMANDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", sorted(COMMANDS))
 def test_a_command_of_the_page_runs(project, command, capsys):
     shutil.copytree(project, project.with_name("smoke"))

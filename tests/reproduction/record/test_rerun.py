@@ -87,6 +87,7 @@ def rewritten(results, change):
     return place.relative_to(results).as_posix()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["q", "block_max_energy_error", "steps", "block_steps"])
 def test_a_number_that_differs_in_its_last_bit_is_named(results, name):
     def change(variables):

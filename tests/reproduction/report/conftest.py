@@ -63,20 +63,25 @@ window.spotOf = (id, x, y) => {
 }"""
 
 
+@pytest.fixture(scope="session")
+def chromium():
+    """Path of the browser; tests without one are skipped before a page is made for them."""
+    pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    return shutil.which("chromium") or shutil.which("chromium-browser") or pytest.skip("chromium is not installed")
+
+
 @pytest.fixture(scope="module")
-def browser():
-    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
-    if chromium is None:
-        pytest.skip("chromium is not installed")
-    with sync_api.sync_playwright() as playwright:
+def browser(chromium):
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
         started = playwright.chromium.launch(executable_path=chromium, args=list(FLAGS))
         yield started
         started.close()
 
 
 @pytest.fixture(scope="module")
-def opened(browser, place):
+def opened(chromium, browser, place):
     """Open the page as a function of the browser's settings; what went wrong is in ``page.heard``."""
     contexts = []
 

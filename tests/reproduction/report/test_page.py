@@ -40,6 +40,7 @@ def read(text):
     return Reader(text)
 
 
+@pytest.mark.slow
 def test_same_results_give_the_same_bytes_in_another_process(results, text):
     code = (
         "import sys; from nearharmonic.reproduction.report.page import page; "
@@ -189,6 +190,7 @@ def test_coefficients_keep_all_their_decimals_and_floats_are_shown_short(text):
     assert '<td class="n">-0.9129</td>' in text
 
 
+@pytest.mark.slow
 def test_page_does_not_depend_on_the_record_of_its_runs(copied, text, monkeypatch):
     monkeypatch.setenv("NEARHARMONIC_RUN", "20990101T000000Z-00")
     for content in ("a history", "another"):
@@ -205,6 +207,7 @@ def test_damaged_claims_are_named_with_command_that_makes_them(copied, content):
         ShownResults(copied).claims  # noqa: B018
 
 
+@pytest.mark.slow
 def test_page_that_grows_too_large_loses_its_largest_optional_picture(copied, monkeypatch):
     for name in ("linear_stability", "rounding_growth"):
         shutil.copy(copied / "figures/fig1_sho.svg", copied / f"figures/{name}.svg")

@@ -50,15 +50,15 @@ def digests(root):
     ("module", "changes"),
     [
         ("systems/kepler.py", {"kepler", "kepler_regularised"}),
-        ("systems/relativistic_oscillator.py", {"relativistic_oscillator"}),
+        pytest.param("systems/relativistic_oscillator.py", {"relativistic_oscillator"}, marks=pytest.mark.slow),
         ("core/loops/kernel.py", {*systems, "cubes"}),  # reductions take logarithms, which are compiled
         ("integrators/nielsen_2015.py", set()),  # coefficients have a digest of their own
         ("reproduction/experiments/paper/reduce.py", {"cubes"}),
-        ("reproduction/experiments/paper/reductions.py", {"cubes"}),
+        pytest.param("reproduction/experiments/paper/reductions.py", {"cubes"}, marks=pytest.mark.slow),
         ("plotting/style.py", {"fig1"}),
-        ("reproduction/experiments/paper/figures/fig2_decomposition.py", set()),
-        ("output/store/reader.py", {"cubes"}),
-        ("config.py", set()),
+        pytest.param("reproduction/experiments/paper/figures/fig2_decomposition.py", set(), marks=pytest.mark.slow),
+        pytest.param("output/store/reader.py", {"cubes"}, marks=pytest.mark.slow),
+        pytest.param("config.py", set(), marks=pytest.mark.slow),
         ("__init__.py", set()),
     ],
 )

@@ -141,6 +141,7 @@ def twice():
         return [derive(FEW, lines.append, digits=60) for _ in range(2)], lines
 
 
+@pytest.mark.slow
 def test_same_seed_gives_same_table_and_progress_is_reported(twice):
     (first, second), lines = twice
     assert first["document"] == second["document"]

@@ -27,6 +27,7 @@ EVERY = pytest.mark.parametrize("name", NAMES)
 # --- the criterion ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @EVERY
 def test_criterion_is_made_of_what_other_modules_say_of_method(name):
     tableau = integrators[name]

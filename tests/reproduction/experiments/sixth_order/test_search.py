@@ -44,6 +44,7 @@ def test_unknowns_give_palindromes_of_sum_one_and_back(stages, first):
     assert equations.halved(step[0::2], step[1::2]) == x
 
 
+@pytest.mark.slow
 def test_point_that_counts_as_solved_solves_equations_in_multiprecision():
     equations, random = NystromEquations(8, "kick", 6), np.random.default_rng(3)
     found, solved = solve(system_of(equations), random.uniform(-1, 1, (100, 7)), 2.0)
@@ -92,6 +93,7 @@ def seven_and_eight():
     return findings, told
 
 
+@pytest.mark.slow
 def test_yoshidas_method_is_found_among_those_of_seven_stages(seven_and_eight):
     # A method of order six for every H is one for quadratic T: Yoshida (1990) is an answer that is known. Here it is a
     # double solution: residuals of 1e-12 leave the square root of that in the unknowns.

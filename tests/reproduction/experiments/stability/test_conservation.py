@@ -69,6 +69,7 @@ def test_the_defect_sees_degrees_of_freedom_that_are_mixed_up():
     assert defect(np.array(J, dtype=object)) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", ["sho", "henon_heiles", "kepler", "relativistic_oscillator"])
 @pytest.mark.parametrize("name", BENCHMARKED)
 def test_every_method_keeps_the_structure_to_rounding_and_no_better(system, name):

@@ -102,6 +102,7 @@ def test_starts_have_energies_that_are_log_uniform_in_stated_range(name):
     assert np.abs(share - (np.arange(count) + 0.5) / count).max() < 0.08
 
 
+@pytest.mark.slow
 def test_starts_are_first_places_on_their_ray_with_their_energy():
     """On the way there H is below: beyond the saddles of Henon-Heiles are places with the same energy."""
     for name in ("henon_heiles", "morse", "lennard_jones"):
@@ -153,6 +154,7 @@ def test_anharmonicity_of_small_oscillation_follows_from_its_fourth_derivative()
     assert single(BY_NAME["pendulum"].system(), 0.05) == pytest.approx(0.05**2 / 4 / sqrt(2), rel=5e-3)
 
 
+@pytest.mark.slow
 def test_every_system_has_an_ensemble_with_anharmonicities_of_its_own():
     found = list(named_ensembles(3, 9, 30.0))
     assert [one.name for one in found] == [one.label for one in NAMED]

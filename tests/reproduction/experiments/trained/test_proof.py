@@ -36,6 +36,8 @@ from support.oracles.plain_runs import (
     largest_error,
 )  # fmt: skip
 
+pytestmark = pytest.mark.slow
+
 SMALL = ProofSettings(
     systems=4, t_end="12", tau_per_stage=("0.05", "0.1"), evaluations_per_orbit=(60,)
 )  # fmt: skip

@@ -98,6 +98,7 @@ def mean_log(method, ensemble, tau_per_stage, cost):
     return np.log10(np.minimum(run.max_energy_error.values, 1.0)).mean()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("goal", [GOAL, MODIFIED], ids=["plain", "modified"])
 def test_gain_in_document_is_that_of_ensembles_at_equal_cost(monkeypatch, goal):
     document = trained(monkeypatch, goal)["document"]

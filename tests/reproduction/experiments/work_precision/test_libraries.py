@@ -25,6 +25,7 @@ from nearharmonic.reproduction.experiments.work_precision.peers.rebound import _
 from nearharmonic.systems import Parameter, System, systems
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "name"),
     [

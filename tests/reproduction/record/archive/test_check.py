@@ -54,6 +54,7 @@ def replaced(name, content):
     return lambda contents: [(each, content if each == name else old) for each, old in contents]
 
 
+@pytest.mark.slow
 def test_a_flipped_bit_anywhere_is_found(place, whole):
     for bit in random.Random(1).sample(range(8 * len(whole)), FLIPS):
         byte = bit // 8
@@ -61,6 +62,7 @@ def test_a_flipped_bit_anywhere_is_found(place, whole):
         assert faults_of_archive(place), bit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", ["first header", "directory", "seal"])
 def test_every_unprotected_zip_bit_is_reported_in_one_line(tmp_path, whole, part):
     place = tmp_path / "flipped.zip"

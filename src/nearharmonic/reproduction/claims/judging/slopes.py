@@ -12,8 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nearharmonic.math import log
 from nearharmonic.numerics import portable
-from nearharmonic.numerics.statistics import power_law
+from nearharmonic.numerics.statistics import line_slope, mean
 from nearharmonic.numerics.types import Bools, Floats
 from nearharmonic.reproduction.claims.claim import Decide, Decision, Verdict, combined
 from nearharmonic.reproduction.claims.judging.curves import FEWEST, LOST, Curves, Range, curves_of
@@ -59,11 +60,13 @@ def local_slopes(curves: Curves, name: str, variable: str = "max_energy_error") 
 
 def _local_slopes(curves: Curves, name: str, variable: str) -> Floats:
     error, places = curves.errors([name], variable)[0], portable.log10(curves.x)
+    good = np.isfinite(error) & (error > 0)
+    x, y = log(curves.x), log(np.where(good, error, 1.0))
     found = np.full(curves.x.size, np.nan)
     for i, place in enumerate(places):
         near = np.abs(places - place) <= WINDOW + _ROUNDED
-        if near.sum() >= FEWEST and (np.isfinite(error[near]) & (error[near] > 0)).all():
-            found[i] = power_law(curves.x[near], error[near])[0]
+        if near.sum() >= FEWEST and good[near].all():
+            found[i] = line_slope(x[near] - mean(x[near]), y[near])
     return found
 
 

@@ -69,10 +69,9 @@ def _growing(method: Tableau) -> float:
     for low, high in stability_gaps(method):
         # Growth rises from the edge of a gap; the last gap has no end.
         steps = np.linspace(float(low), min(float(high), 1.5 * float(low)), 402)[1:-1]
-        rates = np.array([float(growth_rate(method, tau)) / tau for tau in steps])
-        enough = np.flatnonzero(rates * T_END >= log(GREATLY.number))
-        if enough.size:
-            return float(steps[enough[0]]) / method.stages
+        for tau in steps:
+            if float(growth_rate(method, tau)) / tau * T_END >= log(GREATLY.number):
+                return float(tau) / method.stages
     return inf
 
 
