@@ -15,7 +15,7 @@ min_version("9.0")
 
 # Snakemake merges configs, so systems of the default config would appear in another: a given config is used alone.
 if not workflow.overwrite_configfiles:
-    refuse_unreadable(["config/config.yaml"])
+    refuse_unreadable(Path("config").glob("config.yaml"))
 
     configfile: "config/config.yaml"
 

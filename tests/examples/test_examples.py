@@ -24,17 +24,42 @@ CONFIG = yaml.safe_load((ROOT / "examples/examples.yaml").read_text(encoding="ut
 #: The others take seconds each.
 SOME = {"fourth_order"}
 ALL = [pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * (path.stem not in SOME)) for path in EXAMPLES]
+#: Runs a file for each line of its input, in a process of its own, whose modules are loaded once for all.
+RUNNER = """
+import os, runpy, sys
+import matplotlib.backends.backend_agg, xarray
+import nearharmonic as nh
+for name in nh.__all__:
+    getattr(nh, name)
+for line in sys.stdin:
+    path, folder = line.rstrip("\\n").split("\\t")
+    if not (child := os.fork()):
+        os.chdir(folder)
+        sys.stdout = open(f"{folder}.printed", "w")
+        runpy.run_path(path, run_name="__main__")
+        sys.exit()
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
+
+
+@pytest.fixture(scope="module")
+def runner():
+    environment = os.environ | {"PYTHONPATH": str(ROOT / "src")}
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen([sys.executable, "-W", "error", "-c", RUNNER], env=environment, **pipes) as process:
+        yield process
 
 
 @pytest.mark.parametrize("path", ALL)
-def test_an_example_draws_its_picture_into_the_working_directory(path, tmp_path):
-    command = [sys.executable, "-W", "error", str(path)]
-    environment = os.environ | {"PYTHONPATH": str(ROOT / "src")}
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    picture = tmp_path / f"{path.stem}.png"
-    assert done.stdout == f"wrote {picture.resolve()}\n"
-    assert [file.name for file in tmp_path.iterdir()] == [picture.name]
+def test_an_example_draws_its_picture_into_the_working_directory(runner, path, tmp_path):
+    folder = tmp_path / "here"
+    folder.mkdir()
+    runner.stdin.write(f"{path}\t{folder}\n")
+    runner.stdin.flush()
+    assert runner.stdout.readline() == "0\n"
+    picture = folder / f"{path.stem}.png"
+    assert (tmp_path / "here.printed").read_text(encoding="utf-8") == f"wrote {picture.resolve()}\n"
+    assert [file.name for file in folder.iterdir()] == [picture.name]
     pixels = imread(picture)[..., :3]
     assert pixels.shape[0] > 700
     assert 0.01 < (pixels < 0.9).any(axis=-1).mean() < 0.9  # neither empty nor full

@@ -18,9 +18,7 @@ def project(tmp_path_factory):
     return Project(tmp_path_factory.mktemp("project"))
 
 
-def _after(target, folder):
-    project = Project(folder)
-    follow(project.folder / "src")
+def _after(target, project):
     done = project.snakemake(target, "-j2", *TINY)
     assert done.returncode == 0, done.stdout
     return project
@@ -29,13 +27,15 @@ def _after(target, folder):
 @pytest.fixture(scope="session")
 def finished(tmp_path_factory):
     """The project after the default target on the tiny config."""
-    return _after("all", tmp_path_factory.mktemp("finished"))
+    project = Project(tmp_path_factory.mktemp("finished"))
+    follow(project.folder / "src")
+    return _after("all", project)
 
 
 @pytest.fixture(scope="session")
-def everything(tmp_path_factory):
-    """The project after ``everything`` on the tiny config: a minute and a half of jobs, for slow tests."""
-    return _after("everything", tmp_path_factory.mktemp("everything"))
+def everything(finished, tmp_path_factory):
+    """The project after ``everything`` as well: a minute of jobs, for slow tests."""
+    return _after("everything", finished.copy(tmp_path_factory.mktemp("everything") / "project"))
 
 
 @pytest.fixture(scope="session")

@@ -50,10 +50,11 @@ def test_page_states_one_unit_at_most_and_100_bits_minimum():
     assert all(units <= 1 and bits >= 100 for units, bits in STATED.values())
 
 
-COUNTS = pytest.mark.parametrize("count", [2000, pytest.param(100_000, marks=pytest.mark.slow)])
+#: Arguments of a campaign.
+MANY = pytest.param(100_000, marks=pytest.mark.long)
 
 
-@COUNTS
+@pytest.mark.parametrize("count", [2000, MANY])
 @pytest.mark.parametrize("name", NAMES)
 def test_doubles_are_within_the_bound_of_the_page(name, count):
     rows = arguments(name, count)
@@ -69,8 +70,7 @@ def test_doubles_are_within_the_bound_of_the_page(name, count):
             assert agree, (name, operands, found, float(true))
 
 
-@pytest.mark.slow
-@COUNTS
+@pytest.mark.parametrize("count", [pytest.param(2000, marks=pytest.mark.slow), MANY])
 @pytest.mark.parametrize("name", NAMES)
 def test_double_doubles_are_within_the_bound_of_the_page(name, count):
     rows = pairs(name, count)

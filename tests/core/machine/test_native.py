@@ -180,14 +180,13 @@ def bits(numbers):
     return [np.where(np.isnan(part), np.nan, part).tobytes() for part in numbers]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("processor", "computed"),
     [
-        ("x86-64-v3", oscillator), ("generic", oscillator), ("x86-64-v3", doubles),
+        *(pytest.param("generic", one, marks=pytest.mark.slow) for one in (oscillator, doubles, double_doubles, loops)),
         *(
-            pytest.param(name, computed, marks=pytest.mark.slow)
-            for name in ("x86-64-v3", "znver2", "generic") for computed in (doubles, double_doubles, loops)
+            pytest.param(name, one, marks=pytest.mark.long)
+            for name in ("x86-64-v3", "znver2") for one in (oscillator, doubles, double_doubles, loops)
         ),
     ],
 )  # fmt: skip
