@@ -101,9 +101,13 @@ def pytest_xdist_make_scheduler(config, log):
     return OneProcessAFile(config, log)
 
 
+@pytest.hookimpl(tryfirst=True)  # before tests are chosen by their marks
 def pytest_collection_modifyitems(config, items):
     """Put the workflow first: its files take longest, and a long file at the end keeps one process busy alone."""
     items.sort(key=lambda item: item.path.parent.name != "workflow")
+    for item in items:
+        if "trials" in item.fixturenames:
+            item.add_marker("trials")
     if config.getoption("--trials"):
         items[:] = [item for item in items if "trials" in item.fixturenames]
 

@@ -82,6 +82,12 @@ def test_ci_runs_readmes_test_command():
     assert command in (ROOT / ".ci/run").read_text(encoding="utf-8")
 
 
+def test_smoke_workflow_installs_as_readme_does():
+    (command,) = re.findall(r"(python3 -m venv .*) && \S+snakemake -j2\n", README)
+    smoke = (ROOT / ".github/workflows/smoke.yml").read_text(encoding="utf-8")
+    assert f"run: {command}\n" in smoke
+
+
 def test_every_test_that_the_script_of_ci_names_exists():
     named = re.findall(r"tests/\S+\.py", (ROOT / ".ci/run").read_text(encoding="utf-8"))
     assert named

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,9 @@ import yaml
 from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.record import history
 from nearharmonic.reproduction.record.files import fingerprint, manifest
+from nearharmonic.reproduction.record.running import state
 from nearharmonic.reproduction.record.running.workflow_run import WorkflowRun
+from nearharmonic.reproduction.record.verify import faults
 from nearharmonic.reproduction.tasks.provenance import task
 from nearharmonic.reproduction.tasks.receipts import Receipt
 
@@ -61,6 +64,25 @@ def test_its_end_is_a_line_of_the_history(run, exit_status, status, capsys):
     assert history.running_in(Path("results/smoke")) == []
     assert set(manifest.read(Path("results/smoke"))["files"]) == {"cubes/a.h5", "cubes/b.h5"}
     assert capsys.readouterr().err == ""
+
+
+def history_faults():
+    return [fault.says for fault in faults(Path("results/smoke")) if fault.file == "history.jsonl"]
+
+
+@pytest.mark.parametrize("left", [0, 1])
+def test_lost_last_line_is_told_until_next_run_records_it(run, left):
+    folder, place = Path("results/smoke"), Path("results/smoke/history.jsonl")
+    for _ in range(2):
+        run.end(0, jobs_run=0, jobs_reused=0, refresh=lambda: None, makeable=MADE)
+    assert history_faults() == []
+    lines = place.read_text().splitlines(keepends=True)
+    place.write_text("".join(lines[:left]))
+    state.save(folder, MADE)  # a start that has nothing to do
+    assert history_faults() == [f"has lost the last line that was written, or more; it has {left}"]
+    run.end(0, jobs_run=0, jobs_reused=0, refresh=lambda: None, makeable=MADE)
+    assert history_faults() == []
+    assert sha256(lines[-1].strip().encode()).hexdigest() in place.read_text()
 
 
 def test_files_of_earlier_runs_do_not_count_as_made(run, monkeypatch):

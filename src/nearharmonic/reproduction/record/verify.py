@@ -17,6 +17,7 @@ from nearharmonic.output.store import command_for, workflow_command
 from nearharmonic.reproduction.record import history
 from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.files.trusted import integrator_files_not_run, is_edited, recorded_digests
+from nearharmonic.reproduction.record.running.state import lost_line
 from nearharmonic.reproduction.tasks.definitions import defined, read_definitions
 from nearharmonic.reproduction.tasks.experiment import beside_the_paper, experiments
 from nearharmonic.reproduction.tasks.provenance import digests
@@ -78,8 +79,11 @@ def _of_record(folder: Path) -> Iterator[Fault]:
     again, place = command_for(folder / "report.html"), folder / history.HISTORY
     if os.path.lexists(place) and not place.is_file():
         yield Fault(file=history.HISTORY, says="is not a regular file", mend="Move it elsewhere")
-    for line in history.faulty_lines(history.lines_of(place)):
-        says = f"line {line.number} {line.fault}"
+    lines = history.lines_of(place)
+    faults = [f"line {line.number} {line.fault}" for line in history.faulty_lines(lines)]
+    if lost_line(folder):
+        faults.append(f"has lost the last line that was written, or more; it has {len(lines)}")
+    for says in faults:
         yield Fault(file=history.HISTORY, says=says, mend=f"The next run with jobs records this, for example: {again}")
     for place in damaged_receipts(folder):
         mend = f"The next run replaces or removes it: {workflow_command(place)}"

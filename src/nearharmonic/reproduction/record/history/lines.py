@@ -77,11 +77,20 @@ def faulty_lines(lines: Sequence[Line]) -> list[Line]:
     return [line for line in lines if line.fault and line.digest not in known]
 
 
-def append(folder: Path, run: Mapping[str, Any]) -> None:
+def append(folder: Path, run: Mapping[str, Any], lost: str | None = None) -> None:
     """Append ``run`` to the history of ``folder``, sealed, in one atomic write.
 
     The line records the faults of earlier lines. An unfinished line of a previous writer, for example after a power
     failure, is ended first.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of results.
+    run : mapping
+        The run, with its ``id``.
+    lost : str, optional
+        Digest of a last line that is no longer in the history, which this line records too.
 
     Raises
     ------
@@ -97,16 +106,16 @@ def append(folder: Path, run: Mapping[str, Any]) -> None:
         with suppress(OSError):  # a file system without locks
             fcntl.flock(file, fcntl.LOCK_EX)
         unfinished = place.read_bytes()[-1:] not in {b"", b"\n"}
-        os.write(file, (("\n" if unfinished else "") + text_of(run, lines_of(place))).encode())
+        os.write(file, (("\n" if unfinished else "") + text_of(run, lines_of(place), lost)).encode())
         os.fsync(file)
     finally:
         os.close(file)
 
 
-def text_of(run: Mapping[str, Any], before: Sequence[Line] = ()) -> str:
-    """Return the text of the line of ``run`` after the lines ``before``."""
+def text_of(run: Mapping[str, Any], before: Sequence[Line] = (), lost: str | None = None) -> str:
+    """Return the text of the line of ``run`` after the lines ``before``, of which the last one may be lost."""
     chain = {"before": before[-1].digest if before else None}
-    faults = [line.digest for line in faulty_lines(before)]
+    faults = [line.digest for line in faulty_lines(before)] + ([lost] if lost else [])
     document = {"id": run["id"], **run, **({"faults": faults} if faults else {}), **chain}
     return json.dumps(sealed(document), ensure_ascii=False, allow_nan=False) + "\n"
 

@@ -1,4 +1,4 @@
-"""State of a folder of results at the end of a run: sizes and times of all its files and receipts.
+"""State of a folder of results at the end of a run: sizes and times of all its files, and the end of its history.
 
 A start compares it with the present state, which takes milliseconds, and computes digests only of what differs.
 """
@@ -9,17 +9,18 @@ import json
 import os
 from collections.abc import Collection, Iterable
 from pathlib import Path
+from typing import Any
 
 from nearharmonic.output.atomic import write_text
 from nearharmonic.output.reading import read_bytes
 from nearharmonic.output.sealed_json import opened, sealed
+from nearharmonic.reproduction.record import history
 from nearharmonic.reproduction.record.files import manifest
-from nearharmonic.reproduction.record.history import HISTORY
 from nearharmonic.reproduction.tasks.receipts import receipts_in
 
 STATE = Path("logs", "state")
 #: Files of the record, which are compared too.
-RECORD = (HISTORY, manifest.MANIFEST)
+RECORD = (history.HISTORY, manifest.MANIFEST)
 
 Observed = list[int] | None
 
@@ -46,15 +47,25 @@ def save(folder: Path, makeable: Iterable[str]) -> None:
     receipts = (place.relative_to(folder).as_posix() for place, _ in receipts_in(folder))
     names = sorted({*makeable, *told["files"], *RECORD, *receipts} - unknown)
     files = {name: _observed(folder, name) for name in names} | {name: [] for name in sorted(unknown)}
-    write_text(folder / STATE, json.dumps(sealed({"files": files})) + "\n")
+    lines = history.lines_of(folder / history.HISTORY)
+    head = lost_line(folder) or (lines[-1].digest if lines else None)
+    write_text(folder / STATE, json.dumps(sealed({"files": files, "head": head})) + "\n")
+
+
+def lost_line(folder: Path) -> str | None:
+    """Return the digest of the last line of the history at the last :func:`save`, if it is neither there nor recorded.
+
+    The chain of digests in the history shows every other loss.
+    """
+    head = _saved(folder).get("head")
+    lines = history.lines_of(folder / history.HISTORY)
+    known = {digest for line in lines for digest in (line.digest, *line.known)}
+    return head if isinstance(head, str) and head not in known else None
 
 
 def differing(folder: Path) -> set[str] | None:
     """Return the names of the files that differ from the state of ``folder``; None if that is not known."""
-    try:
-        files = (opened(read_bytes(folder / STATE)) or {}).get("files")
-    except OSError:
-        return None
+    files = _saved(folder).get("files")
     if not isinstance(files, dict):
         return None
     return {name for name, before in files.items() if _observed(folder, name) != before}
@@ -81,6 +92,14 @@ def files_to_remake(folder: Path, makeable: Collection[str], different: Collecti
     there = [name for name in sorted(names) if os.path.lexists(folder / name)]
     entries = manifest.entries_of(folder) if there else {}
     return [name for name in there if name not in entries or manifest.is_changed(folder / name, entries[name])]
+
+
+def _saved(folder: Path) -> dict[str, Any]:
+    """Return the saved state; empty if there is none or it is damaged."""
+    try:
+        return opened(read_bytes(folder / STATE)) or {}
+    except OSError:
+        return {}
 
 
 def _observed(folder: Path, name: str) -> Observed:

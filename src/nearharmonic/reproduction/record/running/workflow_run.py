@@ -141,7 +141,7 @@ class WorkflowRun:
             self._told |= self._evaluations()
         with self._warning("the history is not written"):
             try:
-                history.append(self._folder, self._told)
+                history.append(self._folder, self._told, state.lost_line(self._folder))
             finally:
                 history.unmark(self._folder, self.id)
         self.save_state(makeable)
