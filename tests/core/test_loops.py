@@ -92,7 +92,7 @@ SYSTEMS = {
     "driven": (driven, 24, {"parameters": {"strength": "0.5"}, "time_dependent": True}),
 }
 #: Systems whose sums are patterns that others have as well, or take seconds.
-LONGER = {"uneven", "spread", "mean field", "lattice"}
+LONGER = {"uneven", "spread", "mean field", "lattice", "free", "chain of masses", "bodies"}
 
 
 def system_of(name, tau="0.1"):

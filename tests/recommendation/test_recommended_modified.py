@@ -12,6 +12,8 @@ from nearharmonic.engine.reference import reference
 from nearharmonic.recommendation.own import grid, splitting_curve
 from nearharmonic.systems import systems
 
+pytestmark = pytest.mark.slow
+
 NAMES = ("ruth", "rowlands", "chin_4a", "trained_modified")
 
 

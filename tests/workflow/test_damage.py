@@ -131,6 +131,7 @@ def replace_files(campaign, kept, readers, kinds):
                     assert readers.end(name_in_answers(file), asked) == "found"
 
 
+@pytest.mark.slow
 def test_what_stands_in_place_of_a_file_is_found(kept, readers, trials):
     replace_files(trials("D. lost and replaced files"), kept, readers, ("run", "plan"))
 
@@ -141,6 +142,7 @@ def test_what_stands_in_place_of_other_files_is_found(kept, readers, trials):
     replace_files(trials("D. lost and replaced files"), kept, readers, others)
 
 
+@pytest.mark.slow
 def test_file_that_vanishes_while_it_is_opened_is_named(kept, readers, trials):
     file = f"{FOLDER}/cubes/sho.h5"
     with trials("D. lost and replaced files").case(file), damaged(kept.folder / file, lambda _: None):

@@ -107,6 +107,7 @@ def test_system_is_one_file_with_cube_and_energy_error_figure(extended):
     assert (extended / "figures/quartic_energy_error.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_an_observable_reaches_its_cube_by_one_function(extended):
     with h5py.File(extended / "cubes/quartic.h5") as cube:
         assert cube["largest_position"].shape == (1, 2, 3)

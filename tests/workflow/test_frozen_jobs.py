@@ -44,6 +44,7 @@ def test_a_frozen_job_writes_the_same_bytes(frozen, rule):
     assert now == before
 
 
+@pytest.mark.slow
 def test_all_jobs_of_the_default_target_can_be_frozen(frozen):
     _, jobs = frozen
     assert [job["rule"] for job in jobs if job["place"] is None and not job["norun"]] == []

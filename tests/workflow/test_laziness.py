@@ -47,6 +47,7 @@ NEEDED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", NEEDED)
 def test_target_asks_for_files_it_needs_and_for_no_other(project, target):
     asked = outputs(project, f"results/tiny/{target}" if "/" in target else target)

@@ -16,6 +16,8 @@ from support.projects import planned_jobs
 from support.projects.planned_jobs import CORES
 from support.projects.workflow_project import ROOT, TINY
 
+pytestmark = pytest.mark.slow
+
 MARKED = {path.name for path in ROOT.glob("docs/*.md") if "<!-- end -->" in path.read_text(encoding="utf-8")}
 #: Tables of the results that docs/trained.md shows, as short as can be.
 TABLES = {

@@ -84,6 +84,7 @@ def test_a_run_with_nothing_to_do_leaves_no_trace(fresh):
     assert ((fresh.results / "history.jsonl").read_bytes(), (fresh.results / "manifest.json").read_bytes()) == before
 
 
+@pytest.mark.slow
 def test_the_same_work_has_the_same_digest_and_another_id(fresh, first):
     assert fresh.snakemake(CUBE, "--forceall", *COMMAND).returncode == 0
     run, again = first[0], fresh.history()[-1]

@@ -21,6 +21,7 @@ FLAT = flat(PAGE)
 STEPS = [0.03, 0.05, 0.1, 0.2, 0.3]
 
 
+@pytest.mark.slow
 def test_tables_are_those_of_the_registry_and_of_runs():
     assert filled(TEXT, methods.parts()) == TEXT
     assert states(PAGE, methods.FACTORS.values(), "as long as a force", "Hénon-Heiles", "Kepler")

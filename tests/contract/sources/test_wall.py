@@ -13,8 +13,6 @@ import pytest
 
 ROOT = Path(__file__).parents[3]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-#: Names under which packages of the workflow are imported, where they are others.
-IMPORTED = {"pyyaml": "yaml", "pydantic-core": "pydantic_core"}
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = [block for block in re.findall(r"```python\n(.*?)```", README, re.DOTALL) if "results/paper" not in block]
 
@@ -33,7 +31,7 @@ sys.meta_path.insert(0, Absent())
 def names():
     words = (re.match(r"[\w.-]+", one)[0] for one in PROJECT["optional-dependencies"]["workflow"])
     # matplotlib needs contourpy.
-    return {IMPORTED.get(word, word) for word in words} - {"contourpy"}
+    return {"yaml" if word == "pyyaml" else word.replace("-", "_") for word in words} - {"contourpy"}
 
 
 def run(code, folder):

@@ -176,6 +176,7 @@ def whole(hostile):
     return pack.save(hostile, "whole.zip").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:Duplicate name")
 def test_hostile_archive_is_answered_or_refused(whole, capsys, trials):
     try_archives(range(10), whole, capsys, trials)

@@ -24,6 +24,8 @@ from nearharmonic.reproduction.experiments.derivation.search.starts import sampl
 from support.second_opinion.exact_statements import step
 from support.second_opinion.methods import Method
 
+pytestmark = pytest.mark.slow
+
 SEED = 20150106
 
 

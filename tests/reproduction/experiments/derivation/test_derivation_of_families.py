@@ -32,6 +32,8 @@ from nearharmonic.reproduction.tasks.job import covered
 from nearharmonic.reproduction.tasks.provenance import task
 from nearharmonic.theory.oscillator import harmonic_energy_error
 
+pytestmark = pytest.mark.slow
+
 SEED = 20150106
 
 

@@ -77,7 +77,13 @@ def test_twice_as_fine_a_grid_integrates_exactly_the_new_half(tmp_path, integrat
 
 @pytest.mark.parametrize(
     "change",
-    [{"shards": 3}, {"lowest": 1e-2}, {"highest": 0.5}, {"precision": ("double",)}, {"shards": 2, "lowest": 0.1}],
+    [
+        {"shards": 2, "lowest": 0.1},
+        *(
+            pytest.param(one, marks=pytest.mark.slow)
+            for one in ({"shards": 3}, {"lowest": 1e-2}, {"highest": 0.5}, {"precision": ("double",)})
+        ),
+    ],
 )
 def test_other_shards_and_smaller_grids_integrate_nothing(tmp_path, integrated, change):
     asked = replace(SHO, points_per_decade=10)

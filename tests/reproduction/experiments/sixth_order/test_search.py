@@ -25,6 +25,8 @@ from nearharmonic.reproduction.tasks.provenance import task
 from nearharmonic.systems import sho
 from support.oracles.nystrom_steps import equations_of, unknowns_of
 
+pytestmark = pytest.mark.slow
+
 NAMES = [tableau.name for tableau in TABLEAUS]
 FEW = SixthOrderSettings(seed=2, starts=800, walks=4, walk_steps=60)
 
