@@ -157,7 +157,7 @@ KICK, DRIFT, NONE = ("compensated", "kick", "every"), ("plain", "drift", "sample
     [
         ("embedded", DRIFT),
         *(
-            pytest.param(name, settings, marks=pytest.mark.slow)
+            pytest.param(name, settings, marks=pytest.mark.slow if settings == KICK else pytest.mark.long)
             for name in ("driven", "uneven", "embedded") for settings in (KICK, DRIFT, NONE)
             if (name, settings) != ("embedded", DRIFT)
         ),

@@ -87,6 +87,7 @@ def test_circular_kepler_orbit_varies_by_its_rotating_axes():
     assert omega == pytest.approx(np.sqrt(2), rel=5e-3)
 
 
+@pytest.mark.slow
 def test_random_probes_find_the_variation_of_a_large_system(systems, monkeypatch):
     chain = systems["fput_recurrence"]
     formed = variation(chain, 0.5, 200.0)

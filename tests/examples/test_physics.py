@@ -241,6 +241,7 @@ def test_the_tabulated_well_is_the_natural_spline_of_another_library():
     np.testing.assert_allclose(system.grad_V((q,))[0], spline(q, 1), atol=60 * 2.0**-53 / spacing, rtol=0)
 
 
+@pytest.mark.slow
 def test_mass_with_clearance_is_back_after_its_flights_and_oscillations():
     system = module("clearance").SYSTEM
     period, stiffness, speed = 4 + 2 * pi / 2, 4, 1

@@ -125,6 +125,7 @@ def test_nearest_method_decides_role_without_dependent_claim():
     assert own.warnings == []
 
 
+@pytest.mark.slow
 def test_verify_finds_wrong_digit_at_twenty_first_decimal():
     found = verdict("libraries", "teloy_8a17c")
     assert failing(found) == ["rows", "order"]

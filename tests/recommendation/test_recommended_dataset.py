@@ -156,6 +156,7 @@ def test_methods_are_names_paths_tableaus_and_files_of_several(tmp_path):
     assert sorted(one.integrator.values) == sorted([f"{path}:two", "ruth"])
 
 
+@pytest.mark.slow
 def test_all_methods_are_asked_if_none_is_named():
     found = nh.recommend(spring(), 1e-2, budget=2000)
     left_out = found.attrs["missed"] + found.attrs["not_run"]

@@ -83,7 +83,7 @@ def test_stability_edges_are_distinguished_in_30_digits():
     assert all(beside(name, stability_limit(name)) for name in integrators)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @EVERY_METHOD
 def test_a_scan_finds_instability_in_the_gaps_alone(name):
     gaps, tableau = stability_gaps(name), integrators[name]

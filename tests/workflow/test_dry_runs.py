@@ -54,6 +54,7 @@ def test_one_shard_for_each_step_size_works(project):
     assert project.jobs("fig3", *SMOKE, "--config", "shards=1000")["integrate"] == 3 * 11
 
 
+@pytest.mark.slow
 def test_a_config_stands_alone(project):
     (project.folder / "alone.yaml").write_text(
         "name: alone\nintegrators: [ruth]\n"

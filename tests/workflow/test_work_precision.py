@@ -36,6 +36,7 @@ def test_figure_of_regularised_systems_is_drawn_where_config_has_them(project):
     assert (jobs["regularised_times_figure"], jobs["work_precision_figure"]) == (1, 4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cores", ["2", "8"])
 def test_the_job_that_takes_times_holds_all_cores(project, cores):
     # The profile keeps jobs quiet; here they are to be seen.

@@ -54,6 +54,7 @@ def imported(tree, names):
                 yield inner if inner in names else node.module
 
 
+@pytest.mark.slow
 def test_no_imports_form_a_loop():
     found = modules()
     del found["nearharmonic"]  # its names are loaded lazily, and it has the version

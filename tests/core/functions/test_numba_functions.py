@@ -51,6 +51,7 @@ def test_another_process_finds_the_same_digest_and_orbit(walls):
     assert done.stdout.split() == list(here), done.stderr
 
 
+@pytest.mark.slow
 def test_digest_covers_arrays_in_closures_of_functions_that_are_called(walls):
     V, grad_V = walled([0.5, 0.1, 0.25000001])
     assert formulas_digest(walls) != formulas_digest(replace(walls, V=V, grad_V=grad_V))

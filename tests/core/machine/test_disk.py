@@ -130,6 +130,7 @@ def test_new_code_that_fails_to_load_is_one_error(folder, right):
     assert not list(folder.iterdir())
 
 
+@pytest.mark.slow
 def test_fault_of_compiled_code_is_not_blamed_on_systems_formulas(folder, monkeypatch):
     monkeypatch.setattr(link, "linked", lambda *_: ("entry", b"no object file"))
     kernel_of.cache_clear()

@@ -52,6 +52,7 @@ def kernels_in(folder):
     return list(folder.glob("advance-*.kernel"))
 
 
+@pytest.mark.slow
 def test_a_numba_that_must_not_compile_is_one_clear_error(tmp_path):
     """A new process: numba reads this variable when it is imported, too."""
     variables = os.environ | {"NUMBA_DISABLE_JIT": "1", "NEARHARMONIC_CACHE_DIR": str(tmp_path)}

@@ -73,6 +73,7 @@ def found(run, name, sample=-1):
     return mp.mpc(*digits_of(run, name, sample))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("A", [pytest.param("0", marks=pytest.mark.slow), "2e-3"])
 @pytest.mark.parametrize("method", ["aba864", "babs7o7h", "srkn_b6"])
 def test_a_run_is_that_of_the_same_method_by_hand(method, A):

@@ -79,6 +79,7 @@ def test_step_of_every_method_has_bits_of_run(name, summation, methods):
             np.testing.assert_array_equal(found, expected, err_msg=f"{method} {tau}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "method", "summation"),
     [

@@ -68,6 +68,7 @@ def test_the_iteration_comes_to_a_solution_from_near_and_far(step_of):
         assert x[0] == pytest.approx(x[1], abs=1e-12)
 
 
+@pytest.mark.slow
 def test_without_damping_the_first_step_is_that_of_newtons_method():
     _, x = ended(Damping(iterations=1, monotone=False), [1.0, 2.0, 2.5])
     F, J = np.array([1 + 4 + 6.25 - 9, -1]), np.array([[2.0, 4.0, 5.0], [1.0, -1.0, 0.0]])

@@ -110,6 +110,7 @@ def test_target_of_statement_makes_files_that_it_needs():
         assert set(one.also) <= set().union(*ALLOWED.values()) - ALLOWED[one.target], one.id
 
 
+@pytest.mark.slow
 def test_what_is_in_a_folder_is_decided_as_in_memory(folder, sound):
     held = {entry["id"]: entry for entry in sound}
     entries = {entry["id"]: entry for entry in json.loads(decided(folder)["document"])}
@@ -176,6 +177,7 @@ def test_a_damaged_document_is_named_with_a_command(tmp_path, content):
         decided(tmp_path)
 
 
+@pytest.mark.slow
 def test_a_method_of_a_users_config_changes_no_verdict(sound):
     """In every cube a method of the worst numbers, in every table of methods one of no order."""
     results = sound_results()

@@ -31,6 +31,7 @@ def package(tmp_path):
     return root
 
 
+@pytest.mark.slow
 def test_the_same_config_is_the_same_work():
     assert fingerprint.fingerprint(config()) == fingerprint.fingerprint(config())
 

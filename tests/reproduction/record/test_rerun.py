@@ -69,6 +69,7 @@ def test_run_without_samples_has_the_same_numbers_again(tmp_path, monkeypatch):
     assert [run.differs for run in again] == [()] * len(again)
 
 
+@pytest.mark.slow
 def test_draw_has_requested_size_and_depends_on_seed(results):
     assert len(rerun(results, 3)) == 3
     assert rerun(results, 3, seed=1) == rerun(results, 3, seed=1)

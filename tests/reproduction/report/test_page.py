@@ -129,6 +129,7 @@ def test_text_of_results_is_no_markup(text):
     assert "<b>galaxy" not in text
 
 
+@pytest.mark.slow
 def test_config_of_one_system_has_figures_of_that_system_only(tmp_path):
     folder = write_results(tmp_path / "one", systems=("sho",))
     found = Reader(page(folder=folder)["page"])
@@ -141,6 +142,7 @@ def copied(results, tmp_path):
     return Path(shutil.copytree(results, tmp_path / "tiny"))
 
 
+@pytest.mark.slow
 def test_optional_results_are_shown_once_they_are_there(copied, text):
     assert "derivation (target <code>derive</code>)" in text
     write_table(copied, "derived_counts", [["stages", "found"], ["5", "10"]], "How many there are.\n\n| a |\n")
@@ -157,6 +159,7 @@ def test_optional_results_are_shown_once_they_are_there(copied, text):
     assert "Printed and derived" not in tables
 
 
+@pytest.mark.slow
 def test_the_sections_of_experiments_show_what_is_there(copied):
     names = sorted(set().union(*(TARGETS[one.target] for one in EXPERIMENTS)))
     for name in names:
@@ -175,6 +178,7 @@ def test_the_sections_of_experiments_show_what_is_there(copied):
         assert said not in tables
 
 
+@pytest.mark.slow
 def test_digest_of_long_table_is_shown_in_its_place(copied):
     table = "| method | ms |\n|---|---:|\n| *peer* | 0.5 |\n"
     digest = f"# Planet: times\n\nMeasured.\n\n## maximum\n\n{table}\n## mean\n\n{table}"
@@ -220,6 +224,7 @@ def test_page_that_grows_too_large_loses_its_largest_optional_picture(copied, mo
     assert left_out == ["figures/kepler_stability.svg"]
 
 
+@pytest.mark.slow
 def test_order_of_claims_is_that_of_file_but_for_findings(copied):
     write_claims(copied, CLAIMS[::-1])
     found = page(folder=copied)["page"]
@@ -229,6 +234,7 @@ def test_order_of_claims_is_that_of_file_but_for_findings(copied):
     assert re.findall(r'<tr id="claim-(\w+)"', found) == [*counted, *findings]
 
 
+@pytest.mark.slow
 def test_figures_of_user_systems_come_first_without_paper_figures(tmp_path, monkeypatch):
     monkeypatch.setitem(SYSTEMS, "well", "well of the tests")
     folder = write_results(tmp_path / "own", systems=("well",))

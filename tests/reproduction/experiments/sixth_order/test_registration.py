@@ -45,6 +45,7 @@ def test_criterion_is_made_of_what_other_modules_say_of_method(name):
     assert merit.value == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.slow
 @EVERY
 def test_harmonic_errors_are_those_of_the_step_matrix(name):
     # Terms in tau^7, tau^9 and tau^11 of the matrix by finite differences: its entries are polynomials in tau, sampled

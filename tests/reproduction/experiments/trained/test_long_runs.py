@@ -71,6 +71,7 @@ def test_rounding_errors_are_few_units_and_smaller_when_compensated():
     assert 2.0**-53 < plain < 1.6e-14 * 10
 
 
+@pytest.mark.slow
 def test_table_has_rows_of_method_beside_and_of_all_others():
     found = measure(("ruth",), "babps8o7h", SMALL)["run"]
     table = long_table(assembled(found.variables, found.coordinates, {}))

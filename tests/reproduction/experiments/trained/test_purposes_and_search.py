@@ -68,6 +68,7 @@ def test_published_methods_are_all_but_those_of_this_project():
     assert with_squares == {"chin_4a", "omelyan_g5o6"}
 
 
+@pytest.mark.slow
 def test_same_seed_finds_same_method_and_another_seed_another(monkeypatch):
     one, again = (trained(monkeypatch)["document"] for _ in range(2))
     assert one == again
@@ -120,6 +121,7 @@ def test_gain_in_document_is_that_of_ensembles_at_equal_cost(monkeypatch, goal):
     assert document["gain"] == pytest.approx(gains, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_registered_text_defines_the_methods_digit_for_digit(monkeypatch, tmp_path):
     documents = [trained(monkeypatch, goal)["document"] for goal in (GOAL, MODIFIED)]
     places = [str(tmp_path / f"{one['name']}.toml") for one in documents]

@@ -124,6 +124,7 @@ def test_positions_are_compared_where_they_were_of_interest(tmp_path):
     assert one[1]["ms"] == pytest.approx(1e3 * (4e-5 ** (2 / 3) * 9e-5 ** (1 / 3)), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_regularised_figure_has_column_for_each_system_with_its_original(tmp_path):
     names = ["kepler", "kepler_regularised", "sho"]
     path = tmp_path / "times.h5"
