@@ -137,5 +137,5 @@ def save(figure: Figure, places: Sequence[str | os.PathLike[str]]) -> list[Path]
         content = BytesIO()  # on a full disk, matplotlib's PDF writer raises an error of its own
         with mpl.rc_context(SETTINGS):
             figure.savefig(content, format=suffix, dpi=200, metadata=_METADATA[suffix])
-        write_bytes(path, content.getbuffer())
+        write_bytes(path, content.getvalue())
     return paths

@@ -71,7 +71,9 @@ def write(
         for group, members in ((file, variables), *((file.create_group(n), m) for n, m in (groups or {}).items())):
             _fill(group, members, [name for name in coordinates if name in members])
     seal(content)
-    write_bytes(path, content.getbuffer())
+    # Released even after an error, whose traceback would keep it: newer versions of Python complain at the end.
+    with content.getbuffer() as written:
+        write_bytes(path, written)
 
 
 def write_dataset(path: str | os.PathLike[str], dataset: xr.Dataset, attributes: Mapping[str, Any]) -> None:
