@@ -68,8 +68,9 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
 
 def write_bytes(path: str | os.PathLike[str], content: bytes | memoryview) -> None:
     """Write ``content`` to ``path``, atomically; errors are those of :func:`replacing`."""
-    with replacing(path) as part:
-        part.write_bytes(content)
+    # Not part.write_bytes: after an error, the traceback keeps its view of the content.
+    with replacing(path) as part, part.open("wb") as file:
+        file.write(content)
 
 
 def parts_in(folder: str | os.PathLike[str]) -> list[Path]:

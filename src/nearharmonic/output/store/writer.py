@@ -71,7 +71,7 @@ def write(
         for group, members in ((file, variables), *((file.create_group(n), m) for n, m in (groups or {}).items())):
             _fill(group, members, [name for name in coordinates if name in members])
     seal(content)
-    # Released even after an error, whose traceback would keep it: newer versions of Python complain at the end.
+    # Python 3.12 and newer print an error at exit if a view that the traceback of an error keeps is not released.
     with content.getbuffer() as written:
         write_bytes(path, written)
 
