@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from nearharmonic.systems.definition.quantities import Parameter as Parameter
     from nearharmonic.systems.definition.system import System as System
     from nearharmonic.theory.linear_stability import stability_limit as stability_limit
+    from nearharmonic.theory.order import harmonic_order as harmonic_order
     from nearharmonic.theory.order import order_of as order_of
     from nearharmonic.theory.oscillator import kappa as kappa
     from nearharmonic.training.tailor.tailoring import tailor as tailor
@@ -46,6 +47,7 @@ _MODULES = {
     "System": "systems.definition.system",
     "Tableau": "integrators.tableau",
     "ensemble": "engine.runs.ensemble",
+    "harmonic_order": "theory.order",
     "integrate": "engine.runs.trajectory",
     "integrators": "integrators",
     "kappa": "theory.oscillator",
@@ -64,8 +66,8 @@ _MODULES = {
 
 __all__ = [
     "ModifiedTableau", "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "ensemble",
-    "integrate", "integrators", "kappa", "modified_integrators", "order_of", "palindrome", "plot", "problem",
-    "recommend", "stability_limit", "stepper", "sweep", "systems", "tailor",
+    "harmonic_order", "integrate", "integrators", "kappa", "modified_integrators", "order_of", "palindrome", "plot",
+    "problem", "recommend", "stability_limit", "stepper", "sweep", "systems", "tailor",
 ]  # fmt: skip
 
 

@@ -7,6 +7,8 @@ from difflib import get_close_matches
 
 #: Most characters of a message about bad input, of a value in it, and of the names that are allowed.
 LONGEST, LONGEST_VALUE, LONGEST_NAMES = 300, 80, 120
+#: Number of names in a message if there are more than fit.
+NEAREST = 5
 
 
 class NearharmonicError(ValueError):
@@ -65,19 +67,15 @@ class FileWriteError(NearharmonicError, OSError):
 
 
 def unknown_name(kind: str, name: object, known: Iterable[str]) -> UnknownNameError:
-    """Return the error for a ``name`` that is not in ``known``, with the nearest match and all allowed names."""
-    names = sorted(known)
-    nearest = get_close_matches(str(name)[:LONGEST], names, n=1, cutoff=0.4)
+    """Return the error for a ``name`` that is not in ``known``, with its nearest match and the names that fit."""
+    names, given = sorted(known), str(name)[:LONGEST]
+    nearest = get_close_matches(given, names, n=1, cutoff=0.4)
     hint = f" Did you mean {nearest[0]!r}?" if nearest else ""
-    return UnknownNameError(f"unknown {kind} {shown(name)}.{hint} Known: {_some(names)}")
-
-
-def _some(names: list[str]) -> str:
-    """Return names as text: all, or as many as fit into a message."""
-    listed, count = "", 0
-    while count < len(names) and len(listed) + len(names[count]) <= LONGEST_NAMES:
-        listed, count = f"{listed}{', ' if listed else ''}{names[count]}", count + 1
-    return listed if count == len(names) else f"{listed}, ... ({len(names)} in all)"
+    listed = ", ".join(names)
+    if len(listed) <= LONGEST_NAMES:
+        return UnknownNameError(f"unknown {kind} {shown(name)}.{hint} Known: {listed}")
+    some = get_close_matches(given, names, n=NEAREST, cutoff=0.0)
+    return UnknownNameError(f"unknown {kind} {shown(name)}.{hint} Nearest of {len(names)}: {', '.join(some)}")
 
 
 def bad_setting(key: str, value: object, allowed: str) -> SettingError:

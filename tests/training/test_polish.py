@@ -11,7 +11,7 @@ from mpmath import mp, mpf
 
 import nearharmonic as nh
 from nearharmonic.exact.lie import conditions, lyndon_words
-from nearharmonic.theory.order import harmonic_order_of, nystrom_order_of, order_of
+from nearharmonic.theory.order import harmonic_order, nystrom_order_of, order_of
 from nearharmonic.training.family import Family
 from nearharmonic.training.polish import DIGITS, NotConvergedError, polished, tableau_of
 from support.methods.family_members import FAMILIES, members
@@ -27,7 +27,7 @@ def test_polished_members_have_the_orders_of_their_family_by_proof(family):
         assert nystrom_order_of(tableau) >= family.order
         if not family.squares:
             assert order_of(tableau) >= 4
-        assert harmonic_order_of(tableau) >= family.harmonic_order
+        assert harmonic_order(tableau) >= family.harmonic_order
         assert tableau.order == family.order
 
 
@@ -35,11 +35,11 @@ def test_order_six_conditions_are_necessary_and_not_fulfilled_by_chance():
     family = Family(stages=9, first="drift")
     tableau = tableau_of(family, members(family, 1)[0], name="member", source="here")
     assert nystrom_order_of(tableau) == 4
-    assert harmonic_order_of(tableau) == 4
+    assert harmonic_order(tableau) == 4
     assert tableau.requires is None
     family = Family(stages=9, first="drift", order=6)
     tableau = tableau_of(family, members(family, 1)[0], name="member", source="here")
-    assert (order_of(tableau), nystrom_order_of(tableau), harmonic_order_of(tableau)) == (4, 6, 6)
+    assert (order_of(tableau), nystrom_order_of(tableau), harmonic_order(tableau)) == (4, 6, 6)
     assert tableau.requires
 
 

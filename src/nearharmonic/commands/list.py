@@ -52,6 +52,8 @@ def _described(kind: str) -> list[dict[str, Any]]:
 
 
 def _method(t: Tableau) -> dict[str, Any]:
+    from nearharmonic.theory.order import harmonic_order
+
     return {
         "kind": "modified integrator" if t.modified else "integrator",
         "name": t.name,
@@ -59,6 +61,7 @@ def _method(t: Tableau) -> dict[str, Any]:
         "stages": t.stages,
         "gradients": t.gradients,
         "order": t.order,
+        "harmonic order": harmonic_order(t),
         "first": t.first,
         "source": f"{t.source}; requires a {t.requires}" if t.requires else t.source,
     }

@@ -26,7 +26,12 @@ BENCHMARKED = (
 )
 
 integrators: Registry[Tableau] = make_registry(
-    __name__, "integrator", "TABLEAUS", lambda module: {t.name: t for t in getattr(module, "TABLEAUS", ())}, tableau_at
+    __name__,
+    "integrator",
+    "TABLEAUS",
+    lambda module: {t.name: t for t in getattr(module, "TABLEAUS", ())},
+    tableau_at,
+    lambda tableau: (tableau.label, *tableau.aliases),
 )
 
 #: Integrators without and with modified potentials.

@@ -22,6 +22,7 @@ TABLEAUS = (
         source="Forest & Ruth (1990), Physica D 43, 105, doi:10.1016/0167-2789(90)90019-L",
         digits=79,
         note="three leapfrog steps of weights w, 1 - 2w, w with w = 1/(2 - 2^(1/3))",
+        aliases=("forest_ruth", "yoshida4"),
         benchmarked=True,
     ),
 )

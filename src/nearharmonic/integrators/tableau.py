@@ -64,6 +64,8 @@ class Tableau(Composition):
         Requirement for a system: :data:`QUADRATIC_KINETIC_ENERGY`, or none.
     note : str
         A remark.
+    aliases : tuple of str
+        Other names under which the field knows the method. A look-up takes them and the label in place of the name.
     benchmarked : bool
         True for the ten methods of Nielsen's figures.
     harmonic_order : int, optional
@@ -92,6 +94,7 @@ class Tableau(Composition):
     processor: Processor | None = None
     requires: str | None = None
     note: str = ""
+    aliases: tuple[str, ...] = ()
     benchmarked: bool = False
     harmonic_order: int | None = None
     generalised_order: tuple[int, ...] | None = None
@@ -173,6 +176,8 @@ class Tableau(Composition):
         )
         for key in ("label", "source", "note"):
             self._expect(isinstance(text := getattr(self, key), str), key, text, "a string")
+        texts = isinstance(self.aliases, tuple) and all(isinstance(alias, str) for alias in self.aliases)
+        self._expect(texts, "aliases", self.aliases, "a tuple of strings")
 
     def _check_order(self) -> None:
         """Raise an error for an impossible order: s kicks of V make an oscillator's step a polynomial of degree 2 s."""

@@ -47,8 +47,8 @@ def expanded(entries: Iterable[str]) -> tuple[str, ...]:
     Parameters
     ----------
     entries : iterable of str
-        Names, and paths of files: a path means all integrators of the file, ``path:name`` one of them. These
-        integrators are then defined.
+        Names, other names, and paths of files: a path means all integrators of the file, ``path:name`` one of them.
+        These integrators are then defined.
 
     Raises
     ------
@@ -66,5 +66,5 @@ def expanded(entries: Iterable[str]) -> tuple[str, ...]:
             ]
         else:
             integrators[entry]
-            names.append(entry)
+            names.append(integrators.name_of(entry))
     return tuple(names)

@@ -16,5 +16,6 @@ TABLEAUS = (
         source="Verlet (1967), Phys. Rev. 159, 98, doi:10.1103/PhysRev.159.98",
         digits=80,
         note="exact coefficients",
+        aliases=("verlet", "velocity_verlet", "stormer_verlet", "strang"),
     ),
 )

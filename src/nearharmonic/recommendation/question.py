@@ -164,4 +164,4 @@ def _entries(one: Any) -> dict[str, Tableau]:
         several = load_tableaus(name)
         if len(several) > 1:
             return {f"{name}:{key}": tableau for key, tableau in several.items()}
-    return {name: integrators[name]}
+    return {integrators.name_of(name): integrators[name]}

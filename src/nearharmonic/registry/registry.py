@@ -47,8 +47,8 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
     The modules are imported lazily, at the first look-up of a key, in alphabetical order. A new entry needs only a new
     file in the folder. A module is also imported when it is looked up as an attribute of the package.
 
-    A process can add entries by :meth:`define`. The path of a Python file is a key too: its value is the entry that the
-    file declares. The mapping does not list paths among its keys.
+    A process can add entries by :meth:`define`. Other names of an entry, such as its label, are keys too, and so is the
+    path of a Python file: its value is the entry that the file declares. The mapping lists only names among its keys.
 
     Raises
     ------
@@ -61,6 +61,8 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
     _entries_of: Callable[[ModuleType], Mapping[str, Entry]]
     _entries: dict[str, Entry] | None = None
     _modules: dict[str, str]
+    _others_of: Callable[[Entry], Collection[str]]
+    _others: dict[str, str] | None = None
     _covered: tuple[frozenset[str], frozenset[str]] | None = None
     _read: Callable[[str, Collection[str]], Entry] | None
     _definitions: dict[str, Definition[Entry]]
@@ -96,7 +98,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
         return sorted(info.name for info in pkgutil.iter_modules(self.__path__))
 
     def __getitem__(self, name: str | os.PathLike[str]) -> Entry:
-        key = os.fspath(name) if isinstance(name, os.PathLike) else name
+        key = self.name_of(os.fspath(name) if isinstance(name, os.PathLike) else name)
         is_named = isinstance(key, str) and key in self
         if not is_named and (self._read is None or not is_path(key)):
             raise unknown_name(self._kind, key, self)
@@ -106,6 +108,14 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
         if not is_named and self._read is not None:
             return self._read(key, self.registered)
         return self.entry(key)
+
+    def name_of(self, key: str) -> str:
+        """Return the name of the entry with this name or other name; a key that is neither is returned as it is."""
+        if key in self or not isinstance(key, str):
+            return key
+        if self._others is None:
+            self._others = {other: name for name, entry in self._load().items() for other in self._others_of(entry)}
+        return self._others.get(key, key)
 
     def entry(self, name: str) -> Entry:
         """Return the entry of a name that the registry has, covered by digests or not: to select by what it is."""
@@ -233,6 +243,7 @@ def make_registry(
     declares: str,
     entries_of: Callable[[ModuleType], Mapping[str, Entry]],
     read: Callable[[str, Collection[str]], Entry] | None = None,
+    others_of: Callable[[Entry], Collection[str]] = lambda _: (),
 ) -> Registry[Entry]:
     """Make an imported package the registry of the entries that its modules declare.
 
@@ -249,6 +260,8 @@ def make_registry(
     read
         Function of the path of a user's file and of the registered names that returns the entry of the file; None if
         paths are not keys.
+    others_of
+        Function of an entry that returns its other names.
 
     Returns
     -------
@@ -259,5 +272,6 @@ def make_registry(
     module.__class__ = Registry
     made = cast("Registry[Entry]", module)
     made._kind, made._declares, made._entries_of, made._read = kind, declares, entries_of, read
+    made._others_of = others_of
     made._modules, made._definitions, made._made = {}, {}, {}
     return made

@@ -31,6 +31,7 @@ class Selection(Mapping[str, Entry]):
         return tuple(name for name in self._registry.registered if name in self)
 
     def __getitem__(self, name: str) -> Entry:
+        name = self._registry.name_of(name)
         if name not in self:
             raise unknown_name(self._registry.kind, name, self)
         return self._registry[name]

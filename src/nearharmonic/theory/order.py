@@ -95,7 +95,7 @@ def nystrom_order_of(integrator: str | Tableau, *, first: First | None = None, h
     return proved_order(tableau, _highest(tableau, highest), quadratic=True)
 
 
-def harmonic_order_of(integrator: str | Tableau, *, first: First | None = None) -> int:
+def harmonic_order(integrator: str | Tableau, *, first: First | None = None) -> int:
     """Return the harmonic order lambda_H.
 
     One step on the harmonic oscillator gives the exact position up to tau^lambda_H. This is Nielsen's definition:

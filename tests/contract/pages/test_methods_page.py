@@ -36,7 +36,7 @@ def test_each_method_has_a_row_with_its_proved_orders():
         if not one.modified:
             last = nh.order_of(name), one.order if one.requires else nh.order_of(name)
         composition = {"drift": "ABA", "kick": "BAB"}[one.first]
-        assert rows[name] == [one.label, composition, str(one.stages), *map(str, last)]
+        assert rows[name] == [one.label, composition, str(one.stages), *map(str, last), str(nh.harmonic_order(name))]
 
 
 @pytest.mark.parametrize("name", [name for name, one in plain_integrators.items() if one.requires is None])

@@ -14,7 +14,7 @@ from nearharmonic.integrators.user_file import load_tableaus
 from nearharmonic.reproduction.experiments.paper.tableaus.overview import overview
 from nearharmonic.theory.order import (
     generalised_order_of,
-    harmonic_order_of,
+    harmonic_order,
     harmonic_orders_of,
     leading_errors,
     nystrom_order_of,
@@ -45,7 +45,7 @@ def test_declared_order_holds_for_systems_tableau_is_for(name):
 
 @declaring("harmonic_order")
 def test_the_declared_harmonic_order_is_that_of_the_position(name):
-    assert harmonic_order_of(name) == integrators[name].harmonic_order
+    assert harmonic_order(name) == integrators[name].harmonic_order
 
 
 @declaring("generalised_order")

@@ -9,7 +9,9 @@ from fractions import Fraction
 import pytest
 from mpmath import cbrt, log, mp, mpf
 
+import nearharmonic as nh
 from nearharmonic.integrators import BENCHMARKED
+from nearharmonic.integrators import integrators as registered
 from nearharmonic.integrators import plain_integrators as integrators
 from nearharmonic.systems import systems
 from nearharmonic.theory.oscillator import kappa, step_polynomials
@@ -64,8 +66,18 @@ def test_the_papers_ten_methods_are_registered_and_marked():
     assert len(BENCHMARKED) == len(set(BENCHMARKED)) == 10
 
 
-def test_labels_are_unique():
-    assert len({tableau.label for tableau in integrators.values()}) == len(integrators)
+def test_no_two_methods_share_a_name_a_label_or_an_alias():
+    taken = [text for one in registered.values() for text in {one.name, one.label, *one.aliases}]
+    assert len(taken) == len(set(taken))
+
+
+def test_labels_and_names_of_the_field_are_taken_for_names():
+    assert registered["6A8"] is registered["nystrom_6a8"]
+    assert registered["BAB's8o7H"] is registered["babps8o7h"]
+    for alias in ("verlet", "velocity_verlet", "stormer_verlet", "strang"):
+        assert integrators[alias] is registered[alias] is registered["leapfrog"]
+    assert nh.integrate("sho", "yoshida4", 0.1, t_end=1).attrs["integrator"] == "ruth"
+    assert "verlet" not in registered  # names are listed once
 
 
 @EVERY

@@ -12,7 +12,7 @@ from nearharmonic.integrators import modified_integrators, plain_integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.page import filled_page, pipes
-from nearharmonic.theory.order import order_of
+from nearharmonic.theory.order import harmonic_order, order_of
 
 #: Time of a force with the gradient of its square over that of a force, as the page has it.
 FACTORS = {"henon_heiles": 2.1, "kepler": 1.3}
@@ -28,16 +28,17 @@ def methods_table() -> str:
     rows = []
     for name in plain_integrators.registered:
         one, order = registered[name], order_of(registered[name])
-        rows.append([*_first_cells(one), order, one.order if one.requires else order])
-    header = ("name", "label", "composition", "stages", "order", "order for quadratic T")
+        rows.append([*_first_cells(one), order, one.order if one.requires else order, harmonic_order(one)])
+    header = ("name", "label", "composition", "stages", "order", "order for quadratic T", "harmonic order")
     return "\n".join(pipes(header, rows, align="lllr"))
 
 
 def modified_table() -> str:
     """Return a row for each method with a modified potential."""
     found = [registered[name] for name in modified_integrators.registered]
-    rows = [[*_first_cells(one), one.gradients, order_of(one)] for one in found]
-    return "\n".join(pipes(("name", "label", "composition", "stages", "gradients", "order"), rows, align="lllr"))
+    rows = [[*_first_cells(one), one.gradients, order_of(one), harmonic_order(one)] for one in found]
+    header = ("name", "label", "composition", "stages", "gradients", "order", "harmonic order")
+    return "\n".join(pipes(header, rows, align="lllr"))
 
 
 def _first_cells(one: Tableau) -> list[str | int]:

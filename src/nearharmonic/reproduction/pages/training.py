@@ -11,7 +11,7 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.page import filled_page, pipes
 from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES
 from nearharmonic.theory.linear_stability import stability_limit
-from nearharmonic.theory.order import harmonic_order_of, nystrom_order_of, order_of
+from nearharmonic.theory.order import harmonic_order, nystrom_order_of, order_of
 from nearharmonic.theory.shifted_kicks import shifted_kicks
 
 #: Methods of the table of shifted kicks beside the trained ones: those of the paper, and where such pairs are as plain.
@@ -39,7 +39,7 @@ def methods_table() -> list[str]:
         told = ["", f"{order_of(one)}", "", ""]
         if not one.modified:
             told = [
-                f"{order_of(one)}", f"{nystrom_order_of(one)}", f"{harmonic_order_of(one)}",
+                f"{order_of(one)}", f"{nystrom_order_of(one)}", f"{harmonic_order(one)}",
                 f"{float(stability_limit(one)):.3f}",
             ]  # fmt: skip
         cells = [f"`{one.name}`", purpose.what, f"{low:.3g} to {high:.3g}", composition(one), str(one.stages), *told]

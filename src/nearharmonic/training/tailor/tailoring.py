@@ -13,7 +13,7 @@ from nearharmonic.engine.numbers.initial_values import standard_parameters
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.definition.system import System
-from nearharmonic.theory.order import harmonic_order_of
+from nearharmonic.theory.order import harmonic_order
 from nearharmonic.training.objective import mean_errors
 from nearharmonic.training.polish import tableau_of
 from nearharmonic.training.population import Ensemble
@@ -195,5 +195,5 @@ def tested(
         trained=comparison(tableau, also, held_out, taus, asked.seed) if also else None,
         modified=comparison(tableau, beside, held_out, taus, asked.seed) if beside else None,
     )  # fmt: skip
-    tableau = replace(tableau, harmonic_order=harmonic_order_of(tableau), source=source_of(found), note=note_of(found))
+    tableau = replace(tableau, harmonic_order=harmonic_order(tableau), source=source_of(found), note=note_of(found))
     return replace(found, tableau=tableau)

@@ -15,7 +15,7 @@ from nearharmonic.reproduction.experiments.sixth_order.conditions import Nystrom
 from nearharmonic.reproduction.experiments.sixth_order.criterion import TAU_PER_STAGE
 from nearharmonic.reproduction.experiments.sixth_order.registration import short_decimals
 from nearharmonic.theory.linear_stability import stability_limit
-from nearharmonic.theory.order import error_norm, harmonic_order_of
+from nearharmonic.theory.order import error_norm, harmonic_order
 from nearharmonic.training.polish import NotConvergedError, polished, tableau_of
 from support.oracles.nystrom_steps import equations_of, unknowns_of
 from support.oracles.reference_solutions import oscillator_step
@@ -89,7 +89,7 @@ def test_the_harmonic_order_is_the_one_in_the_name(name):
     tableau = integrators[name]
     composition = "bab" if tableau.first == "kick" else "aba"
     assert name == f"{composition}s{tableau.stages}o6_{tableau.harmonic_order}h"
-    assert harmonic_order_of(tableau) == tableau.harmonic_order
+    assert harmonic_order(tableau) == tableau.harmonic_order
 
 
 def test_free_parameters_become_short_decimals_from_which_the_rest_follows():

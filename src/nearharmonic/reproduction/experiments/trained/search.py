@@ -20,7 +20,7 @@ from nearharmonic.output.table import Table
 from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES, Purpose
 from nearharmonic.reproduction.experiments.trained.settings import SearchSettings
 from nearharmonic.theory.linear_stability import stability_limit
-from nearharmonic.theory.order import harmonic_order_of, nystrom_order_of, order_of
+from nearharmonic.theory.order import harmonic_order, nystrom_order_of, order_of
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import Objective, mean_errors
 from nearharmonic.training.polish import DIGITS, tableau_of
@@ -191,7 +191,7 @@ def _document(goal: Purpose, settings: SearchSettings, best: Found, test: _Judge
         "family_order": best.family.order,
         "order": order_of(tableau),
         "order_for_quadratic_T": nystrom_order_of(tableau),
-        **({} if tableau.modified else {"harmonic_order": harmonic_order_of(tableau)}),
+        **({} if tableau.modified else {"harmonic_order": harmonic_order(tableau)}),
         **({} if tableau.modified else {"stability_limit": float(stability_limit(tableau))}),
         "sum_of_absolute_values": sum(abs(float(c)) for c in (*tableau.kick, *tableau.drift)),
         "purpose": goal.what,

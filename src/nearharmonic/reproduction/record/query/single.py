@@ -14,6 +14,7 @@ import numpy as np
 
 from nearharmonic.engine.settings import SharedSettings, checked_tau, one_of
 from nearharmonic.errors import NearharmonicError, bad_setting, unknown_name
+from nearharmonic.integrators import integrators
 from nearharmonic.output import store
 from nearharmonic.reproduction.record.query.run_table import SKIPPED, runs_of_cube, settings_of, system_cubes
 from nearharmonic.reproduction.tasks.definitions import defined, read_definitions
@@ -71,7 +72,7 @@ def single_run(
     folder : Path
         Folder of the result.
     system, integrator : str
-        Names in the result.
+        Names in the result, or other names of the integrator.
     tau : float or str
         Step size in the unit of time of the system; with ``per_stage`` the step size per stage.
     precision : str, optional
@@ -90,6 +91,7 @@ def single_run(
     if system not in cubes:
         raise unknown_name("system", system, cubes)
     runs, units = runs_of_cube(cubes[system])
+    integrator = integrators.name_of(integrator)
     if integrator not in (known := dict.fromkeys(runs["integrator"])):
         raise unknown_name("integrator", integrator, known)
     runs = runs[runs["integrator"] == integrator]
