@@ -6,6 +6,7 @@ import fcntl
 import json
 import os
 import pty
+import re
 import select
 import signal
 import struct
@@ -80,11 +81,12 @@ def test_table_states_gain_method_and_extent_of_search(capsys):
     assert main(["tailor", *QUICK]) == 0
     title, header, *lines = capsys.readouterr().out.splitlines()
     assert title.startswith("Hénon-Heiles system, tau/s = 0.08 to 0.12: a gain of 0.")
-    assert header.split() == ["tau_per_stage", "published", "its_error", "error", "gain", "low", "high"]
-    assert lines[0].split()[:2] == ["0.08", "babps8o7h"]
+    assert header.split() == ["tau_per_stage", "registered", "its_error", "error", "gain", "low", "high"]
+    assert lines[0].split()[:2] == ["0.08", "trained_moderate"]
     notes = "\n".join(lines[5:])
     assert "95 % interval over 32 starts that were not used" in notes
-    assert "published method of the least mean error in the window: babps8o7h" in notes
+    assert "registered method of the least mean error in the window: trained_fine" in notes
+    assert "over methods of other authors alone (babps8o7h" in notes
     assert "search: 5" in notes
     assert "--output FILE.py writes the method" in notes
 
@@ -95,7 +97,9 @@ def test_without_gain_status_is_1_and_nothing_is_written(capsys, tmp_path, monke
     assert main(["tailor", *words]) == 1
     out = capsys.readouterr().out
     assert "no gain, -" in out.splitlines()[0]
-    assert out.splitlines()[0].endswith("take the published babps8o7h")
+    assert out.splitlines()[0].endswith("take trained_fine")
+    (call,) = re.findall(r"^trained_fine in Python: (nh\..*)$", out, flags=re.MULTILINE)
+    assert eval(call, {"nh": nh}).max_energy_error < 1e-5  # the table has errors from 1.4e-7 to 3.4e-6
     assert "not written: mine.py, as there is no gain" in out
     assert not list(tmp_path.iterdir())
 
@@ -104,12 +108,14 @@ def test_step_sizes_without_a_gain_are_named(capsys):
     """A method for a window that is a factor 3 wide is not the best in all of it."""
     assert main(["tailor", "henon_heiles", "--window", "0.05:0.15", "--trials", "500"]) == 0
     title, _, *lines = capsys.readouterr().out.splitlines()
-    low = [line.split()[0] for line in lines[:11] if float(line.split()[5]) <= 0]
-    assert low
+    low = {line.split()[0]: float(line.split()[5]) for line in lines[:11]}
     assert title.endswith(", though not in all of the window")
     (note,) = [line for line in lines if line.startswith("no gain at tau/s = ")]
     places = note.removeprefix("no gain at tau/s = ").partition(";")[0]
-    assert [place.partition(":")[0] for place in places.split(", ")] == low
+    named = {place.partition(":")[0] for place in places.split(", ")}
+    assert {tau for tau, bound in low.items() if bound < 0} <= named
+    assert named <= {tau for tau, bound in low.items() if bound <= 0}  # printed with three decimals
+    assert 0 < len(named) < len(low)
 
 
 def test_system_of_file_in_its_own_units_is_taken(capsys, tmp_path):
@@ -125,7 +131,7 @@ def test_system_of_file_in_its_own_units_is_taken(capsys, tmp_path):
     ("words", "message"),
     [
         (["henon_heilse"], "Did you mean 'henon_heiles'"),
-        (["henon_heiles", "--window", "1e-4:1.5e-4"], "published methods err by rounding alone"),
+        (["henon_heiles", "--window", "1e-4:1.5e-4"], "registered methods err by rounding alone"),
         (["sho", "--output", "ruth.py"], "a registered integrator has the name ruth"),
         (["sho", "--output", "my-method.py"], "output = 'my-method.py' is not allowed: a file NAME.py"),
         (["sho", "--output", "mine.txt"], "output = 'mine.txt' is not allowed: a file NAME.py"),

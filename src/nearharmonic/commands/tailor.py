@@ -1,4 +1,4 @@
-"""``nearharmonic tailor``: makes a method for one system, and tests its gain over the published methods."""
+"""``nearharmonic tailor``: makes a method for one system, and tests its gain over the registered methods."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from nearharmonic.training.tailor.result import Comparison, Tailored
 
 HELP = "make a method for one system, and test it on starts that were not used"
-HEADER = ("tau_per_stage", "published", "its_error", "error", "gain", "low", "high")
+HEADER = ("tau_per_stage", "registered", "its_error", "error", "gain", "low", "high")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--window", metavar="LOW:HIGH", help="step sizes per stage, in the system's unit of time, a factor 1.2 at least"
     )
     parser.add_argument(
-        "--error", help="or the energy error that published methods have in the window's middle (default 1e-6)"
+        "--error", help="or the energy error that registered methods have in the window's middle (default 1e-6)"
     )
     parser.add_argument("--seconds", help="time of the search (default 30); Ctrl-C gives the best so far")
     parser.add_argument("--trials", metavar="N", help="methods that it tries, in place of a time or beside it")
@@ -41,7 +41,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def answer(chosen: argparse.Namespace) -> Answer:
-    """Return the test of the new method; the exit status is 1 if it has no gain over the published methods."""
+    """Return the test of the new method; the exit status is 1 if it has no gain over the registered methods."""
     from nearharmonic.engine.settings import whole_number
     from nearharmonic.training.tailor.question import question
     from nearharmonic.training.tailor.tailoring import tailored
@@ -134,8 +134,8 @@ def _title(found: Tailored) -> str:
     where = f"{label}, tau/s = {window_text(found)}"
     if found.has_gain:
         part = ", though not in all of the window" if found.losing else ""
-        return f"{where}: a gain of {test.gain} decades over the best published methods{part}"
-    return f"{where}: no gain, {test.gain} decades; take the published {test.overall.name}"
+        return f"{where}: a gain of {test.gain} decades over the best registered methods{part}"
+    return f"{where}: no gain, {test.gain} decades; take {test.overall.name}"
 
 
 def _rows(test: Comparison) -> Iterator[tuple[Any, ...]]:
@@ -154,20 +154,13 @@ def _notes(found: Tailored) -> Iterator[str]:
     )
     yield (
         f"on the {found.ensemble.size} starts of the search, t = {found.ensemble.t_end:.4g}: {found.training.gain}; "
-        f"published method of the least mean error in the window: {found.test.overall.name}"
+        f"registered method of the least mean error in the window: {found.test.overall.name}"
     )
     if found.losing and found.has_gain:
         places = ", ".join(f"{tau:.3g}: {gain}" for tau, gain in found.losing)
         yield f"no gain at tau/s = {places}; a narrower window may have one throughout"
-    if found.trained is not None:
-        others = ", ".join(dict.fromkeys(found.trained.best))
-        yield f"over the methods trained on ensembles ({others}): {found.trained.gain}"
-    if found.modified is not None:
-        others = ", ".join(dict.fromkeys(found.modified.best))
-        yield (
-            f"over the methods with kicks of a modified potential ({others}), whose gradients count as forces: "
-            f"{found.modified.gain}"
-        )
+    others = ", ".join(dict.fromkeys(found.published.best))
+    yield f"over methods of other authors alone ({others}): {found.published.gain}"
     kind = "quadratic T" if tableau.requires else "every separable H"
     yield (
         f"method: {tableau.stages} stages, {tableau.first} first, order {tableau.order} for {kind}, harmonic order "
@@ -188,6 +181,8 @@ def _outcome(found: Tailored, place: Path | None, written: str | None) -> Iterat
         yield f"not written: {place}, as there is no gain"
     elif found.has_gain:
         yield "--output FILE.py writes the method"
+    if not found.has_gain:
+        yield f"{found.test.overall.name} in Python: {found.call}"
     if not found.has_gain and len(found.question.stages) == 1:
         yield "other numbers of stages, such as --stages 6:12, or more seconds may find one"
 
@@ -201,9 +196,9 @@ def _document(found: Tailored, written: str | None) -> dict[str, Any]:
         "has_gain": found.has_gain,
         "gain": asdict(found.test.gain),
         "gain_in_search": asdict(found.training.gain),
-        "gain_over_trained": None if found.trained is None else asdict(found.trained.gain),
-        "gain_over_modified": None if found.modified is None else asdict(found.modified.gain),
-        "published": found.test.overall.name,
+        "gain_over_published": asdict(found.published.gain),
+        "registered": found.test.overall.name,
+        "call": found.call,
         "steps": [dict(zip(HEADER, row, strict=True)) for row in _rows(found.test)],
         "starts": {"search": found.ensemble.size, "test": found.held_out.size, "t_end": found.held_out.t_end},
         "search": {

@@ -14,8 +14,8 @@ from nearharmonic.training.family import Family
 from nearharmonic.training.objective import Objective, mean_errors
 from nearharmonic.training.tailor import budget as budget_module
 from nearharmonic.training.tailor.budget import Budget, BudgetSpentError
+from nearharmonic.training.tailor.contenders import contenders, published, registered, step_sizes, window_at
 from nearharmonic.training.tailor.orbit import orbit_of
-from nearharmonic.training.tailor.published import contenders, published, step_sizes, window_at
 from nearharmonic.training.tailor.question import question
 from nearharmonic.training.tailor.search import Rounds, TailorSearch, families
 from nearharmonic.training.tailor.tailoring import ensembles
@@ -26,7 +26,8 @@ def problems():
     """(starts of the search, those of the test, published methods, step sizes, their errors) of a window."""
     asked = question("henon_heiles", window="0.1:0.15")
     first, second = ensembles(asked, orbit_of(asked.system))
-    methods, taus = published(asked.system), step_sizes(asked.window)
+    methods = [one for one in published(registered(asked.system)) if not one.modified]
+    taus = step_sizes(asked.window)
     return first, second, methods, taus, mean_errors(first, methods, taus.tolist())
 
 
@@ -141,10 +142,10 @@ def test_families_have_free_coefficients_and_need_quadratic_T_if_stated():
 
 
 def test_published_methods_are_neither_trained_nor_of_this_project():
-    names = {one.name for one in published(nh.systems["henon_heiles"])}
+    names = {one.name for one in published(registered(nh.systems["henon_heiles"]))}
     assert {"babps8o7h", "srkn_b11", "leapfrog", "bcss_s4"} <= names
     assert not {name for name in names if name.startswith(("trained_", "babs8o6"))}
-    general = {one.name for one in published(nh.systems["relativistic_oscillator"])}
+    general = {one.name for one in published(registered(nh.systems["relativistic_oscillator"]))}
     assert names - general == {one for one in names if nh.integrators[one].requires}
 
 
@@ -156,7 +157,7 @@ def test_the_window_of_an_error_has_it_in_its_middle(problems):
     assert high / low == pytest.approx(1.5, rel=0.01)  # three digits
     rows, middle = ensemble.start[:8], np.sqrt(low * high)
     means = []
-    for one in contenders(methods, mean_errors(ensemble, methods, [middle])):
+    for one in contenders(dict(zip(methods, mean_errors(ensemble, methods, [middle]), strict=True))):
         many = nh.ensemble(
             ensemble.system, one, middle * one.stages, t_end=ensemble.t_end, q0=rows[:, :2], p0=rows[:, 4:6], samples=2
         )

@@ -21,8 +21,9 @@ from nearharmonic.systems import System
 from nearharmonic.systems import systems as registered
 from nearharmonic.systems.definition.file import load_system
 from nearharmonic.training.population import Ensemble
+from nearharmonic.training.tailor.contenders import registered as contenders_of
+from nearharmonic.training.tailor.contenders import step_sizes
 from nearharmonic.training.tailor.orbit import Orbit, orbit_of
-from nearharmonic.training.tailor.published import published, step_sizes
 from nearharmonic.training.tailor.question import Question, question
 from nearharmonic.training.tailor.result import Tailored, comparison
 from nearharmonic.training.tailor.tailoring import ensembles, tailored
@@ -59,7 +60,7 @@ def gains(subjects: Mapping[str, System]) -> str:
         test = f"**{found.test.gain}**" if found.has_gain else str(found.test.gain)
         label = found.question.system.label
         rows.append((label, window, overall, found.tableau.stages, str(found.training.gain), test))
-    columns = ("system", "window", "best published", "stages", "on the starts of the search", "on others")
+    columns = ("system", "window", "best registered", "stages", "on the starts of the search", "on others")
     return "\n".join(pipes(columns, rows))
 
 
@@ -105,7 +106,7 @@ def elsewhere() -> str:
     """Return gains of one method on other step sizes and energies."""
     asked = question(registered["henon_heiles"], window="0.08:0.12", energy="same", trials=6000)
     found = tailored(asked)
-    others = published(asked.system)
+    others = contenders_of(asked.system)
     wide = comparison(found.tableau, others, found.held_out, np.array(STEPS), 0)
     gains_by_step = ["gain at H = 1/8", *(f"{gain.mean:.2f}" for gain in wide.gains)]
     lines = [*pipes(["tau/s", *(f"{tau:g}" for tau in STEPS)], [gains_by_step], align="lr"), ""]

@@ -42,12 +42,14 @@ class Question:
     ----------
     system : System
         The system.
+    given : str
+        Python literal of the name or path of the system, or the name of its object.
     stages : tuple of int
         Numbers of stages that are searched.
     window : pair of float, or None
         Smallest and largest step size over stages, in the unit of time of the system.
     error : float
-        Energy error of the best published method in the middle of the window, if no window is given.
+        Energy error of the best registered method in the middle of the window, if no window is given.
     seconds : float or None
         Time limit of the search.
     trials : int or None
@@ -63,6 +65,7 @@ class Question:
     """
 
     system: System
+    given: str
     stages: tuple[int, ...]
     window: tuple[float, float] | None
     error: float
@@ -109,6 +112,7 @@ def question(
     H0 = energy_at_start(subject)
     return Question(
         system=subject,
+        given=repr(place) if isinstance(place, str) else subject.name,
         stages=_stages(stages),
         window=None if window is None else _window(window),
         error=ERROR if error is None else _error(error),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import sqrt
 
 import numpy as np
 
@@ -12,14 +13,12 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.training.objective import errors_of
 from nearharmonic.training.population import LEAST, Ensemble
+from nearharmonic.training.tailor.contenders import CHARGE
 from nearharmonic.training.tailor.question import Question
 from nearharmonic.training.tailor.search import SearchResult
 
 #: Number of resamples of the starts, and coverage of the interval.
 RESAMPLES, CONFIDENCE = 2000, 0.95
-#: Assumed cost of the gradient of the square of grad V, in forces, for comparisons at equal cost. Measured costs are
-#: below or slightly above it, see docs/methods.md.
-CHARGE = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,11 +119,9 @@ class Tailored:
     search : SearchResult
         Result and extent of the search.
     test, training : Comparison
-        Comparisons with the best published methods, on the starts of the test and of the search.
-    trained : Comparison or None
-        Comparison with the best method that was trained on ensembles, on the starts of the test.
-    modified : Comparison or None
-        Comparison with the best method with modified potentials, on the starts of the test.
+        Comparisons with the best registered methods, on the starts of the test and of the search.
+    published : Comparison
+        Comparison with the best methods of other authors, on the starts of the test.
     """
 
     question: Question
@@ -135,13 +132,19 @@ class Tailored:
     search: SearchResult
     test: Comparison
     training: Comparison
-    trained: Comparison | None
-    modified: Comparison | None = None
+    published: Comparison
 
     @property
     def has_gain(self) -> bool:
         """True if the interval of the gain on the starts of the test is above 0."""
         return self.test.gain.is_one
+
+    @property
+    def call(self) -> str:
+        """Python code that runs the best registered method in the middle of the window."""
+        best, middle = self.test.overall, sqrt(self.window[0] * self.window[1])
+        tau = float(f"{middle * (best.stages + CHARGE * best.gradients):.3g}")
+        return f"nh.integrate({self.question.given}, {best.name!r}, {tau:g})"
 
     @cached_property
     def losing(self) -> tuple[tuple[float, Gain], ...]:

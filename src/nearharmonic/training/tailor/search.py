@@ -1,6 +1,6 @@
 """Search for a tailored method: many short searches, whose best third continues, until a budget is spent.
 
-Starts in every family are published methods, and methods with one stage less that are extended by a stage. Starts far
+Starts in every family are registered methods, and methods with one stage less that are extended by a stage. Starts far
 behind the best are omitted. All starts get the same number of trials. The best third continues with three times as many
 trials, and so on. Searches around the last one then alternate with searches from random starts until time or trials are
 spent.
@@ -148,7 +148,7 @@ class TailorSearch:
     tau_per_stage : (T,) array of float
         Step sizes over the cost of a step in the window.
     reference : (T,) array of float
-        Mean of log10 max |dH| of the best published methods.
+        Mean of log10 max |dH| of the best registered methods.
     known : sequence of Tableau
         Known methods, from which searches start.
     stages : sequence of int
@@ -194,7 +194,7 @@ class TailorSearch:
                 raise
             stopped = "Ctrl-C"
         best = self.record.best
-        assert best is not None  # published methods are among the starts
+        assert best is not None  # registered methods are among the starts
         again = sum(self._rounds.same(one, best) for one in self._ends)
         return SearchResult(
             best=best, trials=self._budget.trials, searches=len(self._ends), again=again,
@@ -227,7 +227,7 @@ class TailorSearch:
         for family, objective in self._objectives.items():
             starts = {start.origin: start for start in starts_of(family, self._known, [], self._rounds)}
             if starts:
-                objective.origin = "a published method"
+                objective.origin = "a registered method"
                 points = np.array([start.point for start in starts.values()])
                 parts = zip(starts.values(), objective(points).tolist(), strict=True)
                 found.setdefault(family.stages, []).extend(_branch(family, *part) for part in parts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -18,19 +18,18 @@ from nearharmonic.training.objective import mean_errors
 from nearharmonic.training.polish import tableau_of
 from nearharmonic.training.population import Ensemble
 from nearharmonic.training.tailor.budget import Budget
-from nearharmonic.training.tailor.inputs.starts import starts_of
-from nearharmonic.training.tailor.orbit import RADIANS, STEP, Orbit, orbit_of
-from nearharmonic.training.tailor.provenance import note_of, source_of
-from nearharmonic.training.tailor.published import (
+from nearharmonic.training.tailor.contenders import (
+    CHARGE,
     check_window,
     contenders,
-    modified,
     published,
     registered,
     step_sizes,
-    trained,
     window_at,
 )
+from nearharmonic.training.tailor.inputs.starts import starts_of
+from nearharmonic.training.tailor.orbit import RADIANS, STEP, Orbit, orbit_of
+from nearharmonic.training.tailor.provenance import note_of, source_of
 from nearharmonic.training.tailor.question import Question, question
 from nearharmonic.training.tailor.result import Tailored, comparison
 from nearharmonic.training.tailor.search import SearchResult, TailorSearch
@@ -44,7 +43,7 @@ FEWEST_STEPS, MOST_EVALUATIONS, MOST_IN_TEST = 24, 1600, 16000
 
 
 class NoGainWarning(UserWarning):
-    """A search found no method better than the published ones."""
+    """A search found no method better than the registered ones."""
 
 
 def tailor(
@@ -73,7 +72,7 @@ def tailor(
     window : pair of float or str, optional
         Smallest and largest step size over stages, in the unit of time of the system; their ratio is 1.2 to 10.
     error : float or str, optional
-        Instead of a window: the energy error of the best published method in the middle of the window, by default 1e-6.
+        Instead of a window: the energy error of the best registered method in its middle, by default 1e-6.
     seconds : float, optional
         Time of the search, by default 30.
     trials : int, optional
@@ -89,7 +88,7 @@ def tailor(
     Returns
     -------
     Tableau
-        The method, or the best published method if the new method is not better on the starts of the test.
+        The method, or the best registered method if the new method is not better on the starts of the test.
 
     Raises
     ------
@@ -102,7 +101,7 @@ def tailor(
     Warns
     -----
     NoGainWarning
-        The returned method is a published one.
+        The returned method is a registered one.
     """
     asked = question(
         system, stages=stages, window=window, error=error, seconds=seconds, trials=trials, starts=starts,
@@ -113,7 +112,7 @@ def tailor(
         return found.tableau
     best = found.test.overall
     message = (
-        f"no gain over published methods on starts that were not used: {found.test.gain} decades; this is {best.name}"
+        f"no gain over registered methods on starts that were not used: {found.test.gain} decades; this is {best.name}"
     )
     warnings.warn(message, NoGainWarning, stacklevel=2)
     return best
@@ -138,21 +137,21 @@ def tailored(
     SettingError
         A window in which no gain is possible, or starts that leave their energy surface.
     """
-    subject, methods = asked.system, published(asked.system)
+    subject, methods = asked.system, registered(asked.system)
     orbit = orbit_of(subject)
     ensemble, held_out = (starts or ensembles)(asked, orbit)
     window = asked.window or window_at(ensemble, methods, asked.error, orbit.frequency)
     ensemble = _fitted(ensemble, window, asked, MOST_EVALUATIONS)
     held_out = _fitted(held_out, window, asked, MOST_IN_TEST)
     taus = step_sizes(window)
-    errors = mean_errors(ensemble, methods, taus.tolist())
+    errors = mean_errors(ensemble, methods, taus.tolist(), CHARGE)
     check_window(errors.min(axis=0), window, subject.units["t"])
     budget = Budget(asked.seconds, asked.trials, show)
     search = TailorSearch(
-        ensemble, taus, errors.min(axis=0), registered(subject), stages=asked.stages,
+        ensemble, taus, errors.min(axis=0), [one for one in methods if not one.modified], stages=asked.stages,
         quadratic=subject.quadratic_kinetic_energy, budget=budget, seed=asked.seed,
     ).run()  # fmt: skip
-    return tested(asked, window, (ensemble, held_out), search, contenders(methods, errors))
+    return tested(asked, window, (ensemble, held_out), search, dict(zip(methods, errors, strict=True)))
 
 
 def ensembles(asked: Question, orbit: Orbit) -> tuple[Ensemble, Ensemble]:
@@ -180,20 +179,20 @@ def _fitted(ensemble: Ensemble, window: tuple[float, float], asked: Question, mo
 
 def tested(
     asked: Question, window: tuple[float, float], ensembles: tuple[Ensemble, Ensemble], search: SearchResult,
-    others: Sequence[Tableau],
+    errors: Mapping[Tableau, Floats],
 ) -> Tailored:  # fmt: skip
-    """Return the result of a search as a tableau, compared with ``others`` and with methods trained on ensembles."""
+    """Return the result of a search as a tableau, compared with methods of known ``errors`` (T,)."""
     (ensemble, held_out), best, taus = ensembles, search.best, step_sizes(window, between=True)
     stages, label = best.family.stages, asked.system.label
     name = f"tailored_{asked.system.name}_{stages}"
     tableau = tableau_of(best.family, best.unknowns.tolist(), name=name, label=f"{label}, {stages} stages", source="-")
-    also, beside = trained(asked.system), modified(asked.system)
+    others = contenders(errors)
+    of_others = contenders({one: errors[one] for one in published(errors)})
     found = Tailored(
         question=asked, window=window, ensemble=ensemble, held_out=held_out, tableau=tableau, search=search,
         test=comparison(tableau, others, held_out, taus, asked.seed),
         training=comparison(tableau, others, ensemble, taus, asked.seed),
-        trained=comparison(tableau, also, held_out, taus, asked.seed) if also else None,
-        modified=comparison(tableau, beside, held_out, taus, asked.seed) if beside else None,
+        published=comparison(tableau, of_others, held_out, taus, asked.seed),
     )  # fmt: skip
     tableau = replace(tableau, harmonic_order=harmonic_order(tableau), source=source_of(found), note=note_of(found))
     return replace(found, tableau=tableau)
