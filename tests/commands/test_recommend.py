@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -47,8 +48,32 @@ def test_interval_of_option_takes_place_of_that_of_config(capsys, tmp_path, monk
         "    tau_per_stage: {lowest: 0.01, highest: 1, points_per_decade: 20}\n"
     )
     words = ["far", "--config", "mine.yaml", "--error", "1e-3", "--methods", "ruth"]
-    assert told(capsys, *words)[0]["t_end"] == "30"
+    document, _ = told(capsys, *words)
+    assert (document["t_end"], document["call"]) == ("30", "")  # no Python without the config
     assert told(capsys, *words, "--t-end", "12.5")[0]["t_end"] == "12.5"
+
+
+def test_ten_rows_names_and_python_of_the_first(capsys):
+    words = ["recommend", "sho", "--error", "1e-3", "--budget", "3000", "--results", "/nowhere"]
+    assert main(words) == 0
+    lines = capsys.readouterr().out.splitlines()
+    rows = [line.split() for line in lines if re.match(r" +\d+ ", line)]
+    assert len(rows) == 10
+    assert all(row[1] in nh.integrators.registered for row in rows)
+    (more,) = re.findall(r"^(\d+) more meet the error: --limit (\d+)$", "\n".join(lines), re.MULTILINE)
+    assert int(more[1]) == int(more[0]) + 10
+    call = lines[-1].removeprefix("the best in Python: ")
+    assert eval(call, {"nh": nh}).max_energy_error <= 1e-3
+    assert main([*words, "--limit", "1", "--methods", "verlet,BAB's8o7H,6A8"]) == 0
+    (row,) = re.findall(r"^ +\d+ .*", capsys.readouterr().out, re.MULTILINE)
+    assert row.split()[1] in ("babps8o7h", "nystrom_6a8")  # leapfrog needs 20 times as many evaluations
+
+
+def test_help_explains_every_column(capsys):
+    assert main(["recommend", "--help"]) == 0
+    told = re.findall(r"^  (\w+) +\w", capsys.readouterr().out.partition("columns:\n")[2], re.MULTILINE)
+    assert main(["recommend", "sho", "--error", "1e-3", "--methods", "ruth"]) == 0
+    assert told == capsys.readouterr().out.splitlines()[1].split()
 
 
 @pytest.mark.slow

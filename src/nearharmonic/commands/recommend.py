@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
@@ -18,7 +18,21 @@ if TYPE_CHECKING:
 RESULTS = Path("results")
 
 HELP = "rank methods by the time to reach an error"
-HEADER = ("rank", "method", "kind", "tau", "tolerance", "sums", "evaluations", "ms", "ratio", "error")
+#: Columns, and what they hold.
+COLUMNS = {
+    "rank": "1 for the shortest time",
+    "method": "its name in commands and nh.integrate, or another library",
+    "kind": "splitting: a method of this package; peer: another library, as its users use it",
+    "tau": "the largest step size found that meets the error, in the unit of time of the system",
+    "tolerance": "tolerance of an adaptive method, in place of a step size",
+    "sums": "plain sums if they do not increase the error, else compensated ones",
+    "evaluations": "evaluations of the force in the run",
+    "ms": "time of the run in milliseconds",
+    "ratio": "this time over the shortest",
+    "error": "error of the run",
+}
+#: Rows of the table, unless another number is given.
+LIMIT = 10
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,7 +46,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--methods", metavar="A,B,...", help="names, or files that define TABLEAU (default all and other libraries)"
     )
     parser.add_argument("--budget", metavar="N", help="most evaluations of the force in a run (default 200000)")
+    parser.add_argument("--limit", metavar="N", help=f"most rows (default {LIMIT}; JSON holds every method)")
     parser.add_argument("--results", help="folder with timings (default that of the config, or results/paper)")
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = "\n".join(["columns:", *(f"  {name:<12} {says}" for name, says in COLUMNS.items())])
 
 
 def answer(chosen: argparse.Namespace) -> Answer:
@@ -54,9 +71,17 @@ def answer(chosen: argparse.Namespace) -> Answer:
         methods=methods,
         budget=None if chosen.budget is None else whole_number(chosen.budget, "budget"),
     )
+    limit = LIMIT if chosen.limit is None else whole_number(chosen.limit, "limit")
     if methods is not None:  # which are those of this package
         results = None
-    return ranking(recommendation(asked, results if chosen.results is None else chosen.results))
+    return ranking(recommendation(asked, results if chosen.results is None else chosen.results, _watched), limit)
+
+
+def _watched(methods: Iterable[str]) -> Iterator[str]:
+    """Yield the methods, with a bar on a terminal after two seconds."""
+    from tqdm import tqdm
+
+    yield from tqdm(methods, desc="trying methods", delay=2, leave=False, disable=None)
 
 
 def _configured(system: str, place: Path) -> tuple[str | None, str]:
@@ -71,18 +96,18 @@ def _configured(system: str, place: Path) -> tuple[str | None, str]:
     return ends.get(system), str(RESULTS / config.name)
 
 
-def ranking(found: Recommendation) -> Answer:
-    """Return ``found`` as an answer: a row for each method that meets the bound, and notes on the others."""
+def ranking(found: Recommendation, limit: int = LIMIT) -> Answer:
+    """Return ``found`` as an answer: rows of the best methods that meet the bound, and notes on the others."""
     asked, best = found.question, found.ranked
     unit = asked.system.units["t"]
     interval = f"{asked.system.label}, t = {asked.t_end} {unit if unit != '1' else ''}".rstrip()
     return Answer(
-        header=HEADER,
-        rows=[_row(rank, choice, best[0], found) for rank, choice in enumerate(best, start=1)],
+        header=tuple(COLUMNS),
+        rows=[_row(rank, choice, best[0], found) for rank, choice in enumerate(best[:limit], start=1)],
         document=_document(found),
         status=0 if best else 1,
         caption=f"{interval}: {asked.quantity} <= {asked.error:g}",
-        notes=list(_notes(found)),
+        notes=list(_notes(found, limit)),
         digits=3,
     )
 
@@ -96,23 +121,25 @@ def _document(found: Recommendation) -> dict[str, Any]:
         {"rank": rank if choice.status == "met" else None, **asdict(choice)}
         for rank, choice in enumerate(found.choices, start=1)
     ]
-    return {"system": asked.system.name, **told, "basis": found.basis, "choices": choices}
+    return {"system": asked.system.name, **told, "basis": found.basis, "call": found.call, "choices": choices}
 
 
-def _notes(found: Recommendation) -> Iterator[str]:
+def _notes(found: Recommendation, limit: int) -> Iterator[str]:
     budget = found.question.budget
+    if (count := len(found.ranked)) > limit:
+        yield f"{count - limit} more meet the error: --limit {count}"
     if not found.ranked:
         yield f"no method reaches this error within {budget} evaluations"
-    for kind, limit in (("splitting", f"within {budget} evaluations"), ("peer", "at any setting timed")):
+    for kind, where in (("splitting", f"within {budget} evaluations"), ("peer", "at any setting timed")):
         if words := found.missed(kind):
-            yield f"not {limit}: {words}"
+            yield f"not {where}: {words}"
     if words := found.not_run():
         yield f"not run: {words}"
-    if any(choice.kind == "peer" for choice in found.ranked):
-        yield "peer: another library, as its users use it"
     if words := found.floor_in_words:
         yield words
     yield f"Time is that of one trajectory on one core, without start-up. Based on: {found.basis}"
+    if found.call:
+        yield f"the best in Python: {found.call}"
 
 
 def _row(rank: int, choice: Choice, best: Choice, found: Recommendation) -> tuple[Any, ...]:
@@ -120,7 +147,7 @@ def _row(rank: int, choice: Choice, best: Choice, found: Recommendation) -> tupl
 
     return (
         rank,
-        choice.label,
+        choice.shown,
         choice.kind,
         step_text(choice, found.question.t_end),
         f"{choice.tolerance:.1g}" if isfinite(choice.tolerance) else None,

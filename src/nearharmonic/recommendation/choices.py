@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from math import inf, isnan, nan
@@ -30,7 +30,9 @@ REPEATS = Patience(least=15, most=25, seconds=0.01)
 MEAN_ROUNDING = 1e-9
 
 
-def recommendation(asked: Question, results: str | Path | None = None) -> Recommendation:
+def recommendation(
+    asked: Question, results: str | Path | None = None, watched: Callable[[Iterable[str]], Iterable[str]] = iter
+) -> Recommendation:
     """Rank methods by the wall time of the cheapest run of each method that meets an error bound.
 
     Each recommended step was run over the whole interval and meets the bound, as do all finer steps that were run.
@@ -42,6 +44,8 @@ def recommendation(asked: Question, results: str | Path | None = None) -> Recomm
         System, error bound and methods.
     results
         Folder of results that may hold timings of other libraries; None to leave these out.
+    watched
+        Function of the names of the methods that returns them again, one by one as they are tried, to show progress.
 
     Raises
     ------
@@ -52,7 +56,7 @@ def recommendation(asked: Question, results: str | Path | None = None) -> Recomm
     exact = reference(asked.system, asked.t_end) if asked.measure == "position" else None
     with pinned() as core:
         facts = machine(core)
-        choices = _timed(asked, [_choice(asked, name, exact) for name in asked.methods]) + libraries
+        choices = _timed(asked, [_choice(asked, name, exact) for name in watched(asked.methods)]) + libraries
     basis = (
         f"measured on the spot, {facts['measured']} on {facts['cpu']}, load average {facts['load_average']}; each step "
         f"listed was run over the whole interval and meets the error, as do all finer steps that were run (these with "

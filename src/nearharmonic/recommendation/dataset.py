@@ -66,7 +66,8 @@ def recommend(
         ``mean_energy_error``, which ``integrate`` finds for this ``tau`` and ``summation``, and ``position_error`` if
         that is the measure; ``time``, the least wall time of the run in s, of one trajectory on one core. Uncompensated
         sums are used where they do not increase the error. Methods that miss the bound are left out: the
-        attributes ``missed`` and ``not_run`` name them with the reason, ``basis`` tells what was measured where.
+        attributes ``missed`` and ``not_run`` name them with the reason, ``basis`` tells what was measured where,
+        ``call`` is the Python code of the first run.
 
     Raises
     ------
@@ -119,5 +120,6 @@ def _attributes(found: Recommendation) -> dict[str, Any]:
         "missed": found.missed("splitting"),
         "not_run": found.not_run(),
         "basis": found.basis,
+        "call": found.call,
         **({"energy_floor": asked.floor} if asked.floor else {}),
     }

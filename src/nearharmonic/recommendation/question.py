@@ -9,6 +9,8 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from nearharmonic.engine.reference import position_t_end
 from nearharmonic.engine.runs.continuation import start_of
 from nearharmonic.engine.runs.setup import ANY, Setup, checked_scale
@@ -21,7 +23,7 @@ from nearharmonic.integrators.user_file import load_tableaus
 from nearharmonic.output.dataset import Attributes
 from nearharmonic.recommendation.curve import MEASURES, NAMES
 from nearharmonic.registry.registry import is_path, split_path
-from nearharmonic.systems import System
+from nearharmonic.systems import System, systems
 
 #: Evaluations of the force in a run that may be recommended, unless another budget is given.
 EVALUATIONS = 200_000
@@ -35,6 +37,9 @@ class Question:
     ----------
     system : System
         The system, with the requested initial values.
+    arguments : tuple of str
+        The system as the first argument of :func:`nearharmonic.integrate`, and the initial values, as Python code;
+        empty for a system of a config.
     t_end : str
         End of the interval [0, t_end], a decimal string above 0, in the system's unit of time.
     measure : str
@@ -52,6 +57,7 @@ class Question:
     """
 
     system: System
+    arguments: tuple[str, ...]
     t_end: str
     measure: str
     error: float
@@ -111,6 +117,7 @@ def question(
     told = sweep(subject, ANY, [float(problem.end)], t_end=problem.t_end)
     return Question(
         system=subject,
+        arguments=_arguments(system, q0=q0, p0=p0),
         t_end=position_t_end(subject, problem.t_end) if kind == "position" else problem.t_end,
         measure=kind,
         error=bound,
@@ -119,6 +126,22 @@ def question(
         energy_attributes={name: told[name].attrs for name in (MEASURES["max"], MEASURES["mean"])},
         floor=told.attrs.get("energy_floor", 0.0),
     )
+
+
+def _arguments(system: str | os.PathLike[str] | System, **start: Any) -> tuple[str, ...]:
+    """Return Python code of a system, which is its name if it is an object, and of initial values."""
+    given = system.name if isinstance(system, System) else os.fspath(system)
+    if not (isinstance(system, System) or given in systems.registered or is_path(given)):
+        return ()
+    first = given if isinstance(system, System) else repr(given)
+    return (first, *(f"{key}={_numbers(x)!r}" for key, x in start.items() if x is not None))
+
+
+def _numbers(given: Any) -> list[int | float | str]:
+    """Return initial values as Python writes them: fractions and the like as text."""
+    values = np.array(given, dtype=object, ndmin=1).tolist()
+    plain = (x.item() if isinstance(x, np.generic) else x for x in values)
+    return [x if isinstance(x, int | float) else str(x) for x in plain]
 
 
 def _started(problem: Setup, q0: object, p0: object) -> System:

@@ -8,6 +8,7 @@ from typing import Literal
 
 from nearharmonic.engine.batch.numba_runs import NEAR_FLOOR, floor_in_words
 from nearharmonic.engine.grid import steps_of
+from nearharmonic.engine.settings import checked_t_end
 from nearharmonic.recommendation.question import Question
 
 #: Significant digits of a printed step, unless another number of steps would come of it.
@@ -59,6 +60,11 @@ class Choice:
     time: float = nan
     reason: str = ""
 
+    @property
+    def shown(self) -> str:
+        """Name or path as :func:`nearharmonic.integrate` takes it; the label of another library."""
+        return self.method if self.kind == "splitting" else self.label
+
 
 @dataclass(frozen=True, kw_only=True)
 class Recommendation:
@@ -89,6 +95,18 @@ class Recommendation:
         """The methods that meet the bound, the fastest first."""
         return tuple(choice for choice in self.choices if choice.status == "met")
 
+    @property
+    def call(self) -> str:
+        """Python code of the run of the best method of this package; "" without one, and for a system of a config."""
+        asked = self.question
+        best = next((choice for choice in self.ranked if choice.kind == "splitting"), None)
+        if best is None or not asked.arguments:
+            return ""
+        system, *start = asked.arguments
+        more = [] if asked.t_end == checked_t_end(asked.system.t_end) else [f"t_end={asked.t_end!r}"]
+        more += ["summation='plain'"] if best.summation == "plain" else []
+        return f"nh.integrate({', '.join([system, repr(best.method), repr(best.tau), *start, *more])})"
+
     def missed(self, kind: str) -> str:
         """Return the methods of one kind that miss the bound, each with its smallest error."""
         missed = [choice for choice in self.choices if (choice.status, choice.kind) == ("missed", kind)]
@@ -97,7 +115,7 @@ class Recommendation:
     def not_run(self) -> str:
         """Return the methods that were not run, each with the reason."""
         absent = [choice for choice in self.choices if choice.status == "not run"]
-        return "; ".join(f"{choice.label} ({choice.reason})" for choice in absent)
+        return "; ".join(f"{choice.shown} ({choice.reason})" for choice in absent)
 
 
 def is_rounding(choice: Choice, asked: Question) -> bool:
@@ -126,4 +144,4 @@ def _at_best(choice: Choice, asked: Question) -> str:
         mark = " *" if is_rounding(choice, asked) else ""
         says = f"{choice.error:.1e}{mark} at {f'tolerance {choice.tolerance:.1g}' if step is None else f'tau {step}'}"
         says += ", but not at all finer ones" if choice.error <= asked.error else " at best"
-    return f"{choice.label} ({says}" + (f"; {choice.reason})" if choice.reason else ")")
+    return f"{choice.shown} ({says}" + (f"; {choice.reason})" if choice.reason else ")")
