@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import os
+import signal
 from pathlib import Path, PurePosixPath
 
 import mpmath
@@ -19,6 +20,10 @@ FINISHED = {
     "test_adopt", "test_damage", "test_derive", "test_everything", "test_frozen_jobs", "test_pages", "test_repairs",
     "test_results", "test_rules", "test_settings_of_results", "test_without_numba", "test_work_precision",
 }  # fmt: skip
+
+# A shell starts what runs in its background with SIGINT ignored, and so would everything that a test interrupts.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # A busy machine is no fault: tests have no deadline of their own.
 settings.register_profile("shared", deadline=None)

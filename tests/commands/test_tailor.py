@@ -157,12 +157,10 @@ def test_ctrl_c_on_terminal_gives_best_so_far_behind_bar():
     fcntl.ioctl(terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 100, 0, 0))
     environment = {**os.environ, "PYTHONPATH": str(Path(nh.__file__).parents[1])}
     words = ["tailor", "henon_heiles", "--window", "0.08:0.12", "--seconds", "300"]
-    heeded = signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background ignores it
     process = subprocess.Popen(
         [sys.executable, "-m", "nearharmonic.cli", *words], stderr=terminal, stdout=subprocess.PIPE, env=environment,
         stdin=subprocess.DEVNULL,
     )  # fmt: skip
-    signal.signal(signal.SIGINT, heeded)
     shown = b""
     while b"objective -" not in shown and process.poll() is None:
         if select.select([reader], [], [], 0.2)[0]:

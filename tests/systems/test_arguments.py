@@ -120,6 +120,12 @@ REFUSED = {
     "math": (sine, "grad_V converts a value to float, as the functions of the module math do: .*nearharmonic.math$"),
     "array": (lambda q: (np.array(q, dtype=float)[0],), "grad_V converts a value to float"),
     "numpy": (lambda q: (np.sin(q[0]),), "grad_V calls a function of numpy: .* come from nearharmonic.math$"),
+    "interpolation": (
+        lambda q: (np.interp(q[0], [0, 1], [0, 2]),),
+        r"grad_V calls numpy.interp, which needs numbers: .* polynomial fit, or .* numba.njit \(docs/own_systems.md\)$",
+    ),
+    "polynomial": (lambda q: (np.polyval([1, 2], q[0]),), "grad_V calls numpy.polyval, which needs numbers: "),
+    "choice": (lambda q: (np.where([True], q[0], 0),), "grad_V calls numpy.where, which needs numbers: "),
     "huge power": (lambda q: (q[0] ** 100000,), "grad_V raises a value to the power 100000, .*nearharmonic.math.pow$"),
     "text as exponent": (lambda q: (q[0] ** "2",), "grad_V raises a value to the power '2': formulas use"),
     "remainder": (lambda q: (q[0] % 2,), "grad_V raises TypeError: .*%.*formulas use"),

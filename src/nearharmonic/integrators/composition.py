@@ -34,9 +34,20 @@ def is_count(value: object, most: int) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= most
 
 
-def palindrome(*half: str, centre: str | None = None) -> Row:
-    """Return the palindrome of ``half``, ``centre`` if the length is odd, and ``half`` in reverse order."""
-    return (*half, *(() if centre is None else (centre,)), *reversed(half))
+def written(coefficient: str | float) -> str:
+    """Return a coefficient as a decimal: a float as it prints. Other objects are returned as they are."""
+    if isinstance(coefficient, str | bool) or not isinstance(coefficient, int | float):
+        return coefficient
+    return repr(float(coefficient)) if isinstance(coefficient, float) else str(coefficient)
+
+
+def palindrome(*half: str | float, centre: str | float | None = None) -> Row:
+    """Return the palindrome of ``half``, ``centre`` if the length is odd, and ``half`` in reverse order.
+
+    Coefficients are decimal strings; a float means the decimal that it prints as.
+    """
+    row = tuple(map(written, half))
+    return (*row, *(() if centre is None else (written(centre),)), *reversed(row))
 
 
 class Composition:
@@ -132,13 +143,15 @@ class Composition:
         return [(nothing, drifts[0], nothing), merged, *between, closing]
 
     def _check_rows(self) -> None:
-        """Raise an error for rows that are no decimal numbers, or for wrong lengths."""
+        """Write floats as the decimals that they print as; raise an error for other objects, or for wrong lengths."""
         for key in ("kick", "drift", "square"):
             row = getattr(self, key)
-            self._expect(isinstance(row, tuple), key, row, "a tuple of decimal strings")
+            self._expect(isinstance(row, tuple | list), key, row, "a tuple of decimals")
+            row = tuple(map(written, row))
+            object.__setattr__(self, key, row)
             for i, text in enumerate(row):
                 decimal = isinstance(text, str) and len(text) <= LONGEST and DECIMAL.fullmatch(text) is not None
-                allowed = f"a finite decimal number as a string of at most {LONGEST} characters"
+                allowed = f"a finite decimal number of at most {LONGEST} characters"
                 self._expect(decimal, f"{key}[{i}]", text, allowed)
         lengths = f"{len(self.kick)} kicks, {len(self.drift)} drifts"
         fits = len(self.outer) == len(self.inner) + 1 >= 2

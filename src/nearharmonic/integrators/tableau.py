@@ -45,7 +45,8 @@ class Tableau(Composition):
     first : {"drift", "kick"}
         Operator that comes first and last in a step.
     kick, drift : tuple of str
-        Coefficients of the two operators in units of tau, s + 1 for the one named by ``first`` and s for the other.
+        Coefficients of the two operators in units of tau, s + 1 for the one named by ``first`` and s for the other. A
+        float is written as the decimal that it prints as.
     square : tuple of str, optional
         Coefficients m of modified kicks in units of tau^3 (:class:`Composition`); "0" for a kick of V alone, which
         needs no gradient of the square. Such a method requires a quadratic kinetic energy.

@@ -38,8 +38,9 @@ LEAPFROG = {
         ({"kick": ("1",), "drift": ()}, "rows = '1 kicks, 0 drifts'"),
         ({"kick": ("0.4", "0.6")}, "kick[0] = '0.4', expected its mirror image '0.6'"),
         ({"drift": ("1.1",)}, "drift row sum = '1+1.0e-01', expected 1 within 1e-76"),
-        ({"kick": ["0.5", "0.5"]}, "kick = ['0.5', '0.5'], expected a tuple of decimal strings"),
-        ({"kick": (0.5, 0.5)}, "kick[0] = 0.5, expected a finite decimal number as a string"),
+        ({"kick": "0.5"}, "kick = '0.5', expected a tuple of decimals"),
+        ({"kick": (0.5, True)}, "kick[1] = True, expected a finite decimal number"),
+        ({"kick": (0.5, float("nan"))}, "kick[1] = 'nan', expected a finite decimal number"),
         ({"drift": ("nan",)}, "drift[0] = 'nan', expected a finite decimal number"),
         ({"drift": ("inf",)}, "drift[0] = 'inf', expected a finite decimal number"),
         ({"drift": ("1/1",)}, "drift[0] = '1/1', expected a finite decimal number"),
@@ -64,6 +65,19 @@ def test_contradiction_names_tableau_key_value_and_expected_value(change, named)
         Tableau(**LEAPFROG | change)
     assert str(caught.value).startswith("tableau 'leapfrog': ")
     assert named in str(caught.value)
+
+
+def test_floats_mean_the_decimals_that_they_print_as():
+    given = {
+        "first": "drift",
+        "drift": palindrome(0.1, np.float64(0.4)),
+        "kick": [1 / 3, 1 - 2 / 3, 1 / 3],
+        "digits": 16,
+    }
+    found = Tableau(**LEAPFROG | given)
+    assert found.drift == ("0.1", "0.4", "0.4", "0.1")
+    assert found.kick == ("0.3333333333333333", "0.33333333333333337", "0.3333333333333333")
+    assert Tableau(**LEAPFROG | {"kick": (0.5, 0.5), "drift": (1,)}) == Tableau(**LEAPFROG)
 
 
 @pytest.mark.parametrize("name", ["../x", "", None, " x", "-x", "x/y", "x\\y", "x\ny", ".x", "x" * 101, 3, b"x"])

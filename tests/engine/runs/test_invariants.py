@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import nearharmonic as nh
+from nearharmonic.engine.runs.conservation import InvariantWarning
 from nearharmonic.engine.runs.invariants import invariant_values, invariant_variables, observable_values
 from nearharmonic.errors import SystemDefinitionError
 from support.methods.own_systems import spring
@@ -73,3 +77,56 @@ def test_an_invariant_that_fails_is_named():
 def test_a_constant_is_an_invariant():
     system = spring(invariants={"one": lambda q, p: 1})
     assert invariant_values(system, np.ones((3, 1)), np.ones((3, 1)))["one"].tolist() == [[1.0]] * 3
+
+
+def unequal(**invariants):
+    """Two uncoupled oscillators of frequencies 1 and 2: their energies are conserved, and no angular momentum."""
+    return nh.System(
+        name="unequal",
+        V=lambda q: q[0] ** 2 / 2 + 2 * q[1] ** 2,
+        q0=[1, 0.2],
+        p0=[0, 0.3],
+        t_end=10,
+        invariants=invariants,
+    )
+
+
+def test_an_invariant_that_changes_along_exact_orbits_is_warned_of_once():
+    system = unequal(
+        first=lambda q, p: (p[0] ** 2 + q[0] ** 2) / 2,
+        momentum=lambda q, p: q[0] * p[1] - q[1] * p[0],
+        both=lambda q, p: (p[1] ** 2 / 2 + 2 * q[1] ** 2, p[0]),
+    )
+    with pytest.warns(InvariantWarning) as caught:
+        nh.integrate(system, "ruth", 0.1)
+    named = [str(one.message).partition(" is not conserved")[0] for one in caught]
+    assert named == ["unequal: the invariant momentum", "unequal: the invariant both"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        nh.integrate(system, "ruth", 0.2)
+        nh.ensemble(system, "ruth", 0.2, q0=[[1, 2], [3, 4]])
+
+
+def test_coarse_steps_far_from_the_exact_orbit_are_no_fault_of_an_invariant():
+    """The energy of one oscillator drifts by more than 5 % here, and so does Kepler's eccentricity vector."""
+    system = unequal(second=lambda q, p: p[1] ** 2 / 2 + 2 * q[1] ** 2)
+    kepler = replace(nh.systems["kepler"], name="coarse")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert nh.integrate(system, "leapfrog", 0.4).second_drift > 0.05
+        assert nh.integrate(kepler, "leapfrog", 200.0).eccentricity_vector_drift > 0.05
+
+
+def test_differences_longer_than_a_period_of_the_potential_tell_nothing():
+    """Their steps are in proportion to |q|, which is 1e8 here."""
+    far = nh.System(
+        name="far",
+        V=lambda q: nh.math.sin(q[0] - q[1]),
+        q0=[1e8, 1e8 + 1],
+        p0=[1, 2],
+        t_end=1,
+        invariants={"total": lambda q, p: p[0] + p[1]},
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        nh.integrate(far, "ruth", 0.1)

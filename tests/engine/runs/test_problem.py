@@ -200,8 +200,7 @@ def test_parameters_that_are_compiled_in_serve_ensembles_too():
 
 
 LONG = """
-import signal, sys, time, nearharmonic as nh
-signal.signal(signal.SIGINT, signal.default_int_handler)  # which a process in the background ignores
+import sys, time, nearharmonic as nh
 nh.sweep("sho", "ruth", [1.0]); nh.ensemble("sho", "ruth", 1.0, q0=[["1"], ["2"]], t_end=10)
 print("ready", flush=True)
 try:

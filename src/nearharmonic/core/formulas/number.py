@@ -85,6 +85,12 @@ class Number(Value):
     def _refused(self, *others: Any) -> NoReturn:
         raise FormulaError("calls a function of numpy: functions of formulas come from nearharmonic.math")
 
+    def __array_function__(self, function: Any, *_: Any) -> NoReturn:
+        raise FormulaError(
+            f"calls numpy.{function.__name__}, which needs numbers: write a polynomial fit, or decorate V and grad_V "
+            "with numba.njit (docs/own_systems.md)"
+        )
+
     # numpy calls the method of the object with the name of the function, and hides all other errors
     sin = cos = tan = exp = log = cbrt = arctan2 = tanh = sinh = cosh = hypot = _refused
     arcsin = arccos = arctan = arcsinh = arccosh = arctanh = exp2 = expm1 = log2 = log10 = log1p = _refused
