@@ -95,6 +95,11 @@ def test_path_selects_all_integrators_or_one_after_colon():
     Path("two.py").write_text(again)
     assert load(CONFIG | {"integrators": ["two.py"]}).methods == ("five_leapfrogs", "second")
     assert load(CONFIG | {"integrators": ["two.py:second", "ruth"]}).methods == ("second", "ruth")
+    own = load(
+        CONFIG | {"integrators": ["two.py", "ruth", "aba864"], "decomposition": ["ruth"], "overview": ["aba864"]}
+    )
+    assert own.decomposed == ("ruth", "five_leapfrogs", "second")
+    assert own.compared == ("aba864", "five_leapfrogs", "second")
     assert load(CONFIG | {"integrators": ["ruth"], "decomposition": ["two.py"]}).decomposed == (
         "five_leapfrogs",
         "second",

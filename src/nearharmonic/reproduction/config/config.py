@@ -77,14 +77,15 @@ class Config:
         default="compensated",
     )
     decomposition: tuple[str, ...] | None = setting(
-        "The methods of figure 2; all integrators if not given",
+        "The methods of figure 2, and those of files in integrators; all integrators if not given",
         METHODS,
         each=METHOD,
         default=None,
         min_length=1,
     )
     overview: tuple[str, ...] | None = setting(
-        "The methods of the table that compares all; all whose kicks are of V alone if not given",
+        "The methods of the table that compares all, and those of files in integrators; all whose kicks are of V alone "
+        "if not given",
         METHODS,
         each=METHOD,
         default=None,
@@ -123,12 +124,17 @@ class Config:
     @property
     def compared(self) -> tuple[str, ...]:
         """The methods of the table that compares all methods."""
-        return tuple(plain_integrators) if self.overview is None else expanded(self.overview)
+        return tuple(plain_integrators) if self.overview is None else self._with_own(self.overview)
 
     @property
     def decomposed(self) -> tuple[str, ...]:
         """The methods of figure 2."""
-        return self.methods if self.decomposition is None else expanded(self.decomposition)
+        return self.methods if self.decomposition is None else self._with_own(self.decomposition)
+
+    def _with_own(self, entries: tuple[str, ...]) -> tuple[str, ...]:
+        """Return the methods of a list, and those of users' files among the integrators."""
+        own = (name for name in self.methods if name in integrators.definitions)
+        return tuple(dict.fromkeys((*expanded(entries), *own)))
 
 
 @cache
