@@ -1,5 +1,6 @@
 """The paper from its config to its figures: config -> plan -> integrate -> reduce -> render."""
 
+import atexit
 import gc
 
 # While this file is read, no object becomes garbage: collections would waste time.
@@ -74,6 +75,9 @@ onsuccess:
         print(summary_line(f"{RESULTS}/tables/skipped.csv"))
     if THIS_RUN.made(CLAIMS):
         print(verdicts(f"{RESULTS}/{CLAIMS}"))
+    if Path(f"{RESULTS}/report.html").exists():
+        # Snakemake prints its log file and its time after this.
+        atexit.register(print, f"Open the page of results: {RESULTS}/report.html", flush=True)
 
 
 onerror:

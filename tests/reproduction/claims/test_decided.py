@@ -15,6 +15,7 @@ from nearharmonic.output.store import write_dataset
 from nearharmonic.reproduction.claims.pages.summary import KINDS
 from nearharmonic.reproduction.claims.results import Results, short
 from nearharmonic.reproduction.claims.table import CLAIMS, FILES, KEYS, decide, decided
+from nearharmonic.reproduction.tasks.experiment import experiments
 from nearharmonic.reproduction.tasks.job import write
 from support.projects.targets import TARGETS
 from support.results.sound_results import curves, sound_results
@@ -96,10 +97,11 @@ def test_files_have_verdicts_and_same_bytes_each_time(folder):
 
 
 def test_empty_folder_leaves_undecided_what_needs_file_and_names_target(tmp_path):
+    times = {one.cubes_target: one.cubes_duration for one in experiments().values()}
     for one, entry in zip(CLAIMS, decide(Results(tmp_path)), strict=True):
         assert (entry["verdict"] == "not decided here") == bool(one.needs), one.id
         if one.needs:
-            assert entry["value"] == f"{one.needs[0]} is not there: target {one.target}"
+            assert entry["value"] == f"{one.needs[0]} is not there: target {one.target}, {times[one.target]}"
 
 
 def test_target_of_statement_makes_files_that_it_needs():

@@ -42,8 +42,8 @@ def test_only_results_and_mathematics_fail_in_substance():
     ("missing", "end"),
     [
         ((), "statements of the paper that are checked 1 holds."),
-        (("derive", "stability"), "snakemake -j2 derive stability decides all of those left open."),
-        (("all", "derive"), "snakemake -j2 derive decides most of those left open."),
+        (("derive", "stability"), "snakemake -j2 derive stability decides all of those left open (50 s, 70 s)."),
+        (("all", "derive"), "snakemake -j2 derive decides most of those left open (50 s)."),
         (("all",), "1 holds, 1 not decided here."),
     ],
 )

@@ -16,7 +16,7 @@ from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output.store import workflow_command
 from nearharmonic.reproduction.claims.judging.margins import EXACT, margin
 from nearharmonic.reproduction.claims.results import Results, Undecided
-from nearharmonic.reproduction.tasks.experiment import beside_the_paper
+from nearharmonic.reproduction.tasks.experiment import experiments
 
 Verdict = Literal["holds", "holds but for edges", "holds in part", "fails", "erratum", "not decided here"]
 OPEN: Verdict = "not decided here"
@@ -80,9 +80,16 @@ class Claim:
     also: tuple[str, ...] = ()
 
     @property
+    def maker(self) -> tuple[str, str]:
+        """Target of the workflow for its files, and its time on two cores."""
+        every = experiments()
+        maker = next((one for one in every.values() if any(map(one.makes, self.needs))), every["paper"])
+        return maker.cubes_target, maker.cubes_duration
+
+    @property
     def target(self) -> str:
         """Target of the workflow for its files."""
-        return next((one.cubes_target for one in beside_the_paper() if any(map(one.makes, self.needs))), "all")
+        return self.maker[0]
 
     def decision(self, results: Results) -> Decision:
         """Decide the statement on ``results``; missing data leave it undecided.
@@ -94,7 +101,7 @@ class Claim:
         """
         missing = [name for name in self.needs if not results.has(name)]
         if missing:
-            return Decision(OPEN, f"{missing[0]} is not there: target {self.target}")
+            return Decision(OPEN, f"{missing[0]} is not there: target {', '.join(self.maker)}")
         try:
             return self._decided(results)
         except Undecided as reason:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections import Counter
 from dataclasses import asdict
 from math import isnan
 from typing import TYPE_CHECKING, Any
@@ -51,9 +52,23 @@ def answer(chosen: argparse.Namespace) -> Answer:
         rows=[_row(difference) for difference in found.differences],
         document=document,
         status=0 if found.identical else 1,
-        caption="" if found.identical else f"a: {a}, b: {b}",
+        caption=f"a: {a}, b: {b}: {_summary(found)}",
         notes=_notes(found),
     )
+
+
+def _summary(found: Comparison) -> str:
+    """Return the number of differences of each kind, and the largest relative one, in words."""
+    if found.identical:
+        return "identical"
+    kinds = Counter(difference.kind for difference in found.differences)
+    counted = ", ".join(f"{number} {kind}" for kind, number in kinds.most_common())
+    told = f"{kinds.total()} differences ({counted})"
+    numbers = [one for one in found.differences if one.relative is not None]
+    if numbers:
+        largest = max(numbers, key=lambda one: one.relative or 0.0)
+        told += f"; largest relative difference {largest.relative:.2g}, {largest.where}"
+    return f"the numbers are the same; {told} in what made them" if found.same_numbers else told
 
 
 def _row(difference: Difference) -> tuple[Any, ...]:
@@ -80,9 +95,4 @@ def _value(value: Any) -> Any:
 
 
 def _notes(found: Comparison) -> list[str]:
-    notes = [f"not compared, because they are measured times: {'; '.join(found.left_out)}"] if found.left_out else []
-    if found.identical:
-        return ["identical", *notes]
-    if found.same_numbers:
-        notes.insert(0, "The numbers are the same; what made them is not.")
-    return notes
+    return [f"not compared, because they are measured times: {'; '.join(found.left_out)}"] if found.left_out else []

@@ -43,8 +43,8 @@ class Experiment:
     place : int
         Position among the experiments, in the config, on the page of results and in documents; equal positions are
         sorted by name.
-    duration : str
-        Time for its target on two cores.
+    duration, cubes_duration : str
+        Times for its target and for ``cubes_target`` on two cores; the second by default the first.
     settings : type or None
         Dataclass of its section of the config, None without settings.
     key, effect : str
@@ -70,6 +70,7 @@ class Experiment:
     cubes_target: str = ""
     place: int = 100
     duration: str = ""
+    cubes_duration: str = ""
     settings: type | None = None
     key: str = ""
     effect: str = ""
@@ -81,7 +82,9 @@ class Experiment:
     measured: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for member, default in (("target", "name"), ("cubes_target", "target"), ("key", "name")):
+        for member, default in (
+            ("target", "name"), ("cubes_target", "target"), ("key", "name"), ("cubes_duration", "duration"),
+        ):  # fmt: skip
             object.__setattr__(self, member, getattr(self, member) or getattr(self, default))
 
     @property

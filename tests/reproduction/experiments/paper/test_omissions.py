@@ -108,5 +108,6 @@ def test_the_line_has_the_shares_of_the_full_grid(tmp_path):
     rows = [row]
     save(table_of([*rows, *totals(rows, {"henon_heiles": runs([40], [41], ["ok"])})]), [tmp_path / "skipped.csv"])
     assert summary_line(tmp_path / "skipped.csv").startswith(
-        "41 force evaluations done, 0.25 of the 164 of the full grid; saved: 0.75 (the rest of a run: left); "
+        "25% of the full grid of 1.6e+02 force evaluations was needed; skipped, as it changes no result: "
+        "75% the rest of a run: left. Details: "
     )

@@ -70,10 +70,11 @@ def verdicts_line(document: str | Path, command: str) -> str:
     from nearharmonic.reproduction.claims.table import CLAIMS
 
     entries = json.loads(Path(document).read_text(encoding="utf-8"))
-    targets = {one.id: one.target for one in (*CLAIMS, *own_claims())}
-    missing = [targets[entry["id"]] for entry in of_the_paper(entries) if entry["verdict"] == OPEN]
-    later = " ".join(sorted({target for target in missing if target != "all"}))
+    makers = {one.id: one.maker for one in (*CLAIMS, *own_claims())}
+    missing = {makers[entry["id"]] for entry in of_the_paper(entries) if entry["verdict"] == OPEN}
+    later = sorted((target, time) for target, time in missing if target != "all")
     if not later:
         return f"{tally(entries)}."
-    share = "most" if "all" in missing else "all"
-    return f"{tally(entries)}; {command} {later} decides {share} of those left open."
+    share = "all" if len(later) == len(missing) else "most"
+    targets, times = zip(*later, strict=True)
+    return f"{tally(entries)}; {command} {' '.join(targets)} decides {share} of those left open ({', '.join(times)})."

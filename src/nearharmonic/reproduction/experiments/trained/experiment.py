@@ -10,6 +10,7 @@ EXPERIMENT = Experiment(
     cubes_target="trained_proof",
     place=5,
     duration="15 min",
+    cubes_duration="3 min",
     settings=TrainedSettings,
     effect="Training of methods, and the problems on which they are compared",
     cubes={
