@@ -1,6 +1,7 @@
-"""The page of results: one file with claims, figures and tables, which needs no network."""
+"""The page of results, one file that needs no network, and a page of each interactive figure alone."""
 
 from nearharmonic.reproduction.report.assets import digest
+from nearharmonic.reproduction.report.shown.declared import pages_alone
 
 
 rule page:
@@ -11,6 +12,7 @@ rule page:
         tables=rules.tables.input,
     output:
         page=f"{RESULTS}/report.html",
+        **{name: f"{RESULTS}/{file}" for name, file in pages_alone(FIGURES).items()},
     log:
         LOG("report"),
     params:

@@ -66,7 +66,7 @@ def test_the_papers_ten_methods_are_registered_and_marked():
     assert len(BENCHMARKED) == len(set(BENCHMARKED)) == 10
 
 
-def test_no_two_methods_share_a_name_a_label_or_an_alias():
+def test_no_two_methods_share_a_name_label_or_alias():
     taken = [text for one in registered.values() for text in {one.name, one.label, *one.aliases}]
     assert len(taken) == len(set(taken))
 

@@ -148,11 +148,13 @@ def test_rectangle_in_one_panel_zooms_all_panels_of_its_figure(wide):
 
 def test_the_table_of_claims_has_as_many_rows_as_claims(wide):
     assert wide.locator("table.claims tbody tr").count() == len(CLAIMS)
+    wide.locator("#statements").evaluate("(one) => { one.open = true; }")
     assert wide.locator("table.claims tbody tr .verdict").all_inner_texts() == [claim[3] for claim in CLAIMS]
 
 
 def test_verdict_filter_shows_claims_and_link_restores_hidden_one(wide):
     rows = wide.locator("table.claims tbody tr")
+    wide.locator("#statements").evaluate("(one) => { one.open = true; }")
     wide.locator("button[data-only=holds]").click()
     assert [row.get_attribute("id") for row in rows.all() if row.is_visible()] == [
         "claim-one",
@@ -194,6 +196,31 @@ def test_a_made_small_picture_looks_like_the_file(wide, results):
 def test_a_link_from_a_claim_opens_its_table(wide):
     table = wide.locator("#table-3")
     assert table.get_attribute("open") is None
+    wide.locator("#statements").evaluate("(one) => { one.open = true; }")
     wide.locator("#claim-three a").click()
     wide.wait_for_selector("#table-3[open]")
     assert "-0.9129" in table.inner_text()
+
+
+@pytest.mark.parametrize("width", [1400, 400])
+def test_a_picture_and_the_thumbnails_come_before_one_reads(opened, width):
+    page = opened(viewport={"width": width, "height": 900})
+    box = page.locator(".hero img").bounding_box()
+    assert box["y"] + box["height"] < 900
+    assert page.locator(".thumbnails a").count() == len(PLOTS)
+
+
+def test_a_statement_beneath_its_figure_leads_to_its_row(wide):
+    wide.locator("#figure-3 details.statements summary").click()
+    wide.locator("#figure-3 details.statements a").first.click()
+    wide.wait_for_selector("#statements[open]")
+    assert wide.locator("#claim-two").is_visible()
+
+
+def test_link_to_a_figure_can_be_copied(opened):
+    page = opened()
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    page.locator("#figure-5 button.copy").click()
+    page.wait_for_function("document.querySelector('#figure-5 button.copy').textContent !== 'Copy link'")
+    assert page.evaluate("location.hash") == "#figure-5"
+    assert page.evaluate("navigator.clipboard.readText()").endswith("report.html#figure-5")

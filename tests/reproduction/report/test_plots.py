@@ -121,6 +121,8 @@ def test_the_guides_have_the_slopes_of_their_orders(plots):
         (guide,) = [one.data_source.data for one in plots[name].renderers if not one.tags]
         slopes = [np.diff(np.log(y)) / np.diff(np.log(x)) for x, y in zip(guide["x"], guide["y"], strict=True)]
         np.testing.assert_allclose(np.ravel(slopes), [4, 6])
+        labels = {one.text: (one.x, one.y) for one in plots[name].center if type(one).__name__ == "Label"}
+        assert labels["order 6"] == (guide["x"][1][1], guide["y"][1][1])
 
 
 def test_everything_a_method_draws_carries_its_name(plots):
@@ -128,3 +130,9 @@ def test_everything_a_method_draws_carries_its_name(plots):
     assert all(len(tags) <= 1 for tags in named)
     # Shades and contours of the Hamiltonian in four panels, slopes of orders 4 and 6 in six.
     assert sum(not tags for tags in named) == 2 * 4 + 6
+
+
+def test_ticks_of_logarithmic_axes_are_powers_of_ten(plots):
+    axes = [axis for plot in plots.values() for axis in (*plot.below, *plot.left) if type(axis).__name__ == "LogAxis"]
+    assert len(axes) == 2 * 6 + 1 + 2  # energy errors, kappa, perihelion
+    assert {(type(axis.formatter).__name__, axis.formatter.min_exponent) for axis in axes} == {("LogTickFormatter", 0)}

@@ -77,3 +77,16 @@ def test_the_static_pictures_are_printed_and_the_plots_are_not(wide):
     assert all(shown(wide, ".figure.live img.static"))
     assert not any(shown(wide, ".panels"))
     wide.emulate_media(media="screen")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_plots_and_pictures_are_dark_in_the_dark(opened, scheme):
+    import io
+
+    from PIL import Image
+
+    page = opened(color_scheme=scheme)
+    for selector in ("#figure-3-panel-1", ".hero img"):
+        with Image.open(io.BytesIO(page.locator(selector).first.screenshot())) as shot:
+            pixels = np.asarray(shot.convert("L"))
+        assert (np.median(pixels) < 60) == (scheme == "dark")

@@ -11,12 +11,13 @@ import pytest
 from nearharmonic.integrators import integrators
 from nearharmonic.plotting.palette import style_of
 from nearharmonic.reproduction.claims.results import power_of_ten, short
-from nearharmonic.reproduction.report import assets, page
+from nearharmonic.reproduction.report import assets
 from nearharmonic.reproduction.report.plots.markers import MARKERS
 from nearharmonic.reproduction.report.plots.panels import span
 from nearharmonic.reproduction.report.shown import wording
 from nearharmonic.reproduction.report.shown.figures import ShownFigure
 from nearharmonic.reproduction.report.shown.links import Places
+from nearharmonic.reproduction.report.shown.results import VERDICTS
 from nearharmonic.reproduction.report.shown.tables import ShownTable
 
 
@@ -68,8 +69,8 @@ def test_every_marker_of_method_has_shape_on_page():
 
 
 def links(paper, needs=()):
-    figures = [ShownFigure(anchor=f"figure-{n}", title="", caption="", file="", cube="kepler") for n in (4, 5)]
-    figures.append(ShownFigure(anchor="figure-limits", title="Limits", caption="", file="", cube="linear"))
+    figures = [ShownFigure(anchor=f"figure-{n}", title="", caption="", stem="", cube="kepler") for n in (4, 5)]
+    figures.append(ShownFigure(anchor="figure-limits", title="Limits", caption="", stem="", cube="linear"))
     table = ShownTable(anchor="table-4", caption="", header=(), rows=(), file="tables/table4_coefficients.csv")
     return Places(figures, [table]).pieces({"paper": {"section": paper}, "needs": list(needs)})
 
@@ -108,10 +109,10 @@ def test_axis_holds_all_numbers_except_those_it_cannot_show():
     assert flat.start < 3 < flat.end
 
 
-@pytest.mark.parametrize("name", ["page.html", "page.css", "page.js"])
+@pytest.mark.parametrize("name", ["page.html", "figure.html", "parts.html", "page.css", "page.js"])
 def test_an_edit_of_template_style_or_script_changes_the_digest(tmp_path, monkeypatch, name):
     before = assets.digest()
-    for each in assets.FOLDER.glob("page.*"):
+    for each in assets.FOLDER.iterdir():
         shutil.copy(each, tmp_path)
     monkeypatch.setattr(assets, "FOLDER", tmp_path)
     assert assets.digest() == before
@@ -128,7 +129,7 @@ def test_an_edit_of_template_style_or_script_changes_the_digest(tmp_path, monkey
     ],
 )  # fmt: skip
 def test_verdict_has_word_sign_and_colour_by_day_and_night(verdict, look, sign, hue):
-    assert page.VERDICTS[verdict] == look
+    assert VERDICTS[verdict] == look
     style = (assets.FOLDER / "page.css").read_text(encoding="utf-8")
     assert re.search(rf"^\.{look} \{{ --tone: var\(--(\w+)\); \}}$", style, re.MULTILINE)[1] == look
     assert re.search(rf'^\.verdict\.{look}::before \{{ content: "(.)"; \}}$', style, re.MULTILINE)[1] == sign

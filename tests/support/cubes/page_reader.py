@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import re
+from base64 import b64decode
 from html.parser import HTMLParser
 
 EMPTY = {"meta", "link", "img", "br"}
@@ -43,5 +45,6 @@ class Reader(HTMLParser):
 
 
 def written(text, name):
-    """Content of a JSON element of a page."""
-    return json.loads(re.search(rf'<script type="application/json" id="{name}">(.*?)</script>', text, re.DOTALL)[1])
+    """Content of a JSON element of a page, compressed or not."""
+    kind, held = re.search(rf'<script type="application/(\w+)" id="{name}">(.*?)</script>', text, re.DOTALL).groups()
+    return json.loads(gzip.decompress(b64decode(held)) if kind == "gzip" else held)

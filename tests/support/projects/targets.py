@@ -41,12 +41,14 @@ _PAPER = _EXPERIMENTS["paper"]
 _DRAWN = figures_of("reproduction.experiments", SYSTEMS, [stem for one in _EXPERIMENTS.values() for stem in one.cubes])
 #: The paper's figures by target.
 FIGURES = {one.target: figures(one.stem) for one in _DRAWN if one.function.startswith(f"{_PAPER.room}.")}
+#: The pages of figures without a number.
+_ALONE = {f"figure-{system}_energy_error.html" for system in SYSTEMS if system not in ("sho", "henon_heiles", "kepler")}
 #: Target -> the files that it stands for.
 TARGETS = _OF_EXPERIMENTS | {one.target: figures(one.stem) for one in _DRAWN} | {
     "figures": set().union(*FIGURES.values()),
     "tables": {"tables/skipped.csv"} | tables(*_PAPER.tables),
     "claims": {f"tables/claims.{suffix}" for suffix in ("csv", "md", "json")},
-    "report": {"report.html"},
+    "report": {"report.html", *(f"figure-{number}.html" for number in range(1, 7)), *_ALONE},
     "beyond": _OF_EXPERIMENTS["sixth_order"],
     "trained_proof": {
         name for name in _OF_EXPERIMENTS["trained"] if not re.search("^derived|landscape", name)

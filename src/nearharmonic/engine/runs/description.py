@@ -9,7 +9,6 @@ import numpy as np
 
 from nearharmonic.engine.batch.results import Trajectories
 from nearharmonic.engine.runs import invariants
-from nearharmonic.engine.runs.conservation import warn_of_changing
 from nearharmonic.engine.runs.continuation import Start, end_digest, moves_digest
 from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.integrators import integrators
@@ -143,7 +142,7 @@ def invariant_variables(problem: Setup, paths: Trajectories, start: Floats, cons
     if (kept := np.flatnonzero(paths.left_at == 0)).size:  # a run on its energy surface
         run = int(kept[0])
         own = [float(np.broadcast_to(x, (len(paths.q), 1))[run, 0]) for x in constants]
-        warn_of_changing(problem.system, paths.q[run, :, :d], paths.p[run, :, :d], own)
+        invariants.warn_of_changing(problem.system, paths.q[run, :, :d], paths.p[run, :, :d], own)
     return invariants.invariant_variables(
         problem.system, paths.q[..., :d], paths.p[..., :d], paths.left_at > 0, constants,
         start=(state[:, 0], state[:, 2]),

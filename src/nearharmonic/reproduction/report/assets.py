@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import gzip
+from base64 import b64encode
 from collections.abc import Mapping
+from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
@@ -11,7 +14,7 @@ from typing import Any
 from nearharmonic.reproduction.tasks.experiment import beside_the_paper
 
 FOLDER = Path(__file__).parent / "template"
-NAMES = ("page.html", "page.css", "page.js")
+NAMES = ("page.html", "figure.html", "parts.html", "page.css", "page.js")
 
 
 def digest() -> str:
@@ -23,18 +26,37 @@ def digest() -> str:
     return sha256(b"\0".join([*told, *((FOLDER / name).read_bytes() for name in NAMES)])).hexdigest()
 
 
-def filled(values: Mapping[str, Any]) -> str:
-    """Return the template filled with ``values``; text is escaped, style and scripts are inserted unchanged."""
-    from jinja2 import Environment, StrictUndefined
+def packed(text: str) -> str:
+    """Return a text compressed with gzip, in base64: a third of the size of a document of plots."""
+    return b64encode(gzip.compress(text.encode(), mtime=0)).decode()
+
+
+@cache
+def _packed_script() -> str:
+    from nearharmonic.reproduction.report.plots import models
+
+    return packed(models.script())
+
+
+def filled(name: str, values: Mapping[str, Any]) -> str:
+    """Return a template filled with ``values``; text is escaped, style and scripts are inserted unchanged."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
 
     from nearharmonic.reproduction.claims.results import short
-    from nearharmonic.reproduction.report.plots import models
     from nearharmonic.reproduction.report.shown import wording
+    from nearharmonic.reproduction.report.shown.results import VERDICTS
 
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.globals |= {"wording": wording, "short": short}
-    template, style, script = ((FOLDER / name).read_text(encoding="utf-8") for name in NAMES)
-    return environment.from_string(template).render(
-        values, style=Markup(style), script=Markup(script), bokeh=Markup(models.script())
+    environment = Environment(
+        loader=FileSystemLoader(FOLDER),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
+    style, script = (Markup((FOLDER / asset).read_text(encoding="utf-8")) for asset in ("page.css", "page.js"))
+    environment.globals |= {
+        "wording": wording, "short": short, "looks": VERDICTS, "style": style, "script": script,
+        "bokeh": _packed_script(),
+    }  # fmt: skip
+    return environment.get_template(name).render(values)

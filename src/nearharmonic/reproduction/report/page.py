@@ -1,4 +1,4 @@
-"""The page of results, ``report.html``: one file that needs no network."""
+"""The page of results, ``report.html``, and a page of each interactive figure alone; they need no network."""
 
 from __future__ import annotations
 
@@ -8,17 +8,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from nearharmonic.reproduction.claims.claim import OPEN
 from nearharmonic.reproduction.claims.pages.summary import failures, of_the_paper, sums
 from nearharmonic.reproduction.report import assets
 from nearharmonic.reproduction.report.plots import models
+from nearharmonic.reproduction.report.shown.declared import pages_alone
 from nearharmonic.reproduction.report.shown.figures import ShownFigure, entries, interactive, static
 from nearharmonic.reproduction.report.shown.links import Places
-from nearharmonic.reproduction.report.shown.results import VERDICTS, ShownResults
+from nearharmonic.reproduction.report.shown.results import ShownResults
 from nearharmonic.reproduction.report.shown.tables import ShownTable
 from nearharmonic.reproduction.tasks.experiment import Experiment, beside_the_paper
 
 #: Maximum size of the page in bytes.
-LARGEST = 6_000_000
+LARGEST = 4_000_000
+#: Verdicts in the order of the statements beneath a figure.
+WORST_FIRST = ("fails", "erratum", "holds in part", "holds but for edges", "holds", OPEN)
+#: Cubes whose figure stands at the top of the page, if it is there: the first one.
+FIRST_SHOWN = ("henon_heiles",)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +72,8 @@ def page(folder: str | os.PathLike[str], **_: Any) -> dict[str, str]:
     Returns
     -------
     dict
-        ``page``, the text of the HTML file. The same results give the same text.
+        ``page``, the text of the HTML file, and those of the pages of single figures under the names of
+        :func:`.declared.pages_alone`. The same results give the same text.
 
     Raises
     ------
@@ -81,37 +88,51 @@ def page(folder: str | os.PathLike[str], **_: Any) -> dict[str, str]:
     plots = {name: plot for figure in figures for name, plot in figure.plots.items()}
     for name, plot in plots.items():
         plot.name = name  # the script of the page finds it by this id
-    document, ids = models.document(list(plots.values()))
     sections = sections_of(results)
-    places = Places(
-        [*figures, *(figure for section in sections for figure in section.figures)],
-        [*tables, *(table for section in sections for table in section.tables)],
-    )
+    every = [*figures, *(figure for section in sections for figure in section.figures)]
+    places = Places(every, [*tables, *(table for section in sections for table in section.tables)])
+    claims = [claim | {"pieces": places.pieces(claim)} for claim in results.claims]
+    for figure in every:
+        own = (claim for claim in claims if figure.anchor in places.figures(claim))
+        figure.statements = sorted(own, key=lambda claim: WORST_FIRST.index(claim["verdict"]))
     values = {
         "results": results,
-        "claims": [claim | {"pieces": places.pieces(claim)} for claim in results.claims],
+        "claims": claims,
         "counted": of_the_paper(results.claims),
         "sums": sums(results.claims),
         "failures": failures(results.claims),
-        "looks": VERDICTS,
         "figures": figures,
+        "every": every,
+        "first": next((one for one in figures if one.cube in FIRST_SHOWN), next(iter(every), None)),
         "legend": entries(figures),
         "tables": tables,
         "skipped": results.tables(("skipped",)),
         "sections": sections,
-        # A "<" would end the script element.
-        "document": document.replace("<", "\\u003c"),
-        "roots": dict(zip(plots, ids, strict=True)),
+        **_packed(plots),
     }
-    return {"page": _small_enough(values)}
+    alone = {
+        name: assets.filled("figure.html", {
+            "results": results, "figure": one, "legend": entries([one]), **_packed(one.plots),
+        })
+        for name, one in zip(pages_alone(results.figures), (one for one in figures if one.panels), strict=True)
+    }  # fmt: skip
+    return {"page": _small_enough(values), **alone}
+
+
+def _packed(plots: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the compressed document of plots, and the ids of its roots."""
+    if not plots:
+        return {"document": "", "roots": {}}
+    document, ids = models.document(list(plots.values()))
+    return {"document": assets.packed(document), "roots": dict(zip(plots, ids, strict=True))}
 
 
 def _small_enough(values: Mapping[str, Any]) -> str:
     """Return the text of the page; the largest optional pictures are removed until it is small enough."""
     pictures = [figure for section in values["sections"] for figure in section.figures]
     pictures.sort(key=lambda figure: len(figure.picture))
-    text = assets.filled(values)
+    text = assets.filled("page.html", values)
     while pictures and len(text.encode()) > LARGEST:
         pictures.pop().picture = ""
-        text = assets.filled(values)
+        text = assets.filled("page.html", values)
     return text

@@ -41,6 +41,14 @@ EXPERIMENT = Experiment(
         "fig6_displaced": "Panel (D) of Figure 6 beside its plane",
         "{system}_energy_error": "Energy error",
     },
-    others=("tables/skipped.csv", "tables/claims.csv", "tables/claims.md", "tables/claims.json", "report.html"),
+    others=(
+        "tables/skipped.csv",
+        "tables/claims.csv",
+        "tables/claims.md",
+        "tables/claims.json",
+        "report.html",
+        *(f"figure-{number}.html" for number in range(1, 7)),
+        "figure-{system}_energy_error.html",
+    ),
     runs=("{system}/{integrator}/{shard}",),
 )

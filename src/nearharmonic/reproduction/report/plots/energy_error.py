@@ -111,14 +111,15 @@ class _Profile:
 
 def _add_slopes(plot: Plot) -> None:
     """Draw two short lines of slope 4 and 6 in the empty lower right corner, to read the order of a curve."""
-    x, y = plot.x_range.end / 12, plot.y_range.start * 30
+    x, y = plot.x_range.end / 6, plot.y_range.start * 30
     ends = [(4 * x, y * 4.0**order) for order in (4, 6)]
     lines = Source(data={"x": [np.array([x, a]) for a, _ in ends], "y": [np.array([y, b]) for _, b in ends]})
     look = {"line_color": "#8a8a8a", "line_width": 1.0}
     panels.add(plot, lines, bokeh.MultiLine(xs="x", ys="y", **look))
-    for order, (a, b) in zip((4, 6), ends, strict=True):
-        words = {"text_color": "#595959", "text_font": panels.FONT, "text_font_size": "11px", "text_baseline": "middle"}
-        plot.add_layout(bokeh.Label(text=f"order {order}", x=a, y=b, x_offset=4, **words))
+    words = {"text_color": "#595959", "text_font": panels.FONT, "text_font_size": "11px"}
+    # Above the steeper line and below the other one: a narrow window has no room on the right of their ends.
+    plot.add_layout(bokeh.Label(text="order 6", x=4 * x, y=y * 4.0**6, x_offset=-6, text_align="right", **words))
+    plot.add_layout(bokeh.Label(text="order 4", x=2 * x, y=y * 2.0**4, x_offset=6, text_baseline="top", **words))
 
 
 def _columns(runs: xr.Dataset) -> dict[str, Any]:

@@ -110,7 +110,7 @@ def new_plot(ranges: tuple[bokeh.Range1d, bokeh.Range1d], labels: tuple[str, str
 
 def _axis(one: bokeh.Range1d, label: str) -> bokeh.LinearAxis | bokeh.LogAxis:
     if _LOGARITHMIC in one.tags:
-        ticks = {"ticker": bokeh.LogTicker(mantissas=[1, 5]), "formatter": bokeh.LogTickFormatter(min_exponent=4)}
+        ticks = {"ticker": bokeh.LogTicker(mantissas=[1, 5]), "formatter": bokeh.LogTickFormatter()}
         return bokeh.LogAxis(axis_label=label, major_label_policy=bokeh.NoOverlap(), **ticks, **_AXIS)
     return bokeh.LinearAxis(axis_label=label, ticker=bokeh.BasicTicker(mantissas=[1, 2, 5]), **_AXIS)
 

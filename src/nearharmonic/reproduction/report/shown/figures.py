@@ -18,16 +18,15 @@ from nearharmonic.reproduction.report.plots.markers import MARKERS
 from nearharmonic.reproduction.report.plots.panels import Panel
 from nearharmonic.reproduction.report.plots.perihelion import perihelion
 from nearharmonic.reproduction.report.plots.phase_space import phase_space
+from nearharmonic.reproduction.report.shown.declared import OTHERS, PAPER, anchor_of, number_of
 from nearharmonic.reproduction.report.shown.pictures import picture
-from nearharmonic.reproduction.report.shown.results import ShownResults, number_of
+from nearharmonic.reproduction.report.shown.results import ShownResults
 from nearharmonic.reproduction.tasks.declarations import Declaration
 from nearharmonic.reproduction.tasks.experiment import experiments
 
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Package of the interactive figures; figures of other packages are shown as pictures.
-_INTERACTIVE = "reproduction.experiments.paper."
 _HINT = "A cross on the upper edge is the smallest step size at which a method leaves its energy surface."
 
 
@@ -38,9 +37,11 @@ class ShownFigure:
     Attributes
     ----------
     anchor : str
-        Id of its element.
+        Id of its element, and name of the page of this figure alone.
     title : str
         Heading.
+    stem : str
+        Name of its files, without ending.
     caption : str
         Text below the static picture.
     hint : str
@@ -48,7 +49,11 @@ class ShownFigure:
     cube : str or None
         Name of the cube of the figure.
     picture : str
-        Data URI of the static picture, "" if it is omitted; ``file`` is its path.
+        Data URI of the static picture, "" if it is omitted.
+    thumbnail : str
+        Data URI of the small picture.
+    statements : list of dict
+        The statements of the paper that it decides or illustrates, the worst first.
     panels : list of Panel
         Interactive panels; empty for a static figure.
     methods : dict of str to str
@@ -58,12 +63,21 @@ class ShownFigure:
     anchor: str
     title: str
     caption: str
-    file: str
+    stem: str
     cube: str | None = None
     picture: str = ""
+    thumbnail: str = ""
+    statements: list[dict[str, Any]] = field(default_factory=list)
     hint: str = ""
     panels: list[Panel] = field(default_factory=list)
     methods: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def files(self) -> dict[str, str]:
+        """Paths of its files from the page, by names for links."""
+        cube = {"data (HDF5)": f"cubes/{self.cube}.h5"} if self.cube else {}
+        alone = {"figure alone": f"{self.anchor}.html"} if self.panels else {}
+        return {kind.upper(): f"figures/{self.stem}.{kind}" for kind in ("pdf", "svg", "png")} | cube | alone
 
     @property
     def plots(self) -> dict[str, Any]:
@@ -75,7 +89,7 @@ def interactive(results: ShownResults) -> Iterator[ShownFigure]:
     """Yield the existing figures of the paper, and the existing energy-error figures of other systems."""
     cubes = cache(lambda name: read(results.cube(name)))
     for one in results.figures:
-        if one.function.startswith(_INTERACTIVE):
+        if one.function.startswith(PAPER):
             shown, methods, title, hint = _drawn(one, cubes)
             caption = _caption(one.caption, cubes(one.cube)) if one.profile and one.cube else one.caption
             yield _figure(replace(one, caption=caption), results, title, panels=shown, methods=methods, hint=hint)
@@ -96,9 +110,10 @@ def static(results: ShownResults, titles: Mapping[str, str]) -> Iterator[ShownFi
             anchor=f"figure-{stem}",
             title=title,
             caption=one.caption if one else "",
-            file=f"figures/{stem}.svg",
+            stem=stem,
             cube=one.cube if one else None,
             picture=picture(results.svg(stem)),
+            thumbnail=results.thumbnail(stem),
         )
 
 
@@ -114,12 +129,13 @@ def _caption(caption: str, cube: xr.Dataset) -> str:
 def _figure(one: Declaration, results: ShownResults, title: str, **more: Any) -> ShownFigure:
     number = number_of(one)
     return ShownFigure(
-        anchor=f"figure-{number or one.stem}",
+        anchor=anchor_of(one),
         title=f"Figure {number}. {title}" if number else title,
         caption=one.caption,
-        file=f"figures/{one.stem}.svg",
+        stem=one.stem,
         cube=one.cube,
         picture=picture(results.svg(one.stem)),
+        thumbnail=results.thumbnail(one.stem),
         **more,
     )
 
@@ -131,12 +147,12 @@ def _drawn(one: Declaration, cubes: Callable[[str], xr.Dataset]) -> tuple[list[P
         title = f"Energy error against step size: {cube.attrs['system_label']}"
         return energy_error(cube), _methods(cube), title, _HINT
     title = experiments()["paper"].figures.get(one.stem, one.stem.replace("_", " ").capitalize())
+    if one.stem not in OTHERS:
+        return [], {}, title, ""
     if one.stem == "fig6_substeps":
         paths = paper_panels()
         methods = {path.attrs["integrator"]: path.attrs["label"] for path in paths.values()}
         return phase_space(paths), methods, title, ""
-    if one.stem not in _OTHERS:
-        return [], {}, title, ""
     draw, hint = _OTHERS[one.stem]
     return draw(cube), _methods(cube), title, hint
 

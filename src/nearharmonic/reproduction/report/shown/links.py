@@ -49,6 +49,11 @@ class Places:
             pieces += [(", " if i else "; shown in ", ""), piece]
         return pieces
 
+    def figures(self, claim: Mapping[str, Any]) -> list[str]:
+        """Return the ids of the figures that show the data of ``claim`` or that its place in the paper names."""
+        anchors = [anchor for _, anchor in self.pieces(claim)]
+        return [anchor for anchor in dict.fromkeys(anchors) if anchor.startswith("figure-")]
+
     def _named(self, text: str) -> list[Piece]:
         pieces: list[Piece] = []
         end = 0

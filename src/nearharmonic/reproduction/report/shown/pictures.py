@@ -1,8 +1,11 @@
-"""Static pictures of the page: reduced SVG files as data URIs for img elements."""
+"""Static pictures of the page: reduced SVG files and small pictures as data URIs for img elements."""
 
 from __future__ import annotations
 
 import re
+from base64 import b64encode
+from io import BytesIO
+from pathlib import Path
 
 #: Redundant parts of the SVG files of matplotlib, and their replacements. Coordinates keep a hundredth of a point.
 _SHORTER = (
@@ -21,6 +24,8 @@ _STRAIGHT = re.compile(r"M [^A-Za-z\"]+(?:L [^A-Za-z\"]+)+")
 #: Successive lines of one style, such as error bars, become one path.
 _ALIKE = re.compile(r'<path d="[^"]*"( clip-path="[^"]*" style="fill: none; [^"]*")/>(?:<path d="[^"]*"\1/>)+')
 _OUTLINE = re.compile(r'd="([^"]*)"')
+#: Width of a small picture in pixels, for screens of two pixels per unit, and its quality of 100.
+_WIDTH, _QUALITY = 320, 70
 #: Characters that end a data URI or an attribute in single quotes, or have a special meaning there.
 _ESCAPED = str.maketrans({"%": "%25", "#": "%23", "&": "%26", "'": "%27"})
 
@@ -36,3 +41,15 @@ def shorter(svg: str) -> str:
 def picture(svg: str) -> str:
     """Return the text of an SVG file as a data URI for an attribute in single quotes."""
     return "data:image/svg+xml," + shorter(svg).translate(_ESCAPED)
+
+
+def thumbnail(png: Path) -> str:
+    """Return a small picture of a PNG file as a data URI."""
+    from PIL import Image
+
+    with Image.open(png) as whole:
+        height = round(_WIDTH * whole.height / whole.width)
+        small = whole.convert("RGB").resize((_WIDTH, height), Image.Resampling.LANCZOS)
+    held = BytesIO()
+    small.save(held, "WEBP", quality=_QUALITY)
+    return f"data:image/webp;base64,{b64encode(held.getvalue()).decode()}"

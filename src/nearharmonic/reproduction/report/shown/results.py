@@ -15,6 +15,8 @@ from nearharmonic.output.store import attributes_of
 from nearharmonic.reproduction.claims.claim import OPEN
 from nearharmonic.reproduction.experiments.paper.grid.omissions import Totals, totals_in
 from nearharmonic.reproduction.record.files.texts import Texts
+from nearharmonic.reproduction.report.shown.declared import in_order, number_of
+from nearharmonic.reproduction.report.shown.pictures import thumbnail
 from nearharmonic.reproduction.report.shown.tables import ShownTable, tables_of
 from nearharmonic.reproduction.tasks.declarations import Declaration, figures_of
 
@@ -60,17 +62,8 @@ class ShownResults:
     def figures(self) -> list[Declaration]:
         """The existing declared figures: numbered figures first, if the systems of the paper are present."""
         cubes = [path.stem for path in sorted((self.folder / "cubes").glob("*.h5"))]
-        drawn = [
-            one
-            for one in figures_of("reproduction.experiments", cubes, cubes)
-            if (self.folder / self.drawing(one.stem)).is_file()
-        ]
-        numbered = {one.cube for one in drawn if one.profile and number_of(one)}  # one drawing with two names
-        distinct = {
-            one.stem: one for one in drawn if number_of(one) or not (one.profile and one.cube in numbered)
-        }.values()
-        later = bool(numbered)  # figures without a number
-        return sorted(distinct, key=lambda one: ((number_of(one) is None) is later, number_of(one) or 0, one.stem))
+        declared = figures_of("reproduction.experiments", cubes, cubes)
+        return in_order(one for one in declared if (self.folder / self.drawing(one.stem)).is_file())
 
     @property
     def has_systems_of_the_paper(self) -> bool:
@@ -91,6 +84,20 @@ class ShownResults:
             The file is missing or damaged; the message names the command that makes it again.
         """
         return self._texts.read(self.drawing(stem))
+
+    def thumbnail(self, stem: str) -> str:
+        """Return the data URI of a small picture of a figure, "" without its PNG file."""
+        place = self.folder / f"figures/{stem}.png"
+        return thumbnail(place) if place.is_file() else ""
+
+    @property
+    def files(self) -> dict[str, list[str]]:
+        """Paths of all cubes and tables, by kind."""
+        kinds = {"cubes": "cubes/*.h5", "tables": "tables/*.csv"}
+        return {
+            kind: sorted(path.relative_to(self.folder).as_posix() for path in self.folder.glob(pattern))
+            for kind, pattern in kinds.items()
+        }
 
     def cube(self, name: str) -> Path:
         """Return the path of a cube."""
@@ -133,9 +140,3 @@ class ShownResults:
             return totals_in(text)
         except NearharmonicError as error:
             raise self._texts.unusable(name, "holds no totals") from error
-
-
-def number_of(figure: Declaration) -> int | None:
-    """Return the number of a figure in the paper, None if it has none."""
-    digits = figure.target.removeprefix("fig")
-    return int(digits) if digits.isdigit() else None

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
 
-from nearharmonic.reproduction.claims.pages.summary import VERDICTS
+from nearharmonic.reproduction.claims.pages.summary import VERDICTS, in_words
 
 #: Pattern of a Python float; a number with more digits is an exact decimal.
 _FLOAT = re.compile(r"-?\d+(\.\d+)?(e[+-]?\d+)?")
@@ -29,6 +32,11 @@ def is_number(text: str) -> bool:
 def percent(share: float) -> str:
     """Return a fraction as a percentage with two digits, or "below 0.01 %"."""
     return f"{100 * share:.2g} %" if share >= 1e-4 or share == 0 else "below 0.01 %"
+
+
+def tallied(claims: Sequence[Mapping[str, Any]]) -> str:
+    """Return the number of statements with each verdict in words: 1 fails, 2 hold."""
+    return in_words(Counter(claim["verdict"] for claim in claims))
 
 
 def verdict(name: str, number: int) -> str:

@@ -1,8 +1,11 @@
 "use strict";
 (() => {
   const page = document.documentElement;
-  const read = (id) => JSON.parse(document.getElementById(id).textContent);
-  const roots = read("roots");
+  const roots = JSON.parse(document.getElementById("roots").textContent);
+  const unpacked = (id) => {
+    const bytes = Uint8Array.from(atob(document.getElementById(id).textContent), (letter) => letter.charCodeAt(0));
+    return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
+  };
   const shown = new Map(); // the plots, by the ids of their elements
 
   // What a method draws carries its name among its tags.
@@ -56,30 +59,45 @@
   };
   for (const button of filters) button.addEventListener("click", () => only(button.dataset.only));
 
-  // A link to a table opens it, a link to a claim shows all claims.
+  // A link to something folded unfolds it, a link to a statement shows all of them.
   const unfold = () => {
     const target = location.hash.length > 1 && document.getElementById(decodeURIComponent(location.hash.slice(1)));
-    if (target instanceof HTMLDetailsElement) target.open = true;
-    if (target?.hidden) {
-      only("");
-      target.scrollIntoView();
-    }
+    if (!target) return;
+    if (target.hidden) only("");
+    let folded = target.closest("details");
+    if (!folded) return;
+    for (; folded; folded = folded.parentElement.closest("details")) folded.open = true;
+    target.scrollIntoView();
   };
   addEventListener("hashchange", unfold);
   unfold();
 
-  page.classList.add("live-page");
-  const placed = Object.fromEntries(Object.entries(roots).map(([element, model]) => [model, element]));
-  Bokeh.embed
-    .embed_items({ page: read("plots") }, [{ docid: "page", roots: placed, root_ids: Object.values(roots) }])
-    .then(() => {
-      for (const root of Bokeh.documents[0].roots()) shown.set(root.name, root);
-      connect();
-      leaveFingers();
-      page.dataset.ready = "";
-    })
-    .catch((error) => {
-      page.classList.remove("live-page"); // the static pictures stand in
-      throw error;
+  for (const button of document.querySelectorAll("button.copy"))
+    button.addEventListener("click", async () => {
+      const link = `${location.href.split("#")[0]}#${button.dataset.anchor}`;
+      location.hash = button.dataset.anchor;
+      try {
+        await navigator.clipboard.writeText(link);
+        button.textContent = "Copied";
+      } catch {
+        button.textContent = "Copy it from the address bar";
+      }
     });
+
+  const draw = async () => {
+    const [bokeh, plots] = await Promise.all(["bokeh", "plots"].map(unpacked));
+    document.head.append(Object.assign(document.createElement("script"), { textContent: bokeh }));
+    const placed = Object.fromEntries(Object.entries(roots).map(([element, model]) => [model, element]));
+    const items = [{ docid: "page", roots: placed, root_ids: Object.values(roots) }];
+    await Bokeh.embed.embed_items({ page: JSON.parse(plots) }, items);
+    for (const root of Bokeh.documents[0].roots()) shown.set(root.name, root);
+    connect();
+    leaveFingers();
+    page.dataset.ready = "";
+  };
+  page.classList.add("live-page");
+  draw().catch((error) => {
+    page.classList.remove("live-page"); // the static pictures stand in
+    throw error;
+  });
 })();
