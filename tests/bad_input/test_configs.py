@@ -57,6 +57,8 @@ FILES = {
     "cyclic.yaml": (b"name: x\nsystems: &a\n  sho: *a\n", "the alias *a in line 3 is part of what it repeats"),
     "cyclic_list.yaml": (b"name: &a [*a]\n", "part of what it repeats"),
     "laughs.yaml": ("\n".join(LAUGHS).encode(), "10000"),
+    "digits.yaml": (b"name: x\nsamples: " + b"9" * 5000, "a value in it is not allowed: Exceeds the limit"),
+    "no_date.yaml": (b"name: 2026-13-01\n", "a value in it is not allowed: month must be in"),
     "brackets.yaml": (b"name: " + b"[" * 5000 + b"]" * 5000, "more than 20 levels"),
     "braces.json": (b'{"a":' * 5000 + b"1" + b"}" * 5000, "more than 20 levels"),
     "dashes.yaml": (b"name:\n" + b"".join(b" " * i + b"-\n" for i in range(1, 100)), "more than 20 levels"),

@@ -12,6 +12,7 @@ import pytest
 from nearharmonic.engine.grid import steps_of
 from nearharmonic.output import store
 from nearharmonic.output.dataset import assembled
+from nearharmonic.reproduction.claims.table import CLAIMS
 from nearharmonic.reproduction.experiments.paper.grid.plan import Run
 from nearharmonic.reproduction.experiments.paper.reduce import cube_of
 from nearharmonic.reproduction.experiments.paper.reduce import numbers as reduced_numbers
@@ -20,6 +21,8 @@ from nearharmonic.reproduction.experiments.work_precision.peers import PEERS
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+#: Address of the repository, which stands in one place.
+(ADDRESS,) = re.findall(r"^repository-code: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 #: Pages whose blocks another test runs, which looks at what they find.
 RUN_ELSEWHERE = {"stepper.md"}
@@ -70,13 +73,6 @@ def test_a_python_block_runs_as_printed(beside_results, name):
     exec(compile(BLOCKS[name], name, "exec"), {})
 
 
-def test_the_cube_snippet_ranks_the_methods(beside_results, capsys):
-    (block,) = [block for name, block in BLOCKS.items() if name.startswith("README") and "open_dataset" in block]
-    exec(compile(block, "README.md", "exec"), {})
-    printed = capsys.readouterr().out
-    assert printed.index("babps8o7h") < printed.index("ruth")
-
-
 def test_ci_runs_readmes_test_command():
     (command,) = re.findall(r"```bash\n(python3 .*pytest)\n```", README)
     assert command in (ROOT / ".ci/run").read_text(encoding="utf-8")
@@ -94,11 +90,20 @@ def test_every_test_that_the_script_of_ci_names_exists():
     assert [path for path in named if not (ROOT / path).is_file()] == []
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def links(page):
+    """(target, section) of the links of a page to files of the repository, relative or by its address."""
+    text = page.read_text(encoding="utf-8")
+    found = re.findall(r"\]\((?!https?:)([^)#]*)(?:#([^)]+))?\)", text)
+    there = re.findall(rf"{re.escape(ADDRESS)}/(?:blob|raw)/main/([^\s#)]+)(?:#(\S+))?", text)
+    return [(page.parent / target if target else page, section) for target, section in found] + [
+        (ROOT / target, section) for target, section in there
+    ]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_links_lead_somewhere(page):
-    for target, _, section in re.findall(r"\]\((?!https?:)([^)#]*)(#([^)]+))?\)", page.read_text(encoding="utf-8")):
-        linked = page.parent / target if target else page
-        assert linked.exists(), target
+    for linked, section in links(page):
+        assert linked.exists(), linked
         if section:
             headings = re.findall(r"^#+ (.+)$", linked.read_text(encoding="utf-8"), flags=re.MULTILINE)
             assert section in {re.sub(r"[^\w\- ]", "", heading).lower().replace(" ", "-") for heading in headings}, (
@@ -106,13 +111,39 @@ def test_links_lead_somewhere(page):
             )
 
 
-@pytest.mark.parametrize("page", PAGES[1:], ids=lambda page: page.name)
-def test_readme_links_to_every_page(page):
-    assert f"](docs/{page.name}" in README
+def test_every_page_is_reached_from_readme():
+    reached, todo = set(), [ROOT / "README.md", ROOT / "docs/README.md"]
+    assert (ROOT / "docs/README.md", "") in links(ROOT / "README.md")
+    while todo:
+        page = todo.pop().resolve()
+        if page not in reached and page.suffix == ".md":
+            reached.add(page)
+            todo += [linked for linked, _ in links(page)] if page.name == "README.md" else []
+    assert {page.resolve() for page in PAGES} <= reached
 
 
-def test_readme_names_modules_that_exist():
-    (listing,) = re.findall(r"```\n(Snakefile.*?)```", README, flags=re.DOTALL)
+def test_readme_has_900_words_and_no_relative_link():
+    text = re.sub(r"```.*?```|^\[\w+\]: .*$", "", README, flags=re.DOTALL | re.MULTILINE)
+    assert len(text.split()) <= 900
+    assert re.findall(r"\]\((?!https://)", README) == []
+    named = set(re.findall(r"\]\[(\w+)\]", README))
+    assert named == set(re.findall(r"^\[(\w+)\]: https://", README, flags=re.MULTILINE))
+
+
+def test_readme_says_what_the_default_run_leaves_open():
+    claims = [one for one in CLAIMS if one.kind != "finding"]
+    later = {one.maker for one in claims if one.target != "all"}
+    count = sum(one.target != "all" for one in claims)
+    targets, times = zip(*sorted(later), strict=True)
+    assert (
+        f"The default run decides {len(claims) - count}; the other {count} need `snakemake -j2 {' '.join(targets)}` "
+        f"({', '.join(times)})." in " ".join(README.split())
+    )
+
+
+def test_the_map_of_the_house_names_what_exists():
+    house = (ROOT / "docs/house.md").read_text(encoding="utf-8")
+    (listing,) = re.findall(r"```\n(Snakefile.*?)```", house, flags=re.DOTALL)
     package = listing[listing.index("src/nearharmonic/") : listing.index("tests/")]
     named = {"": set(), "reproduction/": set()}
     for line in package.splitlines()[1:]:
@@ -156,8 +187,13 @@ def test_ratios_in_tables_of_times_are_those_of_times():
 def test_readme_and_page_compare_with_heyoka_like_tables():
     others = {peer.label for peer in PEERS.values()}
     page = (ROOT / "docs/timings.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| (.+?), (one trajectory|each of an ensemble) \| (.*) \|$", README, flags=re.MULTILINE)
-    assert len(rows) == 6
+    choosing = (ROOT / "docs/choosing.md").read_text(encoding="utf-8")
+    found = [
+        re.findall(r"^\| (.+?), (one trajectory|each of an ensemble) \| (.*) \|$", text, flags=re.MULTILINE)
+        for text in (README, choosing)
+    ]
+    assert list(map(len, found)) == [3, 6]
+    rows = [*found[0], *found[1]]
     for system, mode, cells in rows:
         assert f"| {system}, {mode} | {cells} |" in page
         table = tables_of_times()[system, mode]
@@ -228,4 +264,5 @@ def test_the_page_of_regularised_times_says_where_heyoka_is_ahead():
         ahead = i == 2 and (kind == "position" or (orbit == "e = 0.9" and fast_math))
         assert (ratio > 1.1) == ahead, (orbit, kind, fast_math, i)
     first = tables_of_regularised_times()["e = 0.206", "energy"]["fastest method here, regularised"][1]
-    assert f"in {first[1]} of heyoka's time on the original equations" in " ".join(README.split())
+    index = (ROOT / "docs/README.md").read_text(encoding="utf-8")
+    assert f"in {first[1]} of heyoka's time on the original equations" in " ".join(index.split())

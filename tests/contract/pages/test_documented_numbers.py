@@ -67,7 +67,7 @@ def test_the_budget_of_a_recommendation_is_what_the_pages_say():
 
     asked = question("sho", 1e-3)
     thousands = [asked.budget // 1000, 0.0]  # 200 000
-    assert states("README.md", thousands, "exit status is 1", "evaluations")
+    assert states("docs/choosing.md", thousands, "exit status is 1", "evaluations")
     assert states("docs/own_systems.md", thousands, "`--budget`", "by default")
     assert states("docs/own_systems.md", (asked.longest / asked.budget).as_integer_ratio(), "steps", "of the budget")
     (word,) = [word for word in shown("recommend", "--help").split() if word.startswith("200000")]

@@ -58,6 +58,14 @@ def test_bold_gains_are_those_whose_interval_is_above_zero():
         assert cell.startswith("**") == (low > 0)
 
 
+def test_gains_are_counted_and_their_range_is_stated():
+    bold = [float(GAIN.findall(row[-1])[0][0]) for row in rows("gains") if row[-1].startswith("**")]
+    words = {6: "six", 7: "seven", 5: "five"}
+    page = " ".join(PAGE.split())
+    assert f"On {words[len(bold)]} of ten systems the new method is ahead" in page
+    assert f"by {min(bold):.2f} to {max(bold):.2f} decades" in page
+
+
 def test_every_published_method_of_the_page_is_registered():
     for _, _, names, stages, *_ in rows("gains"):
         assert all(name.strip("` ") in nh.integrators for name in names.split(","))
@@ -73,7 +81,7 @@ def test_over_fitting_differences_follow_from_columns_and_words():
         by_count.setdefault(int(count), []).append(float(difference))
     words = r"too large by up to (\S+)\. With .* is up to (\S+); .* at most (\d\.\d\d)\."
     (one, few, many) = re.search(words, " ".join(PAGE.split())).groups()
-    assert sum(x > 0 for x in by_count[1]) == 2
+    assert all(x > 0 for x in by_count[1])
     assert f"{max(by_count[1]):.2f}" == one
     assert f"{max(abs(x) for n in (2, 4) for x in by_count[n]):.2f}" == few
     assert max(abs(x) for n in (8, 16, 32) for x in by_count[n]) <= float(many)
@@ -85,22 +93,18 @@ def test_the_method_loses_where_the_page_says_so():
         for head, row in re.findall(r"^(\| (?:tau/s|H) \|.*)\n.*\n(.*)$", part("elsewhere"), flags=re.MULTILINE)
     )
     gains = dict(zip(steps, at_steps, strict=True))
-    assert gains[0.15] < 0 < gains[0.065]
-    assert gains[0.05] < 0
-    assert all(gains[tau] > 0.3 for tau in (0.08, 0.1, 0.12))
+    assert max(gain for tau, gain in gains.items() if not 0.08 <= tau <= 0.12) < 0
+    assert all(gains[tau] > 0.2 for tau in (0.1, 0.12))
     there = dict(zip(energies, at_energies, strict=True))
-    assert there[0.001] < 0
-    assert all(there[energy] > 0.3 for energy in (0.04, 0.08, 0.125, 0.15))
+    assert max(there[energy] for energy in (0.001, 0.01, 0.04)) < 0
+    assert all(there[energy] > 0.15 for energy in (0.08, 0.125, 0.15))
 
 
 @pytest.mark.slow
 def test_example_is_what_command_prints_but_for_time(capsys):
     """Searches of 6000 trials on other processors end nearby: gains to a tenth."""
     assert main(["tailor", *made.EXAMPLE]) == 0
-    stated, found = (
-        [line for line in text.splitlines() if not line.startswith("over the methods trained")]
-        for text in (part("example").strip("`\n"), capsys.readouterr().out)
-    )
+    stated, found = (text.splitlines() for text in (part("example").strip("`\n"), capsys.readouterr().out))
     assert [line.split()[:2] for line in found[1:7]] == [line.split()[:2] for line in stated[1:7]]
     for a, b in zip(found, stated, strict=True):
         assert [float(x) for x in sum(GAIN.findall(a), ())] == pytest.approx(

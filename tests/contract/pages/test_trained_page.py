@@ -81,7 +81,7 @@ def test_mean_is_that_of_rows_and_every_ensemble_has_one():
 
 
 def test_readme_says_what_the_tables_say():
-    text = re.sub(r"\s+", " ", (ROOT / "README.md").read_text(encoding="utf-8"))
+    text = re.sub(r"\s+", " ", (ROOT / "docs/README.md").read_text(encoding="utf-8"))
     taus = list(map(float, header("gains")[1:]))
     widest = [row[1:] for row in rows("gains") if row[0].endswith("0.01 to 0.5")]
     assert len(widest) == 2
@@ -99,7 +99,7 @@ def test_readme_says_what_the_tables_say():
 
 def test_readme_and_page_count_the_published_methods_that_are_compared():
     published = [name for name in contestants() if kind_of(name) == "published"]
-    readme, page = (re.sub(r"\s+", " ", text) for text in ((ROOT / "README.md").read_text(encoding="utf-8"), PAGE))
+    readme, page = (re.sub(r"\s+", " ", text) for text in ((ROOT / "docs/README.md").read_text(encoding="utf-8"), PAGE))
     assert f"the best of the {len(published)} published ones that are registered here (" in readme
     assert f"whose source is not this project, {len(published)} of them" in page
 

@@ -113,6 +113,10 @@ RESULTS = {
 }
 
 
+#: Seeds whose cubes were once answered by a traceback: attributes that are no text, step sizes that are not positive.
+FOUND = {"cubes": (368, 577, 595, 944)}
+
+
 def try_results(kind, seeds, hostile, capsys, trials):
     name, change, commands = RESULTS[kind]
     campaign, place = trials(f"F. {kind}"), hostile / name
@@ -129,7 +133,7 @@ def try_results(kind, seeds, hostile, capsys, trials):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", RESULTS)
 def test_hostile_result_is_answered_or_refused(kind, hostile, capsys, trials):
-    try_results(kind, range(4), hostile, capsys, trials)
+    try_results(kind, [*range(4), *FOUND.get(kind, ())], hostile, capsys, trials)
 
 
 @pytest.mark.long

@@ -47,6 +47,11 @@ def read_mapping(path: str | os.PathLike[str]) -> dict[str, Any]:
         place = f" in line {mark.line + 1}" if mark is not None else ""
         reason = getattr(error, "problem", None) or getattr(error, "reason", None) or "it is no YAML"
         raise SettingError(f"{path} cannot be read as a config: {reason}{place}") from None
+    except SettingError:
+        raise
+    except ValueError as error:  # a number of thousands of digits, or a date such as 2026-13-01
+        reason = str(error).partition(";")[0]
+        raise SettingError(f"{path} cannot be read as a config: a value in it is not allowed: {reason}") from None
     if not isinstance(found, dict):
         raise SettingError(f"{path} is no config: a mapping of the keys of a config to values is allowed")
     return found

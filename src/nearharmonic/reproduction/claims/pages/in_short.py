@@ -59,31 +59,15 @@ SHORT: Mapping[str, Shorten] = {
     "significantly-better": lambda value: (
         "pairs won by maximum / mean error, of 24: " + _each_system(r"(\d+) and (\d+) of 24", value)
     ),
-    "outperform-ruth": lambda value: f"Ruth's maximum error over theirs: {_each_system(r'(.*?) and ', value)}",
     "fig-1-sixth-order": lambda value: f"slope 6 over {_decades(value)}",
     "fig-3-sixth-order-descent": lambda value: f"slope 6 over {_decades(value)}; half a decade asked",
-    "fig-4-coincide": lambda value: (
-        f"{_share(value)} step sizes; at 240 evaluations an orbit within "
-        f"{_spread(found(r'at 240 evaluations an orbit (.*)$', value))}"
-    ),
-    "fig-5-best-maximum": lambda value: f"{_share(value)} step sizes: {found(r'^(.*?),', value)}",
     "fig-5-best-mean": lambda value: f"{_share(value)} step sizes: {found(r'^(.*?),', value)}",
 }
 #: Beginning of ids -> words, and short form of the value for each system.
 BY_SYSTEM: Mapping[str, tuple[str, Shorten]] = {
-    "outperform-kahan": ("step sizes at which a new method is ahead", _ahead),
     "outperform-blanes": ("step sizes at which a new method is ahead", _ahead),
-    "yoshida-moderate-steps": (
-        "maximum error of all four below",
-        lambda value: found(r"maximum error (at all step sizes|from .*? on|[^;,]*)", value),
-    ),
     "outperform-ruth": ("step sizes with a factor of 100", _share),
 }
-
-
-def _spread(listed: str) -> str:
-    numbers = [float(one) for one in re.findall(r" ([\d.]+)(?:,| ×)", listed)]
-    return f"{100 * (max(numbers) / min(numbers) - 1):.0f} %"
 
 
 def in_short(name: str, value: str) -> str:

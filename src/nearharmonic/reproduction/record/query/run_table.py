@@ -77,7 +77,7 @@ def settings_of(attributes: Any) -> dict[str, Any]:
     """Return the settings of a file from its attributes; empty if it has none."""
     try:
         found = json.loads(attributes.get("settings", "{}"))
-    except ValueError:
+    except (TypeError, ValueError):  # no text, or no JSON
         return {}
     return found if isinstance(found, dict) else {}
 

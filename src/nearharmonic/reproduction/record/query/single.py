@@ -125,10 +125,10 @@ def _units(system: str, definitions: Mapping[str, Any]) -> dict[str, str]:
 
 def _nearest(taus: np.ndarray, asked: float, whose: str) -> int:
     """Return the index of the step size with the nearest logarithm to ``asked``, within the spacing of the grid."""
-    logarithms = np.log(taus)
+    logarithms = np.log(np.where(taus > 0, taus, np.inf))
     distances = abs(logarithms - log(asked))
     row = int(distances.argmin())
-    gaps = abs(np.diff(np.sort(logarithms)))
+    gaps = np.diff(np.sort(logarithms[np.isfinite(logarithms)]))
     spacing = max(LEAST_SPACING, float(gaps.max(initial=0.0)))
     if distances[row] > spacing:
         near = np.sort(taus[np.argsort(distances, kind="stable")[:2]]).tolist()
