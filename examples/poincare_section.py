@@ -35,15 +35,12 @@ def main():
     mpl.rcParams.update(SETTINGS)
     x0 = np.linspace(-0.69, 0.69, 38)
     y_speed = np.sqrt(-0.674 - np.log(0.14**2 + x0**2))  # so that E = -0.337
-    start = {"q0": np.stack([x0, 0 * x0], axis=-1), "p0": np.stack([0 * x0, y_speed], axis=-1)}
-    many = nh.ensemble(SYSTEM, "ruth", 0.02, t_end=1600, samples=80001, energy="none", threads=2, **start)
+    starts = np.stack([x0, 0 * x0, 0 * x0, y_speed], axis=-1)
+    many = nh.section(SYSTEM, "babps8o7h", 0.08, surface=1, starts=starts, t_end=1600, threads=2)
     figure = new_figure(6.4, 5.6)
     axes = figure.subplots()
     for q, p, colour in zip(many.q.values, many.p.values, mpl.colormaps["cividis"](abs(x0) / 0.8), strict=True):
-        (before,) = np.nonzero((q[:-1, 1] < 0) & (q[1:, 1] >= 0))
-        share = q[before, 1] / (q[before, 1] - q[before + 1, 1])  # of the step, before y = 0
-        x, speed = (a[before, 0] + share * (a[before + 1, 0] - a[before, 0]) for a in (q, p))
-        axes.plot(x, speed, ".", markersize=1.6, markeredgewidth=0, color=colour)
+        axes.plot(q[:, 0], p[:, 0], ".", markersize=1.6, markeredgewidth=0, color=colour)
     axes.set(xlabel="$x$", ylabel="$p_x$", title="$E = -0.337$: states at $y = 0$, $p_y > 0$")
     print("wrote", save(figure, ["poincare_section.png"])[0].resolve())
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from nearharmonic.engine.runs.problem import problem as problem
     from nearharmonic.engine.runs.trajectory import integrate as integrate
     from nearharmonic.engine.runs.trajectory import sweep as sweep
+    from nearharmonic.engine.section import section as section
     from nearharmonic.engine.stepper import stepper as stepper
     from nearharmonic.integrators import integrators as integrators
     from nearharmonic.integrators import modified_integrators as modified_integrators
@@ -57,6 +58,7 @@ _MODULES = {
     "problem": "engine.runs.problem",
     "plot": "plotting.plot",
     "recommend": "recommendation.dataset",
+    "section": "engine.section",
     "stability_limit": "theory.linear_stability",
     "stepper": "engine.stepper",
     "sweep": "engine.runs.trajectory",
@@ -67,7 +69,7 @@ _MODULES = {
 __all__ = [
     "ModifiedTableau", "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "ensemble",
     "harmonic_order", "integrate", "integrators", "kappa", "modified_integrators", "order_of", "palindrome", "plot",
-    "problem", "recommend", "stability_limit", "stepper", "sweep", "systems", "tailor",
+    "problem", "recommend", "section", "stability_limit", "stepper", "sweep", "systems", "tailor",
 ]  # fmt: skip
 
 

@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
-from nearharmonic.plotting.members import MEMBER, varying
+from nearharmonic.plotting.datasets.members import MEMBER, varying
+from nearharmonic.plotting.datasets.states import POINTS
 from support.cubes import figure_cubes as made
 from support.cubes.artists import line_of, look_of
 from support.methods.own_systems import spring
@@ -76,7 +77,9 @@ def test_a_trajectory_is_drawn_over_time_and_as_an_orbit(system, axes):
     figure = nh.plot(run)
     upper, lower = figure.axes
     line_of(upper, run.t, abs(run.energy_error))
-    line_of(lower, run.q[:, 0], run.p[:, 0] if system == "sho" else run.q[:, 1])
+    curve = lower.lines[0]  # smooth, through every sample
+    assert curve.get_xdata()[::POINTS].tolist() == run.q[:, 0].values.tolist()
+    assert curve.get_ydata()[::POINTS].tolist() == (run.p[:, 0] if system == "sho" else run.q[:, 1]).values.tolist()
     assert all(name in label for name, label in zip(axes, (lower.get_xlabel(), lower.get_ylabel()), strict=True))
     assert upper.get_yscale() == "log"
     if system == "kepler":
@@ -188,3 +191,67 @@ def test_ensembles_are_drawn_against_their_only_common_varied_parameter():
     other = ensemble(a=[1.0, 1.0], b=[3.0, 4.0])
     for given in ([both], [one, both], [one, other], [ensemble(a=[1.0, 1.0])], [ensemble()]):
         assert varying(given) == MEMBER
+
+
+def test_an_orbit_between_coarse_samples_is_the_exact_one():
+    """A cubic Hermite curve errs by h^4/384 of the fourth derivative, which is at most 1 here."""
+    run = nh.integrate("sho", "babps9o7h", 0.5, t_end=20)
+    (curve, _) = nh.plot(run, kind="phase").axes[0].lines
+    radius = np.hypot(curve.get_xdata(), curve.get_ydata())
+    assert abs(radius - 1).max() < 2 * 0.5**4 / 384
+    assert abs(radius - 1).max() > 1e-5  # not only the samples
+    own = spring()  # whose rates of change are not known to the plot: straight lines
+    (line, _) = nh.plot(nh.integrate(own, "ruth", 0.5, t_end=20), kind="phase").axes[0].lines
+    assert line.get_xdata().size == 41
+
+
+def test_kind_axes_and_title_select_what_is_drawn():
+    run = nh.integrate("henon_heiles", "ruth", 0.2, t_end=20, samples=200)
+    (axes,) = nh.plot(run, kind="phase", axes=("q2", "p1"), title="Hénon-Heiles").axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$q_2$", "$p_1$")
+    assert axes.lines[0].get_xdata()[::POINTS].tolist() == run.q[:, 1].values.tolist()
+    assert axes.lines[0].get_ydata()[::POINTS].tolist() == run.p[:, 0].values.tolist()
+    figure = nh.plot(run, kind="energy", title="Hénon-Heiles")
+    (axes,) = figure.axes
+    line_of(axes, run.t, abs(run.energy_error))
+    assert [text.get_text() for text in figure.texts] == ["Hénon-Heiles"]
+    curve = nh.sweep("sho", "ruth", TAUS, t_end=20).sortby("evaluations")
+    (axes,) = nh.plot(curve, kind="work").axes
+    line_of(axes, curve.evaluations, curve.max_energy_error)
+
+
+def test_a_section_is_drawn_with_points_of_each_member():
+    found = nh.section(
+        "henon_heiles", "babps9o7h", 0.5, surface=0, starts=[[0, 0.1, 0.4, 0], [0, 0.2, 0.3, 0]], t_end=200
+    )
+    (axes,) = nh.plot(found).axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$q_2$", "$p_2$")
+    for member, line in enumerate(axes.lines):
+        np.testing.assert_array_equal(line.get_xdata(), found.q[member, :, 1])
+        np.testing.assert_array_equal(line.get_ydata(), found.p[member, :, 1])
+    assert len({tuple(line.get_color()) for line in axes.lines}) == 2
+
+
+def test_a_recommendation_is_drawn_against_evaluations_and_time():
+    found = nh.recommend("sho", 1e-4, t_end=50, methods=["ruth", "babps8o7h", "aba864"])
+    figure = nh.plot(found)
+    for axes, x in zip(figure.axes, (found.evaluations.values, 1e3 * found.time.values), strict=True):
+        points = [(line.get_xdata()[0], line.get_ydata()[0]) for line in axes.lines if len(line.get_xdata()) == 1]
+        assert points == list(zip(x.tolist(), found.max_energy_error.values.tolist(), strict=True))
+    assert legend(figure) == [f"{i}. {label}" for i, label in enumerate(found.label.values, start=1)]
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        ({"kind": "section"}, "kind = 'section' is not allowed: of a trajectory one of energy, orbit, phase"),
+        ({"kind": ""}, "kind = '' is not allowed"),
+        ({"axes": ("q1", "p1")}, "axes = ('q1', 'p1') is not allowed: two quantities of an orbit"),
+        ({"kind": "phase", "axes": ("q1", "p3")}, "axes = ('q1', 'p3') is not allowed: two of q1, q2, p1, p2"),
+        ({"kind": "phase", "axes": "q1"}, "axes = 'q1' is not allowed: two of q1, q2, p1, p2"),
+    ],
+)
+def test_unknown_kinds_and_axes_are_refused_with_known_ones(more, says):
+    run = nh.integrate("henon_heiles", "ruth", 0.5, t_end=5)
+    with pytest.raises(SettingError, match=re.escape(says)):
+        nh.plot(run, **more)

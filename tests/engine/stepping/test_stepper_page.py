@@ -64,7 +64,7 @@ def test_points_of_section_lie_on_it_with_energy_of_orbit(crossings):
 
 
 @pytest.mark.slow
-def test_the_section_is_that_of_the_example_with_straight_lines(crossings):
+def test_the_section_is_that_of_straight_lines_between_samples(crossings):
     system, tau = nh.systems[str(ROOT / "examples/poincare_section.py")], 0.02
     speed = np.sqrt(-0.674 - np.log(0.14**2 + 0.3**2))
     run = nh.integrate(system, "ruth", tau, t_end=30, samples=1501, q0=[0.3, 0.0], p0=[0.0, speed])
