@@ -11,8 +11,8 @@ rule page:
         figures=rules.figures.input,
         tables=rules.tables.input,
     output:
-        page=f"{RESULTS}/report.html",
         **{name: f"{RESULTS}/{file}" for name, file in pages_alone(FIGURES).items()},
+        page=f"{RESULTS}/report.html",
     log:
         LOG("report"),
     params:
