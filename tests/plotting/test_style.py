@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from itertools import combinations
+from xml.etree import ElementTree
 
 import matplotlib as mpl
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from matplotlib.colors import to_hex
 
 from nearharmonic.integrators import integrators
+from nearharmonic.plotting.energy_error import draw_profile
 from nearharmonic.plotting.style import (
     Style,
     house_style,
@@ -23,6 +25,7 @@ from nearharmonic.plotting.style import (
     save,
     style_of,
 )
+from support.cubes import figure_cubes as made
 from support.cubes.artists import NO_LINE, SOLID, drawn, look, luminance
 
 BENCHMARKED = [name for name, tableau in integrators.items() if tableau.benchmarked]
@@ -218,3 +221,22 @@ print([m for m in ("matplotlib.pyplot", "xarray", "pandas") if m in sys.modules]
 """
     answer = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert answer.stdout.strip() == "[] True"
+
+
+def test_svg_has_text_as_text_and_says_what_it_shows(tmp_path):
+    figure = new_figure(3, 2)
+    figure.subplots().set_title("the third <panel>")
+    figure.set_label("Errors & times: of <all> methods, at each step size.")
+    text = save(figure, [tmp_path / "a.svg"])[0].read_text(encoding="utf-8")
+    root = ElementTree.fromstring(text)
+    space = "{http://www.w3.org/2000/svg}"
+    assert [one.text for one in root[:2]] == ["Errors & times", "Errors & times: of <all> methods, at each step size."]
+    assert [one.tag for one in root[:2]] == [f"{space}title", f"{space}desc"]
+    assert "the third <panel>" in [one.text for one in root.iter(f"{space}text")]
+
+
+def test_energy_error_figure_names_system_and_interval():
+    cube = made.errors(["ruth"]).assign_attrs(system_label="test system", settings='{"sweep": {"t_end": "500"}}')
+    cube.tau_per_stage.attrs["units"] = "h"
+    assert draw_profile(cube).axes[0].get_title(loc="right") == "test system, $t$ = 500 h"
+    assert draw_profile(made.errors(["ruth"])).axes[0].get_title(loc="right") == ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -77,7 +78,20 @@ def draw_profile(cube: xr.Dataset) -> Figure:
     if "precision" in cube.dims and "extended" in cube["precision"].values:
         handles.append(Line2D([], [], color="#404040", linestyle=DASHES, label="extended precision"))
     unit = cube["tau_per_stage"].attrs.get("units", "1")
-    return draw_profiles(list(_profiles(cube)), handles, unit, cube["max_energy_error"].attrs, [cube])
+    drawn = draw_profiles(list(_profiles(cube)), handles, unit, cube["max_energy_error"].attrs, [cube])
+    drawn.axes[0].set_title(_problem(cube, unit), loc="right", fontsize=9, pad=4)
+    return drawn
+
+
+def _problem(cube: xr.Dataset, unit: str) -> str:
+    """Return the system of a cube and the interval of its runs, as far as its attributes tell."""
+    try:
+        t_end = json.loads(cube.attrs["settings"])["sweep"]["t_end"]
+    except (KeyError, TypeError, ValueError):
+        t_end = None
+    words = [str(cube.attrs[name]) for name in ("system_label",) if name in cube.attrs]
+    words += [] if t_end is None else [f"$t$ = {t_end}{'' if unit == '1' else f' {unit}'}"]
+    return ", ".join(words)
 
 
 def _profiles(cube: xr.Dataset) -> Iterator[Profile]:

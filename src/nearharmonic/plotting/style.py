@@ -9,6 +9,7 @@ from math import isfinite
 from pathlib import Path
 from string import ascii_uppercase
 from typing import Any
+from xml.sax.saxutils import escape
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -45,6 +46,7 @@ SETTINGS: Any = {
     "lines.markeredgewidth": 1.0,
     "legend.fontsize": 8.5,
     "legend.frameon": False,
+    "svg.fonttype": "none",
     "svg.hashsalt": "nearharmonic",
 }
 
@@ -125,17 +127,27 @@ def method_handles(integrators: Iterable[str], labels: Iterable[str], **changes:
     ]
 
 
+def _described(svg: bytes, description: str) -> bytes:
+    """Return an SVG file with a description behind its title."""
+    return svg.replace(b"</title>", f"</title>\n <desc>{escape(description)}</desc>".encode(), 1)
+
+
 def save(figure: Figure, places: Sequence[str | os.PathLike[str]]) -> list[Path]:
     """Write ``figure`` to each of ``places``, in the format of its ending: .pdf, .svg or .png (200 dpi).
 
     Each file is written atomically. Equal figures give bitwise identical files: the metadata have no date, and ids of
-    elements have a fixed salt. The paths are returned.
+    elements have a fixed salt. Text in an SVG file is text; the label of the figure is its description, and what stands
+    before the first colon its title. The paths are returned.
     """
+    description = str(figure.get_label())
+    title = description.partition(":")[0]
     paths = [Path(place) for place in places]
     for path in paths:
         suffix = path.suffix.removeprefix(".")
         content = BytesIO()  # on a full disk, matplotlib's PDF writer raises an error of its own
         with mpl.rc_context(SETTINGS):
-            figure.savefig(content, format=suffix, dpi=200, metadata=_METADATA[suffix])
-        write_bytes(path, content.getvalue())
+            figure.savefig(
+                content, format=suffix, dpi=200, metadata={**_METADATA[suffix], **({"Title": title} if title else {})}
+            )
+        write_bytes(path, _described(content.getvalue(), description) if suffix == "svg" else content.getvalue())
     return paths

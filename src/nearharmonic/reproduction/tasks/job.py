@@ -97,7 +97,9 @@ def draw(snakemake: Any) -> None:
                     write_bytes(place, Path(made).read_bytes())
             else:
                 with covered(task):
-                    write(function_of(task)(*shown), places, provenance(task))
+                    figure = function_of(task)(*shown)
+                    figure.set_label(snakemake.params.captions[stem])
+                    write(figure, places, provenance(task))
             drawn[task["function"]] = places
             receipt.add(places, task)
         receipt.write()
