@@ -31,7 +31,7 @@ integrators: Registry[Tableau] = make_registry(
     "TABLEAUS",
     lambda module: {t.name: t for t in getattr(module, "TABLEAUS", ())},
     tableau_at,
-    lambda tableau: (tableau.label, *tableau.aliases),
+    lambda tableau: tableau.other_names,
 )
 
 #: Integrators without and with modified potentials.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import InitVar, dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from hashlib import sha256
@@ -95,13 +95,14 @@ class Tableau(Composition):
     processor: Processor | None = None
     requires: str | None = None
     note: str = ""
-    aliases: tuple[str, ...] = ()
+    aliases: InitVar[tuple[str, ...]] = ()  # no field: two tableaus may be equal under different names
     benchmarked: bool = False
     harmonic_order: int | None = None
     generalised_order: tuple[int, ...] | None = None
     symmetric: bool = None  # type: ignore[assignment]  # None is for the constructor alone
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, aliases: tuple[str, ...]) -> None:
+        object.__setattr__(self, "aliases", aliases)  # from where dataclasses.replace takes it
         self._check_texts()
         object.__setattr__(self, "label", self.label or self.name)
         self._expect(self.first in ("drift", "kick"), "first", self.first, "'drift' or 'kick'")
@@ -116,6 +117,11 @@ class Tableau(Composition):
         self._check_sums(1)
         fits = self.processor is None or (self.modified and self.processor.modified)
         self._expect(fits, "processor", self.processor, "None, as there are kicks of V alone")
+
+    @property
+    def other_names(self) -> tuple[str, ...]:
+        """Label and aliases, which a look-up takes in place of the name."""
+        return (self.label, *vars(self)["aliases"])
 
     @property
     def processed(self) -> bool:
@@ -177,8 +183,9 @@ class Tableau(Composition):
         )
         for key in ("label", "source", "note"):
             self._expect(isinstance(text := getattr(self, key), str), key, text, "a string")
-        texts = isinstance(self.aliases, tuple) and all(isinstance(alias, str) for alias in self.aliases)
-        self._expect(texts, "aliases", self.aliases, "a tuple of strings")
+        aliases = vars(self)["aliases"]
+        texts = isinstance(aliases, tuple) and all(isinstance(alias, str) for alias in aliases)
+        self._expect(texts, "aliases", aliases, "a tuple of strings")
 
     def _check_order(self) -> None:
         """Raise an error for an impossible order: s kicks of V make an oscillator's step a polynomial of degree 2 s."""

@@ -253,30 +253,37 @@ def warn_of_changing(system: System, q: Floats, p: Floats, constants: Sequence[f
 
 def _rates(system: System, q: Floats, p: Floats, constants: Sequence[float]) -> dict[str, float]:
     """Return |{I, H}| over |grad I| |grad H| of each invariant at a state, 0 where the differences are not exact."""
-    coarse, fine = (_rates_of(_gradients(system, q, p, constants, step)) for step in STEPS)
+    try:
+        with np.errstate(all="ignore"):
+            coarse, fine = (_rates_of(*_gradients(system, q, p, constants, step)) for step in STEPS)
+    except (ArithmeticError, ValueError):  # beside a state, H or an invariant may have no value
+        return dict.fromkeys(system.invariants, 0.0)
     return {name: rate if abs(rate - coarse[name]) <= AGREEMENT * rate else 0.0 for name, rate in fine.items()}
 
 
-def _rates_of(gradients: dict[str, Floats]) -> dict[str, float]:
+def _rates_of(of_energy: Floats, of_invariants: dict[str, Floats]) -> dict[str, float]:
     """Return the rate of each invariant, the largest of its components; NaN where one has no value."""
-    force, velocity = np.split(gradients.pop("H")[:, 0], 2)
+    force, velocity = np.split(of_energy, 2)
     rates = {}
-    for name, columns in gradients.items():
+    for name, columns in of_invariants.items():
         of_q, of_p = np.split(columns, 2)
         sizes = np.linalg.norm(columns, axis=0) * length_of(np.linalg.norm(force), np.linalg.norm(velocity))
         rates[name] = float(np.max(abs(velocity @ of_q - force @ of_p) / np.where(sizes > 0, sizes, 1.0)))
     return rates
 
 
-def _gradients(system: System, q: Floats, p: Floats, constants: Sequence[float], step: float) -> dict[str, Floats]:
-    """Return central differences (2 d, k) of H and the invariants, in units of the norms of q and of p."""
-    ends = []
+def _gradients(
+    system: System, q: Floats, p: Floats, constants: Sequence[float], step: float
+) -> tuple[Floats, dict[str, Floats]]:
+    """Return central differences of H (2 d,) and of the invariants (2 d, k), in units of the norms of q and of p."""
+    energies, values = [], []
     for signed in (step, -step):
         x, y = _moved(q, p, signed)
         states = zip(map(tuple, x.tolist()), map(tuple, y.tolist()), strict=True)
-        energies = [[float(system.energy(*state, constants, 0.0))] for state in states]
-        ends.append({"H": np.array(energies), **invariant_values(system, x, y, constants)})
-    return {name: (ends[0][name] - ends[1][name]) / (2 * step) for name in ends[0]}
+        energies.append(np.array([float(system.energy(*state, constants, 0.0)) for state in states]))
+        values.append(invariant_values(system, x, y, constants))
+    found = {name: (values[0][name] - values[1][name]) / (2 * step) for name in values[0]}
+    return (energies[0] - energies[1]) / (2 * step), found
 
 
 def _moved(q: Floats, p: Floats, step: float) -> Iterator[Floats]:

@@ -23,7 +23,7 @@ LIBRARIES = ("numpy", "numba", "llvmlite", "h5py")
 #: Libraries whose version may change the numbers of a result; a new version invalidates every result.
 NUMERICAL_LIBRARIES = ("numpy", "numba", "llvmlite")
 #: Fields of a tableau without effect on results, and one field that follows from the coefficients.
-REMARKS = ("aliases", "note", "source", "symmetric")
+REMARKS = ("note", "source", "symmetric")
 #: Fields that are included only if a method has them.
 OPTIONAL = ("square", "processor")
 
