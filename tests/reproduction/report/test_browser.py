@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 
+import nearharmonic as nh
 from support.cubes.page_results import CLAIMS, DRAWN, PLOTS
 
 pytestmark = pytest.mark.browser
@@ -224,3 +225,31 @@ def test_link_to_a_figure_can_be_copied(opened):
     page.wait_for_function("document.querySelector('#figure-5 button.copy').textContent !== 'Copy link'")
     assert page.evaluate("location.hash") == "#figure-5"
     assert page.evaluate("navigator.clipboard.readText()").endswith("report.html#figure-5")
+
+
+STARTS = {"sho": ([1.0], [0.0]), "henon_heiles": ([0.3, 0.0], [0.0, 0.4])}
+
+
+@pytest.mark.parametrize("system", STARTS)
+@pytest.mark.parametrize("method", ["ruth", "babs7o7h"])
+def test_figure_in_motion_takes_the_steps_of_integrate(wide, system, method):
+    """200 steps of at most 14 moves of two roundings, whose errors grow with the time on regular orbits."""
+    q, p = STARTS[system]
+    found = wide.evaluate("(given) => alive.run(...given)", [system, method, 0.5, q, p, 200])
+    run = nh.integrate(system, method, 0.5, t_end=100, q0=q, p0=p, summation="plain")
+    assert found["q"] == pytest.approx(run.q.values[-1].tolist(), abs=1e-12)
+    assert found["p"] == pytest.approx(run.p.values[-1].tolist(), abs=1e-12)
+    assert found["worst"] == pytest.approx(run.max_energy_error.item(), rel=1e-4, abs=1e-14)
+
+
+def test_panel_c_is_seen_to_leave_its_energy_surface(wide):
+    """At iteration 52, as the paper's panel (C) with this method, step and start does."""
+    section = wide.locator("#alive")
+    section.locator("[name=method]").select_option("yoshida_s7o6a")
+    section.locator("[name=reset]").click()
+    for _ in range(52):
+        section.locator("button[name=step]").click()
+    assert section.locator("output").inner_text() == "left its energy surface at iteration 52"
+    section.locator("canvas").first.click(position={"x": 300, "y": 200})
+    section.locator("button[name=step]").click()
+    assert section.locator("output").inner_text().endswith("after 1 iterations")

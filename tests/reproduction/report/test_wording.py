@@ -109,7 +109,7 @@ def test_axis_holds_all_numbers_except_those_it_cannot_show():
     assert flat.start < 3 < flat.end
 
 
-@pytest.mark.parametrize("name", ["page.html", "figure.html", "parts.html", "page.css", "page.js"])
+@pytest.mark.parametrize("name", ["page.html", "figure.html", "parts.html", "page.css", "page.js", "alive.js"])
 def test_an_edit_of_template_style_or_script_changes_the_digest(tmp_path, monkeypatch, name):
     before = assets.digest()
     for each in assets.FOLDER.iterdir():

@@ -14,7 +14,7 @@ from typing import Any
 from nearharmonic.reproduction.tasks.experiment import beside_the_paper
 
 FOLDER = Path(__file__).parent / "template"
-NAMES = ("page.html", "figure.html", "parts.html", "page.css", "page.js")
+NAMES = ("page.html", "figure.html", "parts.html", "page.css", "page.js", "alive.js")
 
 
 def digest() -> str:
@@ -54,9 +54,11 @@ def filled(name: str, values: Mapping[str, Any]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    style, script = (Markup((FOLDER / asset).read_text(encoding="utf-8")) for asset in ("page.css", "page.js"))
+    inserted = (Markup((FOLDER / asset).read_text(encoding="utf-8")) for asset in ("page.css", "page.js", "alive.js"))
+    style, script, alive = inserted
     environment.globals |= {
         "wording": wording, "short": short, "looks": VERDICTS, "style": style, "script": script,
+        "alive_script": alive,
         "bokeh": _packed_script(),
     }  # fmt: skip
     return environment.get_template(name).render(values)

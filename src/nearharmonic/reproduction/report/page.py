@@ -13,7 +13,7 @@ from nearharmonic.reproduction.claims.pages.summary import failures, of_the_pape
 from nearharmonic.reproduction.report import assets
 from nearharmonic.reproduction.report.plots import models
 from nearharmonic.reproduction.report.shown.declared import pages_alone
-from nearharmonic.reproduction.report.shown.figures import ShownFigure, entries, interactive, static
+from nearharmonic.reproduction.report.shown.figures import ShownFigure, coefficients, entries, interactive, static
 from nearharmonic.reproduction.report.shown.links import Places
 from nearharmonic.reproduction.report.shown.results import ShownResults
 from nearharmonic.reproduction.report.shown.tables import ShownTable
@@ -105,6 +105,7 @@ def page(folder: str | os.PathLike[str], **_: Any) -> dict[str, str]:
         "every": every,
         "first": next((one for one in figures if one.cube in FIRST_SHOWN), next(iter(every), None)),
         "legend": entries(figures),
+        "methods": coefficients(entries(figures)) if any(one.anchor == "figure-6" for one in figures) else [],
         "tables": tables,
         "skipped": results.tables(("skipped",)),
         "sections": sections,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from nearharmonic.integrators import integrators
 from nearharmonic.output.store import read
 from nearharmonic.plotting.levels import energy_error_label
 from nearharmonic.plotting.palette import style_of
@@ -167,6 +169,16 @@ _OTHERS: dict[str, tuple[Callable[[Any], list[Panel]], str]] = {
 def _methods(cube: Any) -> dict[str, str]:
     names, labels = (map(str, cube[name].values) for name in ("integrator", "label"))
     return dict(zip(names, labels, strict=True))
+
+
+def coefficients(methods: Iterable[Entry]) -> list[dict[str, Any]]:
+    """Return the coefficients of methods as doubles, from the text that ``nearharmonic export --to json`` writes."""
+    from nearharmonic.exchange.export import export
+
+    told = [json.loads(export(integrators[one.method], "json")) for one in methods if one.method in integrators]
+    plain = [one for one in told if not one.get("square")]
+    rows = [{key: list(map(float, one[key])) for key in ("kick", "drift")} for one in plain]
+    return [{key: one[key] for key in ("name", "label", "first")} | row for one, row in zip(plain, rows, strict=True)]
 
 
 class Entry(NamedTuple):
