@@ -25,7 +25,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 (ADDRESS,) = re.findall(r"^repository-code: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
 #: Pages whose blocks another test runs, which looks at what they find.
-RUN_ELSEWHERE = {"stepper.md"}
+RUN_ELSEWHERE = {"stepper.md", "gallery.md"}
 #: Those of README that read no results run in test_wall.py.
 BLOCKS = {
     f"{page.name}-{i}": block

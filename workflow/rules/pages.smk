@@ -21,6 +21,11 @@ _PAGES = {
         {"figure": "near_harmonic"},
         lambda: task("reproduction.pages.examples:page", **on("examples", _EVERY)),
     ),
+    "gallery": (
+        _EXAMPLES,
+        {"figure": "gallery"},
+        lambda: task("reproduction.pages.gallery:page", **on("gallery", _EVERY)),
+    ),
     "methods": ({}, {}, lambda: task("reproduction.pages.methods:page", **on("methods", _EVERY))),
     "ranking": ({}, {}, lambda: task("reproduction.pages.ranking:page", **on("ranking", _EVERY))),
     "tailor": (_EXAMPLES, {}, lambda: task("reproduction.pages.tailor:page", **on("tailor", _EVERY))),
