@@ -92,7 +92,7 @@ def test_every_test_that_the_script_of_ci_names_exists():
 
 def links(page):
     """(target, section) of the links of a page to files of the repository, relative or by its address."""
-    text = page.read_text(encoding="utf-8")
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     found = re.findall(r"\]\((?!https?:)([^)#]*)(?:#([^)]+))?\)", text)
     there = re.findall(rf"{re.escape(ADDRESS)}/(?:blob|raw)/main/([^\s#)]+)(?:#(\S+))?", text)
     return [(page.parent / target if target else page, section) for target, section in found] + [
