@@ -119,7 +119,7 @@ def _add_slopes(plot: Plot) -> None:
     words = {"text_color": "#595959", "text_font": panels.FONT, "text_font_size": "11px"}
     # Above the steeper line and below the other one: a narrow window has no room on the right of their ends.
     plot.add_layout(bokeh.Label(text="order 6", x=4 * x, y=y * 4.0**6, x_offset=-6, text_align="right", **words))
-    plot.add_layout(bokeh.Label(text="order 4", x=2 * x, y=y * 2.0**4, x_offset=6, text_baseline="top", **words))
+    plot.add_layout(bokeh.Label(text="order 4", x=4 * x, y=y, text_align="right", text_baseline="top", **words))
 
 
 def _columns(runs: xr.Dataset) -> dict[str, Any]:
