@@ -8,7 +8,7 @@ import re
 from base64 import b64decode
 from html.parser import HTMLParser
 
-EMPTY = {"meta", "link", "img", "br"}
+EMPTY = {"meta", "link", "img", "br", "input"}
 
 
 class Reader(HTMLParser):

@@ -24,6 +24,8 @@ from nearharmonic.reproduction.tasks.remote.plan import Files, FrozenJob
 PYTHON = "NEARHARMONIC_NODE_PYTHON"
 #: The process that ends the jobs of this computer with itself has no meaning on another.
 _ENVIRONMENT = f"env -u {LEADER}"
+#: Parameters of rules that jobs read.
+PARAMS = ("task", "tasks", "captions")
 #: Functions of the module job, by the scripts of the rules.
 _FUNCTIONS = {"task.py": "run", "draw.py": "draw"}
 #: Marks of outputs that need nothing on the node.
@@ -70,7 +72,9 @@ def frozen(job: Any, patience: float) -> FrozenJob:
         function=_FUNCTIONS[Path(job.rule.script).name],
         input=_files(job.input),
         output=_files(job.output),
-        params=SimpleNamespace(**{name: value for name, value in job.params.items() if name in {"task", "tasks"}}),
+        params=SimpleNamespace(
+            **{name: value for name, value in job.params.items() if name in {"task", "tasks", "captions"}}
+        ),
         log=[str(file) for file in job.log],
         threads=int(job.threads),
         patience=float(patience),
