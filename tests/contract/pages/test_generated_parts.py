@@ -12,7 +12,7 @@ from PIL import Image
 
 from nearharmonic.output import store
 from nearharmonic.recommendation.timings import variables
-from nearharmonic.reproduction.pages import examples, methods, ranking, tailor, timings, trained, training
+from nearharmonic.reproduction.pages import examples, gallery, methods, ranking, tailor, timings, trained, training
 from nearharmonic.reproduction.pages.anharmonicity import NEW, Result, others
 from support.cubes.figure_cubes import FACTS, label, timed
 
@@ -80,6 +80,13 @@ def of_examples(monkeypatch, tmp_path):
     return examples.page(str(DOCS / "examples.md"), files, (), ())
 
 
+def of_gallery(monkeypatch, tmp_path):
+    """The first two examples, which are not run."""
+    monkeypatch.setattr(gallery, "drawn", len)
+    files = sorted(str(path) for path in DOCS.parent.glob("examples/*.py"))[:2]
+    return gallery.page(str(DOCS / "gallery.md"), files, (), ())
+
+
 def of_ranking(monkeypatch, tmp_path):
     monkeypatch.setattr(ranking, "table", lambda contest: ["| error |", "|---|", f"| {contest.t_end} |"])
     return ranking.page(str(DOCS / "ranking.md"), (), ())
@@ -128,7 +135,7 @@ def of_methods(monkeypatch, tmp_path):
     return methods.page(str(DOCS / "methods.md"), (), ())
 
 
-MADE = {"examples": of_examples, "methods": of_methods, "ranking": of_ranking, "tailor": of_tailor,
+MADE = {"examples": of_examples, "gallery": of_gallery, "methods": of_methods, "ranking": of_ranking, "tailor": of_tailor,
         "timings": of_timings, "trained": of_trained, "training": of_training}  # fmt: skip
 
 
