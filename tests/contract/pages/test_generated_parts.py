@@ -135,8 +135,8 @@ def of_methods(monkeypatch, tmp_path):
     return methods.page(str(DOCS / "methods.md"), (), ())
 
 
-MADE = {"examples": of_examples, "gallery": of_gallery, "methods": of_methods, "ranking": of_ranking, "tailor": of_tailor,
-        "timings": of_timings, "trained": of_trained, "training": of_training}  # fmt: skip
+MADE = {"examples": of_examples, "gallery": of_gallery, "methods": of_methods, "ranking": of_ranking,
+        "tailor": of_tailor, "timings": of_timings, "trained": of_trained, "training": of_training}  # fmt: skip
 
 
 @pytest.fixture
