@@ -74,9 +74,9 @@ def section(
     -------
     xarray.Dataset
         Over (member, crossing, component): ``q`` and ``p``; over (member, crossing): ``t``, ``energy_error``,
-        (H - H0)/|H0| in double precision or H - H0 where H0 = 0, and ``surface``, the value of the function, zero to
-        rounding; over member ``crossings``, their number. Members with fewer crossings than others end with NaN. A
-        trajectory that diverges has the crossings before.
+        (H - H0)/|H0| in double precision, or H - H0 if a start has H0 = 0, and ``surface``, the value of the function,
+        zero to rounding; over member ``crossings``, their number. Members with fewer crossings than others end with
+        NaN. A trajectory that diverges has the crossings before.
 
     Raises
     ------
@@ -118,7 +118,9 @@ def section(
             ])  # fmt: skip
     attributes = problem_attributes(problem) | parameter_attributes(subject, parameters or {})
     attributes |= {"direction": direction, "surface_name": function.name}
-    return assembled(_variables(problem, found, rows, function, constants) | _tau(problem, size), [], attributes)
+    variables = _variables(problem, found, rows, function, constants)
+    variables["tau"] = (), np.array(size), described("step size as used, t_end / steps", subject.units["t"])
+    return assembled(variables, [], attributes)
 
 
 def _starts(given: Any, system: System) -> Floats:
@@ -206,19 +208,18 @@ def _variables(
     most = max(map(len, found))
     t, q = np.full((len(found), most), np.nan), np.full((len(found), most, d), np.nan)
     p, error = q.copy(), t.copy()
-    relative = True
-    for i, crossings in enumerate(found):
-        H0 = _energy(problem.system, rows[i, :d], rows[i, d:], constants)
-        relative &= H0 != 0
+    starts = [_energy(problem.system, row[:d], row[d:], constants) for row in rows]
+    relative = all(starts)  # one unit for all members
+    for i, (crossings, H0) in enumerate(zip(found, starts, strict=True)):
         for j, (time, position, momentum) in enumerate(crossings):
             t[i, j], q[i, j], p[i, j] = time, position, momentum
-            error[i, j] = (_energy(problem.system, position, momentum, constants) - H0) / (abs(H0) or 1.0)
+            error[i, j] = (_energy(problem.system, position, momentum, constants) - H0) / (abs(H0) if relative else 1.0)
     over, unit = ("member", "crossing"), "1" if relative else units["energy"]
     return {
         "t": (over, t, described("time of the crossing", units["t"])),
         "q": ((*over, "component"), q, described("position", units["q"])),
         "p": ((*over, "component"), p, described("momentum", units["p"])),
-        "energy_error": (over, error, described("(H - H0)/|H0| at the crossing, H - H0 where H0 = 0", unit)),
+        "energy_error": (over, error, described(f"(H - H0){'/|H0|' if relative else ''} at the crossing", unit)),
         "surface": (over, function(q, p), described("function that is zero on the surface", "unknown")),
         "crossings": (("member",), np.array(list(map(len, found))), described("number of crossings")),
     }
@@ -226,8 +227,3 @@ def _variables(
 
 def _energy(system: System, q: Floats, p: Floats, constants: Sequence[float]) -> float:
     return float(system.energy(tuple(q.tolist()), tuple(p.tolist()), constants, 0.0))
-
-
-def _tau(problem: Setup, size: float) -> Variables:
-    notes = described("step size as used, t_end / steps", problem.system.units["t"])
-    return {"tau": ((), np.array(size), notes)}

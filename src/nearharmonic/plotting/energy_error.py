@@ -89,9 +89,8 @@ def _problem(cube: xr.Dataset, unit: str) -> str:
         t_end = json.loads(cube.attrs["settings"])["sweep"]["t_end"]
     except (KeyError, TypeError, ValueError):
         t_end = None
-    words = [str(cube.attrs[name]) for name in ("system_label",) if name in cube.attrs]
-    words += [] if t_end is None else [f"$t$ = {t_end}{'' if unit == '1' else f' {unit}'}"]
-    return ", ".join(words)
+    interval = "" if t_end is None else f"$t$ = {t_end}{'' if unit == '1' else f' {unit}'}"
+    return ", ".join(filter(None, (str(cube.attrs.get("system_label", "")), interval)))
 
 
 def _profiles(cube: xr.Dataset) -> Iterator[Profile]:

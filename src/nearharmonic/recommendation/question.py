@@ -13,7 +13,7 @@ import numpy as np
 
 from nearharmonic.engine.reference import position_t_end
 from nearharmonic.engine.runs.continuation import start_of
-from nearharmonic.engine.runs.setup import ANY, Setup, checked_scale
+from nearharmonic.engine.runs.setup import ANY, Setup, as_python, checked_scale
 from nearharmonic.engine.runs.trajectory import sweep
 from nearharmonic.engine.settings import MOST_STEPS, checked_count, checked_tau, one_of, positive
 from nearharmonic.errors import bad_setting
@@ -130,11 +130,9 @@ def question(
 
 def _arguments(system: str | os.PathLike[str] | System, **start: Any) -> tuple[str, ...]:
     """Return Python code of a system, which is its name if it is an object, and of initial values."""
-    given = system.name if isinstance(system, System) else os.fspath(system)
-    if not (isinstance(system, System) or given in systems.registered or is_path(given)):
+    if not (isinstance(system, System) or system in systems.registered or is_path(os.fspath(system))):
         return ()
-    first = given if isinstance(system, System) else repr(given)
-    return (first, *(f"{key}={_numbers(x)!r}" for key, x in start.items() if x is not None))
+    return (as_python(system), *(f"{key}={_numbers(x)!r}" for key, x in start.items() if x is not None))
 
 
 def _numbers(given: Any) -> list[int | float | str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from fractions import Fraction
 from math import nan
@@ -39,6 +40,11 @@ from nearharmonic.systems.numba.potential import numba_potential
 
 #: A method that fits every system, for checks of the system alone.
 ANY = "ruth"
+
+
+def as_python(system: str | os.PathLike[str] | System) -> str:
+    """Return Python code of a system: the literal of its name or path, or the name of its object."""
+    return system.name if isinstance(system, System) else repr(os.fspath(system))
 
 
 class Setup:

@@ -23,8 +23,8 @@ from nearharmonic.reproduction.tasks.experiment import Experiment, beside_the_pa
 LARGEST = 4_000_000
 #: Verdicts in the order of the statements beneath a figure.
 WORST_FIRST = ("fails", "erratum", "holds in part", "holds but for edges", "holds", OPEN)
-#: Cubes whose figure stands at the top of the page, if it is there: the first one.
-FIRST_SHOWN = ("henon_heiles",)
+#: Cube whose figure stands at the top of the page, if it is there.
+FIRST_SHOWN = "henon_heiles"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,7 +103,7 @@ def page(folder: str | os.PathLike[str], **_: Any) -> dict[str, str]:
         "failures": failures(results.claims),
         "figures": figures,
         "every": every,
-        "first": next((one for one in figures if one.cube in FIRST_SHOWN), next(iter(every), None)),
+        "first": next((one for one in figures if one.cube == FIRST_SHOWN), next(iter(every), None)),
         "legend": entries(figures),
         "methods": coefficients(entries(figures)) if any(one.anchor == "figure-6" for one in figures) else [],
         "tables": tables,
@@ -111,13 +111,18 @@ def page(folder: str | os.PathLike[str], **_: Any) -> dict[str, str]:
         "sections": sections,
         **_packed(plots),
     }
-    alone = {
-        name: assets.filled("figure.html", {
-            "results": results, "figure": one, "legend": entries([one]), **_packed(one.plots),
-        })
-        for name, one in zip(pages_alone(results.figures), (one for one in figures if one.panels), strict=True)
-    }  # fmt: skip
-    return {"page": _small_enough(values), **alone}
+    return {"page": _small_enough(values), **_alone(results, figures)}
+
+
+def _alone(results: ShownResults, figures: Sequence[ShownFigure]) -> dict[str, str]:
+    """Return the page of each interactive figure, by the names of their outputs."""
+    live = [one for one in figures if one.panels]
+    return {
+        name: assets.filled(
+            "figure.html", {"results": results, "figure": one, "legend": entries([one]), **_packed(one.plots)}
+        )
+        for name, one in zip(pages_alone(results.figures), live, strict=True)
+    }
 
 
 def _packed(plots: Mapping[str, Any]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from nearharmonic.engine.numbers.initial_values import exact
 from nearharmonic.engine.runs.invariants import energy_at_start
-from nearharmonic.engine.runs.setup import ANY, Setup
+from nearharmonic.engine.runs.setup import ANY, Setup, as_python
 from nearharmonic.engine.settings import checked_count, checked_tau
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.numerics.types import Floats
@@ -112,7 +112,7 @@ def question(
     H0 = energy_at_start(subject)
     return Question(
         system=subject,
-        given=repr(place) if isinstance(place, str) else subject.name,
+        given=as_python(place),
         stages=_stages(stages),
         window=None if window is None else _window(window),
         error=ERROR if error is None else _error(error),
