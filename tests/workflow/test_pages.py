@@ -11,6 +11,9 @@ from types import SimpleNamespace
 import pytest
 from PIL import Image
 
+import nearharmonic as nh
+from nearharmonic.integrators import BENCHMARKED
+from nearharmonic.reproduction.tasks.job import covered
 from nearharmonic.reproduction.tasks.provenance import function_of
 from support.projects import planned_jobs
 from support.projects.planned_jobs import CORES
@@ -120,3 +123,13 @@ def test_a_page_is_filled_once_and_survives_failing_jobs(project, filled):
 def test_a_page_is_no_result(project, filled):
     fill(project, filled)
     assert not [name for name in project.manifest()["files"] if "docs" in name]
+
+
+def test_the_page_of_results_covers_each_method_that_it_may_show(project):
+    """Those of the paper's config, of which it holds the coefficients; a job refuses a method that its digests lack."""
+    done = project.python(planned_jobs.__file__, "config/config.yaml", "report")
+    assert done.returncode == 0, done.stderr
+    jobs = [SimpleNamespace(**json.loads(line)) for line in done.stdout.splitlines()]
+    (task,) = (job.params["task"] for job in jobs if job.rule == "page")
+    with covered(task):
+        assert [nh.integrators[name].name for name in BENCHMARKED] == list(BENCHMARKED)

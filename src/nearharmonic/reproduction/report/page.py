@@ -67,7 +67,7 @@ def page(folder: str | os.PathLike[str], **_: Any) -> dict[str, str]:
         ``results/<name>``, with ``tables/claims.json``, ``tables/skipped.csv``, cubes and figures; other existing
         results are shown too.
     **_
-        Paths of the files that a rule names as inputs, which are found in the folder.
+        The integrators, which a rule names for their digests, and paths of its inputs, which are found in the folder.
 
     Returns
     -------
