@@ -125,7 +125,7 @@ def test_a_page_is_no_result(project, filled):
     assert not [name for name in project.manifest()["files"] if "docs" in name]
 
 
-def test_the_page_of_results_covers_each_method_that_it_may_show(project):
+def test_the_page_of_results_names_each_method_it_shows(project):
     """Those of the paper's config, of which it holds the coefficients; a job refuses a method that its digests lack."""
     done = project.python(planned_jobs.__file__, "config/config.yaml", "report")
     assert done.returncode == 0, done.stderr
