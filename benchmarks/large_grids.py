@@ -1,7 +1,7 @@
 """Cost of many runs: the workflow on ever finer grids, of the ten methods of the paper on the Hénon-Heiles system.
 
 Run: ``python benchmarks/large_grids.py`` for up to a million runs (some minutes), or ``--finest 2500`` for a hundred
-thousand. The table is that of ``docs/large_grids.md``.
+thousand. The table is that of ``docs/how_to/large_grids.md``.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Cases of kills, damage, bad input, hostile results and numerical stress: how many were tried, held and failed.
 
 Run: ``python benchmarks/trials.py --quick`` for the cases of each change (two minutes), ``python benchmarks/trials.py``
-for all of them (hours). The table is that of ``docs/trials.md``; the exit status is 1 if a case failed.
+for all of them (hours). The table is that of ``docs/developers/trials.md``; the exit status is 1 if a case failed.
 """
 
 from __future__ import annotations

@@ -48,8 +48,8 @@ def test_experiment_describes_its_purpose_and_cubes(experiment):
 
 def test_documents_have_the_cubes_and_targets_of_all_experiments():
     """As ``python -m nearharmonic.reproduction.config.schema`` writes them."""
-    assert cube_rows() in text_of("docs/files.md")
-    assert target_rows() in text_of("docs/README.md")
+    assert cube_rows() in text_of("docs/how_to/files.md")
+    assert target_rows() in text_of("docs/index.md")
     assert all(f"snakemake -j2 {one.target}`" in target_rows() for one in beside_the_paper())
 
 

@@ -88,7 +88,7 @@ def test_the_config_draws_the_ten_methods_on_every_example():
 
 
 def test_the_gallery_has_each_example_once():
-    page = (ROOT / "docs/examples.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/results/examples.md").read_text(encoding="utf-8")
     gallery = page[: page.index("## Which method")]
     assert sorted(re.findall(r"^\| \[(\w+)\.py\]", gallery, flags=re.MULTILINE)) == [path.stem for path in EXAMPLES]
     for path in SYSTEMS:

@@ -1,4 +1,4 @@
-"""Anharmonicity of orbits, and the tables of docs/examples.md that compare methods by it."""
+"""Anharmonicity of orbits, and the tables of docs/results/examples.md that compare methods by it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from nearharmonic.output.page import filled
 from nearharmonic.reproduction.pages import anharmonicity, examples
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs/examples.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/results/examples.md").read_text(encoding="utf-8")
 
 
 FILES = sorted(map(str, (ROOT / "examples").glob("*.py")))

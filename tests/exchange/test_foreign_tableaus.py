@@ -189,7 +189,7 @@ def page():
     return " ".join(
         " ".join(
             path.read_text(encoding="utf-8")
-            for path in sorted((Path(__file__).parents[2] / "docs").glob("exchange*.md"))
+            for path in sorted((Path(__file__).parents[2] / "docs").glob("*/exchange*.md"))
         ).split()
     )
 

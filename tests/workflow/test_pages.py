@@ -21,8 +21,8 @@ from support.projects.workflow_project import ROOT, TINY
 
 pytestmark = pytest.mark.slow
 
-MARKED = {path.name for path in ROOT.glob("docs/*.md") if "<!-- end -->" in path.read_text(encoding="utf-8")}
-#: Tables of the results that docs/trained.md shows, as short as can be.
+MARKED = {str(path.relative_to(ROOT / "docs")) for path in ROOT.glob("docs/*/*.md") if "<!-- end -->" in path.read_text(encoding="utf-8")}
+#: Tables of the results that docs/results/trained.md shows, as short as can be.
 TABLES = {
     "gains": "ensemble,tau_per_stage,best published,log10_error,best trained,log10_error_trained,gain,gain_low,"
     "gain_high,verdict\nMorse,0.1,srkn_a14,-5,trained_light,-5.5,0.5,0.4,0.6,ahead\n",
@@ -51,7 +51,7 @@ def jobs(project):
 
 @pytest.mark.slow
 def test_each_page_with_marks_has_a_rule(jobs):
-    made = {name.rpartition("/")[2] for job in jobs.values() for name in job.output}
+    made = {name.rpartition("docs/")[2] for job in jobs.values() for name in job.output}
     assert {name for name in made if name.endswith(".md")} == MARKED
     assert all((ROOT / "docs" / name).is_file() for name in made)
 
@@ -72,7 +72,7 @@ def test_the_function_of_a_page_takes_its_rules_inputs(jobs):
         task = job.params["task"]
         function = function_of(task)
         signature(function).bind(**task["settings"], **job.inputs)
-        assert task["settings"]["page"] == f"docs/{job.outputs['page'][0].rpartition('/')[2]}"
+        assert task["settings"]["page"] == f"docs/{job.outputs['page'][0].rpartition('docs/')[2]}"
         assert len(task["integrators"]) >= 80
 
 
@@ -95,7 +95,7 @@ def filled(jobs, project):
         (project.results / f"tables/trained_{name}.csv").write_text(text)
     for name in PICTURES:
         Image.new("RGB", (9, 9), "navy").save(project.results / f"figures/{name}.png")
-    return (f"{TINY[1]}", "results/tiny/docs/trained.md", "--allowed-rules", "page_of_trained")
+    return (f"{TINY[1]}", "results/tiny/docs/results/trained.md", "--allowed-rules", "page_of_trained")
 
 
 def fill(project, filled, *more):
@@ -105,13 +105,13 @@ def fill(project, filled, *more):
 
 @pytest.mark.slow
 def test_a_page_is_filled_once_and_survives_failing_jobs(project, filled):
-    page = project.results / "docs/trained.md"
+    page = project.results / "docs/results/trained.md"
     done = fill(project, filled)
     assert done.returncode == 0, done.stdout
     text = page.read_text(encoding="utf-8")
     assert "| Morse | **+0.50** |" in text
-    own = (ROOT / "docs/trained.md").read_text(encoding="utf-8")
-    assert (project.folder / "docs/trained.md").read_text(encoding="utf-8") == own
+    own = (ROOT / "docs/results/trained.md").read_text(encoding="utf-8")
+    assert (project.folder / "docs/results/trained.md").read_text(encoding="utf-8") == own
     assert re.findall(r"^#.*", text, re.MULTILINE) == re.findall(r"^#.*", own, re.MULTILINE)
     assert "page_of_trained" not in fill(project, filled, "-n").stdout
 

@@ -23,7 +23,7 @@ ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 #: Address of the repository, which stands in one place.
 (ADDRESS,) = re.findall(r"^repository-code: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
-PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("**/*.md")))
 #: Pages whose blocks another test runs, which looks at what they find.
 RUN_ELSEWHERE = {"stepper.md", "gallery.md"}
 #: Those of README that read no results run in test_wall.py.
@@ -94,7 +94,7 @@ def links(page):
     """(target, section) of the links of a page to files of the repository, relative or by its address."""
     text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     found = re.findall(r"\]\((?!https?:)([^)#]*)(?:#([^)]+))?\)", text)
-    there = re.findall(rf"{re.escape(ADDRESS)}/(?:blob|raw)/main/([^\s#)]+)(?:#(\S+))?", text)
+    there = re.findall(rf"{re.escape(ADDRESS)}/(?:blob|raw|tree)/main/([^\s#)]+)(?:#(\S+))?", text)
     return [(page.parent / target if target else page, section) for target, section in found] + [
         (ROOT / target, section) for target, section in there
     ]
@@ -112,13 +112,13 @@ def test_links_lead_somewhere(page):
 
 
 def test_every_page_is_reached_from_readme():
-    reached, todo = set(), [ROOT / "README.md", ROOT / "docs/README.md"]
-    assert (ROOT / "docs/README.md", "") in links(ROOT / "README.md")
+    reached, todo = set(), [ROOT / "README.md", ROOT / "docs/index.md"]
+    assert (ROOT / "docs/index.md", "") in links(ROOT / "README.md")
     while todo:
         page = todo.pop().resolve()
         if page not in reached and page.suffix == ".md":
             reached.add(page)
-            todo += [linked for linked, _ in links(page)] if page.name == "README.md" else []
+            todo += [linked for linked, _ in links(page)] if page.name in ("README.md", "index.md") else []
     assert {page.resolve() for page in PAGES} <= reached
 
 
@@ -142,7 +142,7 @@ def test_readme_says_what_the_default_run_leaves_open():
 
 
 def test_the_map_of_the_house_names_what_exists():
-    house = (ROOT / "docs/house.md").read_text(encoding="utf-8")
+    house = (ROOT / "docs/developers/house.md").read_text(encoding="utf-8")
     (listing,) = re.findall(r"```\n(Snakefile.*?)```", house, flags=re.DOTALL)
     package = listing[listing.index("src/nearharmonic/") : listing.index("tests/")]
     named = {"": set(), "reproduction/": set()}
@@ -158,8 +158,8 @@ def test_the_map_of_the_house_names_what_exists():
 
 
 def tables_of_times():
-    """The tables of times in docs/timings.md by (system, mode): rows of (ms, ratio), NaN if not reached."""
-    text = (ROOT / "docs/timings.md").read_text(encoding="utf-8")
+    """The tables of times in docs/results/timings.md by (system, mode): rows of (ms, ratio), NaN if not reached."""
+    text = (ROOT / "docs/results/timings.md").read_text(encoding="utf-8")
     tables = {}
     for system, section in re.findall(r"^### (.+?), t = .*?\n(.*?)(?=^#)", text, flags=re.MULTILINE | re.DOTALL):
         for rows in re.findall(r"(?:^\|.*\n)+", section, flags=re.MULTILINE):
@@ -186,8 +186,8 @@ def test_ratios_in_tables_of_times_are_those_of_times():
 
 def test_readme_and_page_compare_with_heyoka_like_tables():
     others = {peer.label for peer in PEERS.values()}
-    page = (ROOT / "docs/timings.md").read_text(encoding="utf-8")
-    choosing = (ROOT / "docs/choosing.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/results/timings.md").read_text(encoding="utf-8")
+    choosing = (ROOT / "docs/start/choosing.md").read_text(encoding="utf-8")
     found = [
         re.findall(r"^\| (.+?), (one trajectory|each of an ensemble) \| (.*) \|$", text, flags=re.MULTILINE)
         for text in (README, choosing)
@@ -220,9 +220,9 @@ def test_heyoka_wins_for_one_trajectory_where_readme_says():
 
 
 def tables_of_regularised_times():
-    """The tables in docs/regularised.md by (orbit, kind of error): rows of (ms, ratio), NaN if not reached."""
+    """The tables in docs/results/regularised.md by (orbit, kind of error): rows of (ms, ratio), NaN if not reached."""
     tables = {}
-    text = (ROOT / "docs/regularised.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/results/regularised.md").read_text(encoding="utf-8")
     for rows in re.findall(r"(?:^\|.*\n)+", text, flags=re.MULTILINE):
         head, _, *lines = [[cell.strip() for cell in row.strip("|").split("|")] for row in rows.splitlines()]
         tables[tuple(head[0].split(", "))] = {label: [numbers(cell) for cell in cells] for label, *cells in lines}
@@ -242,7 +242,7 @@ def test_regularised_ratios_refer_to_default_heyoka():
 
 def test_the_page_of_regularised_times_says_where_heyoka_is_ahead():
     """Ratios are, for each table, our fastest time over heyoka's on the regularised equations."""
-    page = " ".join((ROOT / "docs/regularised.md").read_text(encoding="utf-8").split())
+    page = " ".join((ROOT / "docs/results/regularised.md").read_text(encoding="utf-8").split())
     plain, fast, energy = (
         float(x)
         for x in re.search(
@@ -264,5 +264,5 @@ def test_the_page_of_regularised_times_says_where_heyoka_is_ahead():
         ahead = i == 2 and (kind == "position" or (orbit == "e = 0.9" and fast_math))
         assert (ratio > 1.1) == ahead, (orbit, kind, fast_math, i)
     first = tables_of_regularised_times()["e = 0.206", "energy"]["fastest method here, regularised"][1]
-    index = (ROOT / "docs/README.md").read_text(encoding="utf-8")
+    index = (ROOT / "docs/results/index.md").read_text(encoding="utf-8")
     assert f"in {first[1]} of heyoka's time on the original equations" in " ".join(index.split())

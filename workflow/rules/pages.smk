@@ -16,25 +16,25 @@ _EVERY = _METHODS | {"systems": systems}
 
 # What each page is made of, its pictures by the names of the results, and the function that fills it.
 _PAGES = {
-    "examples": (
+    "results/examples": (
         _EXAMPLES,
         {"figure": "near_harmonic"},
-        lambda: task("reproduction.pages.examples:page", **on("examples", _EVERY)),
+        lambda: task("reproduction.pages.examples:page", **on("results/examples", _EVERY)),
     ),
-    "gallery": (
+    "start/gallery": (
         _EXAMPLES,
         {"figure": "gallery"},
-        lambda: task("reproduction.pages.gallery:page", **on("gallery", _EVERY)),
+        lambda: task("reproduction.pages.gallery:page", **on("start/gallery", _EVERY)),
     ),
-    "methods": ({}, {}, lambda: task("reproduction.pages.methods:page", **on("methods", _EVERY))),
-    "ranking": ({}, {}, lambda: task("reproduction.pages.ranking:page", **on("ranking", _EVERY))),
-    "tailor": (_EXAMPLES, {}, lambda: task("reproduction.pages.tailor:page", **on("tailor", _EVERY))),
-    "timings": (
+    "reference/methods": ({}, {}, lambda: task("reproduction.pages.methods:page", **on("reference/methods", _EVERY))),
+    "results/ranking": ({}, {}, lambda: task("reproduction.pages.ranking:page", **on("results/ranking", _EVERY))),
+    "how_to/tailor": (_EXAMPLES, {}, lambda: task("reproduction.pages.tailor:page", **on("how_to/tailor", _EVERY))),
+    "results/timings": (
         {"cube": CUBE("work_precision")},
         {},
-        lambda: task("reproduction.pages.timings:page", **on("timings", _EVERY)),
+        lambda: task("reproduction.pages.timings:page", **on("results/timings", _EVERY)),
     ),
-    "trained": (
+    "results/trained": (
         {
             "tables": [
                 f"{RESULTS}/tables/trained_{name}.csv" for name in ("gains", "methods", "ideas", "long", "times")
@@ -42,17 +42,18 @@ _PAGES = {
             "pictures": [f"{RESULTS}/figures/{name}.png" for name in _PICTURES],
         },
         {name: name for name in _PICTURES},
-        lambda: task("reproduction.pages.trained:page", **on("trained", _METHODS)),
+        lambda: task("reproduction.pages.trained:page", **on("results/trained", _METHODS)),
     ),
-    "training": (
+    "results/training": (
         {purpose: f"{RESULTS}/tables/trained_landscape_{purpose}.csv" for purpose in CONFIG.trained.purposes},
         {},
-        lambda: task("reproduction.pages.training:page", **on("training", _METHODS)),
+        lambda: task("reproduction.pages.training:page", **on("results/training", _METHODS)),
     ),
 }
-_OF_TIMES = ("ranking", "timings")
+_OF_TIMES = ("results/ranking", "results/timings")
 
-for _name, (_inputs, _pictures, _made) in _PAGES.items():
+for _page, (_inputs, _pictures, _made) in _PAGES.items():
+    _section, _, _name = _page.partition("/")
 
     rule:
         name:
@@ -60,8 +61,8 @@ for _name, (_inputs, _pictures, _made) in _PAGES.items():
         input:
             **_inputs,
         output:
-            **{name: update(f"{DOCS}/{picture}.png") for name, picture in _pictures.items()},
-            page=update(f"{DOCS}/{_name}.md"),
+            **{name: update(f"{DOCS}/{_section}/{picture}.png") for name, picture in _pictures.items()},
+            page=update(f"{DOCS}/{_page}.md"),
         log:
             LOG(f"pages/{_name}"),
         threads: ALL_CORES if _name == "ranking" else 1  # nothing runs beside what is timed
@@ -73,11 +74,15 @@ for _name, (_inputs, _pictures, _made) in _PAGES.items():
             "../scripts/task.py"
 
 
+def filled(pages):
+    return [getattr(rules, f"page_of_{Path(page).name}").output for page in pages]
+
+
 rule pages:
     input:
-        [getattr(rules, f"page_of_{name}").output for name in _PAGES if name not in _OF_TIMES],
+        filled(page for page in _PAGES if page not in _OF_TIMES),
 
 
 rule pages_of_times:  # on a machine that does nothing else
     input:
-        [getattr(rules, f"page_of_{name}").output for name in _OF_TIMES],
+        filled(_OF_TIMES),

@@ -12,7 +12,7 @@ import nearharmonic as nh
 from nearharmonic.cli import main
 from support.results.stated_numbers import ROOT, states
 
-RESULTS = "docs/results.md"
+RESULTS = "docs/results/sixth_order.md"
 SIXTH_ORDER = ("babs8o6_7h", "abas9o6_7h", "babs10o6_8h", "abas11o6_8h")
 
 
@@ -37,7 +37,7 @@ def lost(system, rivals, taus_per_stage):
 def test_the_terms_of_the_decomposition_are_those_of_the_page():
     assert abs(nh.kappa("babps8o7h", 7)[6]) < 1e-60 < abs(nh.kappa("abas5o6h", 7)[6])
     exchanged = nh.kappa("babs6o7h", 7, first="drift")[6]
-    assert states("docs/derivation.md", [round(float(exchanged), 3)], "BABs6o7H", "κ₇")
+    assert states("docs/results/derivation.md", [round(float(exchanged), 3)], "BABs6o7H", "κ₇")
 
 
 def test_order_six_methods_win_and_lose_on_kepler_as_stated():
@@ -67,9 +67,9 @@ def test_the_budget_of_a_recommendation_is_what_the_pages_say():
 
     asked = question("sho", 1e-3)
     thousands = [asked.budget // 1000, 0.0]  # 200 000
-    assert states("docs/choosing.md", thousands, "exit status is 1", "evaluations")
-    assert states("docs/own_systems.md", thousands, "`--budget`", "by default")
-    assert states("docs/own_systems.md", (asked.longest / asked.budget).as_integer_ratio(), "steps", "of the budget")
+    assert states("docs/start/choosing.md", thousands, "exit status is 1", "evaluations")
+    assert states("docs/how_to/own_systems.md", thousands, "`--budget`", "by default")
+    assert states("docs/how_to/own_systems.md", (asked.longest / asked.budget).as_integer_ratio(), "steps", "of the budget")
     (word,) = [word for word in shown("recommend", "--help").split() if word.startswith("200000")]
     assert word == f"{asked.budget})"
 
@@ -86,4 +86,4 @@ def test_chains_and_bodies_take_the_memory_that_the_page_says():
     examples = (ROOT / "examples" / name for name in ("fput_chain.py", "hundred_bodies.py"))
     taken = [nh.problem(str(path), "leapfrog").memory for path in examples]
     for kilobytes in (round(one / 1000) for one in taken):
-        assert states("docs/larger_systems.md", [kilobytes], "kB for the chain", "kB for the bodies")
+        assert states("docs/how_to/larger_systems.md", [kilobytes], "kB for the chain", "kB for the bodies")

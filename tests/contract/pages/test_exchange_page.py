@@ -9,7 +9,7 @@ from nearharmonic.exchange import TARGETS
 from nearharmonic.exchange.export import export
 from nearharmonic.integrators import integrators
 
-PAGE = (Path(__file__).parents[3] / "docs/exchange.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs/how_to/exchange.md").read_text(encoding="utf-8")
 
 
 def test_the_page_shows_the_json_of_the_leapfrog():

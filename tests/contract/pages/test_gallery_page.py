@@ -1,4 +1,4 @@
-"""docs/gallery.md: each example stands there, with its own lines."""
+"""docs/start/gallery.md: each example stands there, with its own lines."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[3]
-PAGE = (ROOT / "docs/gallery.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/start/gallery.md").read_text(encoding="utf-8")
 
 
 def test_each_example_stands_there_with_lines_of_its_file():

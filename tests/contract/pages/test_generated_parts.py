@@ -17,7 +17,8 @@ from nearharmonic.reproduction.pages.anharmonicity import NEW, Result, others
 from support.cubes.figure_cubes import FACTS, label, timed
 
 DOCS = Path(__file__).parents[3] / "docs"
-MARKED = sorted(path.stem for path in DOCS.glob("*.md") if "<!-- end -->" in path.read_text(encoding="utf-8"))
+PAGES = {path.stem: path for path in DOCS.glob("*/*.md") if "<!-- end -->" in path.read_text(encoding="utf-8")}
+MARKED = sorted(PAGES)
 #: Rows of a table of the results of each kind, two ensembles, one of which is of orbits.
 TRAINED = {
     "gains": """ensemble,tau_per_stage,best published,log10_error,best trained,log10_error_trained,gain,\
@@ -57,7 +58,7 @@ CELLS = {
 
 
 def text_of(name):
-    return (DOCS / f"{name}.md").read_text(encoding="utf-8")
+    return PAGES[name].read_text(encoding="utf-8")
 
 
 def split(text):
@@ -77,19 +78,19 @@ def of_examples(monkeypatch, tmp_path):
         lambda orbit: Result(orbit=orbit, delta=next(deltas), omega=1, errors=dict.fromkeys((25, 50, 100), errors)),
     )
     files = [str(path) for path in DOCS.parent.glob("examples/*.py")]
-    return examples.page(str(DOCS / "examples.md"), files, (), ())
+    return examples.page(str(PAGES["examples"]), files, (), ())
 
 
 def of_gallery(monkeypatch, tmp_path):
     """The first two examples, which are not run."""
     monkeypatch.setattr(gallery, "drawn", len)
     files = sorted(str(path) for path in DOCS.parent.glob("examples/*.py"))[:2]
-    return gallery.page(str(DOCS / "gallery.md"), files, (), ())
+    return gallery.page(str(PAGES["gallery"]), files, (), ())
 
 
 def of_ranking(monkeypatch, tmp_path):
     monkeypatch.setattr(ranking, "table", lambda contest: ["| error |", "|---|", f"| {contest.t_end} |"])
-    return ranking.page(str(DOCS / "ranking.md"), (), ())
+    return ranking.page(str(PAGES["ranking"]), (), ())
 
 
 def of_tailor(monkeypatch, tmp_path):
@@ -98,7 +99,7 @@ def of_tailor(monkeypatch, tmp_path):
     for name in ("over_fitting", "gains"):
         monkeypatch.setattr(tailor, name, lambda subjects, name=name: f"{name} of {len(subjects)}")
     files = [str(path) for path in DOCS.parent.glob("examples/*.py")]
-    return tailor.page(str(DOCS / "tailor.md"), files, (), ())
+    return tailor.page(str(PAGES["tailor"]), files, (), ())
 
 
 def of_timings(monkeypatch, tmp_path):
@@ -110,7 +111,7 @@ def of_timings(monkeypatch, tmp_path):
     problems = {name: {"system": name, "t_end": "20", "measures": ["max"]} for name in timings.SYSTEMS}
     facts = {**FACTS, "libraries": "heyoka 7", "problems": json.dumps(problems)}
     store.write(path, {}, facts, groups=dict.fromkeys(problems, variables(found, "s")))
-    return timings.page(str(DOCS / "timings.md"), str(path), (), ())
+    return timings.page(str(PAGES["timings"]), str(path), (), ())
 
 
 def of_trained(monkeypatch, tmp_path):
@@ -118,7 +119,7 @@ def of_trained(monkeypatch, tmp_path):
         (tmp_path / f"trained_{name}.csv").write_text(text)
     picture = tmp_path / "trained_gain.png"
     Image.effect_noise((99, 99), 50).convert("RGB").save(picture)
-    return trained.page(str(DOCS / "trained.md"), [*map(str, tmp_path.glob("*.csv"))], [str(picture)], ())
+    return trained.page(str(PAGES["trained"]), [*map(str, tmp_path.glob("*.csv"))], [str(picture)], ())
 
 
 def of_training(monkeypatch, tmp_path):
@@ -127,12 +128,12 @@ def of_training(monkeypatch, tmp_path):
         "composition,stages,squares,searches,methods tried,ended at the best,best from,least gain,mean gain\n"
         "BAB,6,,21,90340,13,refined,-0.281,0.43\n"
     )
-    return training.page(str(DOCS / "training.md"), (), light=str(path))
+    return training.page(str(PAGES["training"]), (), light=str(path))
 
 
 def of_methods(monkeypatch, tmp_path):
     monkeypatch.setattr(methods, "parts", lambda: dict.fromkeys(("methods", "modified", "errors"), "| a |"))
-    return methods.page(str(DOCS / "methods.md"), (), ())
+    return methods.page(str(PAGES["methods"]), (), ())
 
 
 MADE = {"examples": of_examples, "gallery": of_gallery, "methods": of_methods, "ranking": of_ranking,

@@ -1,4 +1,4 @@
-"""docs/methods.md: its table is that of the registry, and its statements on single methods are computed."""
+"""docs/reference/methods.md: its table is that of the registry, and its statements on single methods are computed."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from support.results.stated_numbers import ROOT, flat, states
 
 from .test_documented_numbers import decades, least_and_most
 
-PAGE = "docs/methods.md"
+PAGE = "docs/reference/methods.md"
 TEXT = (ROOT / PAGE).read_text(encoding="utf-8")
 FLAT = flat(PAGE)
 STEPS = [0.03, 0.05, 0.1, 0.2, 0.3]
@@ -63,7 +63,7 @@ def test_methods_that_are_not_symmetric_are_those_that_page_names():
     assert {name for name, one in plain_integrators.items() if not one.symmetric} == named
     assert all(nh.integrators[name].kick[-1] == "0" for name in named)
     assert len(named) == 5
-    assert "if the method is symmetric, as all but five are" in (ROOT / "docs/runs.md").read_text(encoding="utf-8")
+    assert "if the method is symmetric, as all but five are" in (ROOT / "docs/how_to/runs.md").read_text(encoding="utf-8")
 
 
 def test_6a8_is_as_good_as_babs8o6_7h():
@@ -104,7 +104,7 @@ def test_leading_errors_of_family_members_match_page():
 
 
 @pytest.mark.parametrize(
-    "page", ["docs/results.md", "CHANGELOG.md", "src/nearharmonic/integrators/nearharmonic_2026.py"]
+    "page", ["docs/results/sixth_order.md", "CHANGELOG.md", "src/nearharmonic/integrators/nearharmonic_2026.py"]
 )
 def test_who_praises_our_method_of_order_six_names_published_one(page):
     assert "6A8" in (ROOT / page).read_text(encoding="utf-8")

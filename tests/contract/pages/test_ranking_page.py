@@ -1,4 +1,4 @@
-"""docs/ranking.md: comparison with runs, and of its text with its tables."""
+"""docs/results/ranking.md: comparison with runs, and of its text with its tables."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from nearharmonic.integrators import plain_integrators
 from nearharmonic.reproduction.pages import ranking
 
 ROOT = Path(__file__).parents[3]
-PAGE = (ROOT / "docs/ranking.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/results/ranking.md").read_text(encoding="utf-8")
 ERRORS = ("1e-03", "1e-06", "1e-09", "1e-12")
 
 
 def rows():
     """(system, error) -> ([(label, evaluations)], the same of published methods, [labels by time])."""
     found = {}
-    for title, text in re.findall(r"### (.*?), t = .*?\n\n(.*?)(?=\n\n|\n<!-- end)", PAGE, flags=re.DOTALL):
+    for title, text in re.findall(r"## (.*?), t = .*?\n\n(.*?)(?=\n\n|\n<!-- end)", PAGE, flags=re.DOTALL):
         for line in text.splitlines()[2:]:
             _, error, *cheap, fast, _ = (cell.strip() for cell in line.split("|"))
             pairs = [[piece.rsplit(" ", 1) for piece in re.split(r"(?<=\d), (?=\D|\d\D)", cell)] for cell in cheap]

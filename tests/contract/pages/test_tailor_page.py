@@ -1,4 +1,4 @@
-"""docs/tailor.md: comparison of its text with its tables, its options with the command, its numbers with searches."""
+"""docs/how_to/tailor.md: comparison of its text with its tables, its options with the command, its numbers with searches."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from nearharmonic.training.tailor import budget, question, search, tailoring
 from nearharmonic.training.tailor.inputs import starts
 
 ROOT = Path(__file__).parents[3]
-PAGE = (ROOT / "docs/tailor.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/how_to/tailor.md").read_text(encoding="utf-8")
 GAIN = re.compile(r"(-?\d\.\d\d) \((-?\d\.\d\d) to (-?\d\.\d\d)\)")
 
 

@@ -1,4 +1,4 @@
-"""docs/trained.md: comparison with runs, and of its text with its tables."""
+"""docs/results/trained.md: comparison with runs, and of its text with its tables."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSe
 from nearharmonic.reproduction.pages import trained
 
 ROOT = Path(__file__).parents[3]
-PAGE = (ROOT / "docs/trained.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/results/trained.md").read_text(encoding="utf-8")
 NUMBER = r"[+\N{MINUS SIGN}]\d+\.\d\d"
 pytestmark = pytest.mark.skipif(
     not any(name.startswith("trained_") for name in nh.integrators.registered), reason="no trained method is registered"
@@ -80,8 +80,8 @@ def test_mean_is_that_of_rows_and_every_ensemble_has_one():
         assert value(mean[column]) == pytest.approx(np.mean([value(row[column]) for row in each]), abs=0.011)
 
 
-def test_readme_says_what_the_tables_say():
-    text = re.sub(r"\s+", " ", (ROOT / "docs/README.md").read_text(encoding="utf-8"))
+def test_index_of_results_says_what_the_tables_say():
+    text = re.sub(r"\s+", " ", (ROOT / "docs/results/index.md").read_text(encoding="utf-8"))
     taus = list(map(float, header("gains")[1:]))
     widest = [row[1:] for row in rows("gains") if row[0].endswith("0.01 to 0.5")]
     assert len(widest) == 2
@@ -97,9 +97,9 @@ def test_readme_says_what_the_tables_say():
         assert most - 0.05 <= max(found) < most + 0.05
 
 
-def test_readme_and_page_count_the_published_methods_that_are_compared():
+def test_index_and_page_count_the_published_methods_that_are_compared():
     published = [name for name in contestants() if kind_of(name) == "published"]
-    readme, page = (re.sub(r"\s+", " ", text) for text in ((ROOT / "docs/README.md").read_text(encoding="utf-8"), PAGE))
+    readme, page = (re.sub(r"\s+", " ", text) for text in ((ROOT / "docs/results/index.md").read_text(encoding="utf-8"), PAGE))
     assert f"the best of the {len(published)} published ones that are registered here (" in readme
     assert f"whose source is not this project, {len(published)} of them" in page
 

@@ -1,4 +1,4 @@
-"""docs/training.md: its statements on registered methods are proved."""
+"""docs/results/training.md: its statements on registered methods are proved."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from nearharmonic.output.page import filled
 from nearharmonic.reproduction.pages.training import parts
 
-PAGE = (Path(__file__).parents[3] / "docs/training.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs/results/training.md").read_text(encoding="utf-8")
 
 
 def test_tables_of_page_are_those_of_registered_methods():

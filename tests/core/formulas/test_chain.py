@@ -51,7 +51,7 @@ def test_derived_gradient_chain_equals_hand_written_one():
 
 
 def test_what_the_page_says_of_chains_is_so():
-    text = (ROOT / "docs/formulas.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/how_to/formulas.md").read_text(encoding="utf-8")
     assert str(force_chain(KEPLER)) in text
     behind = nh.System(
         name="behind", V=lambda q: -1 / sqrt(q[0] * q[0] + q[1] * q[1]), q0=(1, 0), p0=(0, 1), t_end=1,

@@ -21,7 +21,7 @@ WIDE = gmpy2.context(precision=400, emax=gmpy2.get_emax_max(), emin=gmpy2.get_em
 EXACT = gmpy2.context(precision=2200, emax=gmpy2.get_emax_max(), emin=gmpy2.get_emin_min())
 
 
-PAGE = (Path(__file__).parents[3] / "docs" / "formulas.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[3] / "docs/how_to/formulas.md").read_text(encoding="utf-8")
 #: Function -> bounds that the page states: units in the last place of doubles, bits of double-doubles.
 STATED = {
     name: (float(units), int(bits))

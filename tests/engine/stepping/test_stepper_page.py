@@ -1,4 +1,4 @@
-"""docs/stepper.md: its programs run as printed, and their results are correct."""
+"""docs/how_to/stepper.md: its programs run as printed, and their results are correct."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from nearharmonic.core.stepper.recent_moves import SLOTS
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[3]
-PAGE = (ROOT / "docs/stepper.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/how_to/stepper.md").read_text(encoding="utf-8")
 
 
 def run(word):
     """The names that the one program with this word in it leaves behind."""
     (program,) = [block for block in re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL) if word in block]
     names = {}
-    exec(compile(program, "docs/stepper.md", "exec"), names)
+    exec(compile(program, "docs/how_to/stepper.md", "exec"), names)
     return names
 
 

@@ -1,4 +1,4 @@
-"""docs/choices.md: effects of other choices, compared with runs."""
+"""docs/results/choices.md: effects of other choices, compared with runs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import nearharmonic as nh
 from nearharmonic.integrators import BENCHMARKED
 from support.results.stated_numbers import ROOT, shows
 
-PAGE = (ROOT / "docs/choices.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/results/choices.md").read_text(encoding="utf-8")
 METHODS = ("aba104", "abas5o6h", "babps9o7h")
 TAU = [36.0, 72.0, 180.0]
 PERIOD = 2111.8  # hours

@@ -1,4 +1,4 @@
-"""docs/claims.json: results decide it again, and README and docs/claims.md are made from it."""
+"""docs/claims.json: results decide it again, and README and docs/results/claims.md are made from it."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from support.results.stated_numbers import ROOT, flat, numbers, states
 TEXT = (ROOT / "docs/claims.json").read_text(encoding="utf-8")
 ENTRIES = json.loads(TEXT)
 VALUES = {entry["id"]: entry["value"] for entry in ENTRIES}
-PAGE = (ROOT / "docs/claims.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/results/claims.md").read_text(encoding="utf-8")
 README = flat("README.md")
 
 
 def test_the_command_writes_all_pages_again_as_they_are(tmp_path):
-    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs/results").mkdir(parents=True)
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     damaged = re.sub(r"\*\*holds\*\*", "**fails**", readme)
     assert damaged != readme
@@ -37,7 +37,7 @@ def test_the_command_writes_all_pages_again_as_they_are(tmp_path):
         cwd=tmp_path, capture_output=True, text=True, check=False, env={"PYTHONPATH": str(ROOT / "src")},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    for name in ("README.md", "docs/claims.md", "docs/claims.json"):
+    for name in ("README.md", "docs/results/claims.md", "docs/claims.json"):
         assert (tmp_path / name).read_bytes() == (ROOT / name).read_bytes(), name
 
 
@@ -94,7 +94,7 @@ def test_the_caption_of_readme_has_the_stretches_that_were_measured():
 
 def test_the_page_states_the_gains_by_compensated_sums():
     gains = numbers(VALUES["compensated-summation"], r"gains (\d+) \(Ruth\) to (\d+)")
-    assert states("docs/results.md", gains, "compensation", "times smaller")
+    assert states("docs/results/stability.md", gains, "compensation", "times smaller")
 
 
 @pytest.mark.slow
@@ -110,4 +110,4 @@ def test_the_committed_verdicts_are_those_of_a_run(tmp_path):
     text = (tmp_path / "results/paper/tables/stability_rounding.csv").read_text(encoding="utf-8")
     rows = [row for row in csv.DictReader(text.splitlines()) if row["brouwer"]]
     law = [abs(float(row["exponent"]) - float(row["brouwer"])) <= float(row["interval_95"]) for row in rows]
-    assert f"{sum(law)} of {len(law)} measured exponents" in flat("docs/results.md")
+    assert f"{sum(law)} of {len(law)} measured exponents" in flat("docs/results/stability.md")

@@ -1,4 +1,4 @@
-"""docs/record.md and README's section on it: commands that run, columns that there are, numbers that come again."""
+"""docs/how_to/record.md and README's section on it: commands that run, columns that there are, numbers that come again."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from nearharmonic.cli import main
 from nearharmonic.reproduction.record.query.run_table import COLUMNS, run_table
 
 ROOT = Path(__file__).parents[3]
-PAGE = (ROOT / "docs/record.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs/how_to/record.md").read_text(encoding="utf-8")
 SECTION = re.split(r"^## ", (ROOT / "README.md").read_text(encoding="utf-8").partition("## Ask the results")[2])[0]
 COMMANDS = {
     *re.findall(r"^(?:\.venv/bin/)?nearharmonic ((?:history|runs|show|compare)\b.*)$", PAGE + SECTION, re.MULTILINE)

@@ -38,7 +38,7 @@ NO_SUCH_COMPONENT = "tuple index out of range"
 #: Message for a formula that branches.
 BRANCHES = (
     "a formula is called once, for all values, and must not branch; functions decorated with numba.njit may "
-    "(docs/own_systems.md)"
+    "(docs/how_to/own_systems.md)"
 )
 _ARGUMENTS = re.compile(r"\(\) (takes|missing|got) |is not callable$")
 
@@ -88,7 +88,7 @@ class Number(Value):
     def __array_function__(self, function: Any, *_: Any) -> NoReturn:
         raise FormulaError(
             f"calls numpy.{function.__name__}, which needs numbers: write a polynomial fit, or decorate V and grad_V "
-            "with numba.njit (docs/own_systems.md)"
+            "with numba.njit (docs/how_to/own_systems.md)"
         )
 
     # numpy calls the method of the object with the name of the function, and hides all other errors

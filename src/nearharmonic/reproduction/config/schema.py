@@ -20,7 +20,7 @@ from nearharmonic.reproduction.tasks.experiment import beside_the_paper, experim
 #: The generated files, from the root of the project.
 SCHEMA, KEYS = Path("workflow/schemas/config.schema.yaml"), Path("config/README.md")
 #: Pages with generated rows of a table: the text before the rows, and the pattern of a row.
-CUBES, TARGETS = Path("docs/files.md"), Path("docs/README.md")
+CUBES, TARGETS = Path("docs/how_to/files.md"), Path("docs/index.md")
 _ROWS = {
     CUBES: re.compile(r"(\n\| `cubes/\{system\}\.h5` .*\n)(?:\| `cubes/\w+\.h5` .*\n)*"),
     TARGETS: re.compile(r"(\n\| `snakemake -j2` .*\n)(?:\| `snakemake -j2 (?!everything)\w+` .*\n)*"),

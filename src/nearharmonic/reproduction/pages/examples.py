@@ -1,4 +1,4 @@
-"""The tables and the figure of docs/examples.md: errors of all methods on the examples, by anharmonicity."""
+"""The tables and the figure of docs/results/examples.md: errors of all methods on the examples, by anharmonicity."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def table_of_examples(results: Sequence[Result]) -> str:
             ten, other = (result.best(cost, names) for names in (NEW + SIX, others()))
             named = [text for name in (ten, other) for text in (registered[name].label, result.shown(cost, name))]
             first = cost == COSTS[0]
-            file = f"[{result.orbit.family}](../examples/{result.orbit.family}.py)" if first else ""
+            file = f"[{result.orbit.family}](../../examples/{result.orbit.family}.py)" if first else ""
             gains = [signed(result.gain(cost, names), 1) for names in (SIX, others())]
             rows.append((file, cost, f"{result.delta:.2g}" if first else "", *named, *gains))
     return table(header, rows, left=2)

@@ -1,4 +1,4 @@
-"""The pictures of docs/gallery.md: those that the examples draw, each with the code that draws it."""
+"""The pictures of docs/start/gallery.md: those that the examples draw, each with the code that draws it."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def entries(places: Sequence[Path]) -> str:
         title = (ast.get_docstring(ast.parse(text)) or place.stem).splitlines()[0]
         found += [
             f'<details id="{place.stem}"><summary><b>{place.stem}</b>: {title}</summary>', "", "```python",
-            drawing_lines(text), "```", "", f"[{place.name}](../examples/{place.name})", "", "</details>", "",
+            drawing_lines(text), "```", "", f"[{place.name}](../../examples/{place.name})", "", "</details>", "",
         ]  # fmt: skip
     return "\n".join(found).rstrip()
 

@@ -1,4 +1,4 @@
-"""The tables of docs/methods.md: proved orders of methods, and errors of those with a modified potential."""
+"""The tables of docs/reference/methods.md: proved orders of methods, and errors of those with a modified potential."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tables of docs/ranking.md: all methods on five systems, by evaluations of the force and by time.
+"""The tables of docs/results/ranking.md: all methods on five systems, by evaluations of the force and by time.
 
 The evaluations that a method takes to an error are read off its curve of error against evaluations, by a straight line
 through the logarithms between the last run that misses the error and the first from which on all meet it; they are the
@@ -166,7 +166,7 @@ def table(contest: Contest) -> list[str]:
 def tables() -> str:
     """Return the tables of all systems."""
     with pinned():
-        each = [[f"### {one.name}, t = {one.t_end}", "", *table(one)] for one in contests()]
+        each = [[f"## {one.name}, t = {one.t_end}", "", *table(one)] for one in contests()]
     return "\n\n".join("\n".join(lines) for lines in each)
 
 

@@ -1,4 +1,4 @@
-"""The tables of docs/tailor.md: gains of ``nearharmonic tailor``, and over-fitting.
+"""The tables of docs/how_to/tailor.md: gains of ``nearharmonic tailor``, and over-fitting.
 
 Over-fitting shows in gains on the starts of a search beside gains on others. Budgets are numbers of trials, so that a
 seed gives the same rows on one kind of processor; the seconds of the example are those of this run.

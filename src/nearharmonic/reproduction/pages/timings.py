@@ -1,4 +1,4 @@
-"""The tables of times in docs/timings.md, from the cube of times against errors.
+"""The tables of times in docs/results/timings.md, from the cube of times against errors.
 
 First the times of the fastest method over those of heyoka as a user gets it. Then for each system two tables: one
 trajectory, and each of an ensemble. A cell is the time in ms to reach a maximum energy error, and in brackets its ratio

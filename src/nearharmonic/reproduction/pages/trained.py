@@ -1,4 +1,4 @@
-"""The tables and pictures of docs/trained.md: views of tables of the results."""
+"""The tables and pictures of docs/results/trained.md: views of tables of the results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tables of docs/training.md: the trained methods, how much of the landscape was seen, shifted kicks."""
+"""The tables of docs/results/training.md: the trained methods, how much of the landscape was seen, shifted kicks."""
 
 from __future__ import annotations
 

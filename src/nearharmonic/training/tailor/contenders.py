@@ -29,7 +29,7 @@ ROUNDING = 2.0
 #: the test.
 BEHIND = 1.0
 #: Assumed cost of the gradient of the square of grad V, in forces, for comparisons at equal cost. Measured costs are
-#: below or slightly above it, see docs/methods.md.
+#: below or slightly above it, see docs/reference/methods.md.
 CHARGE = 1.0
 #: Largest ratio of neighbouring step sizes in a window, and minimum number of step sizes.
 RATIO, FEWEST = 1.26, 3

@@ -176,7 +176,7 @@ def test_times_are_measured_and_charged(small, tmp_path, monkeypatch):
 def test_page_states_crossings_and_leads_of_paper_config(tmp_path):
     config = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
     asked = load({key: config[key] for key in ("name", "integrators", "systems", "exact_oscillator")})
-    page = (ROOT / "docs/exact_oscillator.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/results/exact_oscillator.md").read_text(encoding="utf-8")
     found = made(asked.methods, asked.exact_oscillator.methods, asked.exact_oscillator, tmp_path)
     rows = found["table"].records()
     values = {name: entry.values for name, entry in found["cube"].variables.items()}

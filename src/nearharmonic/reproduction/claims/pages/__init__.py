@@ -1,1 +1,1 @@
-"""Pages of verdicts: sums by kind, README, docs/claims.md."""
+"""Pages of verdicts: sums by kind, README, docs/results/claims.md."""

@@ -3,7 +3,7 @@
 ``python -m nearharmonic.reproduction.claims.pages.documents FILE`` writes all of them.
 
 ``docs/claims.json`` is a copy of FILE, the ``tables/claims.json`` of a result with all targets. README shows some
-verdicts, ``docs/claims.md`` all.
+verdicts, ``docs/results/claims.md`` all.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from nearharmonic.reproduction.claims.pages.summary import (
     tally,
 )
 
-COPY, PAGE, README = "docs/claims.json", "docs/claims.md", "README.md"
+COPY, PAGE, README = "docs/claims.json", "docs/results/claims.md", "README.md"
 
 #: Rows in README: words, and a statement, or several with a verdict for each system.
 SHOWN = (
@@ -66,7 +66,7 @@ INTRODUCTION = """# Statements of the paper
 
 Each statement that numbers can decide, in the paper's words, with a verdict computed from the results of
 `snakemake -j2 everything`. `snakemake -j2` writes the same list to `results/<name>/tables/claims.md`, and says of
-statements that need another target which it is. This page is generated from [claims.json](claims.json).
+statements that need another target which it is. This page is generated from [claims.json](../claims.json).
 """
 
 

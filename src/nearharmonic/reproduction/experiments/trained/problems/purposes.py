@@ -17,7 +17,7 @@ from nearharmonic.training.published import modified_names, published_names
 STRONG, WEAK = (0.01, 0.5), (0.001, 0.03)
 #: Bounds of the eccentricity of orbits.
 ECCENTRICITIES = (0.02, 0.35)
-#: Cost of the gradient of the square of grad V, in forces, for polynomials and for Kepler: docs/methods.md.
+#: Cost of the gradient of the square of grad V, in forces, for polynomials and for Kepler: docs/reference/methods.md.
 CHARGE, CHARGE_OF_ORBITS = 1.1, 0.3
 
 
