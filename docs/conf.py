@@ -1,6 +1,7 @@
 """Settings of the site: `sphinx-build -W -j auto docs build/site` reads the pages of this folder, without network."""
 
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import nearharmonic
@@ -11,16 +12,17 @@ sys.path.insert(0, str(HERE / "_extensions"))
 project = "nearharmonic"
 author = "The nearharmonic developers"
 version = release = nearharmonic.__version__
-copyright = author  # noqa: A001 (a name of Sphinx)
+copyright = author
 
 extensions = [
+    "paper_results",
     "myst_nb",
     "numpydoc",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
+    "sphinx.ext.mathjax",
     "sphinx_copybutton",
     "sphinx_design",
-    "sphinx-mathjax-offline",
     "sphinxcontrib.bibtex",
 ]
 exclude_patterns = ["_extensions", "**/.jupyter_cache", "jupyter_execute"]
@@ -41,6 +43,10 @@ autodoc_typehints = "none"
 numpydoc_show_class_members = False
 
 html_theme = "furo"
+# The package only brings the files of MathJax: loaded as an extension it would make Sphinx read the pages one by one.
+html_static_path = ["_static", str(Path(find_spec("sphinx-mathjax-offline").origin).parent / "static")]
+mathjax_path = "mathjax/tex-chtml.js"
+html_css_files = ["site.css"]
 html_title = f"nearharmonic {release}"
 html_theme_options = {
     "source_repository": "https://github.com/nearharmonic/nearharmonic",

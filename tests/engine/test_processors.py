@@ -18,7 +18,7 @@ PROGRAM = Path(__file__).parents[1] / "support/projects/decisive_computations.py
 
 
 def older_processor():
-    """The environment in which numpy, BLAS, the C library and the compiler of kernels see one: docs/explanation/processors.md."""
+    """The environment in which numpy, BLAS, the C library and the compiler see one: docs/explanation/processors.md."""
     features = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])  # type: ignore[index]
     return {
         "OPENBLAS_CORETYPE": "Prescott",

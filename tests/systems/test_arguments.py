@@ -122,7 +122,8 @@ REFUSED = {
     "numpy": (lambda q: (np.sin(q[0]),), "grad_V calls a function of numpy: .* come from nearharmonic.math$"),
     "interpolation": (
         lambda q: (np.interp(q[0], [0, 1], [0, 2]),),
-        r"grad_V calls numpy.interp, which needs numbers: .* polynomial fit, or .* numba.njit \(docs/how_to/own_systems.md\)$",
+        r"grad_V calls numpy.interp, which needs numbers: .* polynomial fit, or .* numba.njit "
+        r"\(docs/how_to/own_systems.md\)$",
     ),
     "polynomial": (lambda q: (np.polyval([1, 2], q[0]),), "grad_V calls numpy.polyval, which needs numbers: "),
     "choice": (lambda q: (np.where([True], q[0], 0),), "grad_V calls numpy.where, which needs numbers: "),

@@ -153,7 +153,12 @@ def test_an_experiment_has_its_place_everywhere_by_its_declaration(tmp_path):
     assert {name for name in touched if not name.startswith(folders)} == {"Snakefile"}
     assert project.python("-m", "nearharmonic.reproduction.config.schema").returncode == 0
     generated = {name for name, text in files_of(project.folder).items() if text != after.get(name)}
-    assert generated == {"docs/index.md", "docs/how_to/files.md", "config/README.md", "workflow/schemas/config.schema.yaml"}
+    assert generated == {
+        "docs/index.md",
+        "docs/how_to/files.md",
+        "config/README.md",
+        "workflow/schemas/config.schema.yaml",
+    }
     contracts = (
         "-n0",
         "-p",

@@ -21,7 +21,11 @@ from support.projects.workflow_project import ROOT, TINY
 
 pytestmark = pytest.mark.slow
 
-MARKED = {str(path.relative_to(ROOT / "docs")) for path in ROOT.glob("docs/*/*.md") if "<!-- end -->" in path.read_text(encoding="utf-8")}
+MARKED = {
+    str(path.relative_to(ROOT / "docs"))
+    for path in ROOT.glob("docs/*/*.md")
+    if "<!-- end -->" in path.read_text(encoding="utf-8")
+}
 #: Tables of the results that docs/results/trained.md shows, as short as can be.
 TABLES = {
     "gains": "ensemble,tau_per_stage,best published,log10_error,best trained,log10_error_trained,gain,gain_low,"

@@ -69,7 +69,9 @@ def test_the_budget_of_a_recommendation_is_what_the_pages_say():
     thousands = [asked.budget // 1000, 0.0]  # 200 000
     assert states("docs/start/choosing.md", thousands, "exit status is 1", "evaluations")
     assert states("docs/how_to/own_systems.md", thousands, "`--budget`", "by default")
-    assert states("docs/how_to/own_systems.md", (asked.longest / asked.budget).as_integer_ratio(), "steps", "of the budget")
+    assert states(
+        "docs/how_to/own_systems.md", (asked.longest / asked.budget).as_integer_ratio(), "steps", "of the budget"
+    )
     (word,) = [word for word in shown("recommend", "--help").split() if word.startswith("200000")]
     assert word == f"{asked.budget})"
 

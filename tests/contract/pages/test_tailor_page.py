@@ -1,4 +1,4 @@
-"""docs/how_to/tailor.md: comparison of its text with its tables, its options with the command, its numbers with searches."""
+"""docs/how_to/tailor.md: its text and tables, its options and the command, its numbers and searches."""
 
 from __future__ import annotations
 

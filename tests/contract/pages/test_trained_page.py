@@ -99,7 +99,9 @@ def test_index_of_results_says_what_the_tables_say():
 
 def test_index_and_page_count_the_published_methods_that_are_compared():
     published = [name for name in contestants() if kind_of(name) == "published"]
-    readme, page = (re.sub(r"\s+", " ", text) for text in ((ROOT / "docs/results/index.md").read_text(encoding="utf-8"), PAGE))
+    readme, page = (
+        re.sub(r"\s+", " ", text) for text in ((ROOT / "docs/results/index.md").read_text(encoding="utf-8"), PAGE)
+    )
     assert f"the best of the {len(published)} published ones that are registered here (" in readme
     assert f"whose source is not this project, {len(published)} of them" in page
 

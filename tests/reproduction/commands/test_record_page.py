@@ -1,4 +1,4 @@
-"""docs/how_to/record.md and README's section on it: commands that run, columns that there are, numbers that come again."""
+"""docs/how_to/record.md and README's section on it: commands run, columns exist, numbers come again."""
 
 from __future__ import annotations
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.reproduction.claims.claim import OPEN
 from nearharmonic.reproduction.claims.pages.summary import failures, of_the_paper, sums
 from nearharmonic.reproduction.report import assets
@@ -95,6 +96,7 @@ def page(folder: str | os.PathLike[str], **_: Any) -> dict[str, str]:
     for figure in every:
         own = (claim for claim in claims if figure.anchor in places.figures(claim))
         figure.statements = sorted(own, key=lambda claim: WORST_FIRST.index(claim["verdict"]))
+    legend = entries(figures)
     values = {
         "results": results,
         "claims": claims,
@@ -104,14 +106,19 @@ def page(folder: str | os.PathLike[str], **_: Any) -> dict[str, str]:
         "figures": figures,
         "every": every,
         "first": next((one for one in figures if one.cube == FIRST_SHOWN), next(iter(every), None)),
-        "legend": entries(figures),
-        "methods": coefficients(entries(figures)) if any(one.anchor == "figure-6" for one in figures) else [],
+        "legend": legend,
+        "methods": coefficients(one.method for one in legend if "figure-6" in {figure.anchor for figure in figures}),
         "tables": tables,
         "skipped": results.tables(("skipped",)),
         "sections": sections,
         **_packed(plots),
     }
     return {"page": _small_enough(values), **_alone(results, figures)}
+
+
+def figure_6_alive() -> str:
+    """Return a page with Figure 6 in motion alone, for the methods of the paper's figures."""
+    return assets.filled("alive.html", {"methods": coefficients(BENCHMARKED)})
 
 
 def _alone(results: ShownResults, figures: Sequence[ShownFigure]) -> dict[str, str]:

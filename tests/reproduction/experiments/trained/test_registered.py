@@ -51,7 +51,7 @@ def test_trained_method_leads_published_ones_on_other_problems(name):
     assert np.mean(gains, axis=0).min() > LEAST
 
 
-#: Half width in decades of the interval of a gain on 192 problems (docs/results/trained.md): nothing less can be told apart.
+#: Half width in decades of the interval of a gain on 192 problems (docs/results/trained.md); less is noise.
 RESOLVED = 0.05
 
 

@@ -171,11 +171,11 @@ def _methods(cube: Any) -> dict[str, str]:
     return dict(zip(names, labels, strict=True))
 
 
-def coefficients(methods: Iterable[Entry]) -> list[dict[str, Any]]:
-    """Return the coefficients of methods as doubles, from the text that ``nearharmonic export --to json`` writes."""
+def coefficients(methods: Iterable[str]) -> list[dict[str, Any]]:
+    """Return the coefficients of registered methods as doubles, as ``nearharmonic export --to json`` writes them."""
     from nearharmonic.exchange.export import export
 
-    told = [json.loads(export(integrators[one.method], "json")) for one in methods if one.method in integrators]
+    told = [json.loads(export(integrators[name], "json")) for name in methods if name in integrators]
     plain = [one for one in told if not one.get("square")]
     rows = [{key: list(map(float, one[key])) for key in ("kick", "drift")} for one in plain]
     return [{key: one[key] for key in ("name", "label", "first")} | row for one, row in zip(plain, rows, strict=True)]

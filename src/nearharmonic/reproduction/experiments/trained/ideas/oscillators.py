@@ -28,7 +28,7 @@ from nearharmonic.training.population import LANES, LEAST, LOST, Ensemble
 DIMENSION = 2
 #: Smallest and largest strength.
 WEAKEST, STRONGEST = 1e-4, 1.0
-#: Cost of an evaluation with the exact oscillator over one with T and V: measured, see docs/results/exact_oscillator.md.
+#: Cost of an evaluation with the exact oscillator over one with T and V, measured: docs/results/exact_oscillator.md.
 CHARGE = 1.12
 
 

@@ -1,0 +1,126 @@
+"""Directives that show what became of the paper: statements with verdicts, its tables, and Figure 6 in motion."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from docutils import nodes
+from sphinx.util.docutils import SphinxDirective
+
+from nearharmonic.integrators import BENCHMARKED
+from nearharmonic.output.table import Table, in_markdown
+from nearharmonic.reproduction.claims.pages.summary import in_words
+from nearharmonic.reproduction.experiments.paper.tableaus.tables import paper_tables
+from nearharmonic.reproduction.report.page import WORST_FIRST, figure_6_alive
+from nearharmonic.reproduction.report.shown.figures import ShownFigure
+from nearharmonic.reproduction.report.shown.links import Places
+from nearharmonic.reproduction.report.shown.tables import ShownTable
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
+
+CLAIMS = Path(__file__).parents[1] / "claims.json"
+ALIVE = "figure_6_alive.html"
+#: Cube of each figure of the paper; a statement that names no figure stands with the figure of its cube.
+CUBES = {1: "sho", 2: "sho_terms", 3: "henon_heiles", 4: None, 5: "kepler", 6: "substeps"}
+#: Colours of the verdicts, as sphinx-design names them.
+COLOURS = {
+    "holds": "success", "holds but for edges": "success-line", "holds in part": "warning", "fails": "danger",
+    "erratum": "secondary",
+}  # fmt: skip
+PLACES = Places(
+    [
+        ShownFigure(anchor=f"figure-{i}", title=f"Figure {i}", caption="", stem="", cube=cube)
+        for i, cube in CUBES.items()
+    ],
+    [ShownTable(anchor=f"table-{i}", caption="", file=f"table_{i}", header=[], rows=[]) for i in range(1, 5)],
+)
+
+
+def chosen(shown: str) -> list[dict[str, Any]]:
+    """Return the statements of ``figure-N``, ``table-N`` or a kind such as ``misprint``, the worst first.
+
+    Raises
+    ------
+    ValueError
+        No statement is chosen.
+    """
+    entries = json.loads(CLAIMS.read_text(encoding="utf-8"))
+    found = [one for one in entries if one["kind"] == shown or shown in (anchor for _, anchor in PLACES.pieces(one))]
+    if not found:
+        raise ValueError(f"no statement of {shown!r}: figure-N, table-N or a kind of statement")
+    return sorted(found, key=lambda entry: WORST_FIRST.index(entry["verdict"]))
+
+
+def described(entry: dict[str, Any]) -> list[str]:
+    """Return the lines of a statement in Markdown."""
+    words = {key: in_markdown(entry[key]) for key in ("statement", "value", "threshold", "margin")}
+    sentence, section = (in_markdown(entry["paper"][key]) for key in ("sentence", "section"))
+    return [
+        f"{{bdg-{COLOURS[entry['verdict']]}}}`{entry['verdict']}` {words['statement']}.",
+        f": *The paper:* “{sentence}” ({section}).",
+        f": *Measured:* {words['value']}.",
+        f": *Threshold:* {words['threshold']}. *Margin:* {words['margin']}.",
+        "",
+    ]
+
+
+class Statements(SphinxDirective):
+    """Statements of the paper with verdict, measured value, threshold and margin, from ``docs/claims.json``."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Return a sentence that counts them, and a definition list."""
+        self.env.note_dependency(str(CLAIMS))
+        entries = chosen(self.arguments[0])
+        told = in_words(Counter(entry["verdict"] for entry in entries))
+        lines = [f"{len(entries)} statements: {told}.", "", *(line for one in entries for line in described(one))]
+        return self.parse_text_to_nodes("\n".join(lines))
+
+
+@cache
+def tables() -> dict[str, Table]:
+    """Return the paper's tables by their file names."""
+    return paper_tables(BENCHMARKED)
+
+
+class PaperTable(SphinxDirective):
+    """A table of the paper, computed while the site is built."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Return the caption and the table."""
+        return self.parse_text_to_nodes(tables()[self.arguments[0]].markdown())
+
+
+class Figure6Alive(SphinxDirective):
+    """Figure 6 in motion, in a frame; its page is written beside those of the site."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return the frame."""
+        path = "../" * self.env.docname.count("/") + ALIVE
+        frame = (
+            f'<iframe src="{path}" title="Figure 6 in motion" width="100%" height="1120" style="border: 0"></iframe>'
+        )
+        return [nodes.raw("", frame, format="html")]
+
+
+def write_alive(app: Sphinx, failure: Exception | None) -> None:
+    """Write the page of Figure 6 in motion into the finished site."""
+    if failure is None and app.builder.format == "html":
+        (app.outdir / ALIVE).write_text(figure_6_alive(), encoding="utf-8")
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Register the directives ``statements``, ``paper-table`` and ``figure-6-alive``."""
+    app.add_directive("statements", Statements)
+    app.add_directive("paper-table", PaperTable)
+    app.add_directive("figure-6-alive", Figure6Alive)
+    app.connect("build-finished", write_alive)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
