@@ -89,3 +89,16 @@ def test_what_page_says_of_leaders_is_what_its_tables_say():
     assert {"6A8"} <= set(leaders("Hénon-Heiles", "1e-06")) & set(leaders("quartic pair", "1e-06"))
     assert not paper & {name for error in ERRORS[1:] for name in leaders("Kepler", error)}
     assert leaders("pendulum", "1e-06")[0] == leaders("pendulum", "1e-09")[0] == "SRKN 11b"
+
+
+def test_decision_table_names_the_methods_with_fewest_evaluations():
+    """The best of all, and the best published one if that is another."""
+    page = (ROOT / "docs/start/choosing.md").read_text(encoding="utf-8")
+    lines = re.search(r"\| motion .*?(?=\n\n)", page, flags=re.DOTALL)[0].splitlines()[2:]
+    table = {cells[2]: cells[3:-1] for cells in ([cell.strip() for cell in line.split("|")] for line in lines)}
+    systems = dict.fromkeys(system for system, _ in rows())
+    assert table.keys() == systems.keys()
+    for system, cells in table.items():
+        for error, cell in zip(ERRORS, cells, strict=True):
+            best, published = (by_label(leaders(system, error, of)[0]) for of in (0, 1))
+            assert cell == (f"`{best}`" if best == published else f"`{best}`, `{published}`"), (system, error)
