@@ -118,6 +118,7 @@ def test_step_sizes_without_a_gain_are_named(capsys):
     assert 0 < len(named) < len(low)
 
 
+@pytest.mark.slow
 def test_system_of_file_in_its_own_units_is_taken(capsys, tmp_path):
     assert main(["new", "system", "well", "--output", str(tmp_path / "well.py")]) == 0
     capsys.readouterr()

@@ -177,6 +177,7 @@ def test_doubles_follow_double_doubles_to_rounding(name, settings, looped):
         assert run.energy_error[-1].item() == pytest.approx(exact.energy_error[-1].item(), abs=1e-13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("precision", ["double", "extended"])
 def test_loops_and_unrolled_kernels_have_the_same_bits(precision, monkeypatch):
     """Sums have only one order here: each force is that of two bonds."""

@@ -44,6 +44,7 @@ def test_crossings_are_ends_of_runs_with_one_shorter_step(member):
     assert (found.p[..., 0].values[np.isfinite(found.t.values)] > 0).all()
 
 
+@pytest.mark.slow
 def test_members_have_the_bits_of_single_calls_and_of_threads():
     more = {"surface": 0, "t_end": 100}
     found = nh.section("henon_heiles", "babps9o7h", 0.5, starts=STARTS, threads=2, **more)
@@ -55,6 +56,7 @@ def test_members_have_the_bits_of_single_calls_and_of_threads():
             assert np.array_equal(one[name][0], found[name][i, :count])
 
 
+@pytest.mark.slow
 def test_directions_split_crossings_and_a_function_is_a_surface():
     counts, times = {}, {}
     for direction in ("up", "down", "both"):

@@ -184,6 +184,7 @@ def test_large_formula_is_refused_by_number_of_operations(monkeypatch):
         nh.integrate(spring(V=V, grad_V=None, name="mine"), "ruth", 0.1)
 
 
+@pytest.mark.slow
 def test_sum_of_many_terms_of_one_coordinate_is_loop():
     """A Fourier series of 700 terms: a kick against one of mpmath."""
 

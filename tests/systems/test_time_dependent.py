@@ -54,6 +54,7 @@ def test_a_driven_oscillator_follows_its_closed_form(precision):
     assert run.max_energy_error.item() < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("t", [None, [0.3, 2.5, 9.99]], ids=["samples", "output times"])
 def test_driven_oscillators_follow_closed_forms_for_all_frequencies_and_amplitudes(t):
     """Members have frequencies, amplitudes and starts of their own; the method's error at this step is 1e-12."""
@@ -101,6 +102,7 @@ def test_the_energy_error_falls_with_the_order_of_the_method(name, order):
     assert log2(coarse / fine) == pytest.approx(order, abs=0.15)
 
 
+@pytest.mark.slow
 def test_a_gradient_that_is_given_is_used_and_compared():
     sound = driven(grad_V=lambda q, t, F, w: (q[0] - F * math.cos(w * t),))
     check_gradients(sound)
@@ -151,6 +153,7 @@ def test_gradient_and_energy_take_the_time():
     assert made.constants(Constant) == (Constant(1, 2), Constant(7, 10))
 
 
+@pytest.mark.slow
 def test_a_relativistic_particle_may_be_driven_too():
     made = driven(T=lambda p: math.sqrt(1 + p[0] ** 2))
     assert not made.quadratic_kinetic_energy

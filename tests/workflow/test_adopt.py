@@ -13,6 +13,8 @@ from nearharmonic.reproduction.tasks.receipts import receipts_in
 from support.projects.targets import MADE, MADE_BY, SYSTEMS, TARGETS
 from support.projects.workflow_project import TINY, Project
 
+pytestmark = pytest.mark.slow
+
 
 def check_manifest_and_verify(project, target):
     made = MADE_BY[target]

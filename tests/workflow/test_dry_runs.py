@@ -34,6 +34,7 @@ def test_the_smoke_run_is_the_same_workflow(smoke, paper):
     assert smoke["integrate"] == 3 * 3
 
 
+@pytest.mark.slow
 def test_the_linter_asks_for_environments_and_for_nothing_else(project):
     asked = project.snakemake("--lint").stdout
     titles = {line.strip() for line in asked.splitlines() if line.startswith("    * ")}

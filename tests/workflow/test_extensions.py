@@ -11,6 +11,8 @@ import yaml
 
 from support.projects.workflow_project import ROOT, TINY, Project
 
+pytestmark = pytest.mark.slow
+
 #: An experiment with all its parts: the folder of its source and that of its tests.
 ADDED = ROOT / "tests/support/projects/added"
 
@@ -99,7 +101,6 @@ def extended(tmp_path_factory):
     return project.folder / "results/added"
 
 
-@pytest.mark.slow
 def test_system_is_one_file_with_cube_and_energy_error_figure(extended):
     with h5py.File(extended / "cubes/quartic.h5") as cube:
         assert cube["max_energy_error"].shape == (1, 2, 3)
@@ -107,7 +108,6 @@ def test_system_is_one_file_with_cube_and_energy_error_figure(extended):
     assert (extended / "figures/quartic_energy_error.png").stat().st_size > 5000
 
 
-@pytest.mark.slow
 def test_an_observable_reaches_its_cube_by_one_function(extended):
     with h5py.File(extended / "cubes/quartic.h5") as cube:
         assert cube["largest_position"].shape == (1, 2, 3)
@@ -137,7 +137,6 @@ def files_of(folder):
     return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
 
 
-@pytest.mark.slow
 def test_an_experiment_has_its_place_everywhere_by_its_declaration(tmp_path):
     """Section of the page, statement, tests of figures and targets; documents are generated."""
     project = Project(tmp_path / "project")
@@ -184,7 +183,6 @@ def test_an_experiment_has_its_place_everywhere_by_its_declaration(tmp_path):
     assert project.nearharmonic("verify", "tiny").returncode == 0
 
 
-@pytest.mark.slow
 def test_another_workflow_takes_this_one_as_a_module(tmp_path):
     project = Project(tmp_path / "project")
     outer = tmp_path / "outer"

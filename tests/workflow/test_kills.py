@@ -67,6 +67,7 @@ def test_kills_of_default_target_are_completed_by_next_start(project, trials):
     try_kills(trials("C. kills"), project, words, expected, random_kills(10, seconds, 3))
 
 
+@pytest.mark.slow
 def test_second_run_in_a_folder_names_the_first(project):
     clear(project)
     command = [sys.executable, "-c", HOLDER, str(project.results)]

@@ -37,7 +37,7 @@ BLOCKS = {
 
 
 #: Pages whose blocks take seconds.
-LONGER = {"exact_oscillator.md", "own_systems.md", "regularised.md", "systems.md", "tailor.md"}
+LONGER = {"choosing.md", "exact_oscillator.md", "own_systems.md", "regularised.md", "systems.md", "tailor.md"}
 
 
 @pytest.fixture(scope="module")

@@ -26,6 +26,7 @@ HOW = [{}, {"summation": "plain"}, {"precision": "extended"}]
 IDS = ["carry", "plain", "dd"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] * (name not in ("sho", "henon_heiles"))) for name in SYSTEMS]
 )

@@ -91,6 +91,7 @@ def test_a_run_is_that_of_the_same_method_by_hand(method, A):
         assert abs(found(run, name) - z) < abs(z) * mpf(10) ** -27
 
 
+@pytest.mark.slow
 def test_dense_samples_of_a_near_collision_are_those_by_hand():
     """At the aphelion two samples fall into one step of 1.97 tau, at the perihelion a step is 0.03 tau."""
     tableau, tau, (q0, p0) = nh.integrators["ruth"], 4, orbit("0.97")
@@ -103,6 +104,7 @@ def test_dense_samples_of_a_near_collision_are_those_by_hand():
     assert int(run.steps) == len(states)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("A", ["0", "2"])
 def test_errors_over_three_steps_match_hand_calculation(A):
     """Two whole steps, and one that lands."""

@@ -129,6 +129,7 @@ def test_energy_error_is_that_of_states_to_four_digits(method, tau, first):
     assert np.abs(exact).max() > 1e-13
 
 
+@pytest.mark.slow
 def test_near_rounding_the_energy_error_is_exact():
     """Steps so short that the error is that of rounding, 1e-16, which a sum of doubles could not tell."""
     run = nh.integrate(TEN_SITES, "yoshida_s7o6a", 0.01, samples=11)
@@ -138,6 +139,7 @@ def test_near_rounding_the_energy_error_is_exact():
     assert run.energy_error.values == pytest.approx(exact, abs=1e-30)
 
 
+@pytest.mark.slow
 def test_energy_of_ten_sites_is_as_accurate_as_double_double():
     """Far above rounding it is measured in double; to rounding, 2^-53 an operation, so are the maxima."""
     for integrator, tau in (("leapfrog", 0.1), ("blanes_moan_s6o4", 0.1), ("s9odr6a", 0.05)):

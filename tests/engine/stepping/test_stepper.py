@@ -172,6 +172,7 @@ def test_arguments_of_other_types_are_refused(step, q, tau, named):
         step(q, np.zeros(2), tau)
 
 
+@pytest.mark.slow
 def test_step_of_potential_of_numba_has_bits_of_run():
     system, state = springs(), tuple(np.array([x]) for x in (0.7, -0.2, 0.0, 0.0))
     after = run_of_one_step(system, "babs7o7h", 0.375, state, summation="plain")

@@ -75,6 +75,7 @@ def test_without_damping_the_first_step_is_that_of_newtons_method():
     assert x == pytest.approx(np.array([1.0, 2.0, 2.5]) - np.linalg.pinv(J) @ F, rel=1e-14)
 
 
+@pytest.mark.slow
 def test_steps_that_raise_residuals_are_taken_by_projection_only():
     # From near the centre Newton's step is long: 9 / (2 |x|).
     start = [0.1, 0.1, 0.1]

@@ -169,6 +169,7 @@ def test_line_holds_its_seal_and_digest_of_line_before(tmp_path):
     assert [set(run) & {"before", "sha256"} for run in history.runs_of(tmp_path)] == [set(), set()]
 
 
+@pytest.mark.slow
 def test_every_flipped_bit_is_found_and_hides_no_run(tmp_path):
     content = two_runs(tmp_path)
     sound = history.runs_of(tmp_path)

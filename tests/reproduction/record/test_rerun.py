@@ -61,6 +61,7 @@ def test_every_run_has_the_same_bits_again(results):
     assert [run.differs for run in again] == [()] * len(again)
 
 
+@pytest.mark.slow
 def test_run_without_samples_has_the_same_numbers_again(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     folder = made(tmp_path, replace(SWEEP, samples=0), "grid.reduced_run:integrate_and_reduce")
@@ -100,6 +101,7 @@ def test_a_number_that_differs_in_its_last_bit_is_named(results, name):
     assert [(run.file, run.precision, run.differs) for run in differing] == [(file, "double", (name,))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [lambda v: v.pop("steps"), lambda v: v.update(more=v["steps"])])
 def test_a_variable_that_one_of_them_lacks_is_named(results, change):
     file = rewritten(results, change)

@@ -60,6 +60,7 @@ def test_every_single_flipped_bit_is_found(results, name):
         assert found.mend.endswith(name)
 
 
+@pytest.mark.slow
 def test_every_flipped_bit_of_the_manifest_is_found(results):
     """But for those between its words, where one blank is as good as another."""
     whole = (results / "manifest.json").read_bytes()

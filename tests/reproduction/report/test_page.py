@@ -271,6 +271,7 @@ def test_every_file_is_linked_from_the_page_beside_it(results, text, read):
     assert {f"figures/fig3_henon_heiles.{kind}" for kind in ("pdf", "svg", "png")} | {"figure-3.html"} <= linked
 
 
+@pytest.mark.slow
 def test_a_figure_stands_alone_on_a_page_of_its_own(results):
     pages = page(folder=results)
     assert set(pages) == {"page", *(f"figure_{number}" for number in PLOTS)}

@@ -18,6 +18,8 @@ from support.cubes.page_reader import written
 from support.cubes.page_results import PLOTS
 from support.methods.numba_potentials import springs
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def plots(text):

@@ -131,6 +131,7 @@ def test_ring_of_toda_has_neither_momentum_nor_displacement_of_whole():
     assert np.abs(start.sum(axis=2)).max() < 1e-13
 
 
+@pytest.mark.slow
 def test_anharmonicities_are_those_of_the_benchmark_on_the_examples():
     """The pendulum at 1 rad has delta 0.21 and at 0.2 rad 0.0071, Morse's oscillator at a quarter of its depth 0.66."""
     pendulum = BY_NAME["pendulum"].system()

@@ -188,6 +188,7 @@ def test_figures_show_winning_methods_and_every_library(cube):
         assert "Versions: heyoka 7." in note.get_text().replace("\n", " ")
 
 
+@pytest.mark.slow
 def test_figures_are_drawn_where_nothing_but_one_method_was_timed(tmp_path):
     path = tmp_path / "times.h5"
     facts = {
