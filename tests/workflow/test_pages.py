@@ -39,8 +39,8 @@ PICTURES = ("trained_error", "trained_gain", "trained_ideas")
 
 
 @pytest.fixture(scope="module")
-def jobs(project):
-    """Rule -> the job of a page, with the target that makes it."""
+def made(project):
+    """Rule -> the job of a page or of pictures, with the target that makes it."""
     for name in ("docs", "examples"):
         shutil.copytree(ROOT / name, project.folder / name)
     found = {}
@@ -48,9 +48,15 @@ def jobs(project):
         done = project.python(planned_jobs.__file__, TINY[1], target)
         assert done.returncode == 0, done.stderr
         for job in (SimpleNamespace(**json.loads(line), target=target) for line in done.stdout.splitlines()):
-            if job.rule.startswith("page_of_"):
+            if job.rule.startswith(("page_of_", "pictures")):
                 found[job.rule] = job
     return found
+
+
+@pytest.fixture(scope="module")
+def jobs(made):
+    """Rule -> the job of a page."""
+    return {rule: job for rule, job in made.items() if rule != "pictures"}
 
 
 @pytest.mark.slow
@@ -78,6 +84,14 @@ def test_the_function_of_a_page_takes_its_rules_inputs(jobs):
         signature(function).bind(**task["settings"], **job.inputs)
         assert task["settings"]["page"] == f"docs/{job.outputs['page'][0].rpartition('docs/')[2]}"
         assert len(task["integrators"]) >= 80
+
+
+def test_pages_have_pictures_of_the_six_figures(made):
+    job = made["pictures"]
+    names = ["fig1_sho", "fig2_decomposition", "fig3_henon_heiles", "fig4_perihelion", "fig5_kepler", "fig6_substeps"]
+    assert job.inputs == {name: [f"results/tiny/figures/{name}.png"] for name in names}
+    assert job.outputs == {name: [f"results/tiny/docs/results/{name}.png"] for name in names}
+    assert all((ROOT / f"docs/results/{name}.png").is_file() for name in names)
 
 
 def test_an_edit_of_an_example_makes_pages_again(jobs):

@@ -50,6 +50,8 @@ _PAGES = {
         lambda: task("reproduction.pages.training:page", **on("results/training", _METHODS)),
     ),
 }
+#: Figures of the paper, which pages show as pictures of few colours.
+_FIGURES = [one.stem for one in FIGURES if one.target in [f"fig{number}" for number in range(1, 7)]]
 _OF_TIMES = ("results/ranking", "results/timings")
 
 for _page, (_inputs, _pictures, _made) in _PAGES.items():
@@ -74,12 +76,26 @@ for _page, (_inputs, _pictures, _made) in _PAGES.items():
             "../scripts/task.py"
 
 
+rule pictures:
+    input:
+        **{stem: f"{RESULTS}/figures/{stem}.png" for stem in _FIGURES},
+    output:
+        **{stem: update(f"{DOCS}/results/{stem}.png") for stem in _FIGURES},
+    log:
+        LOG("pages/pictures"),
+    params:
+        task=task("reproduction.report.shown.pictures:pictures"),
+    script:
+        "../scripts/task.py"
+
+
 def filled(pages):
     return [getattr(rules, f"page_of_{Path(page).name}").output for page in pages]
 
 
 rule pages:
     input:
+        rules.pictures.output,
         filled(page for page in _PAGES if page not in _OF_TIMES),
 
 

@@ -14,6 +14,7 @@ from nearharmonic.output import store
 from nearharmonic.recommendation.timings import variables
 from nearharmonic.reproduction.pages import examples, gallery, methods, ranking, tailor, timings, trained, training
 from nearharmonic.reproduction.pages.anharmonicity import NEW, Result, others
+from nearharmonic.reproduction.report.shown.pictures import COLOURS, few_colours
 from support.cubes.figure_cubes import FACTS, label, timed
 
 DOCS = Path(__file__).parents[3] / "docs"
@@ -198,4 +199,16 @@ def test_a_picture_of_a_page_has_few_colours(made, tmp_path):
     place.write_bytes(made["trained_gain"])
     with Image.open(place) as picture:
         assert picture.size == (99, 99)
-        assert len(picture.getcolors()) <= trained.COLOURS
+        assert len(picture.getcolors()) <= COLOURS
+
+
+def test_wide_picture_becomes_narrow_and_stays_white(tmp_path):
+    place = tmp_path / "wide.png"
+    wide = Image.new("RGB", (2200, 500), "white")
+    wide.paste(Image.effect_noise((2200, 440), 90).convert("RGB"))
+    wide.save(place)
+    place.write_bytes(few_colours(str(place)))
+    with Image.open(place) as picture:
+        assert picture.size == (1100, 250)
+        assert len(picture.getcolors()) <= COLOURS
+        assert {picture.convert("RGB").getpixel((x, 240)) for x in range(1100)} == {(255, 255, 255)}

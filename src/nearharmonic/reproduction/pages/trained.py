@@ -5,24 +5,20 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from io import BytesIO
 from itertools import groupby
 from math import isnan, nan, pi
 from pathlib import Path
 from typing import Any
 
-from PIL import Image
-
 from nearharmonic.integrators import integrators as registered
 from nearharmonic.output.page import filled_page, pipes
 from nearharmonic.output.table import Cell
+from nearharmonic.reproduction.report.shown.pictures import few_colours
 
 #: Rows of a table of the results, by column, and tables by the last part of their names.
 Row = Mapping[str, Any]
 Tables = Mapping[str, Sequence[Row]]
 
-#: Colours of a picture on the page.
-COLOURS = 128
 #: The ensemble whose best methods are named, those of the table of windows, and the beginning of the name of orbits.
 WIDEST, ORBITS = "d = 2, 0.01 to 0.5", "Kepler"
 WINDOWS = (WIDEST, "d = 3, 0.01 to 0.5", "d = 2, 0.001 to 0.01", "Hénon-Heiles", ORBITS)
@@ -213,11 +209,4 @@ def parts(tables: Tables) -> dict[str, str]:
 def page(page: str, tables: Sequence[str], pictures: Sequence[str], integrators: Sequence[str]) -> dict[str, Any]:
     """Fill the page, and make its pictures smaller: ``tables`` are trained_*.csv, ``pictures`` paths of PNG files."""
     rows = {Path(path).stem.removeprefix("trained_"): rows_of(path) for path in tables}
-    return {"page": filled_page(page, parts(rows)), **{Path(path).stem: smaller(path) for path in pictures}}
-
-
-def smaller(path: str) -> bytes:
-    """Return a PNG with few colours, which takes a fifth of the room."""
-    with Image.open(path) as picture, BytesIO() as file:
-        picture.convert("RGB").quantize(COLOURS).save(file, "PNG", optimize=True)
-        return file.getvalue()
+    return {"page": filled_page(page, parts(rows)), **{Path(path).stem: few_colours(path) for path in pictures}}

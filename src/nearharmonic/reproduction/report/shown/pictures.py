@@ -1,4 +1,8 @@
-"""Static pictures of the page: reduced SVG files and small pictures as data URIs for img elements."""
+"""Static pictures of pages.
+
+The page of results has reduced SVG files and small pictures as data URIs for img elements; pages below docs have PNG
+files of few colours.
+"""
 
 from __future__ import annotations
 
@@ -26,6 +30,8 @@ _ALIKE = re.compile(r'<path d="[^"]*"( clip-path="[^"]*" style="fill: none; [^"]
 _OUTLINE = re.compile(r'd="([^"]*)"')
 #: Width of a small picture in pixels, for screens of two pixels per unit, and its quality of 100.
 _WIDTH, _QUALITY = 320, 70
+#: Colours of a PNG file of a page below docs, and its largest width in pixels.
+COLOURS, WIDEST = 20, 1100
 #: Characters that end a data URI or an attribute in single quotes, or have a special meaning there.
 _ESCAPED = str.maketrans({"%": "%25", "#": "%23", "&": "%26", "'": "%27"})
 
@@ -53,3 +59,29 @@ def thumbnail(png: Path) -> str:
     held = BytesIO()
     small.save(held, "WEBP", quality=_QUALITY)
     return f"data:image/webp;base64,{b64encode(held.getvalue()).decode()}"
+
+
+def few_colours(path: str, colours: int = COLOURS) -> bytes:
+    """Return a PNG file of a figure with few colours, at most :data:`WIDEST` pixels wide.
+
+    Parameters
+    ----------
+    path : str
+        PNG file of the figure.
+    colours : int
+        Number of colours.
+    """
+    from PIL import Image
+
+    with Image.open(path) as whole, BytesIO() as file:
+        shown = whole.convert("RGB")
+        if shown.width > WIDEST:
+            shown = shown.resize((WIDEST, round(WIDEST * shown.height / shown.width)), Image.Resampling.LANCZOS)
+        few = shown.quantize(colours, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE)
+        few.save(file, "PNG", optimize=True)
+        return file.getvalue()
+
+
+def pictures(**figures: str) -> dict[str, bytes]:
+    """Return :func:`few_colours` of the PNG file of each figure, under its name."""
+    return {name: few_colours(path) for name, path in figures.items()}
