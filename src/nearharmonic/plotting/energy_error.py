@@ -192,9 +192,10 @@ def _scale(axes: Axes) -> None:
 
 def _slope_guide(axes: Axes) -> None:
     """Draw two short lines of slope 4 and 6 in the empty lower right corner, for comparison with curves."""
-    start_x = axes.get_xlim()[1] / 12
-    start_y = axes.get_ylim()[0] * 30
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    length = min(4.0, (right / left) ** 0.2)
+    start_x, start_y = right / length**1.8, low * (high / low) ** 0.09
     for order in (4, 6):
-        x, y = start_x * 4, start_y * 4.0**order
+        x, y = start_x * length, start_y * length**order
         axes.plot([start_x, x], [start_y, y], color="#8a8a8a", linewidth=1.0, scalex=False, scaley=False, zorder=1.5)
         write_beside(axes, f"order {order}", (x, y), (3, 0), color="#595959", va="center")

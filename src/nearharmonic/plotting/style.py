@@ -17,7 +17,7 @@ from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import LogFormatterSciNotation, LogLocator
 
 from nearharmonic.output.atomic import write_bytes
 from nearharmonic.plotting.palette import Style, style_of
@@ -107,10 +107,11 @@ def log_scale(axes: Axes, directions: str) -> None:
 
 
 def log_ticks(axis: Axis) -> None:
-    """Label powers of ten if there is space, with ticks between them, on a logarithmic axis."""
+    """Label powers of ten if there is space, on a logarithmic axis, and ticks between them on a short one."""
     axis.set_major_locator(LogLocator(base=10, numticks=15))
     axis.set_minor_locator(LogLocator(base=10, subs="auto", numticks=40))
-    axis.set_minor_formatter(NullFormatter())
+    # An axis of less than 1.5 decades may have no power of ten, or a single one.
+    axis.set_minor_formatter(LogFormatterSciNotation(labelOnlyBase=False, minor_thresholds=(1.5, 0.4)))
 
 
 def mark_every(position: int, methods: int, points: int, marks: int = 12) -> tuple[int, int]:
