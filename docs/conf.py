@@ -33,7 +33,11 @@ nb_execution_mode = "cache"
 nb_execution_cache_path = str(HERE.parent / "build/notebooks")
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
-suppress_warnings = ["mystnb.unknown_mime_type"]
+suppress_warnings = [
+    "mystnb.unknown_mime_type",
+    "bibtex.duplicate_citation",  # each page lists its own sources, numbered from 1
+    "bibtex.duplicate_label",
+]
 
 bibtex_bibfiles = ["../paper.bib"]
 bibtex_default_style = "unsrt"
@@ -54,3 +58,5 @@ html_theme_options = {
     "source_directory": "docs/",
 }
 html_copy_source = False
+html_static_path = ["_static"]
+html_css_files = ["formulas.css"]
