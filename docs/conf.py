@@ -1,10 +1,11 @@
-"""Settings of the site: `sphinx-build -W -j auto docs build/site` reads the pages of this folder, without network."""
+"""Settings of the site, which `sphinx-build -W -j auto docs build/site` makes from the pages here, without network."""
 
 import sys
 from importlib.util import find_spec
 from pathlib import Path
 
 import nearharmonic
+from nearharmonic.reproduction.record.files.fingerprint import package_digest
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_extensions"))
@@ -30,7 +31,8 @@ exclude_patterns = ["_extensions", "**/.jupyter_cache", "jupyter_execute"]
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4  # links to headings as those of the repository's own pages
 nb_execution_mode = "cache"
-nb_execution_cache_path = str(HERE.parent / "build/notebooks")
+# Cells are kept by their text alone: other code of the package is another cache.
+nb_execution_cache_path = str(HERE.parent / "build/notebooks" / package_digest()[:16])
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
 suppress_warnings = [
