@@ -61,4 +61,3 @@ html_theme_options = {
 }
 html_copy_source = False
 html_static_path = ["_static"]
-html_css_files = ["formulas.css"]
