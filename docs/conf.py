@@ -60,4 +60,3 @@ html_theme_options = {
     "source_directory": "docs/",
 }
 html_copy_source = False
-html_static_path = ["_static"]
