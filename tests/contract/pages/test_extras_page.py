@@ -16,7 +16,7 @@ from support.results.stated_numbers import ROOT
 PAGE = (ROOT / "docs/developers/extras.md").read_text(encoding="utf-8")
 ROWS = {name: size for name, size in re.findall(r"^\| (\S+) \|.*\|(.*)\|$", PAGE, re.MULTILINE) if name != "extra"}
 #: Sizes in MB by extra; "" is the library alone.
-SIZES = {name.strip("`").replace("(none)", ""): float(size.split()[0]) for name, size in ROWS.items() if size.strip()}
+SIZES = {name.strip("`").replace("(none)", ""): float(size) for name, size in ROWS.items() if size.strip()}
 #: Relative difference between a machine and the page: versions of Python, and what pip compiles.
 SAME = 0.1
 README = (ROOT / "README.md").read_text(encoding="utf-8")
