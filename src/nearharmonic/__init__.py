@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from nearharmonic.engine.stepper import stepper as stepper
     from nearharmonic.integrators import integrators as integrators
     from nearharmonic.integrators import modified_integrators as modified_integrators
-    from nearharmonic.integrators.tableau import ModifiedTableau as ModifiedTableau
     from nearharmonic.integrators.tableau import Tableau as Tableau
     from nearharmonic.integrators.tableau import palindrome as palindrome
     from nearharmonic.plotting.plot import plot as plot
@@ -36,13 +36,12 @@ if TYPE_CHECKING:
     from nearharmonic.theory.oscillator import kappa as kappa
     from nearharmonic.training.tailor.tailoring import tailor as tailor
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 install()
 
 #: Modules of the names that are loaded lazily: numpy takes longer to load than a command without numpy runs.
 _MODULES = {
-    "ModifiedTableau": "integrators.tableau",
     "Observable": "systems.definition.quantities",
     "Parameter": "systems.definition.quantities",
     "System": "systems.definition.system",
@@ -66,17 +65,23 @@ _MODULES = {
     "tailor": "training.tailor.tailoring",
 }
 
+#: Former names, which warn at their first use, and their present names.
+_FORMER = {"ModifiedTableau": "Tableau"}
+
 __all__ = [
-    "ModifiedTableau", "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "ensemble",
-    "harmonic_order", "integrate", "integrators", "kappa", "modified_integrators", "order_of", "palindrome", "plot",
-    "problem", "recommend", "section", "stability_limit", "stepper", "sweep", "systems", "tailor",
+    "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "ensemble", "harmonic_order",
+    "integrate", "integrators", "kappa", "modified_integrators", "order_of", "palindrome", "plot", "problem",
+    "recommend", "section", "stability_limit", "stepper", "sweep", "systems", "tailor",
 ]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
+    present = _FORMER.get(name, name)
+    if present not in _MODULES:
         raise AttributeError(f"module 'nearharmonic' has no attribute {name!r}")
-    found = getattr(import_module(f"nearharmonic.{_MODULES[name]}"), name)
+    if present != name:
+        warnings.warn(f"nearharmonic.{name} is now nearharmonic.{present}", DeprecationWarning, stacklevel=2)
+    found = getattr(import_module(f"nearharmonic.{_MODULES[present]}"), present)
     globals()[name] = found
     return found
 

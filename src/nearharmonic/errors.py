@@ -46,6 +46,23 @@ class SettingError(InputError):
     """A setting (config key or function argument) with a value that is not allowed."""
 
 
+class MissingPackageError(NearharmonicError, ImportError):
+    """A package of an extra that is not installed.
+
+    Parameters
+    ----------
+    purpose : str
+        The use of the package, with its article.
+    package : str
+        Its name.
+    extra : str
+        The extra of nearharmonic that installs it.
+    """
+
+    def __init__(self, purpose: str, package: str, extra: str) -> None:
+        super().__init__(f"{purpose} needs the package {package}: pip install 'nearharmonic[{extra}]'")
+
+
 class CompiledCodeError(NearharmonicError):
     """Machine code that cannot be loaded."""
 

@@ -98,6 +98,13 @@ def test_an_unknown_target_is_refused_with_its_nearest_match(trials):
                 check_message(refused(call, says))
 
 
+def test_former_name_of_a_target_warns_with_its_present_name():
+    rules = [*RULES, Rule("beyond", "results/tiny/beyond")]
+    with pytest.warns(FutureWarning, match="^the target beyond is now sixth_order$"):
+        check_targets(["fig1", "beyond"], rules, list)
+    check_targets(["fig1"], rules, list)  # a warning would be an error here
+
+
 def test_the_workflow_refuses_a_target_before_any_work(trials, project):
     with trials(KIND).case("everything_else"):
         end(project, TARGETS["everything_else"], "fig1", "everything_else", "-j2", "--configfile", "config/tiny.yaml")

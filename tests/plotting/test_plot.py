@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
-from nearharmonic.plotting.datasets.members import MEMBER, varying
+from nearharmonic.plotting.datasets.kinds import MEMBER
+from nearharmonic.plotting.datasets.members import varying
 from nearharmonic.plotting.datasets.states import POINTS
 from support.cubes import figure_cubes as made
 from support.cubes.artists import line_of, look_of
@@ -95,7 +96,7 @@ def test_trajectories_of_one_method_are_told_apart_by_their_steps():
 def test_a_notebook_shows_the_figure_without_pyplot():
     assert nh.plot(nh.sweep("sho", "ruth", TAUS, t_end=20))._repr_png_().startswith(b"\x89PNG")
     assert "matplotlib.pyplot" not in subprocess.run(
-        [sys.executable, "-c", "import nearharmonic as nh, sys; nh.plot; print(*sys.modules)"],
+        [sys.executable, "-c", "import sys, nearharmonic.plotting.datasets.drawing; print(*sys.modules)"],
         capture_output=True, text=True, check=True,
     ).stdout.split()  # fmt: skip
 

@@ -56,8 +56,17 @@ def test_types_of_methods_are_found_at_their_old_places():
     for old in ("modified", "modified_tableau", "processed_tableau"):
         with pytest.warns(DeprecationWarning, match=f"nearharmonic.integrators.{old} is now nearharmonic.integrators"):
             found[old] = import_module(f"nearharmonic.integrators.{old}")
-    assert found["modified_tableau"].ModifiedTableau is nearharmonic.Tableau is nearharmonic.ModifiedTableau
+    assert found["modified_tableau"].ModifiedTableau is nearharmonic.Tableau
     assert found["processed_tableau"].ProcessedTableau is nearharmonic.Tableau
     assert isinstance(
         found["modified"].modified_integrators["rowlands"].processor, found["processed_tableau"].Processor
     )
+
+
+def test_former_name_of_type_is_that_type_and_warns_once():
+    vars(nearharmonic).pop("ModifiedTableau", None)
+    with pytest.warns(DeprecationWarning, match="^nearharmonic.ModifiedTableau is now nearharmonic.Tableau$"):
+        assert nearharmonic.ModifiedTableau is nearharmonic.Tableau
+    assert nearharmonic.ModifiedTableau is nearharmonic.Tableau  # no second warning, which would be an error here
+    assert "ModifiedTableau" not in nearharmonic.__all__
+    del nearharmonic.ModifiedTableau

@@ -20,6 +20,6 @@ rule sixth_order:
         FILES("sixth_order"),
 
 
-rule beyond:  # former name of the target
+rule beyond:  # the former name of the target, which warns: reproduction.config.targets
     input:
         rules.sixth_order.input,

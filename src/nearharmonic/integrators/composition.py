@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from decimal import Decimal, localcontext
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from nearharmonic.errors import TableauError, shown
 
@@ -34,7 +34,7 @@ def is_count(value: object, most: int) -> bool:
     return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= most
 
 
-def written(coefficient: str | float) -> str:
+def written(coefficient: Any) -> Any:
     """Return a coefficient as a decimal: a float as it prints. Other objects are returned as they are."""
     if isinstance(coefficient, str | bool) or not isinstance(coefficient, int | float):
         return coefficient

@@ -7,6 +7,7 @@ from dataclasses import InitVar, dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from hashlib import sha256
+from typing import Any
 
 from nearharmonic.core.arithmetic import rounded_pair
 from nearharmonic.errors import bad_setting, shown
@@ -177,10 +178,9 @@ class Tableau(Composition):
 
     def _check_texts(self) -> None:
         """Raise an error for a name that is no name of a file, or for other members that are no text."""
-        named = isinstance(self.name, str) and self.name.isprintable() and NAME.fullmatch(self.name) is not None
-        self._expect(
-            named, "name", self.name, "1 to 100 printable characters without '/' and '\\', no '.' or '-' first"
-        )
+        name: Any = self.name  # a user may pass anything
+        named = isinstance(name, str) and name.isprintable() and NAME.fullmatch(name) is not None
+        self._expect(named, "name", name, "1 to 100 printable characters without '/' and '\\', no '.' or '-' first")
         for key in ("label", "source", "note"):
             self._expect(isinstance(text := getattr(self, key), str), key, text, "a string")
         aliases = vars(self)["aliases"]
@@ -199,7 +199,8 @@ class Tableau(Composition):
         A coefficient that differs from its mirror image usually has a wrong digit. Asymmetric rows must therefore be
         recognisable by a "0" at one end, which no palindrome has.
         """
-        self._expect(self.symmetric in (None, True, False), "symmetric", self.symmetric, "True, False or None")
+        symmetric: Any = self.symmetric  # None before this check
+        self._expect(symmetric in (None, True, False), "symmetric", symmetric, "True, False or None")
         off = [
             (f"{key}[{i}]", text, mirror)
             for key in ("kick", "drift", "square")
@@ -207,7 +208,7 @@ class Tableau(Composition):
             if text != mirror and Fraction(text) != Fraction(mirror)
         ]
         padded = (Fraction(self.outer[0]) == 0) != (Fraction(self.outer[-1]) == 0)
-        if off and (self.symmetric or (self.symmetric is None and not padded)):
+        if off and (symmetric or (symmetric is None and not padded)):
             place, text, mirror = off[0]
             self._expect(False, place, text, f"its mirror image {mirror!r}, or symmetric = False")
         object.__setattr__(self, "symmetric", not off)

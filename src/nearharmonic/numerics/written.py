@@ -87,10 +87,10 @@ def integer_of(value: object) -> int:
     ValueError
         No integer, or text outside the limits of decimals.
     """
-    if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
-        raise TypeError
     if isinstance(value, float) and value - value != 0:  # the fraction of an infinity is an OverflowError
         raise ValueError
+    if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
+        raise TypeError
     number = fraction_of(str(value)) if isinstance(value, str | Decimal) else Fraction(value)  # type: ignore[call-overload]
     if number.denominator != 1:
         raise ValueError

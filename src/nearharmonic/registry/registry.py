@@ -98,7 +98,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
         return sorted(info.name for info in pkgutil.iter_modules(self.__path__))
 
     def __getitem__(self, name: str | os.PathLike[str]) -> Entry:
-        key = self.name_of(os.fspath(name) if isinstance(name, os.PathLike) else name)
+        key: Any = self.name_of(os.fspath(name) if isinstance(name, os.PathLike) else name)
         is_named = isinstance(key, str) and key in self
         if not is_named and (self._read is None or not is_path(key)):
             raise unknown_name(self._kind, key, self)

@@ -12,7 +12,7 @@ from fractions import Fraction
 from functools import lru_cache
 from math import sqrt
 from numbers import Integral
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from nearharmonic.errors import bad_setting
 from nearharmonic.exact.lie import conditions, lyndon_words
@@ -239,7 +239,7 @@ def _highest(tableau: Tableau, asked: int | None) -> int:
     return highest_of(tableau) if asked is None else _integer("highest", asked)
 
 
-def _integer(key: str, number: int) -> int:
+def _integer(key: str, number: Any) -> int:
     if isinstance(number, bool) or not isinstance(number, Integral) or number < 1:
         raise bad_setting(key, number, "an integer >= 1")
     return int(number)

@@ -12,7 +12,7 @@ from fractions import Fraction
 from functools import lru_cache
 from math import factorial
 from numbers import Integral
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from mpmath import inf, isfinite, mp, mpf
 
@@ -68,12 +68,18 @@ def kappa(
         ``highest`` is no integer from 1 to :data:`MOST_TERMS`, ``first`` no operator, or ``variable`` neither
         "position" nor "momentum".
     """
-    if isinstance(highest, bool) or not isinstance(highest, Integral) or not 1 <= highest <= MOST_TERMS:
+    if not _is_number_of_terms(highest):
         raise bad_setting("highest", highest, f"an integer >= 1, and at most {MOST_TERMS}")
     tableau = tableau_of(integrator, first)
     terms = zeta(tableau, variable=variable)
     with mp.workdps(max(mp.dps, tableau.digits + 10)):
         return [as_mpf(abs(error)) for error in _errors(terms, int(highest), variable)]
+
+
+def _is_number_of_terms(value: Any) -> bool:
+    if isinstance(value, bool) or not isinstance(value, Integral):
+        return False
+    return 1 <= int(value) <= MOST_TERMS
 
 
 def zeta(

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.errors import NearharmonicError, SettingError
+from nearharmonic.errors import MissingPackageError, SettingError
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.training.family import Family
@@ -231,7 +231,7 @@ def library() -> Any:
 
     Raises
     ------
-    NearharmonicError
+    MissingPackageError
         It is not installed.
     """
     try:
@@ -239,8 +239,7 @@ def library() -> Any:
             warnings.simplefilter("ignore")  # warnings about optional packages
             import cma
     except ModuleNotFoundError as error:
-        message = "a search for coefficients needs the package cma: pip install 'nearharmonic[tailor]'"
-        raise NearharmonicError(message) from error
+        raise MissingPackageError("a search for coefficients", "cma", "tailor") from error
     return cma
 
 

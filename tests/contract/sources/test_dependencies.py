@@ -5,30 +5,20 @@ from __future__ import annotations
 import ast
 import re
 import sys
-import tomllib
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
 
+from support.projects.extras import EXTRAS, names_of, normal, of_extra, of_library
+
 ROOT = Path(__file__).parents[3]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-EXTRAS = PROJECT["optional-dependencies"]
-PINNED = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+PINNED = {normal(name) for name in re.findall(r"^([\w.-]+)==", (ROOT / "constraints.txt").read_text(), re.MULTILINE)}
 #: Libraries that are timed beside ours, and may be missing.
 PEERS = ROOT / "src/nearharmonic/reproduction/experiments/work_precision/peers"
 PYTHON = [*(ROOT / "src").rglob("*.py"), *(ROOT / "workflow").rglob("*.py")]
 #: Rules are not Python: they are read line by line.
 RULES = [ROOT / "Snakefile", *(ROOT / "workflow").rglob("*.smk")]
-
-
-def normal(name):
-    """The name of a distribution as PEP 503 compares it."""
-    return re.sub(r"[-_.]+", "-", name).lower()
-
-
-def names_of(requirements):
-    return {normal(re.match(r"[\w.-]+", requirement)[0]) for requirement in requirements}
 
 
 def imported_in(path):
@@ -59,30 +49,37 @@ def in_the_wall(path):
 def test_every_package_that_the_library_imports_is_a_dependency():
     found = distributions_of(filter(in_the_wall, PYTHON))
     assert {"llvmlite", "xarray"} <= found.keys()
-    declared = names_of([*PROJECT["dependencies"], *EXTRAS["tailor"]])
+    declared = names_of([*of_library(), *of_extra("figures"), *of_extra("tailor")])
     assert {name: place for name, place in found.items() if name not in declared} == {}
+
+
+def test_only_figures_import_matplotlib():
+    places = {path for path in filter(in_the_wall, PYTHON) if "matplotlib" in imported_in(path)}
+    assert len(places) > 1
+    assert {path for path in places if "plotting" not in path.parts} == set()
 
 
 @pytest.mark.slow
 def test_every_package_that_is_imported_is_declared():
     found = distributions_of(path for path in [*PYTHON, *RULES] if PEERS not in path.parents)
     assert {"llvmlite", "pyyaml", "snakemake"} <= found.keys()  # the walk sees Python, other names, and rules
-    declared = names_of([*PROJECT["dependencies"], *EXTRAS["workflow"]])
+    declared = names_of([*of_library(), *of_extra("workflow")])
     assert {name: place for name, place in found.items() if name not in declared} == {}
 
 
-def test_extra_of_tailor_is_part_of_that_of_workflow():
-    assert set(EXTRAS["tailor"]) <= set(EXTRAS["workflow"])
+@pytest.mark.parametrize("extra", ["workflow", "cluster", "docs", "test"])
+def test_extras_of_figures_and_tailor_are_part_of_larger_ones(extra):
+    assert names_of([*of_extra("figures"), *of_extra("tailor")]) <= names_of(of_extra(extra))
 
 
 def test_every_library_that_is_timed_is_declared_with_the_peers():
-    declared = names_of([*PROJECT["dependencies"], *EXTRAS["peers"]])
+    declared = names_of([*of_library(), *of_extra("peers")])
     assert distributions_of(PEERS.glob("*.py")).keys() <= declared
 
 
-@pytest.mark.parametrize("name", sorted(names_of([*PROJECT["dependencies"], *EXTRAS["workflow"]])))
-def test_every_dependency_is_pinned(name):
-    assert name in names_of(line for line in PINNED if line and line[0].isalpha())
+@pytest.mark.parametrize("extra", EXTRAS)
+def test_every_requirement_is_pinned(extra):
+    assert names_of([*of_library(), *of_extra(extra)]) - PINNED == set()
 
 
 @pytest.mark.slow

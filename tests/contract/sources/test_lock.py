@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from pathlib import Path
 
 import pytest
-from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
+
+from support.projects.extras import of_extra, of_library
 
 ROOT = Path(__file__).parents[3]
 LOCK = (ROOT / "requirements.lock").read_text(encoding="utf-8")
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-#: Extras that a machine needs for the workflow and its tests.
-EXTRAS = ("workflow", "tailor", "cluster", "test")
 #: Packages of operating systems that constraints.txt was not made on.
 ELSEWHERE = {"colorama", "pyreadline3"}
 
@@ -26,10 +23,8 @@ def pins(text):
 
 
 def asked():
-    """Requirements of the package and of its extras, without those on itself."""
-    lists = [PROJECT["dependencies"], *(PROJECT["optional-dependencies"][extra] for extra in EXTRAS)]
-    every = [Requirement(text) for texts in lists for text in texts]
-    return [one for one in every if one.name != PROJECT["name"]]
+    """Requirements of the package, and of the extras that a machine needs for the workflow and its tests."""
+    return [*of_library(), *of_extra("cluster"), *of_extra("test")]
 
 
 def test_lock_has_versions_of_constraints():

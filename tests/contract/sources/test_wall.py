@@ -6,13 +6,13 @@ import os
 import re
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 
 import pytest
 
+from support.projects.extras import names_of, of_extra
+
 ROOT = Path(__file__).parents[3]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = [block for block in re.findall(r"```python\n(.*?)```", README, re.DOTALL) if "results/paper" not in block]
 
@@ -28,14 +28,15 @@ sys.meta_path.insert(0, Absent())
 """
 
 
-def names():
-    words = (re.match(r"[\w.-]+", one)[0] for one in PROJECT["optional-dependencies"]["workflow"])
-    # matplotlib needs contourpy.
+def names(of=None):
+    """Modules of extras that these tests hide: those of the workflow alone, without those of figures, or of ``of``."""
+    # matplotlib needs contourpy; pillow has another name as a module.
+    words = names_of(of_extra(of)) if of else names_of(of_extra("workflow")) - names_of(of_extra("figures"))
     return {"yaml" if word == "pyyaml" else word.replace("-", "_") for word in words} - {"contourpy"}
 
 
-def run(code, folder):
-    words = [sys.executable, "-c", ABSENT.format(names=names()) + code]
+def run(code, folder, absent=None):
+    words = [sys.executable, "-c", ABSENT.format(names=absent or names()) + code]
     environment = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "MPLBACKEND": "agg"}
     return subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False, env=environment)
 
@@ -59,3 +60,19 @@ def test_the_python_of_readme_runs_without_the_workflow(tmp_path):
 def test_what_the_library_lacks_is_named_in_a_sentence(tmp_path):
     code = "import nearharmonic as nh; nh.tailor('henon_heiles', window=(0.1, 0.15), trials=50)"
     assert "needs the package cma: pip install 'nearharmonic[tailor]'" in run(code, tmp_path).stderr
+
+
+def test_library_runs_without_matplotlib_and_names_its_extra(tmp_path):
+    code = """
+import nearharmonic as nh
+run = nh.integrate("sho", "babps9o7h", 0.9, t_end=9)
+curve = nh.sweep("sho", "babps9o7h", [0.9, 0.45], t_end=9)
+assert nh.order_of("babps9o7h") == 4
+assert callable(nh.recommend)
+nh.plot(curve)
+"""
+    done = run(code, tmp_path, names("figures"))
+    assert done.stderr.splitlines()[-1] == (
+        "nearharmonic.errors.MissingPackageError: a plot needs the package matplotlib: "
+        "pip install 'nearharmonic[figures]'"
+    )

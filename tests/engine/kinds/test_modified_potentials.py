@@ -74,7 +74,7 @@ def test_states_are_those_of_the_same_steps_in_multiprecision(name, system, prec
 @pytest.mark.parametrize("square", [("0.02", "0"), ("0", "0.02"), ("0", "0")])
 def test_kick_that_two_steps_share_takes_gradient_for_either(square):
     """The kick that closes a step may need none where the one that opens the next step does."""
-    tableau = nh.ModifiedTableau(
+    tableau = nh.Tableau(
         name="shared", order=1, first="kick", kick=("0.4", "0.6"), square=square, drift=("1",), symmetric=False,
         source="here", digits=20,
     )  # fmt: skip
@@ -186,19 +186,18 @@ def test_view_names_missing_entries_and_is_pickled_as_itself():
     assert nh.modified_integrators.module_of("chin_4a") == "nearharmonic.integrators.chin_1997"
 
 
-@pytest.mark.parametrize("kind", ["Tableau", "ModifiedTableau"])
-def test_users_file_has_modified_tableau_whose_order_is_proved(tmp_path, kind):
+def test_users_file_has_modified_tableau_whose_order_is_proved(tmp_path):
     """The leapfrog with the force of Takahashi and Imada has order two, and three for processed states alone."""
     text = (
         "import nearharmonic as nh\n"
-        "TABLEAU = nh.{}(name='m', order={}, first='drift', kick=('1',), drift=('0.5', '0.5'),\n"
+        "TABLEAU = nh.Tableau(name='m', order={}, first='drift', kick=('1',), drift=('0.5', '0.5'),\n"
         "    square=('0.0416666666666666666667',), source='here', digits=20)\n"
     )
-    (tmp_path / "own.py").write_text(text.format(kind, 2))
+    (tmp_path / "own.py").write_text(text.format(2))
     found = nh.integrate("henon_heiles", str(tmp_path / "own.py"), 0.1, t_end=5)
     kernel = nh.integrate("henon_heiles", nh.integrators["rowlands"].kernel, 0.1, t_end=5)
     assert found.max_energy_error == kernel.max_energy_error
-    (tmp_path / "wrong.py").write_text(text.format(kind, 4))
+    (tmp_path / "wrong.py").write_text(text.format(4))
     with pytest.raises(TableauError, match=r"declares order 4, .* have order 2 for a quadratic kinetic energy"):
         nh.integrate("henon_heiles", str(tmp_path / "wrong.py"), 0.1)
 

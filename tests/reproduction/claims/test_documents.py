@@ -74,10 +74,6 @@ def test_everything_that_can_be_decided_is():
     assert [entry["id"] for entry in ENTRIES if entry["verdict"] == "not decided here"] == []
 
 
-def test_the_changelog_counts_the_statements():
-    assert numbers(flat("CHANGELOG.md"), r"paper that numbers decide, (\d+) of them") == [len(ENTRIES)]
-
-
 def test_the_first_sentence_of_readme_promises_what_was_measured():
     """Whole decades of the best gain over Ruth's method on the near-harmonic system, Hénon-Heiles."""
     (gain,) = numbers(VALUES["outperform-ruth-henon-heiles"], r"over the best up to (.*)$")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -41,8 +42,9 @@ class RandomStarts:
     same: float = 1e-6
 
     def __post_init__(self) -> None:
-        if isinstance(self.count, bool) or not isinstance(self.count, int) or self.count < 1:
-            raise bad_setting("starts", self.count, "an integer >= 1")
+        count: Any = self.count  # a user may pass anything
+        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+            raise bad_setting("starts", count, "an integer >= 1")
 
     def generator(self) -> np.random.Generator:
         """Return the generator of the points, and of what else a search draws."""

@@ -15,7 +15,7 @@ from nearharmonic.output.store.seal import FORMAT, FORMAT_KEY, complaint
 SCALES = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST"}
 
 
-def checked(path: str | os.PathLike[str]) -> Any:
+def checked(path: Any) -> Any:
     """Open an HDF5 file after a check that its bytes have not changed, and that it is the file of this name.
 
     Raises

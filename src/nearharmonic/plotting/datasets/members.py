@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from nearharmonic.errors import bad_setting
+from nearharmonic.plotting.datasets.kinds import MEMBER
 from nearharmonic.plotting.energy_error import range_of, say_if_empty
 from nearharmonic.plotting.floor import draw_floor
 from nearharmonic.plotting.levels import energy_error_label
@@ -17,8 +18,6 @@ from nearharmonic.plotting.style import house_style, log_scale, new_figure, pane
 
 if TYPE_CHECKING:
     import xarray as xr
-
-MEMBER = "member"
 
 
 def varying(given: Sequence[xr.Dataset]) -> str:

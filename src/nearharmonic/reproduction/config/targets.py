@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 from collections.abc import Callable, Collection, Iterable
 from functools import wraps
 from typing import Any
@@ -12,6 +13,9 @@ from nearharmonic.errors import NearharmonicError, bad_setting, unknown_name
 
 #: Allowed values of a wildcard, in the name of a file.
 _CONSTRAINT = re.compile(r",[^}]*\}")
+
+#: Former names of targets, which warn, and their present names.
+FORMER = {"beyond": "sixth_order"}
 
 
 def check_first(workflow: Any, files: Callable[[], Iterable[str]], refuse: Callable[[NearharmonicError], Any]) -> None:
@@ -41,7 +45,7 @@ def check_first(workflow: Any, files: Callable[[], Iterable[str]], refuse: Calla
 
 
 def check_targets(targets: Iterable[str], rules: Collection[Any], files: Callable[[], Iterable[str]]) -> None:
-    """Raise an error for the first target that is neither a rule nor a file that a rule makes.
+    """Raise an error for the first target that is neither a rule nor a file that a rule makes; warn of former names.
 
     Parameters
     ----------
@@ -61,6 +65,8 @@ def check_targets(targets: Iterable[str], rules: Collection[Any], files: Callabl
     """
     named = {rule.name: rule for rule in rules}
     for target in targets:
+        if target in FORMER:
+            warnings.warn(f"the target {target} is now {FORMER[target]}", FutureWarning, stacklevel=2)
         if target in named:
             if named[target].has_wildcards():
                 file = _CONSTRAINT.sub("}", str(next(iter(named[target].output))))

@@ -31,7 +31,7 @@ def check_members(system: Members) -> None:
     SystemDefinitionError
         The message holds the member, its value, and the allowed values.
     """
-    name = system.name
+    name: Any = system.name  # a user may pass anything
     if not isinstance(name, str) or not name:
         raise SystemDefinitionError(f"name = {name!r} is not allowed: a system has a name")
     for key in ("units", "parameters", "invariants", "observables"):
@@ -42,8 +42,9 @@ def check_members(system: Members) -> None:
     _check_functions(system)
     if not isinstance(system.time_dependent, bool):
         raise _not_allowed(system, "time_dependent", system.time_dependent, "True or False")
-    limit = system.surface_limit
-    if isinstance(limit, bool) or not isinstance(limit, Real) or not limit > 0:
+    limit: Any = system.surface_limit
+    is_number = not isinstance(limit, bool) and isinstance(limit, Real)
+    if not is_number or not limit > 0:
         raise _not_allowed(system, "surface_limit", limit, "a number above 0")
 
 
@@ -53,10 +54,11 @@ def _not_allowed(system: Members, key: str, value: object, allowed: str) -> Syst
 
 def _check_names(system: Members) -> None:
     name = system.name
+    units: Mapping[str, Any] = system.units
     for key in UNITS:
-        if key not in system.units:
+        if key not in units:
             raise SystemDefinitionError(f"{name}: units lack {key!r}")
-    for key, unit in system.units.items():
+    for key, unit in units.items():
         if key not in UNITS:
             raise SystemDefinitionError(f"{name}: units has {key!r}, and names the units of {', '.join(UNITS)} alone")
         if not isinstance(unit, str) or not unit:
@@ -76,7 +78,10 @@ def _check_functions(system: Members) -> None:
         function = getattr(system, key)
         if not callable(function) and (function is not None or key in ("V", "T")):
             raise _not_allowed(system, key, function, "a function")
-    for key, functions in (("invariants", system.invariants), ("observables", system.observables)):
+    groups: tuple[tuple[str, Mapping[str, Any]], ...] = (
+        ("invariants", system.invariants), ("observables", system.observables),
+    )  # fmt: skip
+    for key, functions in groups:
         for entry, function in functions.items():
             if entry in VARIABLES or (key == "observables" and entry in system.invariants):
                 raise SystemDefinitionError(f"{name}: {key} has {entry!r}, and a result has a variable of that name")

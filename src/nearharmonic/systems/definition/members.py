@@ -69,13 +69,15 @@ class Members:
 
     def _write_out(self) -> None:
         """Complete short forms of members: plain numbers, parameters and observables, and a missing label."""
+        parameters: Mapping[str, Any] = self.parameters
+        observables: Mapping[str, Any] = self.observables
         named = {
             key: value if isinstance(value, Parameter) else Parameter(value=value, meaning=key)
-            for key, value in self.parameters.items()
+            for key, value in parameters.items()
         }
         observed = {
             key: f if isinstance(f, Observable) else Observable(function=f, unit="unknown", meaning=key)
-            for key, f in self.observables.items()
+            for key, f in observables.items()
         }
         given = ((key, getattr(self, key)) for key in ("q0", "p0"))
         rows = {key: tuple(map(decimal, x if is_list(x) else (x,))) for key, x in given}

@@ -48,13 +48,13 @@ def decimal(value: Any) -> Any:
 
     A fraction that is not a finite decimal is rounded to :data:`DIGITS` digits.
     """
-    if isinstance(value, bool) or not isinstance(value, Real):
+    if isinstance(value, bool):
         return value
     if isinstance(value, int):
         return str(value)
     if isinstance(value, Rational):
         return str(Context(prec=DIGITS).divide(Decimal(int(value.numerator)), Decimal(int(value.denominator))))
-    return repr(float(value))
+    return repr(float(value)) if isinstance(value, Real) else value
 
 
 def is_list(values: Any) -> bool:

@@ -90,7 +90,8 @@ class System(Energies):
         if numba is not None:
             object.__setattr__(self, "V", numba.value)
             object.__setattr__(self, "grad_V", numba.gradient)
-        if self.grad_V is None or isinstance(self.grad_V, DerivedGradient):
+        gradient: Any = self.grad_V  # None if it is left out
+        if gradient is None or isinstance(gradient, DerivedGradient):
             object.__setattr__(self, "grad_V", DerivedGradient(self._potential, self.time_dependent))
         self._drop_declarations()
         if self.harmonic and not (self.dimension == 1 and self.unit_masses):
@@ -126,10 +127,11 @@ class System(Energies):
 
     def _set_kinetic_energy(self) -> None:
         """Set T from ``masses``, and grad_T if it is not given; in a copy both may come from the original."""
-        made = isinstance(self.grad_T, DerivedGradient) or isinstance(
-            getattr(self.grad_T, "__self__", None), MassKineticEnergy
+        gradient: Any = self.grad_T  # None if it is left out
+        made = isinstance(gradient, DerivedGradient) or isinstance(
+            getattr(gradient, "__self__", None), MassKineticEnergy
         )
-        left_out = made or self.grad_T is None or self.grad_T is quadratic_grad_T
+        left_out = made or gradient is None or gradient is quadratic_grad_T
         try:
             T = of_masses(self.masses, self.T, self.dimension, tuple(self.parameters), alone=left_out)
         except SystemDefinitionError as error:

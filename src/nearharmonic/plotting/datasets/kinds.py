@@ -1,0 +1,33 @@
+"""Kinds of results and the plots of each, separate from matplotlib, which the library runs without."""
+
+from __future__ import annotations
+
+from typing import Any
+
+MEMBER = "member"
+#: Contents of a Dataset, by which its plots are found.
+PROFILE, TRAJECTORY, CUBE, ENSEMBLE = "energy errors over tau", "a trajectory", "a cube", "an ensemble"
+SECTION, RANKING = "a section", "a recommendation"
+#: What may be drawn of each kind of Dataset, the default first; "" is a trajectory's energy error above its orbit.
+KINDS = {
+    PROFILE: ("energy", "work"), CUBE: ("energy",), ENSEMBLE: ("energy",), SECTION: ("section",), RANKING: ("work",),
+    TRAJECTORY: ("", "energy", "orbit", "phase"),
+}  # fmt: skip
+
+
+def kind_of(dataset: Any) -> str:
+    """Return the kind of a Dataset, "" for a Dataset of another origin."""
+    dims, attributes, variables = (getattr(dataset, name, ()) for name in ("dims", "attrs", "variables"))
+    if not hasattr(dataset, "data_vars"):
+        return ""
+    if "max_energy_error" in variables:
+        if {"integrator", "tau_per_stage"} <= set(dims):
+            return CUBE
+        for dimension, kind in (("tau", PROFILE), (MEMBER, ENSEMBLE)):
+            if "integrator" in attributes and dimension in dims:
+                return kind
+    if "crossing" in dims and "surface" in variables:
+        return SECTION
+    if "rank" in dims and {"evaluations", "time"} <= set(variables):
+        return RANKING
+    return TRAJECTORY if "integrator" in attributes and {"t", "q", "p", "energy_error"} <= set(variables) else ""
