@@ -56,7 +56,7 @@ def section(
 
     Parameters
     ----------
-    system, integrator, tau, t_end, first
+    system, integrator, tau
         As for :func:`nearharmonic.integrate`.
     surface : int or callable
         The coordinate whose zero is the surface, counted from 0; or a function ``g(q, p, *parameters)`` that is zero on
@@ -67,6 +67,8 @@ def section(
         Start of each trajectory, positions and then momenta; by default that of the system.
     parameters : mapping, optional
         One value by name for all trajectories.
+    t_end, first
+        As for :func:`nearharmonic.integrate`.
     threads : int
         Threads that share the trajectories.
 
@@ -85,6 +87,13 @@ def section(
         too many steps to keep.
     KeyboardInterrupt
         Ctrl-C, within a fraction of a second.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> found = nh.section("henon_heiles", "babps8o7h", 0.4, surface=0, t_end=50)
+    >>> found.crossings.item()
+    7
     """
     problem = Setup(system, integrator, t_end=t_end, first=first, energy="none")
     subject, d = problem.system, problem.system.dimension

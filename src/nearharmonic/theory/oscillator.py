@@ -49,7 +49,7 @@ def kappa(
     integrator : str or Tableau
         Method, or its name.
     highest : int
-        Number of terms; beyond :func:`lambda_max` the step has no terms and kappa_l = 1.
+        Number of terms; beyond the highest power of tau in the step kappa_l = 1.
     first : {"drift", "kick"}, optional
         Operator to which the outer row is given; None leaves it as declared.
     variable : {"position", "momentum"}
@@ -65,8 +65,14 @@ def kappa(
     UnknownNameError
         No integrator has this name.
     SettingError
-        ``highest`` is no integer from 1 to :data:`MOST_TERMS`, ``first`` no operator, or ``variable`` neither
-        "position" nor "momentum".
+        ``highest`` is no integer from 1 to 1000, ``first`` no operator, or ``variable`` neither "position" nor
+        "momentum".
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> [f"{float(term):.3f}" for term in nh.kappa("leapfrog", 4)]
+    ['0.000', '0.000', '1.000', '1.000']
     """
     if isinstance(highest, bool) or not isinstance(highest, Integral) or not 1 <= highest <= MOST_TERMS:
         raise bad_setting("highest", highest, f"an integer >= 1, and at most {MOST_TERMS}")
