@@ -11,9 +11,10 @@ sys.path.insert(0, str(HERE / "_extensions"))
 project = "nearharmonic"
 author = "The nearharmonic developers"
 version = release = nearharmonic.__version__
-copyright = author  # noqa: A001 (a name of Sphinx)
+copyright = author
 
 extensions = [
+    "generated_reference",
     "myst_nb",
     "numpydoc",
     "sphinx.ext.autodoc",
@@ -23,7 +24,7 @@ extensions = [
     "sphinx-mathjax-offline",
     "sphinxcontrib.bibtex",
 ]
-exclude_patterns = ["_extensions", "**/.jupyter_cache", "jupyter_execute"]
+exclude_patterns = ["_extensions", "_templates", "reference/generated/parts", "**/.jupyter_cache", "jupyter_execute"]
 
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4  # links to headings as those of the repository's own pages
@@ -36,8 +37,10 @@ suppress_warnings = ["mystnb.unknown_mime_type"]
 bibtex_bibfiles = ["../paper.bib"]
 bibtex_default_style = "unsrt"
 
-autosummary_generate = True
+templates_path = ["_templates"]
+autosummary_generate = ["reference/api.md"]
 autodoc_typehints = "none"
+nitpicky = True  # a reference in a docstring is to a name of the site
 numpydoc_show_class_members = False
 
 html_theme = "furo"
@@ -47,4 +50,6 @@ html_theme_options = {
     "source_branch": "main",
     "source_directory": "docs/",
 }
+html_static_path = ["_static"]
+html_css_files = ["tables.css"]
 html_copy_source = False

@@ -1,5 +1,6 @@
 """Functions for the formulas of a system, for floats, arrays, mpmath numbers and numbers of kernels.
 
+Arguments are numbers or arrays that broadcast; the value of a function has their type and shape.
 Errors are at most 1 ulp in double precision, and a relative 2^-100 in double-double, over the whole range of arguments.
 Results for floats, numpy arrays and compiled kernels are bitwise identical. For floats and arrays outside the domain of
 a function the result is NaN, as in IEEE 754.

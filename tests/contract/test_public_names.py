@@ -74,6 +74,16 @@ def test_docstring_describes_the_arguments_of_the_signature(name):
         assert documented(described) == arguments
 
 
+@pytest.mark.parametrize("name", [name for name in CALLED if "." in name])
+def test_numpydoc_finds_no_fault_in_docstring(name):
+    validate = pytest.importorskip("numpydoc.validate").validate
+    # No need: extended summaries, "See Also", types of arguments that another function describes; for functions of
+    # mathematics, the sections of an argument and of a value that are numbers.
+    allowed = {"ES01", "SA01", "PR04", *(["PR01", "RT01"] if name.startswith("math.") else [])}
+    place = f"nearharmonic.{name.removeprefix('nh.')}"
+    assert [fault for fault in validate(place)["errors"] if fault[0] not in allowed] == []
+
+
 def owners(module):
     """(object, class that it stands in or None) of the definitions of a module, and the module."""
     yield module, None

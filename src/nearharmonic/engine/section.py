@@ -75,8 +75,8 @@ def section(
     Returns
     -------
     xarray.Dataset
-        Over (member, crossing, component): ``q`` and ``p``; over (member, crossing): ``t``, ``energy_error``,
-        (H - H0)/|H0| in double precision, or H - H0 if a start has H0 = 0, and ``surface``, the value of the function,
+        Over (member, crossing, component): ``q`` and ``p``; over (member, crossing): ``t``, ``energy_error``, ``(H -
+        H0)/|H0|`` in double precision, or H - H0 if a start has H0 = 0, and ``surface``, the value of the function,
         zero to rounding; over member ``crossings``, their number. Members with fewer crossings than others end with
         NaN. A trajectory that diverges has the crossings before.
 

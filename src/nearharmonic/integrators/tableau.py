@@ -52,8 +52,8 @@ class Tableau(Composition):
     digits : int
         Number of decimals that the source guarantees.
     square : tuple of str, optional
-        Coefficients m of modified kicks, p -= k tau grad V - m tau^3 grad |grad V|^2, in units of tau^3; "0" for a kick
-        of V alone, which needs no gradient of the square. Such a method requires a quadratic kinetic energy.
+        Coefficients m of modified kicks, ``p -= k tau grad V - m tau^3 grad |grad V|^2``, in units of tau^3; "0" for a
+        kick of V alone, which needs no gradient of the square. Such a method requires a quadratic kinetic energy.
     processor : Processor, optional
         Composition that is applied only at output. A run then begins with the inverse processor and repeats the rows,
         and each output is processed. ``order`` is the order of processed states.

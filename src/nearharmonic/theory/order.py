@@ -122,7 +122,7 @@ def harmonic_order(integrator: str | Tableau, *, first: First | None = None) -> 
     Returns
     -------
     int
-        lambda_H, at least the order.
+        Harmonic order, at least the order.
 
     Raises
     ------

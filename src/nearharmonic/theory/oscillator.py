@@ -37,12 +37,13 @@ MOST_TERMS = 1000
 def kappa(
     integrator: str | Tableau, highest: int, *, first: First | None = None, variable: Variable = "position"
 ) -> list[BigFloat]:
-    """Return the error terms [kappa_1, ..., kappa_highest] of one step (Nielsen 2015, Eq. 17).
+    """Return the error terms [kappa_1, ..., kappa_highest] of one step on the harmonic oscillator.
 
-    kappa_l = |x^(l)(0) - l! zeta_l|, where zeta_l is the coefficient of tau^l in the new position and x(t) is the exact
-    position, both for q_a = -p_a = 1. The momentum, which the paper does not treat, is decomposed in the same way. The
-    values are exact for the printed coefficients and then rounded to ten digits more than these have: a term that
-    vanishes for the true coefficients shows the rounding error of the printed digits.
+    They are defined by Nielsen (2015, Eq. 17): ``kappa_l = |x^(l)(0) - l! zeta_l|``, where zeta_l is the coefficient of
+    tau^l in the new position and x(t) is the exact position, both for q_a = -p_a = 1. The momentum, which the paper
+    does not treat, is decomposed in the same way. The values are exact for the printed coefficients and then rounded to
+    ten digits more than these have: a term that vanishes for the true coefficients shows the rounding error of the
+    printed digits.
 
     Parameters
     ----------

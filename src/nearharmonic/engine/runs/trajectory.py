@@ -84,7 +84,7 @@ def integrate(
         When the energy is measured: at every step; at the samples, so that errors are over the samples and a run counts
         as diverged at the first sample that says so; never: errors are NaN, and only what is not finite has diverged.
     energy_scale : float or str, optional
-        Energy that errors are relative to, in the system's unit; by default |H0|, or that unit where H0 = 0.
+        Energy that errors are relative to, in the system's unit; by default ``|H0|``, or that unit where H0 = 0.
     start : xarray.Dataset or Solution, optional
         Continue from the last sample of this result, with its parameters and relative to its H0. ``t_end`` is then the
         length of the continuation. The bits are those of one long run, unless the last sample has been edited: the run
@@ -96,13 +96,13 @@ def integrate(
     Returns
     -------
     xarray.Dataset
-        Over (sample, component): ``t``, ``q``, ``p``, ``energy_error`` = (H - H0)/|H0| at the samples, with ``q_low``
-        and ``p_low``, the digits below ``q`` and ``p``, unless the summation is plain; what the system records and
-        conserves, with ``<invariant>_drift``; and the scalars ``tau``, ``max_energy_error`` and ``mean_energy_error``
-        of |H - H0|/|H0| over every step, ``steps``, ``evaluations`` of the force, ``status``, ``diverged_at``,
-        ``initial_energy``; ``running``, from which ``start`` goes on with the same step size. A run that leaves its
-        energy surface ends there: its status is "diverged", ``diverged_at`` its step, both errors infinite; later
-        samples are left out.
+        Over (sample, component): ``t``, ``q``, ``p``, ``energy_error`` = ``(H - H0)/|H0|`` at the samples, with
+        ``q_low`` and ``p_low``, the digits below ``q`` and ``p``, unless the summation is plain; what the system
+        records and conserves, with ``<invariant>_drift``; and the scalars ``tau``, ``max_energy_error`` and
+        ``mean_energy_error`` of ``|H - H0|/|H0|`` over every step, ``steps``, ``evaluations`` of the force, ``status``,
+        ``diverged_at``, ``initial_energy``; ``running``, from which ``start`` goes on with the same step size. A run
+        that leaves its energy surface ends there: its status is "diverged", ``diverged_at`` its step, both errors
+        infinite; later samples are left out.
 
     Raises
     ------

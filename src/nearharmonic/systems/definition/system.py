@@ -62,8 +62,8 @@ class System(Energies):
     time_dependent : bool
         True if V depends on the time; :meth:`formulas` are then those of the extended autonomous system.
     regularisation : Regularisation, optional
-        Transformation of a system with V = -GM/|q| + R in two or three coordinates to an oscillator. It is integrated
-        with a step in a fictitious time; states, times and energies are mapped back.
+        Transformation of a system with ``V = -GM/|q| + R`` in two or three coordinates to an oscillator. It is
+        integrated with a step in a fictitious time; states, times and energies are mapped back.
     parameters : mapping of Parameter or number, optional
         Constants of the formulas by name, in the order of their arguments. A parameter may be given by its value alone.
     invariants, observables : mapping of callable, optional
@@ -73,21 +73,22 @@ class System(Energies):
         ``period(q, p, *parameters)``, the period of the exact orbit through floats q, p, if it is periodic.
     harmonic, gravity : bool
         True for the unit oscillator H = (p^2 + q^2)/2, for which energy errors have a closed form; True for the
-        potential V = -GM/|q|, for which other libraries have special code. Both are compared with V at first use.
+        potential ``V = -GM/|q|``, for which other libraries have special code. Both are compared with V at first use.
     exact_position : callable, optional
         ``exact_position(system, t)``, the position at the time t, an mpmath number, on the exact orbit in the working
         precision of mpmath; None if there is no closed form for the initial values and parameters of ``system``.
     position_t_end : str, optional
         End of the interval over which positions are compared, if ``t_end`` is too late for that.
     frequencies : tuple of d str, optional
-        w_i of the oscillators p_i^2 / 2 + w_i^2 q_i^2 / 2 that are solved exactly by a run with ``split``: decimals,
-        fractions or names of parameters, "0" for a free coordinate.
+        Frequencies w_i of the oscillators p_i^2 / 2 + w_i^2 q_i^2 / 2 that are solved exactly by a run with ``split``:
+        decimals, fractions or names of parameters, "0" for a free coordinate.
     declared_for : mapping, optional
-        V and T of a copy's original, which must not be set. A copy by :func:`dataclasses.replace` with another V or T
+        V and T of a copy's original, which must not be set. A copy by ``dataclasses.replace`` with another V or T
         resets ``harmonic``, ``gravity``, ``exact_position``, ``position_t_end`` and ``frequencies`` unless they are
         replaced too, and derives gradients again.
     energy_scale : str, optional
-        Energy that errors are relative to, in the unit of energy; by default |H0|, and errors are absolute if H0 = 0.
+        Energy that errors are relative to, in the unit of energy; by default ``|H0|``, and errors are absolute if H0 =
+        0.
     surface_limit : float
         Relative energy error above which a run has diverged.
     surface_reason : str
