@@ -17,6 +17,7 @@ copyright = author
 
 extensions = [
     "paper_results",
+    "generated_reference",
     "myst_nb",
     "numpydoc",
     "sphinx.ext.autodoc",
@@ -26,7 +27,7 @@ extensions = [
     "sphinx_design",
     "sphinxcontrib.bibtex",
 ]
-exclude_patterns = ["_extensions", "**/.jupyter_cache", "jupyter_execute"]
+exclude_patterns = ["_extensions", "_templates", "reference/generated/parts", "**/.jupyter_cache", "jupyter_execute"]
 
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4  # links to headings as those of the repository's own pages
@@ -44,8 +45,10 @@ suppress_warnings = [
 bibtex_bibfiles = ["../paper.bib"]
 bibtex_default_style = "unsrt"
 
-autosummary_generate = True
+templates_path = ["_templates"]
+autosummary_generate = ["reference/api.md"]
 autodoc_typehints = "none"
+nitpicky = True  # a reference in a docstring is to a name of the site
 numpydoc_show_class_members = False
 
 html_theme = "furo"

@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
+from functools import partial
 from importlib import import_module
 from typing import Any, NoReturn
 
@@ -83,6 +84,30 @@ def _parser_of(command: str) -> argparse.ArgumentParser:
     module.arguments(parser)
     parser.add_argument("--format", default="table", metavar="FORMAT", help=f"{', '.join(FORMATS)} (default table)")
     return parser
+
+
+def help_text(command: str | None = None, *, columns: int = 100) -> str:
+    """Return the text of ``--help``, of a command or of the program.
+
+    Parameters
+    ----------
+    command : str, optional
+        Name of the command.
+    columns : int
+        Width of the terminal.
+
+    Raises
+    ------
+    UnknownNameError
+        No command has this name.
+    """
+    if command is not None and command not in command_names():
+        raise unknown_name("command", command, command_names())
+    parser = _top_parser(["--help"]) if command is None else _parser_of(command)
+    made = partial(parser.formatter_class, width=columns - 2)  # type: ignore[call-arg]  # as argparse computes it
+    parser.formatter_class = made
+    parser.color = False  # type: ignore[attr-defined]  # since Python 3.14
+    return parser.format_help()
 
 
 def _joined(words: Sequence[str]) -> list[str]:

@@ -12,7 +12,17 @@ NEAREST = 5
 
 
 class NearharmonicError(ValueError):
-    """Base class of the errors of this package."""
+    """Base class of the errors of this package.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> try:
+    ...     nh.kappa("ruth", 0)
+    ... except nh.NearharmonicError as error:
+    ...     print(error)
+    highest = 0 is not allowed: an integer >= 1, and at most 1000
+    """
 
 
 class InputError(NearharmonicError):

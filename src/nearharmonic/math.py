@@ -1,5 +1,6 @@
 """Functions for the formulas of a system, for floats, arrays, mpmath numbers and numbers of kernels.
 
+Arguments are numbers or arrays that broadcast; the value of a function has their type and shape.
 Errors are at most 1 ulp in double precision, and a relative 2^-100 in double-double, over the whole range of arguments.
 Results for floats, numpy arrays and compiled kernels are bitwise identical. For floats and arrays outside the domain of
 a function the result is NaN, as in IEEE 754.
@@ -44,6 +45,12 @@ def array(components: Iterable[Any], *shape: int) -> Any:
     numpy.ndarray
         Array of objects. Operators, ``**``, ``abs``, the functions of this module and :func:`sum` work element by
         element.
+
+    Examples
+    --------
+    >>> from nearharmonic import math
+    >>> math.array((1, 2, 3, 4), 2, 2).tolist()
+    [[1, 2], [3, 4]]
     """
     import numpy as np
 
@@ -58,6 +65,12 @@ def sum(terms: Any) -> Any:
     """Return the pairwise sum of numbers of one type, or of all elements of an array; 0 if there are none.
 
     Kernels of many coordinates compute terms of the same form in a loop.
+
+    Examples
+    --------
+    >>> from nearharmonic import math
+    >>> math.sum([1.0, 2.0, 3.0])
+    6.0
     """
     left = list(terms.ravel() if hasattr(terms, "ravel") else terms)
     while len(left) > 1:
@@ -67,67 +80,173 @@ def sum(terms: Any) -> Any:
 
 
 def sin(x: Any) -> Any:
-    """Sine of an angle in radians."""
+    """Sine of an angle in radians.
+
+    Examples
+    --------
+    >>> from nearharmonic import math
+    >>> print(f"{math.sin(1):.6f}")
+    0.841471
+    """
     return _value("sin", x)
 
 
 def cos(x: Any) -> Any:
-    """Cosine of an angle in radians."""
+    """Cosine of an angle in radians.
+
+    Examples
+    --------
+    >>> from nearharmonic import math
+    >>> print(f"{math.cos(1):.6f}")
+    0.540302
+    """
     return _value("cos", x)
 
 
 def tan(x: Any) -> Any:
-    """Tangent of an angle in radians."""
+    """Tangent of an angle in radians.
+
+    Examples
+    --------
+    >>> from nearharmonic import math
+    >>> print(f"{math.tan(1):.6f}")
+    1.557408
+    """
     return _value("tan", x)
 
 
 def exp(x: Any) -> Any:
-    """Exponential function."""
+    """Exponential function.
+
+    Examples
+    --------
+    >>> from nearharmonic import math
+    >>> print(f"{math.exp(1):.6f}")
+    2.718282
+    """
     return _value("exp", x)
 
 
 def log(x: Any) -> Any:
-    """Natural logarithm of a positive number."""
+    """Natural logarithm of a positive number.
+
+    Examples
+    --------
+    >>> from nearharmonic import math
+    >>> print(f"{math.log(2):.6f}")
+    0.693147
+    """
     return _value("log", x)
 
 
 def cbrt(x: Any) -> Any:
-    """Cube root of a real number, which may be negative; not analytic at 0."""
+    """Cube root of a real number, which may be negative; not analytic at 0.
+
+    Examples
+    --------
+    >>> from nearharmonic import math
+    >>> print(f"{math.cbrt(-8):.6f}")
+    -2.000000
+    """
     return _value("cbrt", x)
 
 
 def pow(x: Any, y: Any) -> Any:
-    """Power x^y for x > 0, or for x < 0 and integer y; not analytic at x = 0."""
+    """Power x^y for x > 0, or for x < 0 and integer y; not analytic at x = 0.
+
+    Parameters
+    ----------
+    x, y : number or array
+        Base and exponent.
+
+    Examples
+    --------
+    >>> from nearharmonic import math
+    >>> print(f"{math.pow(2, 0.5):.6f}")
+    1.414214
+    """
     return _value("pow", x, y)
 
 
 def atan2(y: Any, x: Any) -> Any:
-    """Angle of the point (x, y) in radians, from -pi to pi; it jumps where y = 0 and x < 0."""
+    """Angle of the point (x, y) in radians, from -pi to pi; it jumps where y = 0 and x < 0.
+
+    Parameters
+    ----------
+    y, x : number or array
+        Coordinates of the point, the second one first.
+
+    Examples
+    --------
+    >>> from nearharmonic import math
+    >>> print(f"{math.atan2(1, -1):.6f}")
+    2.356194
+    """
     return _value("atan2", y, x)
 
 
 def sinh(x: Any) -> Any:
-    """Hyperbolic sine."""
+    """Hyperbolic sine.
+
+    Examples
+    --------
+    >>> from nearharmonic import math
+    >>> print(f"{math.sinh(1):.6f}")
+    1.175201
+    """
     return _value("sinh", x)
 
 
 def cosh(x: Any) -> Any:
-    """Hyperbolic cosine."""
+    """Hyperbolic cosine.
+
+    Examples
+    --------
+    >>> from nearharmonic import math
+    >>> print(f"{math.cosh(1):.6f}")
+    1.543081
+    """
     return _value("cosh", x)
 
 
 def tanh(x: Any) -> Any:
-    """Hyperbolic tangent."""
+    """Hyperbolic tangent.
+
+    Examples
+    --------
+    >>> from nearharmonic import math
+    >>> print(f"{math.tanh(1):.6f}")
+    0.761594
+    """
     return _value("tanh", x)
 
 
 def erf(x: Any) -> Any:
-    """Error function."""
+    """Error function.
+
+    Examples
+    --------
+    >>> from nearharmonic import math
+    >>> print(f"{math.erf(1):.6f}")
+    0.842701
+    """
     return _value("erf", x)
 
 
 def hypot(x: Any, y: Any) -> Any:
-    """Root of x^2 + y^2 without intermediate overflow; not analytic at the origin."""
+    """Root of x^2 + y^2 without intermediate overflow; not analytic at the origin.
+
+    Parameters
+    ----------
+    x, y : number or array
+        Coordinates of a point.
+
+    Examples
+    --------
+    >>> from nearharmonic import math
+    >>> print(f"{math.hypot(3, 4):.6f}")
+    5.000000
+    """
     return _value("hypot", x, y)
 
 

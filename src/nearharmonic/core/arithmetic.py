@@ -30,7 +30,14 @@ def fma(x: Any, y: Any, z: Any) -> Any:
 
 
 def sqrt(x: Any) -> Any:
-    """Square root of a float, a numpy array, an mpmath number or a number of a formula."""
+    """Square root of a float, a numpy array, an mpmath number or a number of a formula.
+
+    Examples
+    --------
+    >>> from nearharmonic import math
+    >>> math.sqrt(9)
+    3.0
+    """
     if isinstance(x, float | int):
         return math.sqrt(x)
     if hasattr(x, "context"):  # an mpmath number belongs to a context

@@ -56,7 +56,7 @@ def section(
 
     Parameters
     ----------
-    system, integrator, tau, t_end, first
+    system, integrator, tau
         As for :func:`nearharmonic.integrate`.
     surface : int or callable
         The coordinate whose zero is the surface, counted from 0; or a function ``g(q, p, *parameters)`` that is zero on
@@ -67,14 +67,16 @@ def section(
         Start of each trajectory, positions and then momenta; by default that of the system.
     parameters : mapping, optional
         One value by name for all trajectories.
+    t_end, first
+        As for :func:`nearharmonic.integrate`.
     threads : int
         Threads that share the trajectories.
 
     Returns
     -------
     xarray.Dataset
-        Over (member, crossing, component): ``q`` and ``p``; over (member, crossing): ``t``, ``energy_error``,
-        (H - H0)/|H0| in double precision, or H - H0 if a start has H0 = 0, and ``surface``, the value of the function,
+        Over (member, crossing, component): ``q`` and ``p``; over (member, crossing): ``t``, ``energy_error``, ``(H -
+        H0)/|H0|`` in double precision, or H - H0 if a start has H0 = 0, and ``surface``, the value of the function,
         zero to rounding; over member ``crossings``, their number. Members with fewer crossings than others end with
         NaN. A trajectory that diverges has the crossings before.
 
@@ -85,6 +87,13 @@ def section(
         too many steps to keep.
     KeyboardInterrupt
         Ctrl-C, within a fraction of a second.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> found = nh.section("henon_heiles", "babps8o7h", 0.4, surface=0, t_end=50)
+    >>> found.crossings.item()
+    7
     """
     problem = Setup(system, integrator, t_end=t_end, first=first, energy="none")
     subject, d = problem.system, problem.system.dimension

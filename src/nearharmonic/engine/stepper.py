@@ -38,12 +38,14 @@ def stepper(
 
     Parameters
     ----------
-    system, integrator, first
+    system, integrator
         As for :func:`nearharmonic.integrate`.
     summation : {"plain", "compensated"}
         Summation of the steps.
     parameters : mapping, optional
         Values of parameters by name in place of the system's own, as for :func:`nearharmonic.integrate`.
+    first
+        As for :func:`nearharmonic.integrate`.
     precision, split
         "double" and "kinetic_potential": a step has no others.
 
@@ -60,6 +62,15 @@ def stepper(
     ------
     NearharmonicError
         An unknown name, or a setting outside what is allowed.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> import numpy as np
+    >>> q, p = np.array([1.0]), np.array([0.0])
+    >>> nh.stepper("sho", "leapfrog")(q, p, 0.5)
+    >>> print(q, p)
+    [0.875] [-0.46875]
     """
     from nearharmonic.core.stepper import call as compiled
 

@@ -1,7 +1,13 @@
-"""The integrators, one file per source; ``integrators["aba864"]`` is a :class:`Tableau`.
+"""The integrators, one file per source; ``integrators["aba864"]`` is a :class:`~nearharmonic.Tableau`.
 
-This package is the mapping ``integrators`` (:mod:`nearharmonic.registry.registry`). Two views select methods by the
-type of their kicks.
+This package is the mapping ``integrators`` (``nearharmonic.registry.registry``). A key is the name, the label or
+another name of an integrator, or the path of a Python file. Two views select methods by the type of their kicks.
+
+Examples
+--------
+>>> import nearharmonic as nh
+>>> nh.integrators["velocity_verlet"]
+<Tableau leapfrog: label Leapfrog, stages 1, order 2, first kick>
 """
 
 from nearharmonic.integrators.file import tableau_at
@@ -36,4 +42,16 @@ integrators: Registry[Tableau] = make_registry(
 
 #: Integrators without and with modified potentials.
 plain_integrators = Selection(integrators, "plain_integrators", lambda tableau: not tableau.modified)
-modified_integrators = Selection(integrators, "modified_integrators", lambda tableau: tableau.modified)
+modified_integrators = Selection(
+    integrators,
+    "modified_integrators",
+    lambda tableau: tableau.modified,
+    """The integrators with modified potentials, a view of :mod:`nearharmonic.integrators`.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> "chin_4a" in nh.modified_integrators, "ruth" in nh.modified_integrators
+    (True, False)
+    """,
+)

@@ -44,7 +44,23 @@ def written(coefficient: Any) -> Any:
 def palindrome(*half: str | float, centre: str | float | None = None) -> Row:
     """Return the palindrome of ``half``, ``centre`` if the length is odd, and ``half`` in reverse order.
 
-    Coefficients are decimal strings; a float means the decimal that it prints as.
+    Parameters
+    ----------
+    *half : str or float
+        First half of a row of coefficients: decimal strings; a float means the decimal that it prints as.
+    centre : str or float, optional
+        Coefficient in the middle, if the row has an odd length.
+
+    Returns
+    -------
+    tuple of str
+        The row.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> nh.palindrome("0.1", "0.2", centre="0.4")
+    ('0.1', '0.2', '0.4', '0.2', '0.1')
     """
     row = tuple(map(written, half))
     return (*row, *(() if centre is None else (written(centre),)), *reversed(row))

@@ -48,22 +48,18 @@ class Tableau(Composition):
     kick, drift : tuple of str
         Coefficients of the two operators in units of tau, s + 1 for the one named by ``first`` and s for the other. A
         float is written as the decimal that it prints as.
-    square : tuple of str, optional
-        Coefficients m of modified kicks in units of tau^3 (:class:`Composition`); "0" for a kick of V alone, which
-        needs no gradient of the square. Such a method requires a quadratic kinetic energy.
-    processor : Processor, optional
-        Composition that is applied only at output. A run then begins with the inverse processor and repeats the rows,
-        and each output is processed. ``order`` is the order of processed states.
-    symmetric : bool, optional
-        True if both rows are palindromes, so that a step of -tau is the inverse of a step of tau; derived from the
-        rows. Rows that are no palindromes raise an error, unless ``outer`` has "0" at exactly one end, or False is
-        given.
     source : str
         Source of the coefficients.
     digits : int
         Number of decimals that the source guarantees.
+    square : tuple of str, optional
+        Coefficients m of modified kicks, ``p -= k tau grad V - m tau^3 grad |grad V|^2``, in units of tau^3; "0" for a
+        kick of V alone, which needs no gradient of the square. Such a method requires a quadratic kinetic energy.
+    processor : Processor, optional
+        Composition that is applied only at output. A run then begins with the inverse processor and repeats the rows,
+        and each output is processed. ``order`` is the order of processed states.
     requires : str, optional
-        Requirement for a system: :data:`QUADRATIC_KINETIC_ENERGY`, or none.
+        Requirement for a system: "quadratic kinetic energy", or none.
     note : str
         A remark.
     aliases : tuple of str
@@ -75,6 +71,10 @@ class Tableau(Composition):
     generalised_order : tuple of int, optional
         Orders (r1, r2, ...) in tau that the source claims for the errors of size epsilon tau^r1, epsilon^2 tau^r2, ...
         for H = H_A + epsilon H_B (Blanes et al. 2013), or None.
+    symmetric : bool, optional
+        True if both rows are palindromes, so that a step of -tau is the inverse of a step of tau; derived from the
+        rows. Rows that are no palindromes raise an error, unless ``outer`` has "0" at exactly one end, or False is
+        given.
 
     Raises
     ------
@@ -82,6 +82,14 @@ class Tableau(Composition):
         A coefficient that is no decimal number; a row of the wrong length; a row of a symmetric method that is no
         palindrome; a row whose sum differs from 1 by more than one unit of the last guaranteed decimal per coefficient;
         or a processor of a method without squares.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> rows = {"drift": nh.palindrome("0.5"), "kick": ("1",)}
+    >>> method = nh.Tableau(name="verlet_q", order=2, first="drift", **rows, source="an example", digits=80)
+    >>> nh.order_of(method), float(nh.stability_limit(method))
+    (2, 2.0)
     """
 
     name: str

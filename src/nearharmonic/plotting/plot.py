@@ -62,6 +62,13 @@ def plot(
     SettingError
         The argument is not such an object or is empty, it has no plot of this kind or no such axes, Datasets have
         different kinds or different units of step sizes or times, or energy errors are relative to different energies.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> figure = nh.plot(nh.sweep("sho", "ruth", [0.5, 0.25]))
+    >>> len(figure.axes)
+    2
     """
     given: list[Any] = list(datasets) if isinstance(datasets, list | tuple) else [datasets]
     kinds = {kind_of(one) for one in given}

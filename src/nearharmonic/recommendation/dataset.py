@@ -75,6 +75,15 @@ def recommend(
         An unknown name, or a setting outside what is allowed, before any work.
     KeyboardInterrupt
         Ctrl-C, within a fraction of a second.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> found = nh.recommend("sho", 1e-6, methods=["ruth", "babps8o7h"], t_end=50)
+    >>> bool((found.max_energy_error <= 1e-6).all())
+    True
+    >>> sorted(found.integrator.values.tolist())
+    ['babps8o7h', 'ruth']
     """
     asked = question(
         system, error, measure=measure, t_end=t_end, q0=q0, p0=p0, methods=methods, budget=budget

@@ -14,7 +14,7 @@ Entry = TypeVar("Entry")
 class Selection(Mapping[str, Entry]):
     """A view of the entries of a registry that fulfil a condition, in the order of the registry.
 
-    ``name`` is that of the view in the package of the registry.
+    ``name`` is that of the view in the package of the registry, ``text`` its docstring.
 
     Raises
     ------
@@ -22,8 +22,9 @@ class Selection(Mapping[str, Entry]):
         On a look-up of a name that the view does not have.
     """
 
-    def __init__(self, registry: Registry[Entry], name: str, fulfils: Callable[[Entry], bool]) -> None:
+    def __init__(self, registry: Registry[Entry], name: str, fulfils: Callable[[Entry], bool], text: str = "") -> None:
         self._registry, self._name, self._fulfils = registry, name, fulfils
+        self.__doc__ = text or type(self).__doc__
 
     @property
     def registered(self) -> tuple[str, ...]:

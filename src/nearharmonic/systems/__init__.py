@@ -1,6 +1,13 @@
 """The Hamiltonian systems, one file each; ``systems["kepler"]`` is a :class:`~nearharmonic.System`.
 
-This package is itself the mapping ``systems``: see :mod:`nearharmonic.registry.registry`.
+This package is itself the mapping ``systems`` (``nearharmonic.registry.registry``). A key is the name of a system, or
+the path of a Python file that defines SYSTEM.
+
+Examples
+--------
+>>> import nearharmonic as nh
+>>> nh.systems["sho"]
+<System sho: label simple harmonic oscillator, coordinates 1, t_end 500>
 """
 
 from nearharmonic.registry.registry import Registry, make_registry

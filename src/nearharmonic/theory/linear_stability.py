@@ -108,6 +108,12 @@ def stability_limit(integrator: str | Tableau, *, first: First | None = None) ->
         No integrator has this name.
     SettingError
         ``first`` is no operator.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> print(f"{float(nh.stability_limit('leapfrog')):.3f}")
+    2.000
     """
     return stability_gaps(integrator, first=first)[0][0]
 

@@ -72,12 +72,23 @@ def order_of(integrator: str | Tableau, *, first: First | None = None, highest: 
     highest : int, optional
         Order up to which conditions are examined; None is 8, or the order that the tableau declares if that is 9 or 10.
 
+    Returns
+    -------
+    int
+        The order, proved from the printed coefficients in exact arithmetic.
+
     Raises
     ------
     UnknownNameError
         No integrator has this name.
     SettingError
         ``first`` is no operator, or ``highest`` no integer >= 1.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> nh.order_of("yoshida_s7o6a")
+    6
     """
     tableau = tableau_of(integrator, first)
     return proved_order(tableau, _highest(tableau, highest), quadratic=tableau.modified)
@@ -101,7 +112,30 @@ def harmonic_order(integrator: str | Tableau, *, first: First | None = None) -> 
     One step on the harmonic oscillator gives the exact position up to tau^lambda_H. This is Nielsen's definition:
     kappa_1 to kappa_lambda_H vanish (2015, Eq. 17).
 
-    Arguments and errors are those of :func:`order_of`.
+    Parameters
+    ----------
+    integrator : str or Tableau
+        Method, or its name.
+    first : {"drift", "kick"}, optional
+        Operator to which the outer row is given; None leaves it as declared.
+
+    Returns
+    -------
+    int
+        Harmonic order, at least the order.
+
+    Raises
+    ------
+    UnknownNameError
+        No integrator has this name.
+    SettingError
+        ``first`` is no operator.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> nh.order_of("babps8o7h"), nh.harmonic_order("babps8o7h")
+    (4, 7)
     """
     return harmonic_orders_of(integrator, first=first).position
 

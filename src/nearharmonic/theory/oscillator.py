@@ -37,19 +37,20 @@ MOST_TERMS = 1000
 def kappa(
     integrator: str | Tableau, highest: int, *, first: First | None = None, variable: Variable = "position"
 ) -> list[BigFloat]:
-    """Return the error terms [kappa_1, ..., kappa_highest] of one step (Nielsen 2015, Eq. 17).
+    """Return the error terms [kappa_1, ..., kappa_highest] of one step on the harmonic oscillator.
 
-    kappa_l = |x^(l)(0) - l! zeta_l|, where zeta_l is the coefficient of tau^l in the new position and x(t) is the exact
-    position, both for q_a = -p_a = 1. The momentum, which the paper does not treat, is decomposed in the same way. The
-    values are exact for the printed coefficients and then rounded to ten digits more than these have: a term that
-    vanishes for the true coefficients shows the rounding error of the printed digits.
+    They are defined by Nielsen (2015, Eq. 17): ``kappa_l = |x^(l)(0) - l! zeta_l|``, where zeta_l is the coefficient of
+    tau^l in the new position and x(t) is the exact position, both for q_a = -p_a = 1. The momentum, which the paper
+    does not treat, is decomposed in the same way. The values are exact for the printed coefficients and then rounded to
+    ten digits more than these have: a term that vanishes for the true coefficients shows the rounding error of the
+    printed digits.
 
     Parameters
     ----------
     integrator : str or Tableau
         Method, or its name.
     highest : int
-        Number of terms; beyond :func:`lambda_max` the step has no terms and kappa_l = 1.
+        Number of terms; beyond the highest power of tau in the step kappa_l = 1.
     first : {"drift", "kick"}, optional
         Operator to which the outer row is given; None leaves it as declared.
     variable : {"position", "momentum"}
@@ -65,8 +66,14 @@ def kappa(
     UnknownNameError
         No integrator has this name.
     SettingError
-        ``highest`` is no integer from 1 to :data:`MOST_TERMS`, ``first`` no operator, or ``variable`` neither
-        "position" nor "momentum".
+        ``highest`` is no integer from 1 to 1000, ``first`` no operator, or ``variable`` neither "position" nor
+        "momentum".
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> [f"{float(term):.3f}" for term in nh.kappa("leapfrog", 4)]
+    ['0.000', '0.000', '1.000', '1.000']
     """
     if not _is_number_of_terms(highest):
         raise bad_setting("highest", highest, f"an integer >= 1, and at most {MOST_TERMS}")

@@ -39,8 +39,9 @@ class Kernel:
     ``advance`` is the inner kernel alone, for benchmarks and ensembles that schedule their own lanes:
     ``advance(count, stages, kick_first, moves, rows) -> steps done``: ``moves`` is float64 (stages + 2, columns,
     width), the rows of coefficients; the kernel replaces the first row by the second. ``rows`` is float64 (4 d +
-    :data:`TALLY` + :func:`parameter_rows` + 5 d, width), changed in place, with :func:`room` more doubles behind them.
-    It returns before ``count`` steps if the energy error of a lane exceeds its limit.
+    TALLY + parameter_rows + 5 d, width) with names of :mod:`nearharmonic.core.layout`, changed in place, with
+    :func:`room` more doubles behind them. It returns before ``count`` steps if the energy error of a lane exceeds its
+    limit.
 
     ``workspace(stages)`` returns the arrays that a queue of runs works in.
 

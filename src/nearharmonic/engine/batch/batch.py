@@ -163,9 +163,11 @@ def integrate_batch(
     samples : int
         Most samples of a run; a single one is the end.
     start : (R or 1, 4 d) array of float, optional
-        Initial states, laid out as by :func:`start_row`, in place of the system's own.
+        Initial states in place of the system's own, laid out as by
+        :func:`nearharmonic.engine.numbers.coefficients.start_row`.
     parameters : (R or 1, 2 P) array of float, optional
-        Parameters, laid out as by :func:`parameter_row`, in place of the system's own.
+        Parameters in place of the system's own, laid out as by
+        :func:`nearharmonic.engine.numbers.coefficients.parameter_row`.
     marks : (R, S) array of int, optional
         Steps at which to sample in place of ``samples``: as :func:`sample_marks` returns them.
 

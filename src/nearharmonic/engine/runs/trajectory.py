@@ -84,7 +84,7 @@ def integrate(
         When the energy is measured: at every step; at the samples, so that errors are over the samples and a run counts
         as diverged at the first sample that says so; never: errors are NaN, and only what is not finite has diverged.
     energy_scale : float or str, optional
-        Energy that errors are relative to, in the system's unit; by default |H0|, or that unit where H0 = 0.
+        Energy that errors are relative to, in the system's unit; by default ``|H0|``, or that unit where H0 = 0.
     start : xarray.Dataset or Solution, optional
         Continue from the last sample of this result, with its parameters and relative to its H0. ``t_end`` is then the
         length of the continuation. The bits are those of one long run, unless the last sample has been edited: the run
@@ -96,13 +96,13 @@ def integrate(
     Returns
     -------
     xarray.Dataset
-        Over (sample, component): ``t``, ``q``, ``p``, ``energy_error`` = (H - H0)/|H0| at the samples, with ``q_low``
-        and ``p_low``, the digits below ``q`` and ``p``, unless the summation is plain; what the system records and
-        conserves, with ``<invariant>_drift``; and the scalars ``tau``, ``max_energy_error`` and ``mean_energy_error``
-        of |H - H0|/|H0| over every step, ``steps``, ``evaluations`` of the force, ``status``, ``diverged_at``,
-        ``initial_energy``; ``running``, from which ``start`` goes on with the same step size. A run that leaves its
-        energy surface ends there: its status is "diverged", ``diverged_at`` its step, both errors infinite; later
-        samples are left out.
+        Over (sample, component): ``t``, ``q``, ``p``, ``energy_error`` = ``(H - H0)/|H0|`` at the samples, with
+        ``q_low`` and ``p_low``, the digits below ``q`` and ``p``, unless the summation is plain; what the system
+        records and conserves, with ``<invariant>_drift``; and the scalars ``tau``, ``max_energy_error`` and
+        ``mean_energy_error`` of ``|H - H0|/|H0|`` over every step, ``steps``, ``evaluations`` of the force, ``status``,
+        ``diverged_at``, ``initial_energy``; ``running``, from which ``start`` goes on with the same step size. A run
+        that leaves its energy surface ends there: its status is "diverged", ``diverged_at`` its step, both errors
+        infinite; later samples are left out.
 
     Raises
     ------
@@ -110,6 +110,13 @@ def integrate(
         An unknown name, or a setting outside what is allowed, before any work.
     KeyboardInterrupt
         Ctrl-C, within a fraction of a second.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> run = nh.integrate("henon_heiles", "babps8o7h", 0.8)
+    >>> print(f"{run.max_energy_error.item():.1e}")
+    1.0e-06
     """
     problem = Setup(
         system, integrator, t_end=t_end, precision=precision, summation=summation, first=first, energy=energy,
@@ -150,20 +157,25 @@ def sweep(
 
     Parameters
     ----------
+    system, integrator : str, or System and Tableau
+        As for :func:`nearharmonic.integrate`.
     taus : iterable of float
-        Step sizes asked for.
+        Step sizes asked for, in the system's unit of time.
+    t_end, precision, summation, first, q0, p0, parameters
+        As for :func:`nearharmonic.integrate`.
     t : sequence of float or str, optional
         Times at which the states of each run are returned as well.
-    system, integrator, t_end, precision, summation, first, q0, p0, parameters, energy, energy_scale, split
-        As for :func:`integrate`; with "samples" the energy is measured at the times ``t``, or at the end.
+    energy, energy_scale, split
+        As for :func:`nearharmonic.integrate`; with ``energy="samples"`` the energy is measured at the times ``t``, or
+        at the end.
 
     Returns
     -------
     xarray.Dataset
         Over ``tau``, the step as used, in the order asked for: ``tau_requested``, ``max_energy_error`` and
         ``mean_energy_error`` over every step, ``steps``, ``evaluations``, ``status`` and ``diverged_at``, each bit for
-        bit what :func:`integrate` finds for that step (the mean to rounding). With ``t`` also ``t``, ``q``, ``p`` and
-        ``energy_error`` over (tau, sample, component).
+        bit what :func:`nearharmonic.integrate` finds for that step (the mean to rounding). With ``t`` also ``t``,
+        ``q``, ``p`` and ``energy_error`` over (tau, sample, component).
 
     Raises
     ------
@@ -171,6 +183,13 @@ def sweep(
         An unknown name, no step size, or a setting outside what is allowed, before any work.
     KeyboardInterrupt
         Ctrl-C, within a fraction of a second.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> found = nh.sweep("henon_heiles", "babps8o7h", [0.8, 0.4])
+    >>> [f"{error:.1e}" for error in found.max_energy_error.values]
+    ['1.0e-06', '1.2e-08']
     """
     problem = Setup(
         system, integrator, t_end=t_end, precision=precision, summation=summation, first=first, energy=energy,

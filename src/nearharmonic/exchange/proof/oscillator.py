@@ -27,7 +27,10 @@ _PHASE: tuple[_Weights, ...] = ((1, 0, 0, 1),)
 
 
 class OscillatorStep:
-    """A step of drifts and kicks, whose coefficients are :class:`Printed`, on the harmonic oscillator."""
+    """A step of drifts and kicks on the harmonic oscillator.
+
+    Its coefficients are of the type :class:`nearharmonic.exchange.composition.Printed`.
+    """
 
     def __init__(self, step: Step) -> None:
         self.step = step

@@ -74,7 +74,7 @@ def page(folder: str | os.PathLike[str], **_: Any) -> dict[str, str]:
     -------
     dict
         ``page``, the text of the HTML file, and those of the pages of single figures under the names of
-        :func:`.declared.pages_alone`. The same results give the same text.
+        :func:`nearharmonic.reproduction.report.shown.declared.pages_alone`. The same results give the same text.
 
     Raises
     ------

@@ -36,7 +36,7 @@ LEADER = "NEARHARMONIC_LEADER"
 
 
 def run(snakemake: Any) -> None:
-    """Run the job of a rule whose ``params.task`` comes from :func:`.provenance.task`.
+    """Run the job of a rule whose ``params.task`` comes from :func:`nearharmonic.reproduction.tasks.provenance.task`.
 
     The function is called with its settings, and with the paths of the inputs of the rule under their names. Its
     optional parameter ``threads`` is the number of threads of the job; ``report`` writes a progress line to the

@@ -17,9 +17,22 @@ DIGITS = 100
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """A constant of a system: exact decimal ``value``, ``unit`` ("1" for none), and ``meaning``.
+    """A constant of a system.
 
-    A float as ``value`` means the decimal that it prints as.
+    Parameters
+    ----------
+    value : str
+        Exact decimal; a float means the decimal that it prints as.
+    unit : str
+        Unit, "1" for none.
+    meaning : str
+        The constant in words.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> nh.Parameter(value=0.1, unit="h-1", meaning="rate")
+    Parameter(value='0.1', unit='h-1', meaning='rate')
     """
 
     value: str
@@ -32,14 +45,39 @@ class Parameter:
 
 @dataclass(frozen=True, kw_only=True)
 class Observable:
-    """A function ``f(q, p, *parameters)`` of states, with its unit and meaning."""
+    """A function of the states of a system, with its unit and meaning.
+
+    Parameters
+    ----------
+    function : callable
+        ``f(q, p, *parameters)``, a number or a sequence of numbers, for tuples q and p of d numbers of any type.
+    unit : str
+        Unit of the value, "1" for none.
+    meaning : str
+        The value in words.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> distance = nh.Observable(function=lambda q, p: q[0] * q[0], unit="1", meaning="square of the distance")
+    >>> distance((3.0,), (0.0,))
+    9.0
+    """
 
     function: Callable[..., Any]
     unit: str
     meaning: str
 
     def __call__(self, q: Vector, p: Vector, *parameters: Any) -> Any:
-        """Return the value, or a sequence of values, at states of any number type."""
+        """Return the value, or a sequence of values, at states of any number type.
+
+        Parameters
+        ----------
+        q, p : tuple of d numbers or arrays
+            Positions and momenta.
+        *parameters : numbers
+            Parameters of the system.
+        """
         return self.function(q, p, *parameters)
 
 

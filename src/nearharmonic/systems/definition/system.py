@@ -25,49 +25,74 @@ DECLARED = ("harmonic", "gravity", "exact_position", "position_t_end", "frequenc
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)  # formulas are compared by identity only
 class System(Energies):
-    """A separable Hamiltonian with a standard initial value problem.
+    """A separable Hamiltonian H(q, p) = T(p) + V(q) with a standard initial value problem.
 
-    ``V(q, *parameters)`` and ``T(p)`` or ``T(p, *parameters)`` return a scalar. They use only ``+ - * /``, powers,
-    ``abs`` and the functions of :mod:`nearharmonic.math`, and never branch on a value. The same code then works with
-    floats, numpy arrays, mpmath numbers, and the scalars, SIMD lanes and double-doubles of kernels. In kernels a float
-    literal means the shortest decimal that it prints as: 0.1 is one tenth in every precision, and ``q[0] / 3`` is more
-    precise than ``0.3333333333333333 * q[0]``. A number with more digits must be a parameter.
-
-    ``grad_V(q, *parameters)`` and ``grad_T(p)`` return a tuple as long as ``q``. Gradients that are not given are
-    derived from V and T. Gradients that are given are compared with V and T at first use. With ``time_dependent=True``,
-    ``V(q, t, *parameters)`` and ``grad_V(q, t, *parameters)`` depend on the time, and :meth:`formulas` are those of the
-    extended autonomous system.
+    Formulas use only ``+ - * /``, powers, ``abs`` and the functions of :mod:`nearharmonic.math`, and never branch on a
+    value. The same code then works with floats, numpy arrays, mpmath numbers, and the scalars, SIMD lanes and
+    double-doubles of kernels. In kernels a float literal means the shortest decimal that it prints as: 0.1 is one tenth
+    in every precision, and ``q[0] / 3`` is more precise than ``0.3333333333333333 * q[0]``. A number with more digits
+    must be a parameter. Numbers of a system are exact decimal strings, which are rounded once for each precision; a
+    float means the decimal that it prints as.
 
     V and grad_V may both be functions decorated with ``numba.njit``, of a tuple or an array of floats. Such functions
-    may branch, and are compiled without tracing, for double precision only. See
-    :mod:`nearharmonic.systems.numba.potential`.
+    may branch, and are compiled without tracing, for double precision only (``nearharmonic.systems.numba.potential``).
 
-    ``masses`` defines T = p.M^-1 p / 2, in place of T and grad_T. It is a tuple of d decimal strings, fractions or
-    names of parameters, or a constant symmetric positive definite matrix (d, d) of strings and fractions. Without
-    ``masses`` and T all masses are 1.
-
-    ``q0``, ``p0``, ``t_end`` and the parameters are exact decimal strings, which are rounded once for each precision. A
-    float means the decimal that it prints as. A parameter may be given by its value alone. ``units`` holds the units of
-    ``q``, ``p``, ``t`` and ``energy``, "1" by default. ``invariants`` are functions ``f(q, p, *parameters)`` that are
-    conserved besides the energy, ``observables`` functions of the same arguments that are recorded at the samples. Both
-    may be an :class:`Observable`, which has a unit. ``period(q, p, *parameters)`` is the period of the exact orbit
-    through floats q, p, if it is periodic. Energy errors are relative to ``energy_scale``, a decimal string in the unit
-    of energy; if None, they are relative to |H0|, or absolute if H0 = 0. A run has diverged if its relative energy
-    error exceeds ``surface_limit``; ``surface_reason`` is the reason for the value of this limit.
-
-    ``regularisation`` transforms a system with V = -GM/|q| + R in two or three coordinates to an oscillator: the
-    formulas of :mod:`nearharmonic.systems.formulas.regularisation` are integrated with a step in a fictitious time.
-    States, times and energies are mapped back.
-
-    ``harmonic`` marks the unit oscillator H = (p^2 + q^2)/2, for which energy errors have a closed form. ``gravity``
-    marks the potential V = -GM/|q|, for which other libraries have special code. Both are compared with V at first use.
-    ``exact_position(system, t)`` returns the position at the time t, an mpmath number, on the exact orbit in the
-    working precision of mpmath, or None if there is no closed form for the initial values and parameters of ``system``.
-    ``position_t_end`` is the end of the interval over which positions are compared, if ``t_end`` is too late for that.
-    ``frequencies`` are w_i of the oscillators p_i^2 / 2 + w_i^2 q_i^2 / 2 that are solved exactly by a run with
-    ``split``: d decimal strings, fractions or names of parameters, "0" for a free coordinate. A copy by
-    :func:`dataclasses.replace` with another V or T resets those of these five members that are not replaced too, and
-    derives gradients again. ``declared_for`` records V and T for this purpose and must not be set.
+    Parameters
+    ----------
+    name, label : str
+        Name in settings, and name in figures and tables, by default the same.
+    V : callable
+        ``V(q, *parameters)``, a scalar, or ``V(q, t, *parameters)`` with ``time_dependent``; q is a tuple of d numbers.
+    grad_V : callable, optional
+        Gradient of V, of the same arguments: a tuple of d numbers. It is compared with V at first use, and derived from
+        V if it is not given.
+    q0, p0 : tuple of d str
+        Initial position and momentum, in the units of q and p.
+    t_end : str
+        End of the interval [0, t_end], in the unit of t.
+    units : mapping of str, optional
+        Units of ``q``, ``p``, ``t`` and ``energy``, "1" by default.
+    source : str, optional
+        Source of the formulas and numbers.
+    T, grad_T : callable, optional
+        ``T(p)`` or ``T(p, *parameters)``, a scalar, and its gradient; p.p/2 by default.
+    masses : tuple of d str or matrix (d, d), optional
+        T = p.M^-1 p / 2, in place of T and grad_T: decimal strings, fractions or names of parameters, or a constant
+        symmetric positive definite matrix of strings and fractions.
+    time_dependent : bool
+        True if V depends on the time; :meth:`formulas` are then those of the extended autonomous system.
+    regularisation : Regularisation, optional
+        Transformation of a system with ``V = -GM/|q| + R`` in two or three coordinates to an oscillator. It is
+        integrated with a step in a fictitious time; states, times and energies are mapped back.
+    parameters : mapping of Parameter or number, optional
+        Constants of the formulas by name, in the order of their arguments. A parameter may be given by its value alone.
+    invariants, observables : mapping of callable, optional
+        Functions ``f(q, p, *parameters)`` that are conserved besides the energy, and those that are recorded at the
+        samples. Both may be an :class:`~nearharmonic.Observable`, which has a unit.
+    period : callable, optional
+        ``period(q, p, *parameters)``, the period of the exact orbit through floats q, p, if it is periodic.
+    harmonic, gravity : bool
+        True for the unit oscillator H = (p^2 + q^2)/2, for which energy errors have a closed form; True for the
+        potential ``V = -GM/|q|``, for which other libraries have special code. Both are compared with V at first use.
+    exact_position : callable, optional
+        ``exact_position(system, t)``, the position at the time t, an mpmath number, on the exact orbit in the working
+        precision of mpmath; None if there is no closed form for the initial values and parameters of ``system``.
+    position_t_end : str, optional
+        End of the interval over which positions are compared, if ``t_end`` is too late for that.
+    frequencies : tuple of d str, optional
+        Frequencies w_i of the oscillators p_i^2 / 2 + w_i^2 q_i^2 / 2 that are solved exactly by a run with ``split``:
+        decimals, fractions or names of parameters, "0" for a free coordinate.
+    declared_for : mapping, optional
+        V and T of a copy's original, which must not be set. A copy by ``dataclasses.replace`` with another V or T
+        resets ``harmonic``, ``gravity``, ``exact_position``, ``position_t_end`` and ``frequencies`` unless they are
+        replaced too, and derives gradients again.
+    energy_scale : str, optional
+        Energy that errors are relative to, in the unit of energy; by default ``|H0|``, and errors are absolute if H0 =
+        0.
+    surface_limit : float
+        Relative energy error above which a run has diverged.
+    surface_reason : str
+        Reason for the value of this limit.
 
     Raises
     ------
@@ -75,6 +100,15 @@ class System(Energies):
         q0 and p0 have different lengths; a string is not a finite double; a unit is missing; ``masses`` do not define a
         kinetic energy, or are given together with T; a formula has wrong arguments or parameters in another order; or
         ``harmonic`` or ``gravity`` contradicts the dimension, the kinetic energy or the parameters.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> def V(q, k):
+    ...     return k * q[0] * q[0] / 2
+    >>> spring = nh.System(name="spring", V=V, q0=["1"], p0=["0"], t_end="10", parameters={"k": "4"})
+    >>> print(f"{nh.integrate(spring, 'ruth', 0.1).max_energy_error.item():.1e}")
+    1.3e-04
     """
 
     def __post_init__(self) -> None:

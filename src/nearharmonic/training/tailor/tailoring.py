@@ -102,6 +102,13 @@ def tailor(
     -----
     NoGainWarning
         The returned method is a registered one.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> method = nh.tailor("henon_heiles", stages=8, window=(0.1, 0.15), trials=1000)
+    >>> method.name, method.order
+    ('tailored_henon_heiles_8', 4)
     """
     asked = question(
         system, stages=stages, window=window, error=error, seconds=seconds, trials=trials, starts=starts,

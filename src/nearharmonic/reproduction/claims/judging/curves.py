@@ -2,8 +2,8 @@
 the order of something else.
 
 Statements about curves are decided at every step size of a range. Unless a statement says otherwise it is the range of
-:func:`compared`: from the first step size at which every curve is clear of rounding to the last before one of them
-passes :data:`LOST`.
+:meth:`Curves.compared`: from the first step size at which every curve is clear of rounding to the last before one of
+them passes :data:`LOST`.
 """
 
 from __future__ import annotations

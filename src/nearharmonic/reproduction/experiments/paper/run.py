@@ -1,4 +1,7 @@
-"""Runs of one method on one system; :mod:`.reductions` derives further quantities."""
+"""Runs of one method on one system.
+
+:mod:`nearharmonic.reproduction.experiments.paper.reductions` derives further quantities.
+"""
 
 from __future__ import annotations
 

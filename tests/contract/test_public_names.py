@@ -1,0 +1,129 @@
+"""Docstrings of public names: each has an example that runs, names the arguments, and refers to names that exist."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+import re
+from importlib import import_module
+from pkgutil import walk_packages
+
+import pytest
+
+import nearharmonic as nh
+from nearharmonic import math
+
+#: Public objects by name; the version is a string.
+PUBLIC = (
+    {"nearharmonic": nh}
+    | {f"nh.{name}": getattr(nh, name) for name in nh.__all__ if name != "__version__"}
+    | {f"math.{name}": getattr(math, name) for name in math.__all__ if name != "pi"}
+)
+CALLED = {name: one for name, one in PUBLIC.items() if inspect.isroutine(one) or isinstance(one, type)}
+#: Examples that take seconds: they compile a function, draw a figure, or search.
+LONGER = {"nh.plot", "nh.recommend", "nh.section", "nh.stepper", "nh.tailor"}
+#: Sections of numpydoc, in its order.
+SECTIONS = (
+    "Parameters", "Attributes", "Returns", "Yields", "Raises", "Warns", "See Also", "Notes", "References", "Examples"
+)  # fmt: skip
+ROLE = re.compile(r":(?:func|class|meth|mod|data|attr|exc|obj):`~?([\w.]+)`")
+
+each_name = pytest.mark.parametrize("name", PUBLIC)
+
+
+def sections(docstring):
+    """The underlined sections of a docstring by their titles, in order."""
+    parts = re.split(r"^(\w[\w ]*)\n-{3,}\n", docstring, flags=re.MULTILINE)
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def documented(section):
+    """Names of the arguments that a section describes: the lines without indentation."""
+    lines = [line.partition(" : ")[0] for line in section.splitlines() if re.match(r"[\w*]", line)]
+    return [name.lstrip("*") for line in lines for name in line.split(", ")]
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONGER)) for name in PUBLIC])
+def test_example_of_public_name_runs(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    example = doctest.DocTestParser().get_doctest(
+        sections(inspect.getdoc(PUBLIC[name]))["Examples"], {}, name, None, None
+    )
+    assert example.examples
+    report = []
+    failed, _ = doctest.DocTestRunner().run(example, out=report.append)
+    assert not failed, "".join(report)
+
+
+@each_name
+def test_sections_of_docstring_are_those_of_numpydoc_in_order(name):
+    found = [*sections(inspect.getdoc(PUBLIC[name]))]
+    assert found == [title for title in SECTIONS if title in found]
+
+
+@pytest.mark.parametrize("name", CALLED)
+def test_docstring_describes_the_arguments_of_the_signature(name):
+    described = sections(inspect.getdoc(CALLED[name])).get("Parameters")
+    try:
+        arguments = [*inspect.signature(CALLED[name]).parameters]
+    except ValueError:  # an exception of Python has no signature
+        return
+    if described is None:
+        assert len(arguments) <= 1
+    else:
+        assert documented(described) == arguments
+
+
+@pytest.mark.parametrize("name", [name for name in CALLED if "." in name])
+def test_numpydoc_finds_no_fault_in_docstring(name):
+    validate = pytest.importorskip("numpydoc.validate").validate
+    # No need: extended summaries, "See Also", types of arguments that another function describes; for functions of
+    # mathematics, the sections of an argument and of a value that are numbers.
+    allowed = {"ES01", "SA01", "PR04", *(["PR01", "RT01"] if name.startswith("math.") else [])}
+    place = f"nearharmonic.{name.removeprefix('nh.')}"
+    assert [fault for fault in validate(place)["errors"] if fault[0] not in allowed] == []
+
+
+def owners(module):
+    """(object, class that it stands in or None) of the definitions of a module, and the module."""
+    yield module, None
+    for one in vars(module).values():
+        if getattr(one, "__module__", None) == module.__name__ and (inspect.isroutine(one) or isinstance(one, type)):
+            yield one, one if isinstance(one, type) else None
+            if isinstance(one, type):
+                yield from ((inspect.unwrap(member), one) for member in vars(one).values() if member.__doc__)
+
+
+def resolves(target, module, owner):
+    """Return True if a reference in a docstring names an object: absolute, of the class, of the module, or of nh."""
+    first, *rest = target.split(".")
+    for place in (owner, module, nh):
+        if hasattr(place, first):
+            found = getattr(place, first)
+            return all((found := getattr(found, part, None)) is not None for part in rest)
+    for count in range(len(rest) + 1, 0, -1):
+        try:
+            found = import_module(".".join([first, *rest][:count]))
+        except (ImportError, TypeError, ValueError):  # no such module, or a name that begins with a dot
+            continue
+        return all((found := getattr(found, part, None)) is not None for part in [first, *rest][count:])
+    return False
+
+
+def references(text):
+    """Names that a docstring refers to by roles, and as ``nh.x``."""
+    return ROLE.findall(text) + re.findall(r"``(nh\.\w+)", text)
+
+
+@pytest.mark.slow
+def test_references_in_docstrings_resolve():
+    names = [info.name for info in walk_packages(nh.__path__, "nearharmonic.") if ".templates" not in info.name]
+    found, missing = 0, []
+    for module in map(import_module, ["nearharmonic", *names]):
+        for one, owner in owners(module):
+            for target in references(one.__doc__ or ""):
+                found += 1
+                if not resolves(target, module, owner):
+                    missing.append((module.__name__, getattr(one, "__qualname__", ""), target))
+    assert found > 300
+    assert missing == []
