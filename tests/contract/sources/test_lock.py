@@ -24,7 +24,8 @@ def pins(text):
 
 def asked():
     """Requirements of the package, and of the extras that a machine needs for the workflow and its tests."""
-    return [*of_library(), *of_extra("cluster"), *of_extra("test")]
+    every = (*of_library(), *of_extra("cluster"), *of_extra("test"))
+    return list({str(one): one for one in every}.values())
 
 
 def test_lock_has_versions_of_constraints():
