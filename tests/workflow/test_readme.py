@@ -37,7 +37,9 @@ BLOCKS = {
 
 
 #: Pages whose blocks take seconds.
-LONGER = {"exact_oscillator.md", "own_systems.md", "regularised.md", "systems.md", "tailor.md"}
+LONGER = {
+    "exact_oscillator.md", "own_systems.md", "regularised.md", "systems.md", "tabulated_potentials.md", "tailor.md",
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
