@@ -76,7 +76,7 @@ def test_keys_of_a_section_are_merged_on_the_command_line(written):
 
 
 @pytest.mark.slow
-def test_a_first_try_makes_the_cube_and_the_figure_alone(written):
+def test_first_try_makes_the_cube_and_the_figure_alone(written):
     (words,) = [one for one in COMMANDS if "samples=20" in one]
     done = written.snakemake(*words)
     assert done.returncode == 0, done.stdout

@@ -36,7 +36,7 @@ def test_page_names_the_arguments_of_a_declaration():
     assert sorted(first_column("argument")) == sorted(field.name for field in fields(Experiment))
 
 
-def test_line_of_the_snakefile_is_the_one_that_the_test_adds():
+def test_line_of_the_snakefile_is_that_of_the_test():
     text = (ROOT / "tests/workflow/test_extensions.py").read_text(encoding="utf-8")
     room = re.search(r'room = "(.*?)"', text)[1]
     assert BLOCKS[4].strip() == f'include: "{room}/rules.smk"'
