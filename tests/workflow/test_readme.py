@@ -41,7 +41,9 @@ BLOCKS = {
 
 
 #: Pages whose blocks take seconds.
-LONGER = {"choosing.md", "exact_oscillator.md", "own_systems.md", "regularised.md", "systems.md", "tailor.md"}
+LONGER = {
+    "choosing.md", "exact_oscillator.md", "own_systems.md", "regularised.md", "systems.md", "tabulated_potentials.md", "tailor.md",
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -28,7 +28,16 @@ _PAGES = {
     ),
     "reference/methods": ({}, {}, lambda: task("reproduction.pages.methods:page", **on("reference/methods", _EVERY))),
     "results/ranking": ({}, {}, lambda: task("reproduction.pages.ranking:page", **on("results/ranking", _EVERY))),
-    "how_to/tailor": (_EXAMPLES, {}, lambda: task("reproduction.pages.tailor:page", **on("how_to/tailor", _EVERY))),
+    "how_to/tabulated_potentials": (
+        {},
+        {"figure": "tabulated_potentials"},
+        lambda: task("reproduction.pages.how_to.tabulated:page", **on("how_to/tabulated_potentials", _EVERY)),
+    ),
+    "how_to/tailor": (
+        _EXAMPLES,
+        {},
+        lambda: task("reproduction.pages.how_to.tailor:page", **on("how_to/tailor", _EVERY)),
+    ),
     "results/timings": (
         {"cube": CUBE("work_precision")},
         {},
@@ -69,7 +78,7 @@ for _page, (_inputs, _pictures, _made) in _PAGES.items():
             LOG(f"pages/{_name}"),
         threads: ALL_CORES if _name == "ranking" else 1  # nothing runs beside what is timed
         resources:
-            compiler=int(_name in ("examples", "methods", "tailor")),
+            compiler=int(_name in ("examples", "methods", "tabulated_potentials", "tailor")),
         params:
             task=lambda wildcards, made=_made: made(),
         script:

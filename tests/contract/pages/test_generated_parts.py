@@ -12,8 +12,9 @@ from PIL import Image
 
 from nearharmonic.output import store
 from nearharmonic.recommendation.timings import variables
-from nearharmonic.reproduction.pages import examples, gallery, methods, ranking, tailor, timings, trained, training
+from nearharmonic.reproduction.pages import examples, gallery, methods, ranking, timings, trained, training
 from nearharmonic.reproduction.pages.anharmonicity import NEW, Result, others
+from nearharmonic.reproduction.pages.how_to import tabulated, tailor
 from nearharmonic.reproduction.report.shown.pictures import COLOURS, few_colours
 from support.cubes.figure_cubes import FACTS, label, timed
 
@@ -94,6 +95,17 @@ def of_ranking(monkeypatch, tmp_path):
     return ranking.page(str(PAGES["ranking"]), (), ())
 
 
+def of_tabulated_potentials(monkeypatch, tmp_path):
+    """Errors that are powers of the step size."""
+    found = {
+        method: {form: tabulated.STEPS**power for power, form in enumerate(tabulated.LOOKS, 3)}
+        for method in tabulated.METHODS
+    }
+    monkeypatch.setattr(tabulated, "errors", lambda: found)
+    monkeypatch.setattr(tabulated, "DEGREES", (3, 5))
+    return tabulated.page(str(PAGES["tabulated_potentials"]), (), ())
+
+
 def of_tailor(monkeypatch, tmp_path):
     for name in ("example", "elsewhere"):
         monkeypatch.setattr(tailor, name, lambda name=name: name)
@@ -138,7 +150,8 @@ def of_methods(monkeypatch, tmp_path):
 
 
 MADE = {"examples": of_examples, "gallery": of_gallery, "methods": of_methods, "ranking": of_ranking,
-        "tailor": of_tailor, "timings": of_timings, "trained": of_trained, "training": of_training}  # fmt: skip
+        "tabulated_potentials": of_tabulated_potentials, "tailor": of_tailor, "timings": of_timings,
+        "trained": of_trained, "training": of_training}  # fmt: skip
 
 
 @pytest.fixture

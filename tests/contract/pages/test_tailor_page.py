@@ -9,7 +9,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.cli import main
-from nearharmonic.reproduction.pages import tailor as made
+from nearharmonic.reproduction.pages.how_to import tailor as made
 from nearharmonic.training.tailor import budget, question, search, tailoring
 from nearharmonic.training.tailor.inputs import starts
 

@@ -8,12 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from nearharmonic.output.answers import Answer
+from nearharmonic.reproduction.record.archive.description.software import workflow_root
 
 HELP = "put the workflow into this folder, if it is not there, and run it"
 #: Files of the workflow, by patterns from its root, which has all of them.
 PARTS = ("Snakefile", "workflow/**/*", "config/*", "profiles/**/*")
-#: Where a wheel has its root.
-SHARED = "share/nearharmonic/Snakefile"
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -73,31 +72,6 @@ def put_into(folder: Path) -> None:
         if not place.exists():
             place.parent.mkdir(parents=True, exist_ok=True)
             write_bytes(place, path.read_bytes())
-
-
-def workflow_root() -> Path:
-    """Return the folder with the files of the workflow: that of a wheel, or that of the sources.
-
-    Raises
-    ------
-    SettingError
-        There is none.
-    """
-    from importlib.metadata import PackageNotFoundError, distribution
-
-    from nearharmonic.errors import SettingError
-
-    sources = Path(__file__).parents[4]
-    if (sources / "Snakefile").is_file() and (sources / "workflow").is_dir():
-        return sources
-    try:
-        installed = distribution("nearharmonic")
-        found = [Path(str(installed.locate_file(one))) for one in installed.files or [] if str(one).endswith(SHARED)]
-    except PackageNotFoundError:
-        found = []
-    if not found:
-        raise SettingError("the package has come without the workflow: pip install 'nearharmonic[workflow]' has it")
-    return found[0].resolve().parent
 
 
 def _files(root: Path) -> Iterator[Path]:

@@ -124,8 +124,10 @@ def test_no_file_at_all_is_an_error(tmp_path):
 
 
 def undescribed(contents):
-    """The contents without the page, which the description does not name any more."""
+    """The contents without the page, which the description does not name any more, and without the preview."""
     for name, content in contents:
+        if name == "ro-crate-preview.html":
+            continue
         if name == "ro-crate-metadata.json":
             document = json.loads(content)
             document["@graph"] = [each for each in document["@graph"] if each["@id"] != "report.html"]
@@ -149,6 +151,14 @@ def undescribed(contents):
             lambda contents: [each for each in contents if each[0] != "report.html"],
             ["report.html is missing from little.zip", "report.html is in manifest.json but not in the archive"],
         ),
+        (
+            replaced("ro-crate-preview.html", b"<!DOCTYPE html><title>other</title>"),
+            ["ro-crate-preview.html in little.zip does not show ro-crate-metadata.json"],
+        ),
+        (
+            replaced("ro-crate-preview.html", b'<script type="application/ld+json">{"@graph": []}</script>'),
+            ["ro-crate-preview.html in little.zip does not show ro-crate-metadata.json"],
+        ),
         (undescribed, ["report.html is in manifest.json but not in the archive"]),
         (
             lambda contents: [*contents, ("tables/\n\x1b[2J.csv", b"1\n")],
@@ -163,7 +173,16 @@ def undescribed(contents):
             ["LICENSE is in the archive 2 times"],
         ),
     ],
-    ids=["changed", "missing", "undescribed", "escape sequence", "extra", "twice"],
+    ids=[
+        "changed",
+        "missing",
+        "preview without metadata",
+        "preview of others",
+        "undescribed",
+        "escape sequence",
+        "extra",
+        "twice",
+    ],
 )
 def test_fault_is_found_under_a_seal_that_is_right(place, change, says):
     sealed_again(place, change)
@@ -185,7 +204,7 @@ def described(name, mode=0o100644):
             if each == "ro-crate-metadata.json":
                 document = json.loads(old)
                 yield each, json.dumps({"@graph": [*document["@graph"], entity]})
-            else:
+            elif each != "ro-crate-preview.html":  # archives of earlier versions have none
                 yield each, old
         member = ZipInfo(name)
         member.external_attr = mode << 16

@@ -1,7 +1,9 @@
-"""Every MUST of RO-Crate 1.1 and of Process Run Crate 0.5 that binds who writes a crate, each with its section.
+"""Every MUST of RO-Crate 1.1 and of Workflow Run Crate 0.5 that binds who writes a crate, each with its section.
 
-The texts are https://w3id.org/ro/crate/1.1 and https://w3id.org/ro/wfrun/process/0.5. A MUST about something that an
-archive does not hold (a preview, a workflow file, a thumbnail, a bag) is a test that it does not hold it.
+The texts are https://w3id.org/ro/crate/1.1, https://w3id.org/ro/wfrun/process/0.5,
+https://w3id.org/ro/wfrun/workflow/0.5 and https://w3id.org/workflowhub/workflow-ro-crate/1.0. A MUST about something
+that an archive does not hold (a thumbnail, a bag, formal parameters) is a test that it does not hold it. The preview
+has tests of its own.
 """
 
 from __future__ import annotations
@@ -22,14 +24,22 @@ from support.results import finished_results
 
 #: Properties and types of the archive that the JSON-LD context of RO-Crate 1.1 defines.
 CONTEXT_1_1 = {
-    "CreateAction", "CreativeWork", "Dataset", "File", "Person", "ScholarlyArticle", "SoftwareApplication", "about",
-    "actionStatus", "agent", "author", "citation", "conformsTo", "contentSize", "datePublished", "description",
-    "encodingFormat", "endTime", "error", "hasPart", "instrument", "keywords", "license", "mentions", "name", "object",
-    "result", "softwareRequirements", "startTime", "url", "version",
+    "ComputationalWorkflow", "ComputerLanguage", "CreateAction", "CreativeWork", "Dataset", "File", "Person",
+    "ScholarlyArticle", "SoftwareApplication", "SoftwareSourceCode", "about", "actionStatus", "agent", "author",
+    "citation", "conformsTo", "contentSize", "datePublished", "description", "encodingFormat", "endTime",
+    "error", "hasPart", "identifier", "instrument", "keywords", "license", "mainEntity", "mentions", "name",
+    "object", "programmingLanguage", "result", "softwareRequirements", "startTime", "url", "version",
 }  # fmt: skip
 STATUSES = {
     f"http://schema.org/{name}ActionStatus" for name in ("Active", "Completed", "Failed", "Potential")
 }  # fmt: skip
+
+
+PROFILES = {
+    "https://w3id.org/ro/wfrun/process/0.5",
+    "https://w3id.org/ro/wfrun/workflow/0.5",
+    "https://w3id.org/workflowhub/workflow-ro-crate/1.0",
+}
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +93,7 @@ def test_the_metadata_file_is_in_the_root_under_its_name(crate):
 def test_every_data_entity_is_file_of_archive_or_on_web(crate):
     """RO-Crate structure: data entities are payload files or web-based."""
     local = [each for each in crate.read.data_entities if not urlsplit(each.id).scheme]
-    assert len(local) == len(crate.names) - 1
+    assert len(local) == len(crate.names) - 2  # the metadata and their preview are no data
     for each in local:
         assert each.source.is_file(), each.id
         assert unquote(each.id) in crate.names
@@ -105,7 +115,8 @@ def test_the_descriptor_describes_itself_and_names_the_root(crate):
     descriptor = entity(crate, "ro-crate-metadata.json")
     assert descriptor["@type"] == "CreativeWork"
     assert descriptor["about"] == {"@id": "./"}
-    assert descriptor["conformsTo"] == {"@id": "https://w3id.org/ro/crate/1.1"}
+    profiles = {"https://w3id.org/ro/crate/1.1", "https://w3id.org/workflowhub/workflow-ro-crate/1.0"}
+    assert set(references(descriptor["conformsTo"])) == profiles
     assert crate.read.version == "1.1"
 
 
@@ -127,7 +138,7 @@ def test_every_file_is_a_part_of_the_root(crate):
 
 def test_every_file_of_archive_is_file_with_relative_uri_path(crate):
     """File Data Entity: @type and @id; Encoding file paths; Describing entities in JSON-LD."""
-    for name in set(crate.names) - {"ro-crate-metadata.json"}:
+    for name in set(crate.names) - {"ro-crate-metadata.json", "ro-crate-preview.html"}:
         (found,) = [each for each in crate.graph if unquote(each["@id"]) == name]
         assert "File" in values(found["@type"])
     for each in typed(crate, "File"):
@@ -140,6 +151,26 @@ def test_every_file_of_archive_is_file_with_relative_uri_path(crate):
 def test_no_two_entities_have_one_id(crate):
     """Contextual vs Data entities: one object for each entity, no @id twice."""
     assert set(Counter(each["@id"] for each in crate.graph).values()) == {1}
+
+
+def test_every_entity_that_is_referenced_exists(crate):
+    """Describing entities in JSON-LD; the specification, states of actions and pages of a language are on the web."""
+    known = {each["@id"] for each in crate.graph}
+    elsewhere = {"https://w3id.org/ro/crate/1.1", *STATUSES}
+    elsewhere |= {
+        one
+        for each in typed(crate, "ComputerLanguage")
+        for key in ("identifier", "url")
+        for one in references(each[key])
+    }
+    linked = {
+        single["@id"]
+        for each in crate.graph
+        for value in each.values()
+        for single in values(value)
+        if isinstance(single, dict)
+    }
+    assert linked - known <= elsewhere
 
 
 def test_the_publication_is_cited_by_its_url(crate):
@@ -177,21 +208,41 @@ def test_every_term_is_in_the_context(crate):
     assert keys | kinds == CONTEXT_1_1 | set(local)
 
 
-# Process Run Crate 0.5
+# Process Run Crate 0.5, Workflow Run Crate 0.5, Workflow RO-Crate 1.0
 
 
-def test_the_root_conforms_to_the_profile(crate):
+@pytest.mark.parametrize("profile", sorted(PROFILES))
+def test_the_root_conforms_to_the_profile(crate, profile):
     """Requirements, Dataset: conformsTo references a CreativeWork with the versioned permalink."""
-    profile = "https://w3id.org/ro/wfrun/process/0.5"
-    assert profile in references(entity(crate, "./")["conformsTo"])
+    assert set(references(entity(crate, "./")["conformsTo"])) == PROFILES
     assert entity(crate, profile)["@type"] == "CreativeWork"
-    assert entity(crate, profile)["version"] == "0.5"
+    assert entity(crate, profile)["version"] == profile.rpartition("/")[2]
 
 
 def test_there_is_one_action_with_its_tools_for_each_run(crate):
     """Requirements, CreateAction and SoftwareApplication: @type and a unique @id; mentions of the root."""
-    tools = {tool for action in typed(crate, "CreateAction") for tool in references(action["instrument"])}
-    assert {entity(crate, tool)["@type"] for tool in tools} == {"SoftwareApplication"}
+    for action in typed(crate, "CreateAction"):
+        tools = [entity(crate, tool)["@type"] for tool in references(action["instrument"])]
+        assert tools == [["File", "SoftwareSourceCode", "ComputationalWorkflow"], "SoftwareApplication"]
+        assert entity(crate, action["agent"]["@id"])["@type"] == "Person"
     actions = [action["@id"] for action in typed(crate, "CreateAction")]
     assert sorted(actions) == sorted(f"#run-{run['id']}" for run in finished_results.HISTORY)
     assert sorted(references(entity(crate, "./")["mentions"])) == sorted(actions)
+
+
+def test_the_main_entity_is_the_snakefile(crate):
+    """Workflow RO-Crate, Main Workflow: mainEntity, @type, programmingLanguage."""
+    assert entity(crate, "./")["mainEntity"] == {"@id": "Snakefile"}
+    workflow = entity(crate, "Snakefile")
+    assert workflow["@type"] == ["File", "SoftwareSourceCode", "ComputationalWorkflow"]
+    assert "Snakefile" in crate.names
+    language = entity(crate, workflow["programmingLanguage"]["@id"])
+    assert (language["@type"], language["name"]) == ("ComputerLanguage", "Snakemake")
+    assert not {"input", "output"} & workflow.keys()
+    assert set(references(workflow["hasPart"])) == {name for name in crate.names if name.startswith("workflow/")}
+
+
+def test_the_readme_is_about_the_archive(crate):
+    """Workflow RO-Crate, Crate: README.md."""
+    readme = entity(crate, "README.md")
+    assert (readme["about"], readme["encodingFormat"]) == ({"@id": "./"}, "text/markdown")

@@ -15,12 +15,19 @@ import pytest
 
 from nearharmonic.errors import ResultFileError, SettingError
 from nearharmonic.reproduction.record import verify
-from nearharmonic.reproduction.record.archive import pack, software
+from nearharmonic.reproduction.record.archive import pack
+from nearharmonic.reproduction.record.archive.description import software
 from support.results import finished_results
 from support.results.finished_results import FILES, HISTORY, KILLED, NEWER, OLDER
 
 ROOT = Path(__file__).parents[4]
-ADDED = {
+WORKFLOW = {
+    str(path.relative_to(ROOT))
+    for path in (ROOT / "Snakefile", *ROOT.glob("workflow/*/*"))
+    if path.is_file() and path.suffix != ".pyc"
+}
+ADDED = WORKFLOW | {
+    ".zenodo.json",
     "CITATION.cff",
     "LICENSE",
     "README.md",
@@ -28,6 +35,7 @@ ADDED = {
     "history.jsonl",
     "manifest.json",
     "ro-crate-metadata.json",
+    "ro-crate-preview.html",
 }
 TRAJECTORIES = {path for path in FILES if path.startswith("runs/")}
 
@@ -52,6 +60,12 @@ def references(value):
     return [each["@id"] for each in (value if isinstance(value, list) else [value])]
 
 
+def software_of(action):
+    """Identifier of the software of a run beside the workflow."""
+    (found,) = [one for one in references(action["instrument"]) if one != "Snakefile"]
+    return found
+
+
 def test_archive_holds_result_but_its_trajectories_and_its_logs(result, tmp_path):
     held = contents(pack.save(result, tmp_path / "little.zip"))
     (older,) = {name for name in held if name.startswith("config-")}
@@ -63,6 +77,7 @@ def test_archive_holds_result_but_its_trajectories_and_its_logs(result, tmp_path
     assert held["manifest.json"] == (result / "manifest.json").read_bytes()
     assert held["LICENSE"] == (ROOT / "LICENSE").read_bytes()
     assert held["CITATION.cff"] == (ROOT / "CITATION.cff").read_bytes()
+    assert {name: held[name] for name in WORKFLOW} == {name: (ROOT / name).read_bytes() for name in WORKFLOW}
     assert json.loads(held["config.json"]) == HISTORY[-1]["config"]
     assert json.loads(held[older]) == HISTORY[0]["config"]
 
@@ -77,7 +92,7 @@ def test_every_file_is_described_with_its_size_and_digest(result, tmp_path):
     place = pack.save(result, tmp_path / "little.zip", with_runs=True)
     described = graph(place)
     for name, content in contents(place).items():
-        if name != "ro-crate-metadata.json":
+        if name not in ("ro-crate-metadata.json", "ro-crate-preview.html"):
             entity = described[name.replace("%", "%25").replace(" ", "%20")]
             assert entity["contentSize"] == str(len(content))
             assert entity["sha256"] == hashlib.sha256(content).hexdigest()
@@ -101,7 +116,7 @@ def test_an_action_tells_what_its_run_took_and_made(result, tmp_path):
 
 def test_run_software_has_version_commit_and_libraries(result, tmp_path):
     described = graph(pack.save(result, tmp_path / "little.zip"))
-    tools = {name: described[described[f"#run-{name}"]["instrument"]["@id"]] for name in (OLDER, KILLED, NEWER)}
+    tools = {name: described[software_of(described[f"#run-{name}"])] for name in (OLDER, KILLED, NEWER)}
     assert tools[NEWER]["version"] == f"0.1.0+{finished_results.COMMIT}"
     assert tools[OLDER]["version"] == f"0.1.0+{finished_results.COMMIT}.dirty"
     assert tools[KILLED]["version"] == "0.1.0"

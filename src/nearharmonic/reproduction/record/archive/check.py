@@ -15,8 +15,9 @@ from zipfile import BadZipFile, ZipFile
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output.terminal import in_one_line
 from nearharmonic.reproduction.record.archive import seal
+from nearharmonic.reproduction.record.archive.description.metadata import METADATA, PREVIEW
+from nearharmonic.reproduction.record.archive.description.preview import shown_in
 from nearharmonic.reproduction.record.archive.members import faults_of_members
-from nearharmonic.reproduction.record.archive.metadata import METADATA
 from nearharmonic.reproduction.record.archive.pack import RUNS
 
 #: Exceptions from damaged zip files and damaged JSON.
@@ -72,8 +73,10 @@ def _faults_of_contents(place: Path) -> Iterator[str]:
                 yield f"{name} is missing from {place.name}"
             elif digests[name] != described[name]:
                 yield f"{name} in {place.name} does not have the size and the digest that {METADATA} gives"
-        for name in sorted(digests.keys() - described.keys() - {METADATA}):
+        for name in sorted(digests.keys() - described.keys() - {METADATA, PREVIEW}):
             yield f"{name} in {place.name} is not described in {METADATA}"
+        if PREVIEW in digests and shown_in(archive.read(PREVIEW)) != _document(archive, METADATA):
+            yield f"{PREVIEW} in {place.name} does not show {METADATA}"
         yield from _faults_against_manifest(archive, digests)
 
 
@@ -100,8 +103,12 @@ def _described(archive: ZipFile) -> dict[str, tuple[int, str]]:
     """Return size and digest of each file in the metadata, by its path in the archive."""
     graph = _document(archive, METADATA).get("@graph")
     entities = [entity for entity in graph if isinstance(entity, Mapping)] if isinstance(graph, list) else []
-    files = (entity for entity in entities if entity.get("@type") == "File")
+    files = (entity for entity in entities if "File" in _values(entity.get("@type")))
     return {unquote(str(file["@id"])): (int(str(file.get("contentSize"))), str(file.get("sha256"))) for file in files}
+
+
+def _values(value: object) -> list[object]:
+    return value if isinstance(value, list) else [value]
 
 
 def _faults_against_manifest(archive: ZipFile, digests: Mapping[str, tuple[int, str] | None]) -> Iterator[str]:

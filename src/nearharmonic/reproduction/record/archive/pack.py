@@ -18,9 +18,14 @@ from nearharmonic.errors import ResultFileError, SettingError, bad_setting
 from nearharmonic.output.atomic import replacing
 from nearharmonic.reproduction.record import history
 from nearharmonic.reproduction.record.archive import seal
-from nearharmonic.reproduction.record.archive.metadata import METADATA, Member, Run, format_of, metadata, opened
-from nearharmonic.reproduction.record.archive.readme import readme
-from nearharmonic.reproduction.record.archive.software import DOCUMENTS, document
+from nearharmonic.reproduction.record.archive.description import workflow
+from nearharmonic.reproduction.record.archive.description.member import Member, format_of, opened
+from nearharmonic.reproduction.record.archive.description.metadata import METADATA, PREVIEW, metadata
+from nearharmonic.reproduction.record.archive.description.preview import preview
+from nearharmonic.reproduction.record.archive.description.readme import readme
+from nearharmonic.reproduction.record.archive.description.software import DOCUMENTS, citation, document
+from nearharmonic.reproduction.record.archive.description.summary import Run
+from nearharmonic.reproduction.record.archive.description.zenodo import ZENODO, zenodo
 from nearharmonic.reproduction.record.archive.user_files import UserFiles
 from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.files.trusted import recorded_digests
@@ -48,6 +53,7 @@ _ADDED = {
     "history.jsonl": "Every run of the workflow, oldest first: times, command, commit, settings, versions, counts.",
     "manifest.json": "Every result file with its size, its digest, and the code that made it.",
     "README.md": "What this archive holds and how to read it.",
+    ZENODO: "Metadata for a deposit at Zenodo.",
 }
 
 
@@ -137,11 +143,14 @@ def _members(result: Path, *, with_runs: bool) -> list[Member]:
     members += [Member.of_file(name, result / name, _ADDED[name]) for name in manifest.LEFT_OUT]
     members += [Member.of_bytes(name, document(name), _ADDED[name]) for name in DOCUMENTS]
     members += user_files.members()
+    members += workflow.members()
+    members.append(Member.of_bytes(ZENODO, zenodo(result.name, citation(), runs, left_out), _ADDED[ZENODO]))
     text = readme(result.name, members, runs, left_out)
     members.append(Member.of_bytes("README.md", text, _ADDED["README.md"]))
     members.sort(key=lambda member: member.path)
     described = metadata(result.name, members, runs, configs, left_out)
     members.append(Member.of_bytes(METADATA, described, "RO-Crate metadata."))
+    members.append(Member.of_bytes(PREVIEW, preview(described), "Preview of the metadata."))
     return sorted(members, key=lambda member: member.path)
 
 

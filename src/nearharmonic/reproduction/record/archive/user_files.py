@@ -8,7 +8,7 @@ from typing import Any
 
 from nearharmonic.errors import ResultFileError
 from nearharmonic.registry.registry import split_path
-from nearharmonic.reproduction.record.archive.metadata import Member
+from nearharmonic.reproduction.record.archive.description.member import Member
 from nearharmonic.reproduction.record.files.trusted import is_edited
 from nearharmonic.reproduction.tasks.code.user_sources import files_of
 

@@ -1,6 +1,7 @@
-"""Software metadata of an archive: licence, citation file, and libraries.
+"""Software behind an archive: licence, citation file, workflow, and libraries.
 
-``LICENSE`` and ``CITATION.cff`` are in the root of the source tree. A wheel has copies among its licence files.
+``LICENSE``, ``CITATION.cff`` and the workflow are in the root of the source tree. A wheel has copies of the first two
+among its licence files, and the workflow below ``share/``.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import nearharmonic
-from nearharmonic.errors import ResultFileError
+from nearharmonic.errors import ResultFileError, SettingError
 
 #: Home pages of the libraries whose versions are in the history.
 HOMES = {
@@ -31,6 +32,8 @@ HOMES = {
 #: Documents of the software in an archive.
 DOCUMENTS = ("CITATION.cff", "LICENSE")
 
+#: Place of the workflow in a wheel.
+SHARED = "share/nearharmonic/Snakefile"
 _SOURCE_TREE = Path(nearharmonic.__file__).parents[2]
 
 
@@ -58,6 +61,26 @@ def _installed(name: str) -> Path | None:
         return None
     found = [file for file in files if file.name == name and any(part.endswith(".dist-info") for part in file.parts)]
     return Path(str(found[0].locate())) if found else None
+
+
+def workflow_root() -> Path:
+    """Return the folder with the files of the workflow: that of a wheel, or that of the sources.
+
+    Raises
+    ------
+    SettingError
+        There is none.
+    """
+    if (_SOURCE_TREE / "Snakefile").is_file() and (_SOURCE_TREE / "workflow").is_dir():
+        return _SOURCE_TREE
+    try:
+        installed = distribution("nearharmonic")
+        found = [Path(str(installed.locate_file(one))) for one in installed.files or [] if str(one).endswith(SHARED)]
+    except PackageNotFoundError:
+        found = []
+    if not found:
+        raise SettingError("the package has come without the workflow: pip install 'nearharmonic[workflow]' has it")
+    return found[0].resolve().parent
 
 
 def citation() -> dict[str, Any]:

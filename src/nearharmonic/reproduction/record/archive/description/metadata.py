@@ -1,4 +1,4 @@
-"""Metadata of an archive: RO-Crate 1.1 with the profile Process Run Crate 0.5, made with the library ``rocrate``.
+"""Metadata of an archive: RO-Crate 1.1 with the profile Workflow Run Crate 0.5, made with the library ``rocrate``.
 
 The library uses today's date and random names by default. Here every date comes from the history and every name from
 the content, so that equal results give equal bytes.
@@ -7,105 +7,25 @@ the content, so that equal results give equal bytes.
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
-from typing import Any, BinaryIO
+from typing import Any
 
-from nearharmonic.errors import ResultFileError
-from nearharmonic.output import reading
-from nearharmonic.reproduction.record.archive.software import HOMES, citation, homepage
+from nearharmonic.reproduction.record.archive.description import workflow
+from nearharmonic.reproduction.record.archive.description.member import Member, format_of
+from nearharmonic.reproduction.record.archive.description.software import HOMES, citation, homepage
+from nearharmonic.reproduction.record.archive.description.summary import KEYWORDS, Run, abstract, title
 
-#: Name of the metadata in the archive.
-METADATA = "ro-crate-metadata.json"
-PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
+#: Names of the metadata in the archive and of their preview.
+METADATA, PREVIEW = "ro-crate-metadata.json", "ro-crate-preview.html"
+#: Profiles of the archive, by address: name and version.
+PROFILES = {
+    "https://w3id.org/ro/wfrun/process/0.5": ("Process Run Crate", "0.5"),
+    "https://w3id.org/ro/wfrun/workflow/0.5": ("Workflow Run Crate", "0.5"),
+    "https://w3id.org/workflowhub/workflow-ro-crate/1.0": ("Workflow RO-Crate", "1.0"),
+}
 #: The term is in schema.org; the context of RO-Crate 1.1 is older.
 TERMS = {"sha256": "http://schema.org/sha256"}
-
-#: Media type and description of a file by its ending.
-FORMATS = {
-    ".cff": ("application/yaml", "Citation File Format"),
-    ".csv": ("text/csv", "CSV with every digit"),
-    ".h5": ("application/vnd.hdfgroup.hdf5", "HDF5, netCDF-4 conventions"),
-    ".html": ("text/html", "HTML"),
-    ".json": ("application/json", "JSON"),
-    ".jsonl": ("application/jsonl", "JSON, one object a line"),
-    ".md": ("text/markdown", "Markdown"),
-    ".pdf": ("application/pdf", "PDF"),
-    ".png": ("image/png", "PNG"),
-    ".py": ("text/x-python", "Python"),
-    ".svg": ("image/svg+xml", "SVG"),
-    ".tex": ("application/x-tex", "LaTeX"),
-    ".toml": ("application/toml", "TOML"),
-    "": ("text/plain", "plain text"),
-}
-_OTHER = ("application/octet-stream", "binary")
-
-Run = Mapping[str, Any]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Member:
-    """A file of the archive.
-
-    Attributes
-    ----------
-    path : str
-        Its path in the archive, with slashes.
-    source : Path or bytes
-        Source of its bytes.
-    size : int
-        Number of bytes.
-    sha256 : str
-        Digest of the bytes, in hexadecimal digits.
-    description : str
-        One sentence.
-    run : str, optional
-        Id of the run that made it; None for files that the archive adds.
-    """
-
-    path: str
-    source: Path | bytes
-    size: int
-    sha256: str
-    description: str
-    run: str | None = None
-
-    @classmethod
-    def of_bytes(cls, path: str, content: bytes, description: str) -> Member:
-        """Return the member whose bytes are ``content``."""
-        digest = hashlib.sha256(content).hexdigest()
-        return cls(path=path, source=content, size=len(content), sha256=digest, description=description)
-
-    @classmethod
-    def of_file(cls, path: str, place: Path, description: str) -> Member:
-        """Return the member with the present bytes of a file that has no digest on record."""
-        with opened(place) as file:
-            return cls.of_bytes(path, file.read(), description)
-
-
-def opened(source: Path | bytes) -> BinaryIO:
-    """Open the source of a member for reading.
-
-    Raises
-    ------
-    ResultFileError
-        The file cannot be read.
-    """
-    if isinstance(source, bytes):
-        return io.BytesIO(source)
-    try:
-        return reading.opened(source)
-    except OSError as error:
-        message = f"{source} cannot be read: {error.strerror}"
-        raise ResultFileError(message) from error
-
-
-def format_of(path: str) -> tuple[str, str]:
-    """Return the media type of a file and its format in words, by the ending of ``path``."""
-    return FORMATS.get(PurePosixPath(path).suffix, _OTHER)
 
 
 def published(runs: Sequence[Run]) -> str:
@@ -128,7 +48,7 @@ def metadata(
     result
         Name of the result.
     members
-        All files of the archive except the metadata.
+        All files of the archive except the metadata and their preview; the workflow is among them.
     runs
         The history, oldest first; at least one run.
     configs
@@ -152,7 +72,8 @@ def metadata(
     crate.metadata.extra_terms.update(TERMS)
     cited = citation()
     _describe_root(crate, result, cited, runs, left_out)
-    files = {member.path: _add_file(crate, member) for member in members}
+    files = {member.path: _add_file(crate, member, cited) for member in members}
+    _describe_workflow(crate, files)
     made: dict[str | None, list[Any]] = {}
     for member in members:
         made.setdefault(member.run, []).append(files[member.path])
@@ -168,15 +89,14 @@ def _add(crate: Any, identifier: str, **properties: Any) -> Any:
 
 def _describe_root(crate: Any, result: str, cited: Mapping[str, Any], runs: Sequence[Run], left_out: int) -> None:
     root = crate.root_dataset
-    root["name"] = f"nearharmonic results: {result}"
-    without = f" Trajectories are left out (files: {left_out})." if left_out else ""
-    root["description"] = (
-        f"Energy errors, cubes, tables and figures of near-harmonic symplectic integrators, with the settings and the "
-        f"history of the {len(runs)} runs of the workflow that made them.{without}"
-    )
+    root["name"] = title(result)
+    root["description"] = abstract(runs, left_out)
     root["datePublished"] = published(runs)
-    root["keywords"] = "symplectic integrators, Hamiltonian systems, splitting methods, energy error"
-    root["conformsTo"] = _add(crate, PROFILE, type="CreativeWork", name="Process Run Crate", version="0.5")
+    root["keywords"] = ", ".join(KEYWORDS)
+    root["conformsTo"] = [
+        _add(crate, address, type="CreativeWork", name=name, version=version)
+        for address, (name, version) in PROFILES.items()
+    ]
     root["author"] = _operator(crate)
     root["license"] = _add(
         crate,
@@ -208,7 +128,7 @@ def _operator(crate: Any) -> Any:
     return _add(crate, "#operator", type="Person", name="Operator of the workflow", description=description)
 
 
-def _add_file(crate: Any, member: Member) -> Any:
+def _add_file(crate: Any, member: Member, cited: Mapping[str, Any]) -> Any:
     properties = {
         "name": member.path,
         "description": member.description,
@@ -216,7 +136,22 @@ def _add_file(crate: Any, member: Member) -> Any:
         "sha256": member.sha256,
         "encodingFormat": format_of(member.path)[0],
     }
+    if member.path == workflow.MAIN:
+        properties |= workflow.described(crate, cited)
+    elif member.path == "README.md":
+        properties["about"] = crate.root_dataset
     return crate.add_file(dest_path=member.path, properties=properties)
+
+
+def _describe_workflow(crate: Any, files: Mapping[str, Any]) -> None:
+    """Describe the preview, and make the Snakefile the main entity; the other files of the workflow are its parts."""
+    crate.metadata.append_to("conformsTo", {"@id": next(reversed(PROFILES))})
+    _add(
+        crate, PREVIEW, type="CreativeWork", name="Preview of this archive", about=crate.root_dataset,
+        encodingFormat="text/html",
+    )  # fmt: skip
+    crate.root_dataset["mainEntity"] = main = files[workflow.MAIN]
+    main["hasPart"] = [file for path, file in files.items() if path.startswith("workflow/")]
 
 
 def _add_action(crate: Any, run: Run, cited: Mapping[str, Any], config: Any, made: Sequence[Any]) -> None:
@@ -229,7 +164,7 @@ def _add_action(crate: Any, run: Run, cited: Mapping[str, Any], config: Any, mad
         description=_run_in_words(run),
         startTime=_moment(run["start"]),
         actionStatus={"@id": f"http://schema.org/{'Completed' if done else 'Failed'}ActionStatus"},
-        instrument=_instrument(crate, run, cited),
+        instrument=[crate.root_dataset["mainEntity"], _instrument(crate, run, cited)],
         object=config,
         agent=_operator(crate),
     )

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from pathlib import PurePosixPath
 
 from nearharmonic.output.page import pipes
-from nearharmonic.reproduction.record.archive.metadata import Member, Run
+from nearharmonic.reproduction.record.archive.description.member import Member
+from nearharmonic.reproduction.record.archive.description.summary import Run
 
 #: Descriptions of the files and folders of an archive; missing ones are not mentioned.
 PLACES = {
@@ -18,11 +19,14 @@ PLACES = {
     "derived": "coefficients that the workflow derived",
     "runs": "trajectories",
     "user_files": "Python files of systems and integrators that the config names",
+    "Snakefile": "the workflow, as it was installed when this archive was written",
+    "workflow": "rules, scripts and schema of the workflow",
     "config.json": "the settings of the newest run that ended well, as resolved",
     "history.jsonl": "every run of the workflow, one JSON object a line",
     "manifest.json": "size and digest of every result file, with the code that made it",
     "CITATION.cff": "how to cite the software and the paper",
     "LICENSE": "the licence",
+    ".zenodo.json": "title, creators, licence and keywords for a deposit at Zenodo",
 }
 
 
@@ -47,8 +51,9 @@ def readme(result: str, members: Sequence[Member], runs: Sequence[Run], left_out
         "",
         *pipes(["file", "content"], rows),
         "",
-        "The archive is an RO-Crate 1.1 with the profile Process Run Crate 0.5. `ro-crate-metadata.json` gives the "
-        "size and the SHA-256 of each file, and for each run its settings, its software and its files.",
+        "The archive is an RO-Crate 1.1 with the profile Workflow Run Crate 0.5. `ro-crate-metadata.json` gives the "
+        "size and the SHA-256 of each file, and for each run its settings, its software and its files. "
+        "`ro-crate-preview.html` shows the same in a browser, without a network.",
         "",
         *(
             [f"Trajectories, below `runs/` in `manifest.json`, are not in this archive (files: {left_out}).", ""]
