@@ -17,6 +17,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.text import Text
 
+from nearharmonic.integrators import BENCHMARKED, integrators
 from nearharmonic.recommendation.curve import Curve
 from nearharmonic.reproduction.experiments.paper.figures.fig6_substeps import draw_panels
 from nearharmonic.reproduction.experiments.work_precision.figures.times import work_precision_figure
@@ -24,7 +25,8 @@ from nearharmonic.reproduction.tasks.declarations import figures_of
 from nearharmonic.reproduction.tasks.experiment import experiments
 from nearharmonic.reproduction.tasks.provenance import function_of
 from support.cubes import figure_cubes as made
-from support.cubes.artists import entries, look, look_of, luminance
+from support.cubes.artists import NO_LINE, entries, look, look_of, luminance
+from support.cubes.colour_vision import difference
 
 #: Figure -> what it draws for some methods, and the variables that a cube has even without a number: EXAMPLES in
 #: example_cubes.py, in the folder of the tests of each experiment.
@@ -33,6 +35,9 @@ CUBES = {
     for path in sorted(Path(__file__).parents[1].glob("reproduction/experiments/*/example_cubes.py"))
     for stem, example in run_path(str(path))["EXAMPLES"].items()
 }
+#: All methods of the figures of trained methods, and all of the other figures.
+TRAINED = [name for name in integrators if name.startswith("trained_")]
+TOGETHER = [*BENCHMARKED, "rnia12", "na7"]
 EXPERIMENTS = experiments()
 SHOWN = [stem for one in EXPERIMENTS.values() for stem in one.cubes]
 DECLARED = {one.stem: one for one in figures_of("reproduction.experiments", ("henon_heiles", "kepler", "sho"), SHOWN)}
@@ -136,7 +141,7 @@ def test_each_entry_of_legend_has_look_of_what_is_drawn(name):
     pictures = any(axes.images or axes.collections for axes in figure_of(name).axes)
     for text, (one, *_) in legend_of(name).items():
         for method in made.METHODS:
-            assert text != made.label(method) or look(one) == look_of(method)
+            assert text != made.label(method) or look(one) in (look_of(method), look_of(method, NO_LINE))
         if isinstance(one, Patch):
             assert pictures or colours_of(one) & colours, text
         elif to_hex(one.get_color()) == "#404040":
@@ -146,10 +151,30 @@ def test_each_entry_of_legend_has_look_of_what_is_drawn(name):
             assert to_hex(one.get_color()) in colours, text
 
 
+def form_of(line):
+    """(colour, all else that tells an entry of a legend apart: marker, filling and dashes)."""
+    colour, marker, face, dashes = look(line)
+    return colour, (marker, face == colour, dashes)
+
+
+@pytest.mark.parametrize("name", fast_for_the_paper(CUBES))
+def test_entries_of_legend_are_told_apart_by_all_readers(name):
+    """By marker, filling or dashes; or by a colour that readers with deuteranopia see too."""
+    figure = drawing(name)(CUBES[name][0](TRAINED if name.startswith("trained") else TOGETHER))
+    of_figure = [legend for part in (figure, *figure.subfigs) for legend in part.legends]
+    groups = [of_figure, *([axes.get_legend()] for axes in figure.axes if axes.get_legend())]
+    for legends in groups:
+        artists = [one for legend in legends for one, *_ in entries(legend).values()]
+        forms = [form_of(one) for one in artists if isinstance(one, Line2D)]
+        for (colour, form), (other, like) in combinations(forms, 2):
+            assert form != like or difference(colour, other, "deuteranopia") >= 10, (colour, other, form)
+
+
 @pytest.mark.parametrize("name", fast_for_the_paper(DECLARED))
 def test_a_figure_names_each_method_or_curve(name):
     said = " ".join(text.get_text() for text in figure_of(name).findobj(Text))
-    of_one = ("fig6_displaced", "fig6_substeps", "trained_gain", "trained_ideas")  # names of orbits, ensembles, ideas
+    # Names of orbits, of ensembles with the best methods, of ensembles, of ideas.
+    of_one = ("fig6_displaced", "fig6_substeps", "trained_error", "trained_gain", "trained_ideas")
     assert name in of_one or all(made.label(m) in said or m in said for m in made.METHODS)
     assert name not in of_one or len(legend_of(name)) > 2
 

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 from inspect import signature
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -35,12 +36,11 @@ TABLES = {
     "long": "system,method\n",
     "times": "ensemble,gain\n",
 }
-PICTURES = ("trained_error", "trained_gain", "trained_ideas")
 
 
 @pytest.fixture(scope="module")
 def made(project):
-    """Rule -> the job of a page or of pictures, with the target that makes it."""
+    """Rule -> the job of a page or of a picture, with the target that makes it."""
     for name in ("docs", "examples"):
         shutil.copytree(ROOT / name, project.folder / name)
     found = {}
@@ -48,7 +48,7 @@ def made(project):
         done = project.python(planned_jobs.__file__, TINY[1], target)
         assert done.returncode == 0, done.stderr
         for job in (SimpleNamespace(**json.loads(line), target=target) for line in done.stdout.splitlines()):
-            if job.rule.startswith(("page_of_", "pictures")):
+            if job.rule.startswith(("page_of_", "picture_of_")):
                 found[job.rule] = job
     return found
 
@@ -56,7 +56,7 @@ def made(project):
 @pytest.fixture(scope="module")
 def jobs(made):
     """Rule -> the job of a page."""
-    return {rule: job for rule, job in made.items() if rule != "pictures"}
+    return {rule: job for rule, job in made.items() if rule.startswith("page_of_")}
 
 
 @pytest.mark.slow
@@ -86,12 +86,26 @@ def test_the_function_of_a_page_takes_its_rules_inputs(jobs):
         assert len(task["integrators"]) >= 80
 
 
-def test_pages_have_pictures_of_the_six_figures(made):
-    job = made["pictures"]
-    names = ["fig1_sho", "fig2_decomposition", "fig3_henon_heiles", "fig4_perihelion", "fig5_kepler", "fig6_substeps"]
-    assert job.inputs == {name: [f"results/tiny/figures/{name}.png"] for name in names}
-    assert job.outputs == {name: [f"results/tiny/docs/results/{name}.png"] for name in names}
-    assert all((ROOT / f"docs/results/{name}.png").is_file() for name in names)
+def test_pages_show_pictures_of_figures_made_by_one_function(made):
+    jobs = {rule.removeprefix("picture_of_"): job for rule, job in made.items() if rule.startswith("picture_of_")}
+    papers = {"fig1_sho", "fig2_decomposition", "fig3_henon_heiles", "fig4_perihelion", "fig5_kepler", "fig6_substeps"}
+    assert {name for name in jobs if name.startswith("fig")} == papers
+    for name, job in jobs.items():
+        folder = "logs/pages" if name == "regularised_times" else "figures"  # that one is of the tables of its page
+        assert job.inputs == {"figure": [f"results/tiny/{folder}/{name}.png"]}
+        assert job.outputs == {"picture": [f"results/tiny/docs/results/{name}.png"]}
+        function = function_of(job.params["task"])
+        signature(function).bind(**job.params["task"]["settings"], **job.inputs)
+        place = ROOT / f"docs/results/{name}.png"
+        assert place.stat().st_size <= (70_000 if name in papers else 100_000)
+        with Image.open(place) as picture:
+            assert picture.width <= 1100
+            assert len(picture.getcolors()) <= (20 if name in papers else 128)
+
+
+def test_every_picture_below_docs_is_made_by_a_job(made):
+    drawn = {Path(name).name for job in made.values() for name in job.output if name.endswith(".png")}
+    assert drawn == {path.name for path in ROOT.glob("docs/*/*.png")}
 
 
 def test_an_edit_of_an_example_makes_pages_again(jobs):
@@ -108,12 +122,9 @@ def test_pages_that_integrate_compile_one_at_a_time(jobs):
 @pytest.fixture(scope="module")
 def filled(jobs, project):
     """The project with tables of trained methods, and the arguments that fill the page from them."""
-    for folder in ("tables", "figures"):
-        (project.results / folder).mkdir(parents=True, exist_ok=True)
+    (project.results / "tables").mkdir(parents=True, exist_ok=True)
     for name, text in TABLES.items():
         (project.results / f"tables/trained_{name}.csv").write_text(text)
-    for name in PICTURES:
-        Image.new("RGB", (9, 9), "navy").save(project.results / f"figures/{name}.png")
     return (f"{TINY[1]}", "results/tiny/docs/results/trained.md", "--allowed-rules", "page_of_trained")
 
 

@@ -8,7 +8,6 @@ from nearharmonic.systems import systems
 
 DOCS = "docs" if CONFIG.name == "paper" else f"{RESULTS}/docs"
 _EXAMPLES = {"files": sorted(map(str, Path("examples").glob("*.py")))}
-_PICTURES = [*EXPERIMENTS["trained"].figures]
 #: Registries whose names a table may show.
 _METHODS = {"integrators": integrators}
 _EVERY = _METHODS | {"systems": systems}
@@ -44,13 +43,8 @@ _PAGES = {
         lambda: task("reproduction.pages.timings:page", **on("results/timings", _EVERY)),
     ),
     "results/trained": (
-        {
-            "tables": [
-                f"{RESULTS}/tables/trained_{name}.csv" for name in ("gains", "methods", "ideas", "long", "times")
-            ],
-            "pictures": [f"{RESULTS}/figures/{name}.png" for name in _PICTURES],
-        },
-        {name: name for name in _PICTURES},
+        {"tables": [f"{RESULTS}/tables/trained_{name}.csv" for name in ("gains", "methods", "ideas", "long", "times")]},
+        {},
         lambda: task("reproduction.pages.trained:page", **on("results/trained", _METHODS)),
     ),
     "results/training": (
@@ -59,8 +53,12 @@ _PAGES = {
         lambda: task("reproduction.pages.training:page", **on("results/training", _METHODS)),
     ),
 }
-#: Figures of the paper, which pages show as pictures of few colours.
-_FIGURES = [one.stem for one in FIGURES if one.target in [f"fig{number}" for number in range(1, 7)]]
+#: Figures that pages show as pictures of few colours, with the number of colours: the paper's six, and others.
+_PAPERS = {one.stem: 20 for one in FIGURES if one.target in [f"fig{number}" for number in range(1, 7)]}
+_OTHERS = (*EXPERIMENTS["exact_oscillator"].figures, *EXPERIMENTS["trained"].figures, "henon_heiles_stability")
+_SHOWN = _PAPERS | dict.fromkeys((*_OTHERS, "regularised_times"), 128)
+#: The figure of the tables of times on a page, which another computer would measure anew.
+_OF_TABLES = f"{RESULTS}/logs/pages/regularised_times.png"
 _OF_TIMES = ("results/ranking", "results/timings")
 
 for _page, (_inputs, _pictures, _made) in _PAGES.items():
@@ -85,26 +83,48 @@ for _page, (_inputs, _pictures, _made) in _PAGES.items():
             "../scripts/task.py"
 
 
-rule pictures:
+rule figure_of_regularised:
     input:
-        **{stem: f"{RESULTS}/figures/{stem}.png" for stem in _FIGURES},
+        page="docs/results/regularised.md",
     output:
-        **{stem: update(f"{DOCS}/results/{stem}.png") for stem in _FIGURES},
+        figure=temp(_OF_TABLES),
     log:
-        LOG("pages/pictures"),
+        LOG("pages/figure_of_regularised"),
     params:
-        task=task("reproduction.report.shown.pictures:pictures"),
+        task=task("reproduction.experiments.work_precision.figures.regularised:figure_of_tables"),
     script:
         "../scripts/task.py"
+
+
+for _stem, _colours in _SHOWN.items():
+
+    rule:
+        name:
+            f"picture_of_{_stem}"
+        input:
+            figure=_OF_TABLES if _stem == "regularised_times" else f"{RESULTS}/figures/{_stem}.png",
+        output:
+            picture=update(f"{DOCS}/results/{_stem}.png"),
+        log:
+            LOG(f"pages/{_stem}"),
+        params:
+            task=task("reproduction.report.shown.pictures:few_colours", colours=_colours),
+        script:
+            "../scripts/task.py"
 
 
 def filled(pages):
     return [getattr(rules, f"page_of_{Path(page).name}").output for page in pages]
 
 
+rule pictures:
+    input:
+        [f"{DOCS}/results/{stem}.png" for stem in _SHOWN],
+
+
 rule pages:
     input:
-        rules.pictures.output,
+        rules.pictures.input,
         filled(page for page in _PAGES if page not in _OF_TIMES),
 
 

@@ -22,6 +22,7 @@ from nearharmonic.plotting.style import (
     method_handles,
     new_figure,
     panel_letter,
+    right_title,
     style_of,
     write_beside,
 )
@@ -79,18 +80,19 @@ def draw_profile(cube: xr.Dataset) -> Figure:
         handles.append(Line2D([], [], color="#404040", linestyle=DASHES, label="extended precision"))
     unit = cube["tau_per_stage"].attrs.get("units", "1")
     drawn = draw_profiles(list(_profiles(cube)), handles, unit, cube["max_energy_error"].attrs, [cube])
-    drawn.axes[0].set_title(_problem(cube, unit), loc="right", fontsize=9, pad=4)
+    right_title(drawn.axes[0], problem_of(cube, unit))
     return drawn
 
 
-def _problem(cube: xr.Dataset, unit: str) -> str:
-    """Return the system of a cube and the interval of its runs, as far as its attributes tell."""
+def problem_of(results: xr.Dataset, unit: str = "1") -> str:
+    """Return the system and the interval of runs, as far as attributes tell; ``unit`` is that of the time."""
     try:
-        t_end = json.loads(cube.attrs["settings"])["sweep"]["t_end"]
+        settings = json.loads(results.attrs["settings"])
+        t_end = {**settings.get("settings", {}), **settings.get("sweep", {})}["t_end"]
     except (KeyError, TypeError, ValueError):
         t_end = None
     interval = "" if t_end is None else f"$t$ = {t_end}{'' if unit == '1' else f' {unit}'}"
-    return ", ".join(filter(None, (str(cube.attrs.get("system_label", "")), interval)))
+    return ", ".join(filter(None, (str(results.attrs.get("system_label", "")), interval)))
 
 
 def _profiles(cube: xr.Dataset) -> Iterator[Profile]:

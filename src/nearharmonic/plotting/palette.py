@@ -30,8 +30,10 @@ class Style:
         return self.line(linestyle="none") | changes
 
 
-# The colours were found by a search: they have a contrast of at least 3:1 with white, and any two differ by 13 CIELAB
-# units for readers with deuteranopia, protanopia or tritanopia (Machado et al. 2009, doi:10.1109/TVCG.2009.113).
+# The colours were found by a search: they have a contrast of at least 3:1 with white. Differences of at least 13 CIELAB
+# units, for normal vision and for deuteranopia, protanopia and tritanopia (Machado et al. 2009,
+# doi:10.1109/TVCG.2009.113), separate the paper's ten methods and the two that are drawn beside them, the trained
+# methods, and any two methods with one marker.
 _STYLES = {
     "ruth": Style("#6b6b6b", "o"),
     "s5odr4": Style("#806515", "s"),
@@ -51,36 +53,50 @@ _STYLES = {
     "babps6o5h": Style("#9d174d", "P", filled=True),
     "babps7o6h": Style("#5b21b6", "X", filled=True),
 }
-#: Methods that are not in the paper: a colour for the methods of a source or a kind, and a marker for each method.
+#: Published methods that are not in the paper: a colour for the methods of a source or a kind, and a marker for each.
 _OTHERS = (
-    ("#707070", "<", "leapfrog"),
-    ("#3a3a9c", "<>h*", "blanes_moan_s6o4 srkn_b6 srkn_b11 srkn_a14"),
-    ("#1f7a7a", "<>h*8d", "mclachlan_s4 mclachlan_s5 mclachlan_sb3a4 mclachlan_sb3a5 mclachlan_ss5 mclachlan_atela_2"),
-    ("#a0408f", "<>h*8d", "pefrl vefrl efrl omelyan_p5 omelyan_v5 omelyan_s7o6"),
-    ("#2e6e2e", "<>h", "s9odr6a s15odr8 s17odr8a"),
-    ("#b91c1c", "d", "nystrom_6a8"),
-    ("#00798c", "<>", "na7 rnia12"),
-    ("#1d6fb8", "<>h*8d", "srkn_a17 srkn_a18 srkn_a19 srkn_b17 srkn_b18 srkn_b19"),
-    ("#a8480c", "<>h*", "teloy_6a9 teloy_8a17a teloy_8a17b teloy_8a17c"),
-    ("#6d3fa8", "<>h", "sofspa_s11o6 sofspa_s19o8 sofspa_s35o10"),
-    ("#3f7d20", "*", "morales_s17o8"),
-    ("#6b6b6b", "<", "ruth_s3o3"),
-    ("#5f8a3a", "<>h", "mclachlan_atela_3 mclachlan_atela_4 mclachlan_atela_5"),
-    ("#8a6200", "<>d", "bcss_s3 bcss_s4 predescu_s3"),
-    # With kicks of a modified potential.
-    ("#332288", ">", "omelyan_g5o6"),
-    ("#117733", "h", "rowlands"),
-    # Trained on ensembles: from large to small errors, then methods for other problems.
-    (
-        "#d6006e",
-        "<>h*8dp",
-        "trained_coarse trained_light trained_moderate trained_fine trained_finer trained_finest trained_precise",
-    ),
-    ("#7a3b69", "<>h*", "trained_weak trained_orbits trained_orbits_coarse trained_modified"),
+    ("#8000cc", "><*h", "blanes_moan_s6o4 srkn_b6 srkn_b11 srkn_a14"),
+    ("#994d33", "8<XPh*", "mclachlan_s4 mclachlan_s5 mclachlan_sb3a4 mclachlan_sb3a5 mclachlan_ss5 mclachlan_atela_2"),
+    ("#1a99b3", "<*8dXP", "pefrl vefrl efrl omelyan_p5 omelyan_v5 omelyan_s7o6"),
+    ("#809980", "*8P", "s9odr6a s15odr8 s17odr8a"),
+    ("#0099b3", "h", "nystrom_6a8"),
+    ("#4d3333", "d><P*X", "srkn_a17 srkn_a18 srkn_a19 srkn_b17 srkn_b18 srkn_b19"),
+    ("#334d00", "8hdP", "teloy_6a9 teloy_8a17a teloy_8a17b teloy_8a17c"),
+    ("#991ab3", "*Xh", "sofspa_s11o6 sofspa_s19o8 sofspa_s35o10"),
+    ("#800080", "8", "morales_s17o8"),
+    ("#b38000", "<>8", "mclachlan_atela_3 mclachlan_atela_4 mclachlan_atela_5"),
+    ("#334d80", "X>h", "bcss_s3 bcss_s4 predescu_s3"),
+    ("#668080", ">", "omelyan_g5o6"),
+    ("#998000", "P", "rowlands"),
+    ("#e64d1a", "h*", "leapfrog ruth_s3o3"),
+    ("#1a00e6", "X", "chin_4a"),
+    ("#3300e6", ">", "na7"),
+    ("#66004d", "<", "rnia12"),
+)
+#: Methods of this package: trained ones from large to small errors, those for other problems, and methods of order six.
+_OWN = (
+    ("#669980", "<", "trained_coarse"),
+    ("#994de6", ">", "trained_light"),
+    ("#0000e6", "*", "trained_moderate"),
+    ("#808099", "h", "trained_fine"),
+    ("#664d00", "8", "trained_finer"),
+    ("#66004d", "d", "trained_finest"),
+    ("#b36600", "P", "trained_precise"),
+    ("#99804d", "X", "trained_weak"),
+    ("#990080", "v", "trained_orbits"),
+    ("#1a4d33", "p", "trained_orbits_coarse"),
+    ("#331a99", "^", "trained_modified"),
+    ("#99331a", "*", "babs8o6_7h"),
+    ("#334d99", "h", "abas9o6_7h"),
+    ("#4d99cc", "X", "babs10o6_8h"),
+    ("#8066e6", "d", "abas11o6_8h"),
+    ("#e66600", "*", "abag5o6"),
+    ("#b38080", "h", "babg5o6"),
 )
 _STYLES |= {
-    name: Style(colour, marker)
-    for colour, markers, names in _OTHERS
+    name: Style(colour, marker, filled=rows is _OWN)
+    for rows in (_OTHERS, _OWN)
+    for colour, markers, names in rows
     for name, marker in zip(names.split(), markers, strict=True)
 }
 

@@ -24,7 +24,7 @@ from nearharmonic.plotting.palette import Style, style_of
 
 __all__ = [
     "SETTINGS", "Style", "house_style", "lettered", "log_scale", "log_ticks", "mark_every", "method_handles",
-    "new_figure", "panel_letter", "save", "style_of", "write_beside",
+    "new_figure", "panel_letter", "right_title", "save", "style_of", "write_beside",
 ]  # fmt: skip
 
 #: matplotlib settings of every figure: the fonts that matplotlib ships, so that figures are identical on all machines.
@@ -78,6 +78,11 @@ def new_figure(width: float, height: float) -> Figure:
 def panel_letter(axes: Axes, letter: str | int, says: str = "") -> None:
     """Write a letter, or that of a number from 0, in bold above the upper left corner of ``axes``, and a title."""
     axes.set_title(lettered(letter, says), loc="left", y=1.0, fontsize=9, pad=4)
+
+
+def right_title(axes: Axes, says: str) -> None:
+    """Write the system and the interval above the upper right corner of ``axes``."""
+    axes.set_title(says, loc="right", y=1.0, fontsize=9, pad=4)
 
 
 def lettered(letter: str | int, says: str = "") -> str:

@@ -1,4 +1,4 @@
-"""The tables and pictures of docs/results/trained.md: views of tables of the results."""
+"""The tables of docs/results/trained.md: views of tables of the results."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from typing import Any
 from nearharmonic.integrators import integrators as registered
 from nearharmonic.output.page import filled_page, pipes
 from nearharmonic.output.table import Cell
-from nearharmonic.reproduction.report.shown.pictures import few_colours
 
 #: Rows of a table of the results, by column, and tables by the last part of their names.
 Row = Mapping[str, Any]
@@ -206,7 +205,7 @@ def parts(tables: Tables) -> dict[str, str]:
     return {name: made(tables) for name, made in PARTS.items()}
 
 
-def page(page: str, tables: Sequence[str], pictures: Sequence[str], integrators: Sequence[str]) -> dict[str, Any]:
-    """Fill the page, and make its pictures smaller: ``tables`` are trained_*.csv, ``pictures`` paths of PNG files."""
+def page(page: str, tables: Sequence[str], integrators: Sequence[str]) -> dict[str, str]:
+    """Fill the page: ``tables`` are trained_*.csv."""
     rows = {Path(path).stem.removeprefix("trained_"): rows_of(path) for path in tables}
-    return {"page": filled_page(page, parts(rows)), **{Path(path).stem: few_colours(path) for path in pictures}}
+    return {"page": filled_page(page, parts(rows))}

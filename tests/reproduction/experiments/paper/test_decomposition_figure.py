@@ -26,7 +26,7 @@ def remaining(cube, name, first):
 
 def test_kick_first_error_terms_are_lines_in_method_colour(cube):
     upper, _ = fig2_decomposition.fig2_decomposition(cube).axes
-    assert (upper.get_yscale(), upper.get_ylabel()) == ("log", r"$\kappa_\lambda$")
+    assert (upper.get_yscale(), upper.get_ylabel()) == ("log", r"error term of the position, $\kappa_\lambda$")
     for name in METHODS:
         curve = line_of(upper, ORDERS, remaining(cube, name, "kick"))
         assert look(curve) == (look_of(name)[0], None, None, SOLID)

@@ -34,7 +34,7 @@ def figure(panels):
 
 
 def grid(figure):
-    return [axes for axes in figure.axes if axes.get_xlabel() == "q"]
+    return [axes for axes in figure.axes if axes.get_xlabel().startswith("$q")]
 
 
 def coefficient_pairs(drift, kick):
@@ -101,6 +101,9 @@ def test_titles_name_method_and_system_of_each_panel_of_paper(paper):
     for title, method in zip(titles, ("Yosh s7o6 A", "BABs7o7H") * 2, strict=True):
         assert title.split("  ")[1].startswith(f"{method}, ")
     assert ["Hénon" in title for title in titles] == [False, False, True, True]
+    assert [axes.get_ylabel() for axes in grid(figure)] == ["$p$", "$p$", "$p_y$", "$p_y$"]
+    steps = [r"$\tau$ = 0.7854"] * 2 + [r"$\tau$ = 2"] * 2
+    assert [axes.texts[1].get_text() for axes in grid(figure)] == steps
 
 
 @pytest.mark.parametrize(("index", "legs"), [(0, "steps-post"), (1, "steps-pre")])
@@ -153,7 +156,7 @@ def test_dashed_contour_runs_through_start_and_window_is_cubes(figure, panels):
     for axes, panel in zip(grid(figure), panels.values(), strict=True):
         assert axes.get_xlim() == (-1.5, 1.5)
         assert axes.get_ylim() == (-1.5, 1.6)
-        assert (axes.get_xlabel(), axes.get_ylabel()) == ("q", "p")
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("$q$", "$p$")
         _, _, surface = axes.collections
         (path,) = [path for path in surface.get_paths() if len(path.vertices)]
         # The oscillator's surface is a circle of radius 1; linear interpolation of H in a cell, 161 over 3.1, errs by
@@ -168,7 +171,7 @@ def test_dashed_contour_runs_through_start_and_window_is_cubes(figure, panels):
 
 
 def test_shades_are_hamiltonian_with_p_upwards_on_colour_scale(figure, panels):
-    bars = [axes for axes in figure.axes if axes.get_title() == "H"]
+    bars = [axes for axes in figure.axes if axes.get_title() == "$H$"]
     for axes, bar in zip(grid(figure), bars, strict=True):
         shades = axes.collections[0]
         low, high = shades.get_clim()

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from itertools import combinations
 from math import nan
+from pathlib import Path
 
 import pytest
+from matplotlib.lines import Line2D
 
 from nearharmonic.output import store
 from nearharmonic.recommendation.curve import Curve
@@ -14,10 +17,15 @@ from nearharmonic.recommendation.timings import variables
 from nearharmonic.reproduction.experiments.work_precision import comparison as comparisons
 from nearharmonic.reproduction.experiments.work_precision.comparison import HEADER, comparison, pairs
 from nearharmonic.reproduction.experiments.work_precision.figures.comparison import comparison_figures
-from nearharmonic.reproduction.experiments.work_precision.figures.regularised import regularised_figures
+from nearharmonic.reproduction.experiments.work_precision.figures.regularised import (
+    CURVES,
+    figure_of_tables,
+    regularised_figures,
+)
 from nearharmonic.reproduction.experiments.work_precision.run import front_runners
 from nearharmonic.systems import systems
 from support.cubes.artists import line_of, look, looks
+from support.cubes.colour_vision import difference
 from support.cubes.figure_cubes import FACTS, label, timed
 
 #: Errors at which points lie, so that nothing is interpolated.
@@ -132,22 +140,84 @@ def test_regularised_figure_has_column_for_each_system_with_its_original(tmp_pat
     facts = {**FACTS, "libraries": "heyoka 7", "problems": json.dumps(problems)}
     groups = dict.fromkeys(problems, variables(curves(), "s"))
     both = [curve for curve in curves() if curve.method != "heyoka"]
+    both.append(timed("babps9o7h", AT, [2e-5, 3e-5, 4e-5]))
     both.append(timed("heyoka_regularised", AT, [1e-5, 1.1e-5, 1.2e-5], kind="peer"))
-    for point in both[-1].points:
-        point.tolerance = 1e-9
+    for first, second in zip(both[-2].points, both[-1].points, strict=True):
+        first.tau, second.tolerance = 0.1, 1e-9
     groups["kepler_regularised"] = variables(both, "s")
     store.write(path, {}, facts, groups=groups)
     figure = regularised_figures(names, str(path))["figure"]
     energy, position = figure.axes
-    assert list(looks(energy.get_legend())) == [
-        *(label(name) for name in ("ruth", "babs7o7h", "heyoka", "heyoka_regularised")),
-        "every other method here, regularised",
-        "best method here, original equations",
+    known = looks(figure.legends[0])
+    assert list(known) == [
+        "fastest method here, regularised",
+        "BAB's9o7H, regularised",
+        "fastest method here, original equations",
+        "heyoka (adaptive Taylor), original equations",
+        "heyoka, regularised equations",
     ]
     for axes, factor in ((energy, 1), (position, 10)):
-        line = line_of(axes, [1e-2, 1.1e-2, 1.2e-2], [factor * error for error in AT])
-        assert look(line) == looks(energy.get_legend())[label("heyoka_regularised")]
+        errors = [factor * error for error in AT]
+        assert look(line_of(axes, [1e-2, 1.1e-2, 1.2e-2], errors)) == known["heyoka, regularised equations"]
+        assert look(line_of(axes, [1e3 * t for t in (2e-5, 3e-5, 4e-5)], errors)) == known["BAB's9o7H, regularised"]
+    assert energy.get_title(loc="left").endswith(f"{systems['kepler_regularised'].label}, $t$ = 20 h")
     figure.draw_without_rendering()
+
+
+TABLES = """ten years (t =
+87660 h)
+
+| e = 0.2, energy | 10⁻⁶ | 10⁻¹² |
+|---|---:|---:|
+| BAB's9o7H, regularised | 0.5 (0.082) | 0.7 (1) |
+| heyoka, fast_math, original equations | 2 (4.6) | not reached |
+
+| e = 0.9, position | 10⁻⁶ | 10⁻¹² |
+|---|---:|---:|
+| fastest method here, regularised | 3 | 4 |
+
+| another | table |
+|---|---:|
+| of | 5 |
+"""
+
+
+def test_tables_of_page_are_panels_with_their_times_at_errors(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(TABLES, encoding="utf-8")
+    figure = figure_of_tables(str(page))["figure"]
+    known = looks(figure.legends[0])
+    found = [
+        {
+            says: dict(zip(*line.get_data(), strict=True))
+            for line in axes.get_lines()
+            for says, seen in known.items()
+            if seen == look(line)
+        }
+        for axes in figure.axes
+    ]
+    assert found == [
+        {
+            "BAB's9o7H, regularised": {0.5: 1e-6, 0.7: 1e-12},
+            "heyoka, fast_math, original equations": {2: 1e-6},
+        },
+        {"fastest method here, regularised": {3: 1e-6, 4: 1e-12}},
+    ]
+    titles = [axes.get_title(loc="left").partition("  ")[2] for axes in figure.axes]
+    assert titles == [f"Sun-Mercury orbit, e = {e}, $t$ = 87660 h" for e in ("0.2", "0.9")]
+
+
+def test_page_of_regularised_problem_has_table_rows_for_all_curves():
+    page = Path(__file__).parents[4] / "docs/results/regularised.md"
+    panels = figure_of_tables(str(page))["figure"].axes
+    assert [len(axes.get_lines()) for axes in panels] == [8] * 4
+    assert {len(line.get_xdata()) for axes in panels for line in axes.get_lines()} == {2, 3}
+
+
+def test_curves_of_regularised_problem_are_told_apart_by_all_readers():
+    found = [(*look(Line2D([], [], **drawn)), drawn.get("linewidth", 1) > 4) for _, drawn in CURVES.values()]
+    for (colour, *form), (other, *like) in combinations(found, 2):
+        assert difference(colour, other, "deuteranopia") >= 10 or form != like
 
 
 def test_without_the_standard_there_are_times_but_no_ratios(cube, monkeypatch):

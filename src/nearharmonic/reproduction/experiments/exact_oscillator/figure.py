@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from nearharmonic.plotting.energy_error import problem_of
 from nearharmonic.plotting.style import lettered, log_scale, method_handles, new_figure, panel_letter, style_of
 from nearharmonic.reproduction.tasks.declarations import figure
 
@@ -35,10 +36,16 @@ def exact_oscillator_error(cube: xr.Dataset) -> Figure:
     drawn, grid = _panels(len(taus), max(7.8, 1.2 + 3.3 * len(taus)), 5.1, top=0.9, bottom=0.27)
     for i, (axes, tau) in enumerate(zip(grid, taus, strict=True)):
         _draw(axes, cube.sel(tau_per_stage=tau, charge=1.0, quantile=0.5))
-        axes.text(0.025, 0.965, lettered(i, rf"$\tau/s = {tau:g}$"), transform=axes.transAxes, va="top")
+        box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1.5}
+        title = lettered(i, _title(cube, tau))
+        axes.text(0.025, 0.97, title, transform=axes.transAxes, va="top", fontsize=9, bbox=box, zorder=4)
     grid[0].set_ylabel(r"median of $\max\,|\Delta H/H_0|$")
     _legend(drawn, cube)
     return drawn
+
+
+def _title(cube: xr.Dataset, tau: float) -> str:
+    return ", ".join(filter(None, (rf"$\tau/s = {tau:g}$", "Hénon-Heiles system", problem_of(cube))))
 
 
 def _panels(count: int, width: float, height: float, **margins: float) -> tuple[Figure, Any]:
@@ -114,7 +121,7 @@ def exact_oscillator_charge(cube: xr.Dataset) -> Figure:
         log_scale(axes, "y")
         axes.set_xlim(float(one["charge"].values[0]) - 0.04, float(one["charge"].values[-1]) + 0.04)
         axes.set_xlabel("cost of an evaluation, exact oscillator over T + V")
-        panel_letter(axes, i, rf"$\tau/s = {tau:g}$")
+        panel_letter(axes, i, _title(cube, tau))
     grid[0].set_ylabel(r"amplitude of crossing, $\sqrt{2H}$")
     exact = method_handles(cube["exact_integrator"].values, cube["exact_label"].values, linestyle=DASHES)
     drawn.legend(handles=exact, loc="lower center", ncols=5, columnspacing=1.4, handlelength=2.6)

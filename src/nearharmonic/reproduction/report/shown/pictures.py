@@ -30,8 +30,8 @@ _ALIKE = re.compile(r'<path d="[^"]*"( clip-path="[^"]*" style="fill: none; [^"]
 _OUTLINE = re.compile(r'd="([^"]*)"')
 #: Width of a small picture in pixels, for screens of two pixels per unit, and its quality of 100.
 _WIDTH, _QUALITY = 320, 70
-#: Colours of a PNG file of a page below docs, and its largest width in pixels.
-COLOURS, WIDEST = 20, 1100
+#: Largest width in pixels of a PNG file of a page below docs.
+WIDEST = 1100
 #: Characters that end a data URI or an attribute in single quotes, or have a special meaning there.
 _ESCAPED = str.maketrans({"%": "%25", "#": "%23", "&": "%26", "'": "%27"})
 
@@ -61,27 +61,22 @@ def thumbnail(png: Path) -> str:
     return f"data:image/webp;base64,{b64encode(held.getvalue()).decode()}"
 
 
-def few_colours(path: str, colours: int = COLOURS) -> bytes:
-    """Return a PNG file of a figure with few colours, at most :data:`WIDEST` pixels wide.
+def few_colours(figure: str, colours: int) -> dict[str, bytes]:
+    """Return a PNG file of few colours, at most :data:`WIDEST` pixels wide, as ``picture``.
 
     Parameters
     ----------
-    path : str
+    figure : str
         PNG file of the figure.
     colours : int
-        Number of colours.
+        Number of colours: 20 are enough for lines, pale areas and shades need more.
     """
     from PIL import Image
 
-    with Image.open(path) as whole, BytesIO() as file:
+    with Image.open(figure) as whole, BytesIO() as file:
         shown = whole.convert("RGB")
         if shown.width > WIDEST:
             shown = shown.resize((WIDEST, round(WIDEST * shown.height / shown.width)), Image.Resampling.LANCZOS)
         few = shown.quantize(colours, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE)
         few.save(file, "PNG", optimize=True)
-        return file.getvalue()
-
-
-def pictures(**figures: str) -> dict[str, bytes]:
-    """Return :func:`few_colours` of the PNG file of each figure, under its name."""
-    return {name: few_colours(path) for name, path in figures.items()}
+        return {"picture": file.getvalue()}

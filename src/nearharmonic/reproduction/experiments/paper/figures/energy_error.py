@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     caption=(
         "Benchmark profile: largest (A) and mean (B) relative energy error over every step of a run, against step "
         "size per stage tau/s; each point is a whole run. Dashed lines, if any, are in extended precision. A curve "
-        "ends where runs leave their energy surface. Filled markers are the methods of Nielsen (2015)."
+        "ends where runs leave their energy surface. Filled markers are the methods of Nielsen (2015) and those "
+        "found here."
     ),
 )
 def energy_error(cube: xr.Dataset) -> Figure:

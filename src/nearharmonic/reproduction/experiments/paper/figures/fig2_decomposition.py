@@ -17,6 +17,7 @@ from nearharmonic.plotting.style import (
     method_handles,
     new_figure,
     panel_letter,
+    right_title,
     style_of,
 )
 from nearharmonic.reproduction.tasks.declarations import figure
@@ -51,6 +52,7 @@ def fig2_decomposition(terms: xr.Dataset) -> Figure:
     _draw_terms(upper, kappa.where(kappa >= SATISFIED_BELOW))
     _draw_satisfied(lower, (kappa < SATISFIED_BELOW), labels)
     panel_letter(upper, "A", "error terms that remain")
+    right_title(upper, "simple harmonic oscillator, one step")
     panel_letter(lower, "B", rf"error terms that vanish ($\kappa_\lambda < 10^{{{log10(SATISFIED_BELOW):.0f}}}$)")
     lower.set_xlabel(r"order, $\lambda$")
     lower.xaxis.set_major_locator(MultipleLocator(1))
@@ -71,7 +73,7 @@ def _draw_terms(axes: Axes, kappa: xr.DataArray) -> None:
         axes.plot(order, term.sel(first="kick").values, color=style.colour, linewidth=1.2)
         _circles(axes, order, term.sel(first="drift").values, style)
     log_scale(axes, "y")
-    axes.set_ylabel(r"$\kappa_\lambda$")
+    axes.set_ylabel(r"error term of the position, $\kappa_\lambda$")
 
 
 def _circles(axes: Axes, x: Any, y: Any, style: Style) -> None:

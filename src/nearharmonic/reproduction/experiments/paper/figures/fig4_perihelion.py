@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from nearharmonic.output.dataset import double_runs
+from nearharmonic.plotting.energy_error import problem_of
 from nearharmonic.plotting.envelope import envelope
 from nearharmonic.plotting.levels import MERCURY_RELATIVISTIC_ADVANCE, arcseconds_per_century
 from nearharmonic.plotting.style import (
@@ -17,6 +18,7 @@ from nearharmonic.plotting.style import (
     mark_every,
     method_handles,
     new_figure,
+    right_title,
     style_of,
     write_beside,
 )
@@ -57,10 +59,13 @@ def fig4_perihelion(cube: xr.Dataset) -> Figure:
     axes.margins(x=0.03, y=0.04)
     log_scale(axes, "xy")
     axes.set_xlabel("force evaluations per orbit")
+    right_title(axes, problem_of(cube, str(cube["tau_per_stage"].attrs.get("units", "1"))))
     axes.set_ylabel("|perihelion advance|  (rad per orbit)")
     _add_century_axis(axes, arcseconds_per_century(float(cube.attrs["orbital_period"])))
     handles = method_handles(names, map(str, cube["label"].values))
-    handles.append(Line2D([], [], color="#404040", linestyle="none", marker="x", markersize=4, label="includes zero"))
+    handles.append(
+        Line2D([], [], color="#404040", linestyle="none", marker="x", markersize=4, label="95 % interval includes 0")
+    )
     drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.995), ncols=4, columnspacing=1.8)
     return drawn
 

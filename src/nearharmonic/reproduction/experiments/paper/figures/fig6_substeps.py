@@ -40,6 +40,7 @@ _DOTS: dict[tuple[bool, bool], tuple[str, tuple[dict[str, Any], ...]]] = {
 _INITIAL = _mark("o", _BLUE, 10, markerfacecolor="none", markeredgewidth=1.6)
 _FINAL = _mark("x", _BLUE, 9, markeredgewidth=2.0)
 
+_BOX: dict[str, Any] = {"boxstyle": "round,pad=0.3", "facecolor": "white", "edgecolor": "#8795a5", "linewidth": 0.5}
 _SURFACE: dict[str, Any] = {"colors": "#1f2d3d", "linewidths": 1.0, "linestyles": [(0, (5, 3))]}
 
 
@@ -87,25 +88,24 @@ def _draw_panel(drawn: Figure, axes: Axes, panel: xr.Dataset) -> None:
     axes.contour(q_grid, p_grid, H, levels=shades.levels, colors="#8795a5", linewidths=0.5)
     axes.contour(q_grid, p_grid, H, levels=panel["H"].values[:1, 0], **_SURFACE)
     bar = drawn.colorbar(shades, ax=axes, pad=0.02, fraction=0.046, aspect=28)
-    bar.ax.set_title("H", fontsize=8.5, pad=4)
+    bar.ax.set_title("$H$", fontsize=8.5, pad=4)
     bar.ax.tick_params(labelsize=7.5)
     legs = "steps-post" if panel.attrs["first"] == "drift" else "steps-pre"
     for iteration in panel["iteration"].values:
         _draw_iteration(axes, panel.sel(iteration=iteration), legs)
     axes.set_xlim(q_grid[0], q_grid[-1])
     axes.set_ylim(p_grid[0], p_grid[-1])
-    axes.set_xlabel("q")
-    axes.set_ylabel("p")
+    moving = rf"_{'xyz'[panel.attrs['component']]}" if panel.attrs["component"] else ""
+    axes.set_xlabel(f"$q{moving}$")
+    axes.set_ylabel(f"$p{moving}$")
     axes.grid(visible=False)
-    axes.annotate(
-        _energy_statement(panel),
-        (0.03, 0.03),
-        xycoords="axes fraction",
-        fontsize=7.5,
-        linespacing=1.5,
-        bbox={"boxstyle": "round,pad=0.3", "facecolor": "white", "edgecolor": "#8795a5", "linewidth": 0.5},
-        zorder=7,
-    )
+    for says, place, ha, va in (
+        (_energy_statement(panel), (0.03, 0.03), "left", "bottom"),
+        (rf"$\tau$ = {panel.attrs['tau']:.4g}", (0.97, 0.97), "right", "top"),
+    ):
+        axes.annotate(
+            says, place, xycoords="axes fraction", ha=ha, va=va, fontsize=7.5, linespacing=1.5, bbox=_BOX, zorder=7
+        )  # fmt: skip
 
 
 def _energy_statement(panel: xr.Dataset) -> str:

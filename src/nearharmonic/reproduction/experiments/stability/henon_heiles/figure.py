@@ -13,7 +13,9 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
 
+from nearharmonic.plotting.energy_error import problem_of
 from nearharmonic.plotting.style import new_figure
 from nearharmonic.reproduction.experiments.stability.henon_heiles.reductions import TOLERATED
 from nearharmonic.reproduction.tasks.declarations import figure
@@ -21,7 +23,11 @@ from nearharmonic.reproduction.tasks.declarations import figure
 #: Range of energy errors of the colours; smaller and larger errors have the colours of the ends.
 SMALLEST, LARGEST = 1e-8, 1.0
 
-ESCAPED_COLOUR, LIMIT_COLOUR = "#000000", "#19e0e0"
+#: Grey, far from each colour of the map for colour-blind readers too; a black line with a white edge is seen on both.
+ESCAPED_COLOUR, LIMIT_COLOUR = "#b8b8b8", "#000000"
+LIMIT: dict[str, Any] = {
+    "color": LIMIT_COLOUR, "linewidth": 1.2, "path_effects": [withStroke(linewidth=2.8, foreground="white")],
+}  # fmt: skip
 
 
 @figure(
@@ -30,8 +36,8 @@ ESCAPED_COLOUR, LIMIT_COLOUR = "#000000", "#19e0e0"
     caption=(
         "Henon-Heiles ensembles: for each method, four energy surfaces from H = 1/24 (top strip) to the energy of "
         "escape, H = 1/6 (bottom strip), against the step size per stage. Colour is the median over the trajectories "
-        "of the largest energy error: the lighter the better. Black: more than 1 % of the trajectories left their "
-        "energy surface. Dark streaks are step-size resonances; most lie below the first linear limit (cyan line), "
+        "of the largest energy error: the lighter the better. Grey: more than 1 % of the trajectories left their "
+        "energy surface. Dark streaks are step-size resonances; most lie below the first linear limit (black line), "
         "where the first gap opens in which the harmonic oscillator is unstable, often narrower than a column. Initial "
         "conditions are quasi-random in the microcanonical measure."
     ),
@@ -48,6 +54,9 @@ def henon_heiles_stability(cube: xr.Dataset) -> Figure:
         image = _draw_method(axes, cube.sel(integrator=name), colours)
     rows[-1].set_xlabel(r"step size per stage, $\tau/s$")
     _annotate(drawn, image, height)
+    drawn.text(
+        0.955, 1 - 0.62 / height, f"Hénon-Heiles system, {problem_of(cube)}".rstrip(", "), ha="right", fontsize=9
+    )
     return drawn
 
 
@@ -67,19 +76,19 @@ def _draw_method(axes: Axes, one: xr.Dataset, colours: Any) -> Any:
     )
     limit = one["linear_limit"].item()
     if tau[0] - half <= limit <= tau[-1] + half:
-        axes.axvline(limit, color=LIMIT_COLOUR, linewidth=1.4)
+        axes.axvline(limit, **LIMIT)
     axes.set_ylabel(str(one["label"].item()), rotation=0, ha="right", va="center")
     axes.set_yticks(range(len(shade)), [str(Fraction(float(e)).limit_denominator(1000)) for e in one["energy"].values])
     axes.yaxis.tick_right()
     axes.tick_params(axis="y", labelsize=5.5, length=0, pad=2)
     axes.grid(visible=False)
     for line in np.arange(0.5, len(shade) - 1):
-        axes.axhline(line, color="white", linewidth=0.4)
+        axes.axhline(line, color="white", linewidth=0.6)
     return image
 
 
 def _annotate(figure: Figure, image: Any, height: float) -> None:
-    """Draw the colour bar above the maps, with the meaning of black and cyan."""
+    """Draw the colour bar above the maps, with the meaning of grey and of the line."""
     bar = figure.colorbar(
         image,
         cax=figure.add_axes((0.135, 1 - 0.33 / height, 0.42, 0.12 / height)),
@@ -93,7 +102,7 @@ def _annotate(figure: Figure, image: Any, height: float) -> None:
     bar.ax.grid(visible=False)
     handles = [
         Patch(color=ESCAPED_COLOUR, label="more than 1 % escaped"),
-        Line2D([], [], color=LIMIT_COLOUR, linewidth=1.6, label="first linear limit"),
+        Line2D([], [], label="first linear limit", **LIMIT),
     ]
     figure.legend(handles=handles, loc="upper right", bbox_to_anchor=(0.96, 1.0), borderaxespad=0.4)
     figure.text(0.958, 1 - 0.8 / height, "$H$", va="bottom", ha="left", fontsize=8)

@@ -16,7 +16,8 @@ from nearharmonic.plotting.style import log_scale, method_handles, new_figure, p
 from nearharmonic.reproduction.tasks.declarations import figure
 
 COLUMNS = 5
-LOST_COLOUR = "#000000"
+#: Grey, far from each colour of the maps for colour-blind readers too.
+LOST_COLOUR = "#b8b8b8"
 #: Eccentricities with a tick.
 TICKS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99)
 #: Panel letter, variable, range of the colours, and label of the colour bar.
@@ -32,7 +33,7 @@ MAPS = (
     caption=(
         "Kepler orbits of eccentricity e from the apoapsis. A: largest energy error; B: spurious advance of the "
         "perihelion in radians per orbit; each against force evaluations per orbit, one map a method, the lighter the "
-        "better. Black: the orbit was lost (the energy error reached the energy itself, or the perihelion turned by "
+        "better. Grey: the orbit was lost (the energy error reached the energy itself, or the perihelion turned by "
         "more than a quarter turn in an orbit). White line: energy error 1e-6. C: that line for all methods. The "
         "eccentricity is spaced by the logarithm of the perihelion distance, 1 - e."
     ),

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import accumulate
 from math import ceil, isfinite
 from textwrap import fill
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -114,15 +114,20 @@ def _envelopes(axes: Axes, curves: Sequence[Curve], measure: str) -> None:
 
 
 def draw_envelope(axes: Axes, curves: Sequence[Curve], measure: str, mode: str, look: Mapping[str, Any]) -> None:
-    """Draw the least error that any of ``curves`` has reached by each time, without lucky points.
+    """Draw :func:`best_of` the curves."""
+    x, y = best_of(curves, measure, mode)
+    if x:
+        axes.plot(x, y, zorder=1.5, **look)
+
+
+def best_of(curves: Sequence[Curve], measure: str, mode: str = "trajectory") -> tuple[list[float], list[float]]:
+    """Return milliseconds and the least error that any of ``curves`` has reached by then, without lucky points.
 
     A coarser step that no finer one bears out is worth nothing.
     """
     timed = [points_of(curve, measure, mode) for curve in curves]
     points = sorted(point for times, errors in timed for point in zip(times, for_good(errors), strict=False))
-    if points:
-        x, y = np.array(points).T
-        axes.plot(x, np.minimum.accumulate(y), zorder=1.5, **look)
+    return [x for x, _ in points], list(accumulate((y for _, y in points), min))
 
 
 def draw_legend(axes: Axes, handles: Sequence[Line2D], handlelength: float) -> None:
