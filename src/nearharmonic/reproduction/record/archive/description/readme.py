@@ -33,7 +33,8 @@ PLACES = {
 def readme(result: str, members: Sequence[Member], runs: Sequence[Run], left_out: int) -> bytes:
     """Return the README, Markdown in UTF-8.
 
-    The arguments are those of :func:`nearharmonic.reproduction.record.archive.description.metadata.metadata`, without the metadata.
+    The arguments are those of
+    :func:`nearharmonic.reproduction.record.archive.description.metadata.metadata`, without the metadata.
     """
     counts = Counter(PurePosixPath(member.path).parts[0] for member in members)
     folders = {PurePosixPath(member.path).parts[0] for member in members if "/" in member.path}

@@ -25,7 +25,7 @@ def zenodo(result: str, cited: Mapping[str, Any], runs: Sequence[Run], left_out:
     Parameters
     ----------
     result, runs, left_out
-        As for :func:`.metadata.metadata`.
+        As for :func:`nearharmonic.reproduction.record.archive.description.metadata.metadata`.
     cited : mapping
         Content of ``CITATION.cff``.
     """
