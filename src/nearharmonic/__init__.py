@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from nearharmonic.integrators.tableau import ModifiedTableau as ModifiedTableau
     from nearharmonic.integrators.tableau import Tableau as Tableau
     from nearharmonic.integrators.tableau import palindrome as palindrome
+    from nearharmonic.plotting.animate import animate as animate
     from nearharmonic.plotting.plot import plot as plot
     from nearharmonic.recommendation.dataset import recommend as recommend
     from nearharmonic.systems import systems as systems
@@ -47,6 +48,7 @@ _MODULES = {
     "Parameter": "systems.definition.quantities",
     "System": "systems.definition.system",
     "Tableau": "integrators.tableau",
+    "animate": "plotting.animate",
     "ensemble": "engine.runs.ensemble",
     "harmonic_order": "theory.order",
     "integrate": "engine.runs.trajectory",
@@ -67,9 +69,9 @@ _MODULES = {
 }
 
 __all__ = [
-    "ModifiedTableau", "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "ensemble",
-    "harmonic_order", "integrate", "integrators", "kappa", "modified_integrators", "order_of", "palindrome", "plot",
-    "problem", "recommend", "section", "stability_limit", "stepper", "sweep", "systems", "tailor",
+    "ModifiedTableau", "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "animate",
+    "ensemble", "harmonic_order", "integrate", "integrators", "kappa", "modified_integrators", "order_of", "palindrome",
+    "plot", "problem", "recommend", "section", "stability_limit", "stepper", "sweep", "systems", "tailor",
 ]  # fmt: skip
 
 
