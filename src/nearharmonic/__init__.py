@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from nearharmonic.integrators import modified_integrators as modified_integrators
     from nearharmonic.integrators.tableau import Tableau as Tableau
     from nearharmonic.integrators.tableau import palindrome as palindrome
+    from nearharmonic.plotting.animate import animate as animate
     from nearharmonic.plotting.plot import plot as plot
     from nearharmonic.recommendation.dataset import recommend as recommend
     from nearharmonic.systems import systems as systems
@@ -50,6 +51,7 @@ _MODULES = {
     "Parameter": "systems.definition.quantities",
     "System": "systems.definition.system",
     "Tableau": "integrators.tableau",
+    "animate": "plotting.animate",
     "ensemble": "engine.runs.ensemble",
     "harmonic_order": "theory.order",
     "integrate": "engine.runs.trajectory",
@@ -73,9 +75,9 @@ _MODULES = {
 _FORMER = {"ModifiedTableau": "Tableau"}
 
 __all__ = [
-    "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "ensemble", "harmonic_order",
-    "integrate", "integrators", "kappa", "modified_integrators", "order_of", "palindrome", "plot", "problem",
-    "recommend", "section", "stability_limit", "stepper", "sweep", "systems", "tailor",
+    "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "animate", "ensemble",
+    "harmonic_order", "integrate", "integrators", "kappa", "modified_integrators", "order_of", "palindrome", "plot",
+    "problem", "recommend", "section", "stability_limit", "stepper", "sweep", "systems", "tailor",
 ]  # fmt: skip
 
 

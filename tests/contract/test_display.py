@@ -10,7 +10,7 @@ import nearharmonic as nh
 
 TOP = (
     "System", "Parameter", "Observable", "Tableau", "palindrome", "order_of", "stability_limit", "kappa", "plot",
-    "integrate", "sweep", "systems", "integrators",
+    "animate", "integrate", "sweep", "systems", "integrators",
 )  # fmt: skip
 
 

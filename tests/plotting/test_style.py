@@ -237,6 +237,20 @@ def test_svg_has_text_as_text_and_says_what_it_shows(tmp_path):
     assert "the third <panel>" in [one.text for one in root.iter(f"{space}text")]
 
 
+def fills(svg):
+    """Colours of the filled outlines of an SVG file."""
+    styles = [one.get("style", "") for one in ElementTree.parse(svg).iter("{http://www.w3.org/2000/svg}path")]
+    return {part for style in styles for part in style.split("; ") if part.startswith("fill: #")}
+
+
+def test_transparent_svg_has_no_background_and_other_files_keep_theirs(tmp_path):
+    white = save(plain_figure(), places(tmp_path / "white"))
+    clear = save(plain_figure(), places(tmp_path / "clear"), transparent=True)
+    assert fills(white[1]) == {"fill: #ffffff"}
+    assert fills(clear[1]) == set()
+    assert [white[k].read_bytes() == clear[k].read_bytes() for k in range(3)] == [True, False, True]
+
+
 def test_energy_error_figure_names_system_and_interval():
     cube = made.errors(["ruth"]).assign_attrs(system_label="test system", settings='{"sweep": {"t_end": "500"}}')
     cube.tau_per_stage.attrs["units"] = "h"

@@ -62,6 +62,10 @@ def FIGURE(stem):
     return multiext(f"{RESULTS}/figures/{stem}", ".pdf", ".svg", ".png")
 
 
+#: Parameter of rules that draw; the default is left out, so that the parameters of earlier results stay.
+LOOK = {"transparent": True} if CONFIG.background == "transparent" else {}
+
+
 def shown(stem, category, label):
     """Return the three files of a figure, with its picture marked for the report."""
     *vector, png = FIGURE(stem)

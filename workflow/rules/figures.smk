@@ -13,6 +13,7 @@ for _cube in dict.fromkeys(one.cube for one in FIGURES):
         log:
             LOG(f"figures/{_cube or 'substeps'}"),
         params:
+            **LOOK,
             tasks={one.stem: task(one.function) for one in _figures},
             captions={one.stem: one.caption for one in _figures},
         script:

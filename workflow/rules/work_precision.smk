@@ -30,6 +30,7 @@ rule work_precision_figure:
     log:
         LOG("work_precision/figure_{system}"),
     params:
+        **LOOK,
         captions={
             "Timings": (
                 "Error against the wall time of one trajectory on one core: largest and mean relative energy error, "
@@ -96,6 +97,7 @@ for _name, (_files, _made) in _TOGETHER.items():
         log:
             LOG(f"work_precision/{_name}"),
         params:
+            **LOOK,
             task=lambda wildcards, made=_made: made(),
         script:
             "../scripts/task.py"

@@ -138,12 +138,12 @@ def _described(svg: bytes, description: str) -> bytes:
     return svg.replace(b"</title>", f"</title>\n <desc>{escape(description)}</desc>".encode(), 1)
 
 
-def save(figure: Figure, places: Sequence[str | os.PathLike[str]]) -> list[Path]:
+def save(figure: Figure, places: Sequence[str | os.PathLike[str]], *, transparent: bool = False) -> list[Path]:
     """Write ``figure`` to each of ``places``, in the format of its ending: .pdf, .svg or .png (200 dpi).
 
     Each file is written atomically. Equal figures give bitwise identical files: the metadata have no date, and ids of
     elements have a fixed salt. Text in an SVG file is text; the label of the figure is its description, and what stands
-    before the first colon its title. The paths are returned.
+    before the first colon its title. If ``transparent``, SVG files have no background. The paths are returned.
     """
     description = str(figure.get_label())
     title = description.partition(":")[0]
@@ -153,7 +153,8 @@ def save(figure: Figure, places: Sequence[str | os.PathLike[str]]) -> list[Path]
         content = BytesIO()  # on a full disk, matplotlib's PDF writer raises an error of its own
         with mpl.rc_context(SETTINGS):
             figure.savefig(
-                content, format=suffix, dpi=200, metadata={**_METADATA[suffix], **({"Title": title} if title else {})}
-            )
+                content, format=suffix, dpi=200, metadata={**_METADATA[suffix], **({"Title": title} if title else {})},
+                transparent=transparent and suffix == "svg",
+            )  # fmt: skip
         write_bytes(path, _described(content.getvalue(), description) if suffix == "svg" else content.getvalue())
     return paths

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from contextlib import ExitStack
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import xarray as xr
 
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output.store import read
-from nearharmonic.reproduction.tasks.job import logged, write
+from nearharmonic.reproduction.tasks.job import draw, logged, write
+from nearharmonic.reproduction.tasks.provenance import task
+from nearharmonic.reproduction.tasks.remote.plan import Files, FrozenJob
 
 
 def test_what_a_job_prints_goes_to_its_log(tmp_path, capsys):
@@ -58,3 +62,25 @@ def test_dataset_goes_to_hdf5_file_though_it_is_mapping(tmp_path):
     cube = xr.Dataset({"error": ("tau", [1.0, 2.0], {"units": "1", "long_name": "error"})})
     write(cube, [str(tmp_path / "cube.h5")], {"settings": "{}"})
     assert read(tmp_path / "cube.h5").error.values.tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("background", [{}, {"transparent": True}])
+def test_job_draws_svg_file_with_background_that_its_rule_asks(tmp_path, background):
+    function = "reproduction.experiments.paper.figures.fig6_substeps:fig6_substeps"
+    place = str(tmp_path / "results/x/figures/fig6_substeps.svg")
+    log = tmp_path / "results/x/logs/draw.log"
+    log.parent.mkdir(parents=True)
+    draw(
+        FrozenJob(
+            function="draw",
+            input=Files([], {}),
+            output=Files([place], {"fig6": [place]}),
+            params=SimpleNamespace(tasks={"fig6": task(function)}, captions={"fig6": "Six. Two."}, **background),
+            log=[str(log)],
+            threads=1,
+            patience=0,
+        )
+    )
+    text = Path(place).read_text(encoding="utf-8")
+    (sheet,) = re.findall(r'<g id="patch_1">\s*<path [^>]*style="([^"]*)"', text)
+    assert sheet == ("fill: none" if background else "fill: #ffffff")

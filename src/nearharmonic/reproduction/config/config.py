@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, make_dataclass, replace
 from functools import cache
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from nearharmonic.engine.settings import MOST_SAMPLES, Sweep, shared_settings_from
 from nearharmonic.integrators import integrators, plain_integrators
@@ -90,6 +90,12 @@ class Config:
         each=METHOD,
         default=None,
         min_length=1,
+    )
+
+    background: Literal["white", "transparent"] = setting(
+        "Background of the SVG files of figures; PDF and PNG files are white",
+        "one of white, transparent",
+        default="white",
     )
 
     @property

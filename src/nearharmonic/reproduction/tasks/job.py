@@ -63,7 +63,7 @@ def run(snakemake: Any) -> None:
             results = function(**task["settings"], **inputs, **extra)
             for name, made in snakemake.output.items():
                 places = [made] if isinstance(made, str) else list(made)
-                write(results[name], places, origin)
+                write(results[name], places, origin, transparent=_is_transparent(snakemake))
                 receipt.add(places, task, **_remarks(function, results[name]))
         receipt.write()
 
@@ -99,7 +99,7 @@ def draw(snakemake: Any) -> None:
                 with covered(task):
                     figure = function_of(task)(*shown)
                     figure.set_label(snakemake.params.captions[stem])
-                    write(figure, places, provenance(task))
+                    write(figure, places, provenance(task), transparent=_is_transparent(snakemake))
             drawn[task["function"]] = places
             receipt.add(places, task)
         receipt.write()
@@ -155,7 +155,11 @@ def _check_files(task: Mapping[str, Any]) -> None:
         raise NearharmonicError(message)
 
 
-def write(result: Any, places: Places, origin: Mapping[str, str]) -> None:
+def _is_transparent(snakemake: Any) -> bool:
+    return bool(getattr(snakemake.params, "transparent", False))
+
+
+def write(result: Any, places: Places, origin: Mapping[str, str], *, transparent: bool = False) -> None:
     """Write one result of a task to its files.
 
     Parameters
@@ -168,6 +172,8 @@ def write(result: Any, places: Places, origin: Mapping[str, str]) -> None:
         The files; files of one table or figure differ only in their endings.
     origin : mapping
         Provenance, as attributes of HDF5 files and as a section of TOML files.
+    transparent : bool
+        SVG files of figures have no background.
     """
     from nearharmonic.output import store
 
@@ -185,7 +191,7 @@ def write(result: Any, places: Places, origin: Mapping[str, str]) -> None:
     elif hasattr(result, "savefig"):
         from nearharmonic.plotting.style import save
 
-        save(result, places)
+        save(result, places, transparent=transparent)
     else:
         save_document({"provenance": dict(origin), **result}, places[0])
 

@@ -43,7 +43,7 @@ class FrozenJob:
     input, output : Files
         Paths, relative to the working folder.
     params : SimpleNamespace
-        Its member is ``task``, or ``tasks`` and ``captions`` by the names of the outputs.
+        Its member is ``task``, or ``tasks`` and ``captions`` by the names of the outputs; and ``transparent``, if set.
     log : list of str
         Its log file.
     threads : int

@@ -73,7 +73,11 @@ def frozen(job: Any, patience: float) -> FrozenJob:
         input=_files(job.input),
         output=_files(job.output),
         params=SimpleNamespace(
-            **{name: value for name, value in job.params.items() if name in {"task", "tasks", "captions"}}
+            **{
+                name: value
+                for name, value in job.params.items()
+                if name in {"task", "tasks", "captions", "transparent"}
+            }
         ),
         log=[str(file) for file in job.log],
         threads=int(job.threads),

@@ -1,0 +1,173 @@
+"""Films of trajectories: GIF files, and HTML files that need no network."""
+
+from __future__ import annotations
+
+import os
+from base64 import b64encode
+from collections.abc import Callable, Iterable, Sequence
+from html import escape
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.animation import PillowWriter
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from nearharmonic.errors import bad_setting
+from nearharmonic.output.atomic import write_bytes, write_text
+from nearharmonic.plotting.datasets.legend import in_brackets
+from nearharmonic.plotting.datasets.members import check_measured
+from nearharmonic.plotting.palette import style_of
+from nearharmonic.plotting.plot import plot
+from nearharmonic.plotting.style import house_style, panel_letter, right_title
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Pixels per inch, and the largest number of frames.
+DPI, MOST = 90, 2000
+_PAGE = """<!DOCTYPE html>
+<meta charset="utf-8"><title>{title}</title>
+<style>body{{font:14px sans-serif;text-align:center}}img{{max-width:100%}}input{{width:60%}}</style>
+<img alt="{title}"><br><button>pause</button> <input type="range" min="0" max="{last}" value="0">
+<script>
+const frames={frames},at=s=>document.querySelector(s),slider=at("input"),button=at("button");
+let playing=true;
+function show(k){{slider.value=k;at("img").src="data:image/png;base64,"+frames[k];}}
+slider.oninput=()=>{{playing=false;button.textContent="play";show(+slider.value);}};
+button.onclick=()=>{{playing=!playing;button.textContent=playing?"pause":"play";}};
+setInterval(()=>{{if(playing)show((+slider.value+1)%frames.length);}},{interval});
+show(0);
+</script>
+"""
+
+
+class Film(str):
+    """Text of an HTML page with a film; a notebook shows the page."""
+
+    def _repr_html_(self) -> str:
+        return f'<iframe srcdoc="{escape(self)}" width="100%" height="{int(DPI * 9.4)}" frameborder="0"></iframe>'
+
+
+@house_style
+def animate(
+    runs: xr.Dataset | Iterable[xr.Dataset],
+    path: str | os.PathLike[str] | None = None,
+    frames: int = 60,
+    fps: int = 20,
+    title: str | None = None,
+) -> Path | Film:
+    """Write a film of trajectories: the orbit, and the energy error beneath it, up to the time of each frame.
+
+    Parameters
+    ----------
+    runs : xarray.Dataset, or list of them
+        Results of ``integrate`` with energy errors.
+    path : str or os.PathLike, optional
+        File to write, a GIF or an HTML file by its ending; an existing file is replaced when the film is complete. If
+        not given, the HTML page is returned, which a notebook shows.
+    frames : int
+        Number of frames, from the first to the last sample, evenly spaced in time; at least 2.
+    fps : int
+        Frames per second.
+    title : str, optional
+        Text above the orbit.
+
+    Returns
+    -------
+    pathlib.Path or Film
+        The written file, or the page.
+
+    Raises
+    ------
+    SettingError
+        The ending of the file is not .gif or .html, the runs are no trajectories with energy errors, or a number is not
+        allowed.
+    FileWriteError
+        The file cannot be written.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> run = nh.integrate("henon_heiles", "babps8o7h", 0.4, t_end=60)
+    >>> nh.animate(run, "orbit.gif")  # doctest: +SKIP
+    PosixPath('orbit.gif')
+    """
+    ending = "" if path is None else Path(path).suffix.lower()
+    if path is not None and ending not in (".gif", ".html"):
+        raise bad_setting("path", str(path), "the name of a file that ends with .gif or .html")
+    for name, value, least, most in (("frames", frames, 2, MOST), ("fps", fps, 1, 100)):
+        if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+            raise bad_setting(name, value, f"an integer from {least} to {most}")
+    given: list[Any] = list(runs) if isinstance(runs, list | tuple) else [runs]
+    if not given or not all({"t", "q", "energy_error"} <= set(getattr(one, "variables", ())) for one in given):
+        raise bad_setting("runs", type(runs).__name__, "a Dataset of nearharmonic.integrate, or a list of them")
+    check_measured(given)
+    figure = plot(given, title=title)
+    show = truncator(figure, given)
+    if ending == ".gif":
+        write_bytes(Path(str(path)), _gif(figure, show, frames, fps))
+        return Path(str(path))
+    page = _PAGE.format(
+        title=escape(title or "orbit and energy error"), last=frames - 1, interval=round(1000 / fps),
+        frames=[b64encode(_png(figure, show, k / (frames - 1))).decode() for k in range(frames)],
+    )  # fmt: skip
+    if path is None:
+        return Film(page)
+    write_text(Path(path), page)
+    return Path(path)
+
+
+def truncator(figure: Figure, given: Sequence[xr.Dataset]) -> Callable[[float], None]:
+    """Put the orbit above the energy error, and return a function that cuts both at a share of the time.
+
+    ``figure`` is the plot of the trajectories ``given``.
+    """
+    energy, orbit = figure.axes
+    upper, lower = energy.get_position(), orbit.get_position()
+    energy.set_position((lower.x0, lower.y0, upper.width, upper.height))
+    orbit.set_position((upper.x0, upper.y1 - lower.height, lower.width, lower.height))
+    for axes, letter in ((orbit, "A"), (energy, "B")):
+        panel_letter(axes, letter, axes.get_title(loc="left").partition("  ")[2])
+    figure.draw_without_rendering()  # the limits of complete curves
+    curves = [(orbit.lines[2 * k], energy.lines[k]) for k in range(len(given))]
+    whole = [[np.array(line.get_xydata()) for line in pair] for pair in curves]
+    colours = [style_of(str(one.attrs["integrator"])).colour for one in given]
+    dots = [orbit.plot([], [], "o", markersize=6, color=colour)[0] for colour in colours]
+    times = [one["t"].values for one in given]
+    first, last = min(t[0] for t in times), max(t[-1] for t in times)
+    unit = in_brackets(str(given[0]["t"].attrs.get("units", "1")))
+
+    def show(share: float) -> None:
+        now = first + share * (last - first)
+        for t, pair, points, dot in zip(times, curves, whole, dots, strict=True):
+            passed = (np.searchsorted(t, now * (1 + 1e-12), side="right") - 1) / max(1, len(t) - 1)
+            for line, all_of_it in zip(pair, points, strict=True):
+                line.set_data(*all_of_it[: round(passed * (len(all_of_it) - 1)) + 1].T)
+            dot.set_data(*np.array(pair[0].get_xydata())[-1:].T)
+        right_title(orbit, f"$t$ = {now:.4g}{unit}")
+
+    return show
+
+
+def _gif(figure: Figure, show: Callable[[float], None], frames: int, fps: int) -> bytes:
+    writer = PillowWriter(fps=fps)
+    with TemporaryDirectory() as folder:
+        place = Path(folder, "film.gif")
+        writer.setup(figure, place, DPI)
+        for k in range(frames):
+            show(k / (frames - 1))
+            writer.grab_frame()
+        writer.finish()
+        return place.read_bytes()
+
+
+def _png(figure: Figure, show: Callable[[float], None], share: float) -> bytes:
+    show(share)
+    figure.set_dpi(DPI)
+    picture = BytesIO()
+    FigureCanvasAgg(figure).print_png(picture)  # type: ignore[no-untyped-call]
+    return picture.getvalue()
