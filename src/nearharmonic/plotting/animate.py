@@ -1,58 +1,35 @@
-"""Films of trajectories: GIF files, and HTML files that need no network."""
+"""Films of trajectories: GIF files, and HTML files that need no network.
+
+matplotlib is loaded by the first film, so that the library can be used without it.
+"""
 
 from __future__ import annotations
 
 import os
-from base64 import b64encode
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable
 from html import escape
-from io import BytesIO
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
-from matplotlib.animation import PillowWriter
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from nearharmonic.errors import bad_setting
 from nearharmonic.output.atomic import write_bytes, write_text
-from nearharmonic.plotting.datasets.legend import in_brackets
-from nearharmonic.plotting.datasets.members import check_measured
-from nearharmonic.plotting.palette import style_of
-from nearharmonic.plotting.plot import plot
-from nearharmonic.plotting.style import house_style, panel_letter, right_title
+from nearharmonic.plotting.datasets.kinds import check_measured
+from nearharmonic.plotting.plot import with_matplotlib
 
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Pixels per inch, and the largest number of frames.
-DPI, MOST = 90, 2000
-_PAGE = """<!DOCTYPE html>
-<meta charset="utf-8"><title>{title}</title>
-<style>body{{font:14px sans-serif;text-align:center}}img{{max-width:100%}}input{{width:60%}}</style>
-<img alt="{title}"><br><button>pause</button> <input type="range" min="0" max="{last}" value="0">
-<script>
-const frames={frames},at=s=>document.querySelector(s),slider=at("input"),button=at("button");
-let playing=true;
-function show(k){{slider.value=k;at("img").src="data:image/png;base64,"+frames[k];}}
-slider.oninput=()=>{{playing=false;button.textContent="play";show(+slider.value);}};
-button.onclick=()=>{{playing=!playing;button.textContent=playing?"pause":"play";}};
-setInterval(()=>{{if(playing)show((+slider.value+1)%frames.length);}},{interval});
-show(0);
-</script>
-"""
+#: Largest number of frames, and height of the frame in a notebook in pixels.
+MOST, HEIGHT = 2000, 846
 
 
 class Film(str):
     """Text of an HTML page with a film; a notebook shows the page."""
 
     def _repr_html_(self) -> str:
-        return f'<iframe srcdoc="{escape(self)}" width="100%" height="{int(DPI * 9.4)}" frameborder="0"></iframe>'
+        return f'<iframe srcdoc="{escape(self)}" width="100%" height="{HEIGHT}" frameborder="0"></iframe>'
 
 
-@house_style
 def animate(
     runs: xr.Dataset | Iterable[xr.Dataset],
     path: str | os.PathLike[str] | None = None,
@@ -93,8 +70,9 @@ def animate(
     --------
     >>> import nearharmonic as nh
     >>> run = nh.integrate("henon_heiles", "babps8o7h", 0.4, t_end=60)
-    >>> nh.animate(run, "orbit.gif")  # doctest: +SKIP
-    PosixPath('orbit.gif')
+    >>> page = nh.animate(run, frames=2)  # with a path, such as "orbit.gif", a file
+    >>> page.startswith("<!DOCTYPE html>")
+    True
     """
     ending = "" if path is None else Path(path).suffix.lower()
     if path is not None and ending not in (".gif", ".html"):
@@ -106,68 +84,12 @@ def animate(
     if not given or not all({"t", "q", "energy_error"} <= set(getattr(one, "variables", ())) for one in given):
         raise bad_setting("runs", type(runs).__name__, "a Dataset of nearharmonic.integrate, or a list of them")
     check_measured(given)
-    figure = plot(given, title=title)
-    show = truncator(figure, given)
+    film = with_matplotlib("film", "a film")
     if ending == ".gif":
-        write_bytes(Path(str(path)), _gif(figure, show, frames, fps))
+        write_bytes(Path(str(path)), film.gif(given, frames, fps, title))
         return Path(str(path))
-    page = _PAGE.format(
-        title=escape(title or "orbit and energy error"), last=frames - 1, interval=round(1000 / fps),
-        frames=[b64encode(_png(figure, show, k / (frames - 1))).decode() for k in range(frames)],
-    )  # fmt: skip
+    page = Film(film.page(given, frames, fps, title))
     if path is None:
-        return Film(page)
+        return page
     write_text(Path(path), page)
     return Path(path)
-
-
-def truncator(figure: Figure, given: Sequence[xr.Dataset]) -> Callable[[float], None]:
-    """Put the orbit above the energy error, and return a function that cuts both at a share of the time.
-
-    ``figure`` is the plot of the trajectories ``given``.
-    """
-    energy, orbit = figure.axes
-    upper, lower = energy.get_position(), orbit.get_position()
-    energy.set_position((lower.x0, lower.y0, upper.width, upper.height))
-    orbit.set_position((upper.x0, upper.y1 - lower.height, lower.width, lower.height))
-    for axes, letter in ((orbit, "A"), (energy, "B")):
-        panel_letter(axes, letter, axes.get_title(loc="left").partition("  ")[2])
-    figure.draw_without_rendering()  # the limits of complete curves
-    curves = [(orbit.lines[2 * k], energy.lines[k]) for k in range(len(given))]
-    whole = [[np.array(line.get_xydata()) for line in pair] for pair in curves]
-    colours = [style_of(str(one.attrs["integrator"])).colour for one in given]
-    dots = [orbit.plot([], [], "o", markersize=6, color=colour)[0] for colour in colours]
-    times = [one["t"].values for one in given]
-    first, last = min(t[0] for t in times), max(t[-1] for t in times)
-    unit = in_brackets(str(given[0]["t"].attrs.get("units", "1")))
-
-    def show(share: float) -> None:
-        now = first + share * (last - first)
-        for t, pair, points, dot in zip(times, curves, whole, dots, strict=True):
-            passed = (np.searchsorted(t, now * (1 + 1e-12), side="right") - 1) / max(1, len(t) - 1)
-            for line, all_of_it in zip(pair, points, strict=True):
-                line.set_data(*all_of_it[: round(passed * (len(all_of_it) - 1)) + 1].T)
-            dot.set_data(*np.array(pair[0].get_xydata())[-1:].T)
-        right_title(orbit, f"$t$ = {now:.4g}{unit}")
-
-    return show
-
-
-def _gif(figure: Figure, show: Callable[[float], None], frames: int, fps: int) -> bytes:
-    writer = PillowWriter(fps=fps)
-    with TemporaryDirectory() as folder:
-        place = Path(folder, "film.gif")
-        writer.setup(figure, place, DPI)
-        for k in range(frames):
-            show(k / (frames - 1))
-            writer.grab_frame()
-        writer.finish()
-        return place.read_bytes()
-
-
-def _png(figure: Figure, show: Callable[[float], None], share: float) -> bytes:
-    show(share)
-    figure.set_dpi(DPI)
-    picture = BytesIO()
-    FigureCanvasAgg(figure).print_png(picture)  # type: ignore[no-untyped-call]
-    return picture.getvalue()

@@ -6,6 +6,7 @@ matplotlib is loaded by the first plot, so that the library can be used without 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from nearharmonic.errors import MissingPackageError, bad_setting
@@ -84,19 +85,24 @@ def plot(
         raise bad_setting("kind", kind, allowed)
     if axes is not None and chosen not in ("orbit", "phase", "section"):
         raise bad_setting("axes", axes, "two quantities of an orbit, a phase space or a section, and this has none")
-    drawing = _drawing()
+    drawing = with_matplotlib("drawing", "a plot")
     drawn: Figure = drawing.draw(source, chosen, given, axes)
     if title is not None:
         drawing.write_above(drawn, title)
     return drawn
 
 
-def _drawing() -> Any:
-    """Import the functions that draw, and matplotlib with them."""
+def with_matplotlib(module: str, purpose: str) -> Any:
+    """Import a module of functions that draw, and matplotlib with it.
+
+    Raises
+    ------
+    MissingPackageError
+        matplotlib is not installed.
+    """
     try:
-        from nearharmonic.plotting.datasets import drawing
+        return import_module(f"nearharmonic.plotting.datasets.{module}")
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "matplotlib":
             raise
-        raise MissingPackageError("a plot", "matplotlib", "figures") from error
-    return drawing
+        raise MissingPackageError(purpose, "matplotlib", "figures") from error

@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from nearharmonic.errors import bad_setting
-from nearharmonic.plotting.datasets.kinds import CUBE, MEMBER, PROFILE, RANKING, TRAJECTORY
+from nearharmonic.plotting.datasets.kinds import CUBE, MEMBER, PROFILE, RANKING, TRAJECTORY, check_measured
 from nearharmonic.plotting.datasets.legend import LEGEND, handles_of, in_brackets, looks_of
-from nearharmonic.plotting.datasets.members import check_measured, draw_members, varying
+from nearharmonic.plotting.datasets.members import draw_members, varying
 from nearharmonic.plotting.datasets.states import draw_curve, draw_points, name_of, pair_of
 from nearharmonic.plotting.datasets.work import draw_ranking, draw_work, stages_of
 from nearharmonic.plotting.energy_error import PANELS, Profile, draw_profile, draw_profiles

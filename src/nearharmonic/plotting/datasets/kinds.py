@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from nearharmonic.errors import bad_setting
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 MEMBER = "member"
 #: Contents of a Dataset, by which its plots are found.
@@ -31,3 +37,10 @@ def kind_of(dataset: Any) -> str:
     if "rank" in dims and {"evaluations", "time"} <= set(variables):
         return RANKING
     return TRAJECTORY if "integrator" in attributes and {"t", "q", "p", "energy_error"} <= set(variables) else ""
+
+
+def check_measured(given: Sequence[xr.Dataset]) -> None:
+    """Raise SettingError if a Dataset has no measured energy errors."""
+    if any(one.attrs.get("energy") == "none" for one in given):
+        allowed = "there are no energy errors to draw; run with energy='every' or 'samples'"
+        raise bad_setting("datasets", "energy='none'", allowed)

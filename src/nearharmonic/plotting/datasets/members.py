@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from nearharmonic.errors import bad_setting
 from nearharmonic.plotting.datasets.kinds import MEMBER
 from nearharmonic.plotting.energy_error import range_of, say_if_empty
 from nearharmonic.plotting.floor import draw_floor
@@ -65,10 +64,3 @@ def _says(given: Sequence[xr.Dataset]) -> str:
     lost = sum(int((one["status"] == "diverged").sum()) for one in given)
     members = sum(one.sizes[MEMBER] for one in given)
     return f"maximum {over}, a point for each member" + (f"; {lost} of {members} diverged" if lost else "")
-
-
-def check_measured(given: Sequence[xr.Dataset]) -> None:
-    """Raise SettingError if a Dataset has no measured energy errors."""
-    if any(one.attrs.get("energy") == "none" for one in given):
-        allowed = "there are no energy errors to draw; run with energy='every' or 'samples'"
-        raise bad_setting("datasets", "energy='none'", allowed)
