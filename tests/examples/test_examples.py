@@ -93,7 +93,7 @@ def test_the_gallery_has_each_example_once():
     assert sorted(re.findall(r"^\| \[(\w+)\.py\]", gallery, flags=re.MULTILINE)) == [path.stem for path in EXAMPLES]
     for path in SYSTEMS:
         compared = load_system(path).energies[0].traced
-        assert (f"| [{path.stem}](../examples/{path.name}) |" in page) == compared
+        assert (f"| [{path.stem}](../../examples/{path.name}) |" in page) == compared
 
 
 def test_paths_of_examples_stand_where_names_do():

@@ -119,11 +119,11 @@ REFUSED = {
     "set": (lambda q: (len({q[0]}),), "grad_V hashes a value"),
     "math": (sine, "grad_V converts a value to float, as the functions of the module math do: .*nearharmonic.math$"),
     "array": (lambda q: (np.array(q, dtype=float)[0],), "grad_V converts a value to float"),
-    "numpy": (lambda q: (np.sin(q[0]),), "grad_V calls a function of numpy: .* come from nearharmonic.math$"),
+    "numpy": (lambda q: (np.sin(q[0]),), "grad_V calls a function of numpy, .*: from nearharmonic.math import exp$"),
     "interpolation": (
         lambda q: (np.interp(q[0], [0, 1], [0, 2]),),
         r"grad_V calls numpy.interp, which needs numbers: .* polynomial fit, or .* numba.njit "
-        r"\(docs/how_to/own_systems.md\)$",
+        r"\(docs/how_to/tabulated_potentials.md\)$",
     ),
     "polynomial": (lambda q: (np.polyval([1, 2], q[0]),), "grad_V calls numpy.polyval, which needs numbers: "),
     "choice": (lambda q: (np.where([True], q[0], 0),), "grad_V calls numpy.where, which needs numbers: "),

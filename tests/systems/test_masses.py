@@ -142,7 +142,7 @@ REFUSED = [
         "masses[1] = 'heavy' is not allowed: it must be a decimal string or a fraction, such as '0.5', '1/3', and "
         "finite as a double; or the name of a parameter, of which there is none",
     ),
-    (("1", 0.1, "2"), "masses[1] = 0.1 is not allowed: it must be a decimal string"),
+    (("1", float("inf"), "2"), "masses[1] = inf is not allowed: it must be a decimal string"),
     (("1", "1/0", "2"), "masses[1] = '1/0' is not allowed"),
     ((("1", "0"), ("0", "1"), ("0", "0")), "masses[0] has 2 entries, expected 3: the matrix must be square"),
     ((("1", "0", "1"), ("0", "1", "0"), ("0", "0", "1")), "masses[2][0] = '0' differs from masses[0][2] = '1'"),

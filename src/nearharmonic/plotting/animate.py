@@ -77,7 +77,8 @@ def animate(
     ending = "" if path is None else Path(path).suffix.lower()
     if path is not None and ending not in (".gif", ".html"):
         raise bad_setting("path", str(path), "the name of a file that ends with .gif or .html")
-    for name, value, least, most in (("frames", frames, 2, MOST), ("fps", fps, 1, 100)):
+    numbers: tuple[tuple[str, Any, int, int], ...] = (("frames", frames, 2, MOST), ("fps", fps, 1, 100))
+    for name, value, least, most in numbers:
         if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
             raise bad_setting(name, value, f"an integer from {least} to {most}")
     given: list[Any] = list(runs) if isinstance(runs, list | tuple) else [runs]

@@ -47,7 +47,8 @@ def plot(
     kind : {"energy", "orbit", "phase", "section", "work"}, optional
         What is drawn in place of the default: of a trajectory its energy error, its orbit or its phase space alone; of
         ``sweep`` the error against the evaluations of the force, "work". Orbits are drawn as smooth curves between
-        coarse samples, where the system is registered.
+        coarse samples, where the system is registered. Samples that are about a period apart show no orbit: take
+        several per period by ``samples=`` or ``t=`` of ``integrate``.
     axes : pair of str, optional
         Quantities of an orbit, a phase space or a section, such as ("q1", "p2").
     title : str, optional

@@ -17,7 +17,7 @@ from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogFormatterSciNotation, LogLocator
+from matplotlib.ticker import FuncFormatter, LogLocator
 
 from nearharmonic.output.atomic import write_bytes
 from nearharmonic.plotting.palette import Style, style_of
@@ -115,8 +115,17 @@ def log_ticks(axis: Axis) -> None:
     """Label powers of ten if there is space, on a logarithmic axis, and ticks between them on a short one."""
     axis.set_major_locator(LogLocator(base=10, numticks=15))
     axis.set_minor_locator(LogLocator(base=10, subs="auto", numticks=40))
-    # An axis of less than 1.5 decades may have no power of ten, or a single one.
-    axis.set_minor_formatter(LogFormatterSciNotation(labelOnlyBase=False, minor_thresholds=(1.5, 0.4)))
+    # An axis of less than two decades may have no power of ten, or a single one.
+    axis.set_minor_formatter(FuncFormatter(lambda value, _: _two_or_five(value, axis)))
+
+
+def _two_or_five(value: float, axis: Axis) -> str:
+    """Return the label of a minor tick: 2 and 5 times a power of ten on a short axis, nothing else."""
+    least, most = axis.get_view_interval()
+    digit, power = f"{value:.0e}".split("e")
+    if not 0 < least < most < least * 100 or digit not in "25":
+        return ""
+    return rf"${digit}\times10^{{{int(power)}}}$"
 
 
 def mark_every(position: int, methods: int, points: int, marks: int = 12) -> tuple[int, int]:

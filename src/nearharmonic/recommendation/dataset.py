@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
@@ -67,7 +68,7 @@ def recommend(
         that is the measure; ``time``, the least wall time of the run in s, of one trajectory on one core. Uncompensated
         sums are used where they do not increase the error. Methods that miss the bound are left out: the
         attributes ``missed`` and ``not_run`` name them with the reason, ``basis`` tells what was measured where,
-        ``call`` is the Python code of the first run.
+        ``call`` is the Python code of the first run, in which a system that is not registered has its own name.
 
     Raises
     ------
@@ -88,7 +89,14 @@ def recommend(
     asked = question(
         system, error, measure=measure, t_end=t_end, q0=q0, p0=p0, methods=methods, budget=budget
     )  # fmt: skip
-    return as_dataset(recommendation(asked))
+    found = recommendation(asked)
+    if not found.ranked:
+        warnings.warn(
+            f"no method has an error of at most {asked.error} within {asked.budget} evaluations: attributes missed and "
+            "not_run say how near each came; a larger budget= tries smaller step sizes",
+            stacklevel=2,
+        )
+    return as_dataset(found)
 
 
 def as_dataset(found: Recommendation) -> xr.Dataset:

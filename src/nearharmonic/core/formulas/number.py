@@ -83,12 +83,12 @@ class Number(Value):
         raise NotImplementedError
 
     def _refused(self, *others: Any) -> NoReturn:
-        raise FormulaError("calls a function of numpy: functions of formulas come from nearharmonic.math")
+        raise FormulaError("calls a function of numpy, such as numpy.exp: from nearharmonic.math import exp")
 
     def __array_function__(self, function: Any, *_: Any) -> NoReturn:
         raise FormulaError(
             f"calls numpy.{function.__name__}, which needs numbers: write a polynomial fit, or decorate V and grad_V "
-            "with numba.njit (docs/how_to/own_systems.md)"
+            "with numba.njit (docs/how_to/tabulated_potentials.md)"
         )
 
     # numpy calls the method of the object with the name of the function, and hides all other errors

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from nearharmonic.output.answers import Answer
-from nearharmonic.reproduction.record.archive.description.software import workflow_root
 
 HELP = "put the workflow into this folder, if it is not there, and run it"
 #: Files of the workflow, by patterns from its root, which has all of them.
@@ -41,6 +40,8 @@ def answer(chosen: argparse.Namespace) -> Answer:
     jobs = whole_number(chosen.jobs, "-j")
     if jobs < 1:
         raise bad_setting("-j", chosen.jobs, "an integer of at least 1")
+    from nearharmonic.reproduction.record.archive.description.software import workflow_root
+
     if chosen.config is not None and not any((root / chosen.config).is_file() for root in (Path(), workflow_root())):
         raise bad_setting("config", chosen.config, "a file that exists, or one of the workflow: config/smoke.yaml")
     put_into(Path())

@@ -14,7 +14,7 @@ from typing import Any
 from nearharmonic.reproduction.tasks.experiment import beside_the_paper
 
 FOLDER = Path(__file__).parent / "template"
-NAMES = ("page.html", "figure.html", "alive.html", "parts.html", "page.css", "page.js", "alive.js")
+NAMES = ("page.html", "figure.html", "parts.html", "page.css", "page.js", "alive.js")
 
 
 def digest() -> str:

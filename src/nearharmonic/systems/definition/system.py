@@ -57,8 +57,8 @@ class System(Energies):
     T, grad_T : callable, optional
         ``T(p)`` or ``T(p, *parameters)``, a scalar, and its gradient; p.p/2 by default.
     masses : tuple of d str or matrix (d, d), optional
-        T = p.M^-1 p / 2, in place of T and grad_T: decimal strings, fractions or names of parameters, or a constant
-        symmetric positive definite matrix of strings and fractions.
+        T = p.M^-1 p / 2, in place of T and grad_T: numbers, decimal strings, fractions or names of parameters, or a
+        constant symmetric positive definite matrix of numbers; a number alone for one coordinate.
     time_dependent : bool
         True if V depends on the time; :meth:`formulas` are then those of the extended autonomous system.
     regularisation : Regularisation, optional

@@ -12,7 +12,7 @@ from typing import Any
 from nearharmonic.core.formulas.number import Constant
 from nearharmonic.errors import SystemDefinitionError, shown
 from nearharmonic.numerics.written import exact_number
-from nearharmonic.systems.definition.quantities import is_list
+from nearharmonic.systems.definition.quantities import decimal, is_list
 from nearharmonic.systems.formulas.energy import constants_beside
 
 Vector = tuple[Any, ...]
@@ -37,8 +37,8 @@ class MassKineticEnergy:
     Parameters
     ----------
     masses : tuple
-        d masses, each a decimal string, a fraction or the name of a parameter, or a symmetric positive definite matrix
-        (d, d) of strings and fractions.
+        d masses, each a number, a decimal string, a fraction or the name of a parameter, or a symmetric positive
+        definite matrix (d, d) of numbers. A number alone is the mass of the only coordinate.
     dimension, parameters
         Number of coordinates d, and names of the parameters.
 
@@ -49,9 +49,11 @@ class MassKineticEnergy:
         positive definite.
     """
 
-    def __init__(self, masses: Sequence[Any], dimension: int, parameters: Collection[str]) -> None:
+    def __init__(self, masses: Any, dimension: int, parameters: Collection[str]) -> None:
         #: The arguments.
         self.given = (masses, tuple(parameters))
+        if dimension == 1 and isinstance(masses, int | float):
+            masses = (masses,)
         if not is_list(masses) or not hasattr(masses, "__len__"):
             raise SystemDefinitionError(f"masses = {masses!r} is no tuple of {dimension} masses")
         if len(masses) != dimension:
@@ -132,7 +134,7 @@ def _number(key: str, value: Any) -> Fraction:
         It is not a number, or not a finite double.
     """
     try:
-        number = exact_number(value)
+        number = exact_number(decimal(value))
         float(number)
     except (ValueError, TypeError, OverflowError):
         what = "a decimal string or a fraction, such as '0.5', '1/3'"
