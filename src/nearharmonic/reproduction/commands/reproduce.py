@@ -36,12 +36,11 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
     from nearharmonic.engine.settings import whole_number
     from nearharmonic.errors import bad_setting
+    from nearharmonic.reproduction.record.archive.description.software import workflow_root
 
     jobs = whole_number(chosen.jobs, "-j")
     if jobs < 1:
         raise bad_setting("-j", chosen.jobs, "an integer of at least 1")
-    from nearharmonic.reproduction.record.archive.description.software import workflow_root
-
     if chosen.config is not None and not any((root / chosen.config).is_file() for root in (Path(), workflow_root())):
         raise bad_setting("config", chosen.config, "a file that exists, or one of the workflow: config/smoke.yaml")
     put_into(Path())
@@ -62,6 +61,7 @@ def put_into(folder: Path) -> None:
     """
     from nearharmonic.errors import bad_setting
     from nearharmonic.output.atomic import write_bytes
+    from nearharmonic.reproduction.record.archive.description.software import workflow_root
 
     root = workflow_root()
     there = folder / "Snakefile"
