@@ -12,6 +12,10 @@ _PICTURES = [*EXPERIMENTS["trained"].figures]
 #: Registries whose names a table may show.
 _METHODS = {"integrators": integrators}
 _EVERY = _METHODS | {"systems": systems}
+#: One file of each kind: every cube, and of run files those that differ in more than the method or system at the end.
+_NAMES = {*CONFIG.stepwise, *systems.registered}
+_RUN_FILES = {(Path(file).parent, Path(file).stem in _NAMES or file): file for file in reversed(RUNS)}
+_FILES = [*(CUBE(stem) for one in EXPERIMENTS.values() for stem in one.cubes), *sorted(_RUN_FILES.values())]
 
 
 # What each page is made of, its pictures by the names of the results, and the function that fills it.
@@ -28,6 +32,19 @@ _PAGES = {
     ),
     "reference/methods": ({}, {}, lambda: task("reproduction.pages.methods:page", **on("reference/methods", _EVERY))),
     "results/ranking": ({}, {}, lambda: task("reproduction.pages.ranking:page", **on("results/ranking", _EVERY))),
+    "how_to/files": (
+        {
+            "runs": [RUN(f"{system}/{METHODS[0]}/0") for system in ("sho", "kepler")],
+            "cubes": [CUBE(system) for system in ("sho", "kepler")],
+        },
+        {},
+        lambda: task("reproduction.pages.how_to.variables:page", **on("how_to/files", _EVERY)),
+    ),
+    "reference/variables": (
+        {"files": _FILES},
+        {},
+        lambda: task("reproduction.pages.how_to.variables:reference", **on("reference/variables", _EVERY)),
+    ),
     "how_to/tabulated_potentials": (
         {},
         {"figure": "tabulated_potentials"},
