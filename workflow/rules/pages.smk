@@ -13,7 +13,7 @@ _PICTURES = [*EXPERIMENTS["trained"].figures]
 _METHODS = {"integrators": integrators}
 _EVERY = _METHODS | {"systems": systems}
 #: One file of each kind: every cube, and of run files those that differ in more than the method or system at the end.
-_NAMES = {*CONFIG.stepwise, *systems.registered}
+_NAMES = {*CONFIG.stepwise, *STRUCTURE_T_END}
 _RUN_FILES = {(Path(file).parent, Path(file).stem in _NAMES or file): file for file in reversed(RUNS)}
 _FILES = [*(CUBE(stem) for one in EXPERIMENTS.values() for stem in one.cubes), *sorted(_RUN_FILES.values())]
 
@@ -100,15 +100,15 @@ for _page, (_inputs, _pictures, _made) in _PAGES.items():
             "../scripts/task.py"
 
 
-def filled(pages):
-    return [getattr(rules, f"page_of_{Path(page).name}").output for page in pages]
+#: The files of each page by its name.
+_FILLED = {page: getattr(rules, f"page_of_{Path(page).name}").output for page in _PAGES}
 
 
 rule pages:
     input:
-        filled(page for page in _PAGES if page not in _OF_TIMES),
+        [files for page, files in _FILLED.items() if page not in _OF_TIMES],
 
 
 rule pages_of_times:  # on a machine that does nothing else
     input:
-        filled(_OF_TIMES),
+        [_FILLED[page] for page in _OF_TIMES],
