@@ -21,6 +21,7 @@ from nearharmonic.reproduction.experiments.trained.comparison.contestants import
 from nearharmonic.reproduction.tasks.experiment import experiments
 from support.projects.targets import DECOMPOSED, MADE, MADE_BY, METHODS, RECORD, SYSTEMS, TARGETS
 
+ROOT = Path(__file__).parents[2]
 TINY = ("--configfile", "config/tiny.yaml")
 RESULTS = "results/tiny/"
 #: tabulate's LaTeX escapes, the longest first.
@@ -114,6 +115,39 @@ def test_snakemake_summary_needs_no_number_of_cores(everything):
     assert report.returncode == 0, report.stdout
     page = (everything.folder / "x.html").read_text(encoding="utf-8")
     assert all(f"{stem}.png" in page for stem in stems(".png", MADE))
+
+
+def kind_of(name):
+    """Name of a result file with placeholders, as pages have it; None for those of the paper's systems."""
+    of_paper = {("runs", system) for system in SYSTEMS} | {("cubes", f"{system}.h5") for system in SYSTEMS}
+    if name.parts[:2] in of_paper:
+        return None
+    words = dict.fromkeys(METHODS, "{integrator}") | dict.fromkeys((*SYSTEMS, "relativistic_oscillator"), "{system}")
+    return str(name.with_stem(words.get(name.stem, name.stem)))
+
+
+@pytest.mark.slow
+def test_pages_name_every_variable_and_attribute_of_every_file(everything):
+    """Those of the paper's systems are in the page on files, which test_files_page.py compares."""
+    reference = (ROOT / "docs/reference/variables.md").read_text(encoding="utf-8")
+    files = (ROOT / "docs/how_to/files.md").read_text(encoding="utf-8")
+    sections = dict(re.findall(r"^## `(\S+)`\n(.*?)(?=^## |\Z)", reference, flags=re.MULTILINE | re.DOTALL))
+    attributes = set(re.findall(r"^\| `(\w+)` \|", files.partition("## Attributes")[2], flags=re.MULTILINE))
+    kinds, held = set(), set()
+    for path in sorted((everything.folder / RESULTS).rglob("*.h5")):
+        kind = kind_of(path.relative_to(everything.folder / RESULTS))
+        kinds.add(kind)
+        for group in groups_of(path) or (None,):
+            found = read(path, group=group)
+            held |= found.attrs.keys()
+            for variable, told in found.variables.items() if kind else ():
+                row = re.search(rf"^\| `{variable}` \| (.*?) \| (.*?) \| (.*) \|$", sections[kind], flags=re.MULTILINE)
+                assert row, (kind, variable)
+                assert row[1] == (", ".join(told.dims) or "none")
+                assert row[2] in (told.attrs["units"], "unit of t")
+                assert row[3].replace("\\", "") == told.attrs["long_name"]
+    assert kinds == {*sections, None}
+    assert held == attributes - {"energy_floor"}  # of functions of numba alone
 
 
 def cells(line):

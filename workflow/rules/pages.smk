@@ -11,6 +11,10 @@ _EXAMPLES = {"files": sorted(map(str, Path("examples").glob("*.py")))}
 #: Registries whose names a table may show.
 _METHODS = {"integrators": integrators}
 _EVERY = _METHODS | {"systems": systems}
+#: One file of each kind: every cube, and of run files those that differ in more than the method or system at the end.
+_NAMES = {*CONFIG.stepwise, *STRUCTURE_T_END}
+_RUN_FILES = {(Path(file).parent, Path(file).stem in _NAMES or file): file for file in reversed(RUNS)}
+_FILES = [*(CUBE(stem) for one in EXPERIMENTS.values() for stem in one.cubes), *sorted(_RUN_FILES.values())]
 
 
 # What each page is made of, its pictures by the names of the results, and the function that fills it.
@@ -27,6 +31,19 @@ _PAGES = {
     ),
     "reference/methods": ({}, {}, lambda: task("reproduction.pages.methods:page", **on("reference/methods", _EVERY))),
     "results/ranking": ({}, {}, lambda: task("reproduction.pages.ranking:page", **on("results/ranking", _EVERY))),
+    "how_to/files": (
+        {
+            "runs": [RUN(f"{system}/{METHODS[0]}/0") for system in ("sho", "kepler")],
+            "cubes": [CUBE(system) for system in ("sho", "kepler")],
+        },
+        {},
+        lambda: task("reproduction.pages.how_to.variables:page", **on("how_to/files", _EVERY)),
+    ),
+    "reference/variables": (
+        {"files": _FILES},
+        {},
+        lambda: task("reproduction.pages.how_to.variables:reference", **on("reference/variables", _EVERY)),
+    ),
     "how_to/tabulated_potentials": (
         {},
         {"figure": "tabulated_potentials"},
@@ -113,8 +130,8 @@ for _stem, _colours in _SHOWN.items():
             "../scripts/task.py"
 
 
-def filled(pages):
-    return [getattr(rules, f"page_of_{Path(page).name}").output for page in pages]
+#: The files of each page by its name.
+_FILLED = {page: getattr(rules, f"page_of_{Path(page).name}").output for page in _PAGES}
 
 
 rule pictures:
@@ -125,9 +142,9 @@ rule pictures:
 rule pages:
     input:
         rules.pictures.input,
-        filled(page for page in _PAGES if page not in _OF_TIMES),
+        [files for page, files in _FILLED.items() if page not in _OF_TIMES],
 
 
 rule pages_of_times:  # on a machine that does nothing else
     input:
-        filled(_OF_TIMES),
+        [_FILLED[page] for page in _OF_TIMES],

@@ -11,11 +11,13 @@ import pytest
 from PIL import Image
 
 from nearharmonic.output import store
+from nearharmonic.output.dataset import variable
 from nearharmonic.recommendation.timings import variables
 from nearharmonic.reproduction.pages import examples, gallery, methods, ranking, timings, trained, training
 from nearharmonic.reproduction.pages.anharmonicity import NEW, Result, others
 from nearharmonic.reproduction.pages.how_to import tabulated, tailor
 from nearharmonic.reproduction.report.shown.pictures import few_colours
+from nearharmonic.reproduction.pages.how_to import variables as of_variables
 from support.cubes.figure_cubes import FACTS, label, timed
 
 DOCS = Path(__file__).parents[3] / "docs"
@@ -83,6 +85,19 @@ def of_examples(monkeypatch, tmp_path):
     return examples.page(str(PAGES["examples"]), files, (), ())
 
 
+def of_files(monkeypatch, tmp_path):
+    places = [tmp_path / f"{name}.h5" for name in ("sho", "kepler")]
+    for place, unit in zip(places, ("1", "h"), strict=True):
+        store.write(place, {"t": variable("sample", [0.0, 1.0], "time", unit)}, {})
+    return of_variables.page(str(PAGES["files"]), places, places, (), ())
+
+
+def of_all_variables(monkeypatch, tmp_path):
+    place = tmp_path / "added.h5"
+    store.write(place, {"x": variable("point", [1.0], "a|b_c")}, {})
+    return of_variables.reference(str(PAGES["variables"]), [place], (), ())
+
+
 def of_gallery(monkeypatch, tmp_path):
     """The first two examples, which are not run."""
     monkeypatch.setattr(gallery, "drawn", len)
@@ -147,9 +162,9 @@ def of_methods(monkeypatch, tmp_path):
     return methods.page(str(PAGES["methods"]), (), ())
 
 
-MADE = {"examples": of_examples, "gallery": of_gallery, "methods": of_methods, "ranking": of_ranking,
+MADE = {"examples": of_examples, "files": of_files, "gallery": of_gallery, "methods": of_methods, "ranking": of_ranking,
         "tabulated_potentials": of_tabulated_potentials, "tailor": of_tailor, "timings": of_timings,
-        "trained": of_trained, "training": of_training}  # fmt: skip
+        "trained": of_trained, "training": of_training, "variables": of_all_variables}  # fmt: skip
 
 
 @pytest.fixture
@@ -171,7 +186,7 @@ def test_all_parts_are_filled_and_the_text_stays(made, name):
     assert text == before
     assert parts.keys() == old.keys()
     if name != "training":
-        assert all(parts[part] != old[part] for part in parts)
+        assert all(parts[part] != old[part] for part in parts if part != "attributes")
     assert all(part.strip() for part in parts.values())
 
 
@@ -195,6 +210,20 @@ def test_tables_of_times_have_milliseconds_and_ratios_to_the_shortest(made):
     assert "one trajectory | 0.4 | 0.8 | **1.8** |" in parts["ratios"]
     assert "### simple harmonic oscillator, t = 20\n\n| one trajectory | 10⁻³ | 10⁻⁶ | 10⁻⁹ | 10⁻¹² |" in parts["times"]
     assert f"| {label('ruth')} | **0.01** | **0.02** | **0.04** | 0.09 (1.8) |" in parts["times"]
+
+
+@pytest.mark.parametrize("made", ["files"], indirect=True)
+def test_units_that_differ_are_those_of_the_system(made):
+    _, parts = split(made["page"])
+    assert parts["runs"] == parts["cube"]
+    assert "| `t` | sample | unit of t | time |" in parts["runs"]
+
+
+@pytest.mark.parametrize("made", ["variables"], indirect=True)
+def test_texts_of_files_do_not_end_cells(made):
+    _, parts = split(made["page"])
+    assert "## `added.h5`" in parts["variables"]
+    assert r"| `x` | point | 1 | a\|b\_c |" in parts["variables"]
 
 
 @pytest.mark.parametrize("made", ["examples"], indirect=True)

@@ -59,7 +59,7 @@ def crossings(runs: xr.Dataset) -> xr.Dataset:
     bounds = ranked(resamples, "resample", TAILS, "bound").assign_coords(bounds_coordinate())
     for name, what in (
         ("crossing", "an integrator that splits into T and V"),
-        ("best_crossing", "the best of them, at each energy,"),
+        ("best_crossing", "the best integrator that splits into T and V, chosen at each energy"),
     ):
         text = f"energy H up to which the median error with the exact oscillator is below that of {what}"
         interval = f"{text}: {CONFIDENCE:.0%} interval by resampling the trajectories"
