@@ -130,7 +130,8 @@ def test_no_run_exceeds_budget_or_five_quarters_of_it(monkeypatch):
 
 
 def test_a_budget_below_a_single_step_is_said():
-    found = nh.recommend("sho", 1e-3, methods=["ruth", "babps9o7h"], budget=9)
+    with pytest.warns(UserWarning, match="no method has an error of at most 0.001 within 9 evaluations"):
+        found = nh.recommend("sho", 1e-3, methods=["ruth", "babps9o7h"], budget=9)
     assert found.sizes["rank"] == 0
     assert "babps9o7h (a single step takes 10 evaluations)" in found.attrs["not_run"]  # 9, and one to begin with
     assert "ruth" in found.attrs["missed"]
@@ -198,7 +199,8 @@ def test_system_of_many_coordinates_is_timed_as_integrated():
 
 
 def test_unmet_error_gives_no_row_and_names_missing_methods():
-    found = nh.recommend("sho", 1e-18, methods=FEW, budget=3000)
+    with pytest.warns(UserWarning, match="no method has an error of at most 1e-18 within 3000 evaluations"):
+        found = nh.recommend("sho", 1e-18, methods=FEW, budget=3000)
     assert dict(found.sizes) == {"rank": 0}
     assert [found.attrs["missed"].count(name) for name in FEW] == [1, 1, 1]
 

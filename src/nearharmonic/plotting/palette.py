@@ -105,9 +105,8 @@ _SPARE_MARKERS = ("<", ">", "*", "h", "d", "8")
 
 
 def style_of(integrator: str) -> Style:
-    """Return the style of a method; a method without an entry in the table gets one from a hash of its name."""
+    """Return the style of a method; a method without an entry has a hollow marker, from a hash of its name."""
     if integrator in _STYLES:
         return _STYLES[integrator]
     rest, colour = divmod(crc32(integrator.encode()), len(_SPARE_COLOURS))
-    rest, marker = divmod(rest, len(_SPARE_MARKERS))
-    return Style(_SPARE_COLOURS[colour], _SPARE_MARKERS[marker], filled=rest % 2 == 1)
+    return Style(_SPARE_COLOURS[colour], _SPARE_MARKERS[rest % len(_SPARE_MARKERS)], filled=False)

@@ -16,8 +16,8 @@ from nearharmonic.recommendation.timings import variables
 from nearharmonic.reproduction.pages import examples, gallery, methods, ranking, timings, trained, training
 from nearharmonic.reproduction.pages.anharmonicity import NEW, Result, others
 from nearharmonic.reproduction.pages.how_to import tabulated, tailor
-from nearharmonic.reproduction.report.shown.pictures import few_colours
 from nearharmonic.reproduction.pages.how_to import variables as of_variables
+from nearharmonic.reproduction.report.shown.pictures import few_colours
 from support.cubes.figure_cubes import FACTS, label, timed
 
 DOCS = Path(__file__).parents[3] / "docs"

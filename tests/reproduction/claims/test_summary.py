@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 
@@ -55,3 +56,5 @@ def test_run_names_command_that_decides_what_it_leaves_open(tmp_path, missing, e
     line = verdicts_line(document, "snakemake -j2")
     assert line.startswith(f"Of the {len(entries)} statements")
     assert line.endswith(end)
+    other = verdicts_line(document, "snakemake -j2 --configfile a.yaml")
+    assert other == re.sub("(snakemake -j2.*?)( decides)", r"\1 --configfile a.yaml\2", line)

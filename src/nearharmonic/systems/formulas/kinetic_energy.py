@@ -134,7 +134,7 @@ def _number(key: str, value: Any) -> Fraction:
         It is not a number, or not a finite double.
     """
     try:
-        number = exact_number(decimal(value))
+        number = exact_number(decimal(value) if isinstance(value, float) else value)
         float(number)
     except (ValueError, TypeError, OverflowError):
         what = "a decimal string or a fraction, such as '0.5', '1/3'"

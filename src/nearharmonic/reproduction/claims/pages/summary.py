@@ -77,4 +77,7 @@ def verdicts_line(document: str | Path, command: str) -> str:
         return f"{tally(entries)}."
     share = "all" if len(later) == len(missing) else "most"
     targets, times = zip(*later, strict=True)
-    return f"{tally(entries)}; {command} {' '.join(targets)} decides {share} of those left open ({', '.join(times)})."
+    # Behind --configfile Snakemake would take the targets for further files.
+    program, option, files = command.partition(" --configfile")
+    command = f"{program} {' '.join(targets)}{option}{files}"
+    return f"{tally(entries)}; {command} decides {share} of those left open ({', '.join(times)})."
