@@ -104,8 +104,7 @@ for _stem, _colours in _SHOWN.items():
             "../scripts/task.py"
 
 
-def filled(pages):
-    return [getattr(rules, f"page_of_{Path(page).name}").output for page in pages]
+_FILLED = {page: getattr(rules, f"page_of_{Path(page).name}").output for page in _PAGES}
 
 
 rule pictures:
@@ -116,9 +115,9 @@ rule pictures:
 rule pages:
     input:
         rules.pictures.input,
-        filled(page for page in _PAGES if page not in _OF_TIMES),
+        [files for page, files in _FILLED.items() if page not in _OF_TIMES],
 
 
 rule pages_of_times:  # on a machine that does nothing else
     input:
-        filled(_OF_TIMES),
+        [_FILLED[page] for page in _OF_TIMES],
