@@ -105,9 +105,7 @@ class Figure6Alive(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         """Return the frame."""
         path = "../" * self.env.docname.count("/") + ALIVE
-        frame = (
-            f'<iframe src="{path}" title="Figure 6 in motion" width="100%" height="1120" style="border: 0"></iframe>'
-        )
+        frame = f'<iframe class="alive" src="{path}" title="Figure 6 in motion"></iframe>'
         return [nodes.raw("", frame, format="html")]
 
 

@@ -54,3 +54,5 @@ def test_methods_drawn_together_have_colours_that_all_readers_see(names):
 @pytest.mark.parametrize(("colours", "none"), [("plasma_r", ESCAPED_COLOUR), ("viridis_r", LOST_COLOUR)])
 def test_cells_without_number_differ_from_every_colour_of_map(colours, none):
     assert min(least_difference(none, to_hex(colormaps[colours](x))) for x in np.linspace(0, 1, 64)) >= APART
+    # The largest errors, beside which such cells lie, are dark: black differs from them in colour, not in lightness.
+    assert lab(none)[0] - lab(colormaps[colours](1.0)[:3])[0] >= 40
