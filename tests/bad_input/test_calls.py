@@ -87,7 +87,7 @@ SYSTEMS = {
     "t_end": ["", "ten", "nan", None, [1], True, "1e999999999", "1e400", b"1"],
     "units": [None, {}, {"q": 5}, {"q": "m"}, 5],
     "parameters": [{5: 1}, [1], {"a b": 1}, {"a": "1e999999999"}, {"a": None}],
-    "masses": [("0",), ("x",), ("1", "2"), ("1e999999999",), (True,), (None,), 5, {"a": 1}, (0.5,)],
+    "masses": [("0",), ("x",), ("1", "2"), ("1e999999999",), (True,), (None,), -5, {"a": 1}, (float("nan"),)],
     "frequencies": [("x",), ("-1",), (None,), ("1", "2"), ("1e999999999",), (True,), 5],
     "invariants": [{"q": len}, {"x": 5}, [len], {5: len}],
     "observables": [{"q": len}, {"energy_error": len}, {"x": 5}, [len]],
