@@ -141,7 +141,7 @@ def test_a_huge_power_is_refused_before_it_is_multiplied_out(exponent):
 @pytest.mark.parametrize("call", [np.sin, lambda x: np.arctan2(x, 1), lambda x: np.hypot(x, 1)])
 def test_numpys_functions_are_refused_but_root_and_arithmetic(call):
     for x in (Constant(1, 3), Multiprecision.of(Constant(1))):
-        with pytest.raises(FormulaError, match=r"^calls .*: from nearharmonic\.math import exp$"):
+        with pytest.raises(FormulaError, match=r"^calls .*from nearharmonic\.math"):
             call(x)
     assert np.sqrt(Constant(4)) == 2
     assert np.multiply(Constant(1, 3), np.float64(3)) == 1
