@@ -40,7 +40,7 @@ def test_size_of_extra_is_that_of_page(extra):
     assert found == pytest.approx(SIZES[extra], rel=SAME)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_bare_environment_runs_readme_and_has_its_size(tmp_path):
     subprocess.run([sys.executable, "-m", "venv", str(tmp_path / "bare")], check=True)
     python = tmp_path / "bare/bin/python"

@@ -28,11 +28,12 @@ EXPECTED = {
     "outperform-ruth-kepler": "fails",
 }
 NUMBERS = EXPECTED.keys() - {"eq-16-general", "fig-1-sixth-order", "fig-3-sixth-order-descent", "outperform-ruth"}
+#: Statements whose programs integrate all step sizes, for a minute.
+LONGER = ("outperform-ruth", "fig-3", "fig-4")
 PROGRAM = [
     *exact_statements.STATEMENTS.items(),
-    # Two integrate all step sizes, for a minute.
     *(
-        pytest.param(*one, marks=pytest.mark.long if one[0].startswith("outperform-ruth") else pytest.mark.slow)
+        pytest.param(*one, marks=pytest.mark.long if one[0].startswith(LONGER) else pytest.mark.slow)
         for one in numeric_statements.STATEMENTS.items()
     ),
 ]

@@ -30,7 +30,7 @@ def run(command, folder, **environment):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_steps_of_the_workflow_succeed_in_an_empty_folder(tmp_path):
     (tmp_path / "mine.yaml").write_text(re.search(r"```yaml\n(.*?)```", CONFIGS, flags=re.DOTALL)[1], encoding="utf-8")
     first, *rest = RUN

@@ -89,7 +89,7 @@ def test_table_has_rows_of_method_beside_and_of_all_others():
         assert row["rounding_ratio"] > 0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_gains_at_equal_time_use_measured_charge(monkeypatch, tmp_path):
     methods = ("babps8o7h", "srkn_b11", "chin_4a", "mclachlan_ss5", "abag5o6")
     monkeypatch.setattr(times, "costs", lambda _, width: (2.0, 3.0) if width > 1 else (8.0, 1e-9))
