@@ -6,7 +6,6 @@ Pages are updated in place: their text stays, and so does the page if a job fail
 from nearharmonic.integrators import integrators
 from nearharmonic.systems import systems
 
-DOCS = "docs" if CONFIG.name == "paper" else f"{RESULTS}/docs"
 _EXAMPLES = {"files": sorted(map(str, Path("examples").glob("*.py")))}
 #: Registries whose names a table may show.
 _METHODS = {"integrators": integrators}
@@ -70,12 +69,6 @@ _PAGES = {
         lambda: task("reproduction.pages.training:page", **on("results/training", _METHODS)),
     ),
 }
-#: Figures that pages show as pictures of few colours, with the number of colours: the paper's six, and others.
-_PAPERS = {one.stem: 20 for one in FIGURES if one.target in [f"fig{number}" for number in range(1, 7)]}
-_OTHERS = (*EXPERIMENTS["exact_oscillator"].figures, *EXPERIMENTS["trained"].figures, "henon_heiles_stability")
-_SHOWN = _PAPERS | dict.fromkeys((*_OTHERS, "regularised_times"), 128)
-#: The figure of the tables of times on a page, which another computer would measure anew.
-_OF_TABLES = f"{RESULTS}/logs/pages/regularised_times.png"
 _OF_TIMES = ("results/ranking", "results/timings")
 
 for _page, (_inputs, _pictures, _made) in _PAGES.items():
@@ -100,43 +93,8 @@ for _page, (_inputs, _pictures, _made) in _PAGES.items():
             "../scripts/task.py"
 
 
-rule figure_of_regularised:
-    input:
-        page="docs/results/regularised.md",
-    output:
-        figure=temp(_OF_TABLES),
-    log:
-        LOG("pages/figure_of_regularised"),
-    params:
-        task=task("reproduction.experiments.work_precision.figures.regularised:figure_of_tables"),
-    script:
-        "../scripts/task.py"
-
-
-for _stem, _colours in _SHOWN.items():
-
-    rule:
-        name:
-            f"picture_of_{_stem}"
-        input:
-            figure=_OF_TABLES if _stem == "regularised_times" else f"{RESULTS}/figures/{_stem}.png",
-        output:
-            picture=update(f"{DOCS}/results/{_stem}.png"),
-        log:
-            LOG(f"pages/{_stem}"),
-        params:
-            task=task("reproduction.report.shown.pictures:few_colours", colours=_colours),
-        script:
-            "../scripts/task.py"
-
-
 #: The files of each page by its name.
 _FILLED = {page: getattr(rules, f"page_of_{Path(page).name}").output for page in _PAGES}
-
-
-rule pictures:
-    input:
-        [f"{DOCS}/results/{stem}.png" for stem in _SHOWN],
 
 
 rule pages:

@@ -1,0 +1,44 @@
+"""Pictures below docs/ of figures of the results, in few colours; those of another config are in its folder of results."""
+
+DOCS = "docs" if CONFIG.name == "paper" else f"{RESULTS}/docs"
+#: Figures that pages show as pictures of few colours, with the number of colours: the paper's six, and others.
+_PAPERS = {one.stem: 20 for one in FIGURES if one.target in [f"fig{number}" for number in range(1, 7)]}
+_OTHERS = (*EXPERIMENTS["exact_oscillator"].figures, *EXPERIMENTS["trained"].figures, "henon_heiles_stability")
+_SHOWN = _PAPERS | dict.fromkeys((*_OTHERS, "regularised_times"), 128)
+#: The figure of the tables of times on a page, which another computer would measure anew.
+_OF_TABLES = f"{RESULTS}/logs/pages/regularised_times.png"
+
+
+rule figure_of_regularised:
+    input:
+        page="docs/results/regularised.md",
+    output:
+        figure=temp(_OF_TABLES),
+    log:
+        LOG("pages/figure_of_regularised"),
+    params:
+        task=task("reproduction.experiments.work_precision.figures.regularised:figure_of_tables"),
+    script:
+        "../scripts/task.py"
+
+
+for _stem, _colours in _SHOWN.items():
+
+    rule:
+        name:
+            f"picture_of_{_stem}"
+        input:
+            figure=_OF_TABLES if _stem == "regularised_times" else f"{RESULTS}/figures/{_stem}.png",
+        output:
+            picture=update(f"{DOCS}/results/{_stem}.png"),
+        log:
+            LOG(f"pages/{_stem}"),
+        params:
+            task=task("reproduction.report.shown.pictures:few_colours", colours=_colours),
+        script:
+            "../scripts/task.py"
+
+
+rule pictures:
+    input:
+        [f"{DOCS}/results/{stem}.png" for stem in _SHOWN],
