@@ -9,7 +9,7 @@ from math import pi
 #: Upper end of the axis: an error of ten times the energy belongs to a diverged run.
 LARGEST_ERROR = 10.0
 
-#: An error term below this level is zero to the digits of the coefficients, of which there are at least 39.
+#: An error term below this level is zero to the digits of the coefficients; terms of fewer digits are exactly 0.
 SATISFIED_BELOW = 1e-30
 
 #: Arcseconds per century, from general relativity: Nobili & Will (1986), doi:10.1038/320039a0.

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from decimal import Decimal
+
 import numpy as np
 import pytest
 
+import nearharmonic as nh
 from nearharmonic.reproduction.experiments.paper.figures import fig2_decomposition
+from nearharmonic.reproduction.experiments.paper.tableaus import decompose
 from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, lines_of, look, look_of, looks, ticks
 from support.cubes.figure_cubes import METHODS, label, terms
 
@@ -83,3 +87,18 @@ def test_terms_that_all_vanish_leave_empty_panel_and_full_rows(cube):
     upper, lower = fig2_decomposition.fig2_decomposition(cube).axes
     assert not any(drawn(line).any() for line in upper.get_lines())
     assert len(lines_of(lower, ORDERS, 0)) == 3
+
+
+def test_rounded_coefficients_of_twenty_digits_keep_the_vanishing_terms(monkeypatch):
+    """Suzuki's five leapfrogs, u = 1/(4 - 4^(1/3)): order 4 on every system, and kappa_5 is no rounding error."""
+    u = round(1 / (4 - Decimal(4) ** (Decimal(1) / 3)), 20)
+    drift = (u, u, 1 - 4 * u, u, u)
+    kick = (u / 2, u, (1 - 3 * u) / 2, (1 - 3 * u) / 2, u, u / 2)
+    suzuki = nh.Tableau(
+        name="suzuki", label="Suzuki", kick=tuple(map(str, kick)), drift=tuple(map(str, drift)), first="kick",
+        order=4, digits=20, source="doi:10.1016/0375-9601(90)90962-N",
+    )  # fmt: skip
+    monkeypatch.setattr(decompose, "registry", {"suzuki": suzuki})
+    kappa = decompose.decompose(["suzuki"])["cube"].kappa.sel(integrator="suzuki").values
+    assert (kappa[:, :4] == 0).all()
+    assert (kappa[:, 4] > 0.1).all()
