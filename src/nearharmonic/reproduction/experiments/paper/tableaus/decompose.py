@@ -12,8 +12,8 @@ from nearharmonic.exact.decimals import BigFloat
 from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.output.dataset import assembled, coordinate, method_coordinates, variable
-from nearharmonic.theory.oscillator import kappa, lambda_max
 from nearharmonic.theory.order import harmonic_order
+from nearharmonic.theory.oscillator import kappa, lambda_max
 
 #: Decimals beyond which rounded coefficients leave terms that are far below 1e-30: those of all registered methods.
 MANY_DIGITS = 39
