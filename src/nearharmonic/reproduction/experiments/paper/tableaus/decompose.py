@@ -15,7 +15,7 @@ from nearharmonic.output.dataset import assembled, coordinate, method_coordinate
 from nearharmonic.theory.order import harmonic_order
 from nearharmonic.theory.oscillator import kappa, lambda_max
 
-#: Decimals beyond which rounded coefficients leave terms that are far below 1e-30, as those of the ten benchmarked methods.
+#: Decimals from which rounded coefficients leave terms far below 1e-30: the ten benchmarked methods have as many.
 MANY_DIGITS = 39
 
 
