@@ -51,6 +51,13 @@ def test_the_local_slope_is_fitted_to_five_step_sizes():
     assert found[78] - 4 == pytest.approx(0.2 * 40 / np.log(10))
 
 
+def test_ten_step_sizes_per_decade_decide_no_order():
+    """Neighbours are a tenth of a decade apart: each is alone in its window, whatever the error does."""
+    few = Curves(curves(lambda x: 7 * x**4).cube.isel(tau_per_stage=slice(None, None, 4)))
+    with pytest.raises(Undecided, match=r"fewer than three step sizes in 0\.1 decades"):
+        orders(few, {"one": 4}, BAND)
+
+
 def test_a_gap_leaves_no_slope_beside_it():
     found = local_slopes(curves(lambda x: np.where(abs(x - X[80]) < 1e-9, np.inf, x**4)), "one")
     assert np.isnan(found[78:83]).all()

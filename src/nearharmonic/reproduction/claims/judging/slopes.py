@@ -53,7 +53,13 @@ class Stretch(NamedTuple):
 
 
 def local_slopes(curves: Curves, name: str, variable: str = "max_energy_error") -> Floats:
-    """Return the slope around each step size; NaN if an error around it is not finite or fewer than three exist."""
+    """Return the slope around each step size; NaN if an error around it is not finite or fewer than three exist.
+
+    Raises
+    ------
+    Undecided
+        No step size has as many around it: the grid is too coarse, whatever the errors are.
+    """
     found: Floats = curves.kept(("slopes", name, variable), lambda: _local_slopes(curves, name, variable))
     return found
 
@@ -63,8 +69,10 @@ def _local_slopes(curves: Curves, name: str, variable: str) -> Floats:
     good = np.isfinite(error) & (error > 0)
     x, y = log(curves.x), log(np.where(good, error, 1.0))
     found = np.full(curves.x.size, np.nan)
-    for i, place in enumerate(places):
-        near = np.abs(places - place) <= WINDOW + _ROUNDED
+    around = [np.abs(places - place) <= WINDOW + _ROUNDED for place in places]
+    dense = any(near.sum() >= FEWEST for near in around)
+    require(dense, f"the results have fewer than three step sizes in {2 * WINDOW:g} decades, too few for a local slope")
+    for i, near in enumerate(around):
         if near.sum() >= FEWEST and good[near].all():
             found[i] = line_slope(x[near] - mean(x[near]), y[near])
     return found
