@@ -18,6 +18,7 @@ copyright = author
 extensions = [
     "paper_results",
     "generated_reference",
+    "glossary_links",
     "myst_nb",
     "numpydoc",
     "sphinx.ext.autodoc",
