@@ -93,15 +93,19 @@ class FileWriteError(NearharmonicError, OSError):
     """A file that cannot be written: the disk is full, the folder is read-only, or the like."""
 
 
-def unknown_name(kind: str, name: object, known: Iterable[str]) -> UnknownNameError:
-    """Return the error for a ``name`` that is not in ``known``, with its nearest match and the names that fit."""
+def unknown_name(kind: str, name: object, known: Iterable[str], others: Iterable[str] = ()) -> UnknownNameError:
+    """Return the error for a ``name`` that is neither in ``known`` nor in ``others``, further names of the same things.
+
+    The message has the nearest of all names, and the names that are known.
+    """
     names, given = sorted(known), str(name)[:LONGEST]
-    nearest = get_close_matches(given, names, n=1, cutoff=0.4)
+    candidates = sorted({*names, *others})
+    nearest = get_close_matches(given, candidates, n=1, cutoff=0.4)
     hint = f" Did you mean {nearest[0]!r}?" if nearest else ""
     listed = ", ".join(names)
     if len(listed) <= LONGEST_NAMES:
         return UnknownNameError(f"unknown {kind} {shown(name)}.{hint} Known: {listed}")
-    some = get_close_matches(given, names, n=NEAREST, cutoff=0.0)
+    some = get_close_matches(given, candidates, n=NEAREST, cutoff=0.0)
     return UnknownNameError(f"unknown {kind} {shown(name)}.{hint} Nearest of {len(names)}: {', '.join(some)}")
 
 

@@ -101,7 +101,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
         key: Any = self.name_of(os.fspath(name) if isinstance(name, os.PathLike) else name)
         is_named = isinstance(key, str) and key in self
         if not is_named and (self._read is None or not is_path(key)):
-            raise unknown_name(self._kind, key, self)
+            raise unknown_name(self._kind, key, self, self._others or ())
         if self._covered is not None and not (is_named and self._is_covered(key)):
             message = f"{self._kind} {key!r} is looked up, but no digest of the task covers it: name it in the settings"
             raise NearharmonicError(message)
