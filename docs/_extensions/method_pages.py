@@ -12,9 +12,9 @@ from nearharmonic.exact.decimals import BigFloat
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.theory.linear_stability import stability_limit
+from nearharmonic.integrators.theory.order import harmonic_order, nystrom_order_of, order_of
 from nearharmonic.output.page import pipes
-from nearharmonic.theory.linear_stability import stability_limit
-from nearharmonic.theory.order import harmonic_order, nystrom_order_of, order_of
 
 COMPOSITION = {"drift": "ABA", "kick": "BAB"}
 #: System, and step size per stage, of the example on each page.

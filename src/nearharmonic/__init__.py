@@ -28,6 +28,10 @@ if TYPE_CHECKING:
     from nearharmonic.integrators import modified_integrators as modified_integrators
     from nearharmonic.integrators.tableau import Tableau as Tableau
     from nearharmonic.integrators.tableau import palindrome as palindrome
+    from nearharmonic.integrators.theory.linear_stability import stability_limit as stability_limit
+    from nearharmonic.integrators.theory.order import harmonic_order as harmonic_order
+    from nearharmonic.integrators.theory.order import order_of as order_of
+    from nearharmonic.integrators.theory.oscillator import kappa as kappa
     from nearharmonic.plotting.animate import animate as animate
     from nearharmonic.plotting.plot import plot as plot
     from nearharmonic.recommendation.dataset import recommend as recommend
@@ -35,10 +39,6 @@ if TYPE_CHECKING:
     from nearharmonic.systems.definition.quantities import Observable as Observable
     from nearharmonic.systems.definition.quantities import Parameter as Parameter
     from nearharmonic.systems.definition.system import System as System
-    from nearharmonic.theory.linear_stability import stability_limit as stability_limit
-    from nearharmonic.theory.order import harmonic_order as harmonic_order
-    from nearharmonic.theory.order import order_of as order_of
-    from nearharmonic.theory.oscillator import kappa as kappa
     from nearharmonic.training.tailor.tailoring import tailor as tailor
 
 __version__ = "1.0.0"
@@ -53,18 +53,18 @@ _MODULES = {
     "Tableau": "integrators.tableau",
     "animate": "plotting.animate",
     "ensemble": "engine.runs.ensemble",
-    "harmonic_order": "theory.order",
+    "harmonic_order": "integrators.theory.order",
     "integrate": "engine.runs.trajectory",
     "integrators": "integrators",
-    "kappa": "theory.oscillator",
+    "kappa": "integrators.theory.oscillator",
     "modified_integrators": "integrators",
-    "order_of": "theory.order",
+    "order_of": "integrators.theory.order",
     "palindrome": "integrators.tableau",
     "problem": "engine.runs.problem",
     "plot": "plotting.plot",
     "recommend": "recommendation.dataset",
     "section": "engine.section",
-    "stability_limit": "theory.linear_stability",
+    "stability_limit": "integrators.theory.linear_stability",
     "stepper": "engine.stepper",
     "sweep": "engine.runs.trajectory",
     "systems": "systems",

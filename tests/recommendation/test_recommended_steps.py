@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 import nearharmonic as nh
 from nearharmonic.cli import main
 from nearharmonic.integrators import integrators
+from nearharmonic.integrators.theory.oscillator import harmonic_energy_error
 from nearharmonic.recommendation.choices import recommendation
 from nearharmonic.recommendation.question import question
 from nearharmonic.recommendation.recommendation import printed_step
 from nearharmonic.systems import systems
-from nearharmonic.theory.oscillator import harmonic_energy_error
 
 #: Rank, name, two spaces, kind, step, no tolerance, sums; evaluations, milliseconds, ratio and error come after.
 ROW = re.compile(

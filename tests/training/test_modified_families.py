@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.theory.order import leading_errors
+from nearharmonic.integrators.theory.order import leading_errors
 from nearharmonic.training.family import Family
 from nearharmonic.training.polish import tableau_of
 

@@ -11,7 +11,7 @@ from mpmath import mp, mpf
 
 import nearharmonic as nh
 from nearharmonic.exact.lie import conditions, lyndon_words
-from nearharmonic.theory.order import harmonic_order, nystrom_order_of, order_of
+from nearharmonic.integrators.theory.order import harmonic_order, nystrom_order_of, order_of
 from nearharmonic.training.family import Family
 from nearharmonic.training.polish import DIGITS, NotConvergedError, polished, tableau_of
 from support.methods.family_members import FAMILIES, members

@@ -52,7 +52,7 @@ def _described(kind: str) -> list[dict[str, Any]]:
 
 
 def _method(t: Tableau) -> dict[str, Any]:
-    from nearharmonic.theory.order import harmonic_order
+    from nearharmonic.integrators.theory.order import harmonic_order
 
     return {
         "kind": "modified integrator" if t.modified else "integrator",

@@ -145,7 +145,7 @@ def _rows(test: Comparison) -> Iterator[tuple[Any, ...]]:
 
 
 def _notes(found: Tailored) -> Iterator[str]:
-    from nearharmonic.theory.linear_stability import stability_limit
+    from nearharmonic.integrators.theory.linear_stability import stability_limit
 
     asked, search, tableau, unit = found.question, found.search, found.tableau, found.question.system.units["t"]
     yield (

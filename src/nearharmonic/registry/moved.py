@@ -100,6 +100,7 @@ MOVED = {
     "recommendation.libraries": "recommendation.timings",
     "systems.numba_gradients": "systems.numba.gradients",
     "systems.numba_potential": "systems.numba.potential",
+    "theory": "integrators.theory",
     "theory.modified_search": "training.family",
     "theory.word_sums": "exact.words",
 } | {f"{old}.{name}".removeprefix("."): f"{new}.{name}" for old, new, names in _ROOMS for name in names.split()}

@@ -11,7 +11,7 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.exact.decimals import BigFloat, fixed_point
 from nearharmonic.exact.newton import newton
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome
-from nearharmonic.theory.symmetric import ConditionedSteps
+from nearharmonic.integrators.theory.symmetric import ConditionedSteps
 
 #: Guaranteed decimals of a polished tableau.
 DIGITS = 60

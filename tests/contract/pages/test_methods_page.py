@@ -41,7 +41,7 @@ def test_each_method_has_a_row_with_its_proved_orders():
 
 @pytest.mark.parametrize("name", [name for name, one in plain_integrators.items() if one.requires is None])
 def test_no_method_without_requirement_gains_order_for_quadratic_T(name):
-    from nearharmonic.theory.order import nystrom_order_of
+    from nearharmonic.integrators.theory.order import nystrom_order_of
 
     assert nystrom_order_of(name) == nh.order_of(name)
 
@@ -99,7 +99,7 @@ def test_what_page_says_of_modified_integrators_follows_from_their_errors():
 
 
 def test_leading_errors_of_family_members_match_page():
-    from nearharmonic.theory.order import leading_errors
+    from nearharmonic.integrators.theory.order import leading_errors
 
     norms = [float(f"{leading_errors(name).nystrom.norm:.2e}") for name in ("abag5o6", "omelyan_g5o6")]
     assert states(PAGE, norms, "for the published member")

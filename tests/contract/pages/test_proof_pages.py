@@ -10,11 +10,11 @@ from math import comb, factorial, prod
 from mpmath import cbrt, cos, expm, logm, matrix, mp, mpf, norm, sin
 
 import nearharmonic as nh
+from nearharmonic.integrators.theory.order import nystrom_order_of
 from nearharmonic.numerics.search.random_starts import RandomStarts
 from nearharmonic.reproduction.experiments.derivation.conditions import Equations
 from nearharmonic.reproduction.experiments.derivation.elimination import eliminate, reduced_system
 from nearharmonic.reproduction.experiments.derivation.isolated import Solving, solve
-from nearharmonic.theory.order import nystrom_order_of
 from support.results.formulas import evaluated, formulas, right_sides
 from support.results.stated_numbers import ROOT, flat, numbers, states
 

@@ -9,7 +9,7 @@ import pytest
 from mpmath import cos, hypot, mp, mpf, sin
 
 import nearharmonic as nh
-from nearharmonic.theory.order import harmonic_orders_of
+from nearharmonic.integrators.theory.order import harmonic_orders_of
 from support.results.code_cells import executed
 from support.results.stated_numbers import flat, states
 

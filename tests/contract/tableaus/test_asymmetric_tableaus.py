@@ -16,8 +16,8 @@ from nearharmonic.exchange.export import export
 from nearharmonic.exchange.proof.verdict import Verdict
 from nearharmonic.integrators import plain_integrators as integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.theory.oscillator import harmonic_energy_error
 from nearharmonic.integrators.user_file import load_tableaus
-from nearharmonic.theory.oscillator import harmonic_energy_error
 from support.oracles.multiprecision import trajectory
 from support.oracles.structures import structure
 

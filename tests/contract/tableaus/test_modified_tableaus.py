@@ -11,8 +11,8 @@ from mpmath import eye, mpf
 import nearharmonic as nh
 from nearharmonic.exact.step import oscillator
 from nearharmonic.integrators.order_conditions import step_of
-from nearharmonic.theory.order import harmonic_orders_of, leading_errors, nystrom_order_of
-from nearharmonic.theory.oscillator import lambda_max, zeta
+from nearharmonic.integrators.theory.order import harmonic_orders_of, leading_errors, nystrom_order_of
+from nearharmonic.integrators.theory.oscillator import lambda_max, zeta
 from support.oracles.reference_solutions import oscillator_step
 
 EVERY = pytest.mark.parametrize("name", list(nh.modified_integrators))

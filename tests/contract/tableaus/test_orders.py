@@ -10,9 +10,7 @@ import pytest
 import nearharmonic as nh
 from nearharmonic.errors import TableauError
 from nearharmonic.integrators import plain_integrators as integrators
-from nearharmonic.integrators.user_file import load_tableaus
-from nearharmonic.reproduction.experiments.paper.tableaus.overview import overview
-from nearharmonic.theory.order import (
+from nearharmonic.integrators.theory.order import (
     generalised_order_of,
     harmonic_order,
     harmonic_orders_of,
@@ -20,6 +18,8 @@ from nearharmonic.theory.order import (
     nystrom_order_of,
     order_of,
 )
+from nearharmonic.integrators.user_file import load_tableaus
+from nearharmonic.reproduction.experiments.paper.tableaus.overview import overview
 from support.methods.ten_methods import EVERY_METHOD
 
 EVERY = pytest.mark.parametrize("name", list(integrators))

@@ -13,8 +13,8 @@ import nearharmonic as nh
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.integrators import integrators as registered
 from nearharmonic.integrators import plain_integrators as integrators
+from nearharmonic.integrators.theory.oscillator import kappa, step_polynomials
 from nearharmonic.systems import systems
-from nearharmonic.theory.oscillator import kappa, step_polynomials
 from support.methods.ten_methods import EVERY_METHOD, thinned
 from support.oracles.multiprecision import energy_errors
 

@@ -15,7 +15,7 @@ from nearharmonic.exact.decimals import BigFloat
 from nearharmonic.exact.step import MOMENTUM, POSITION, Step, StepPolynomials, oscillator, oscillator_errors, slopes
 from nearharmonic.exchange.composition import is_palindrome, size_of, symmetrised, uncertainty_of
 from nearharmonic.exchange.proof.residuals import ROUNDING, Residual, linear_allowance
-from nearharmonic.theory.linear_stability import gaps_of
+from nearharmonic.integrators.theory.linear_stability import gaps_of
 
 #: Linear combination of the four entries (K11, K12, K21, K22) of the step matrix.
 _Weights = tuple[int, int, int, int]

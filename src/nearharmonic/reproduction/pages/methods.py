@@ -10,9 +10,9 @@ from nearharmonic.engine.runs.trajectory import sweep
 from nearharmonic.integrators import integrators as registered
 from nearharmonic.integrators import modified_integrators, plain_integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.theory.order import harmonic_order, order_of
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.page import filled_page, pipes
-from nearharmonic.theory.order import harmonic_order, order_of
 
 #: Time of a force with the gradient of its square over that of a force, as the page has it.
 FACTORS = {"henon_heiles": 2.1, "kepler": 1.3}

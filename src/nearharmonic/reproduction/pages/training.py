@@ -8,11 +8,11 @@ from pathlib import Path
 
 from nearharmonic.integrators import integrators as registered
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.theory.linear_stability import stability_limit
+from nearharmonic.integrators.theory.order import harmonic_order, nystrom_order_of, order_of
+from nearharmonic.integrators.theory.shifted_kicks import shifted_kicks
 from nearharmonic.output.page import filled_page, pipes
 from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES
-from nearharmonic.theory.linear_stability import stability_limit
-from nearharmonic.theory.order import harmonic_order, nystrom_order_of, order_of
-from nearharmonic.theory.shifted_kicks import shifted_kicks
 
 #: Methods of the table of shifted kicks beside the trained ones: those of the paper, and where such pairs are as plain.
 SHIFTED = ("aba104", "abas5o6h", "babs6o5h", "babps6o5h", "babps8o7h", "mclachlan_sb3a4")

@@ -6,7 +6,7 @@ import json
 from textwrap import fill, wrap
 
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau
-from nearharmonic.theory.linear_stability import stability_limit
+from nearharmonic.integrators.theory.linear_stability import stability_limit
 from nearharmonic.training.source_text import palindrome_lines
 from nearharmonic.training.tailor.result import Tailored
 

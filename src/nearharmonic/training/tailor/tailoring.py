@@ -11,9 +11,9 @@ import numpy as np
 
 from nearharmonic.engine.numbers.initial_values import standard_parameters
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.theory.order import harmonic_order
 from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.definition.system import System
-from nearharmonic.theory.order import harmonic_order
 from nearharmonic.training.objective import mean_errors
 from nearharmonic.training.polish import tableau_of
 from nearharmonic.training.population import Ensemble

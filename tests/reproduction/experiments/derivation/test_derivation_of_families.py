@@ -14,6 +14,7 @@ from nearharmonic.engine.runs.trajectory import sweep
 from nearharmonic.errors import SettingError
 from nearharmonic.exact.newton import rank_and_pivots
 from nearharmonic.integrators import integrators
+from nearharmonic.integrators.theory.oscillator import harmonic_energy_error
 from nearharmonic.numerics.search.random_starts import RandomStarts
 from nearharmonic.reproduction.experiments.derivation.conditions import Equations, polish
 from nearharmonic.reproduction.experiments.derivation.families import PRINTED, UNIQUE, printed_point, rank_printed
@@ -30,7 +31,6 @@ from nearharmonic.reproduction.experiments.derivation.settings import Derivation
 from nearharmonic.reproduction.experiments.derivation.tables import solution_errors
 from nearharmonic.reproduction.tasks.job import covered
 from nearharmonic.reproduction.tasks.provenance import task
-from nearharmonic.theory.oscillator import harmonic_energy_error
 
 pytestmark = pytest.mark.slow
 

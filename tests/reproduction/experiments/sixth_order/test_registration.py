@@ -10,12 +10,12 @@ from mpmath import matrix, mp, mpf, sqrt
 
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.nearharmonic_2026 import TABLEAUS
+from nearharmonic.integrators.theory.linear_stability import stability_limit
+from nearharmonic.integrators.theory.order import error_norm, harmonic_order
 from nearharmonic.reproduction.experiments.sixth_order.cascade import candidates_of
 from nearharmonic.reproduction.experiments.sixth_order.conditions import NystromEquations
 from nearharmonic.reproduction.experiments.sixth_order.criterion import TAU_PER_STAGE
 from nearharmonic.reproduction.experiments.sixth_order.registration import short_decimals
-from nearharmonic.theory.linear_stability import stability_limit
-from nearharmonic.theory.order import error_norm, harmonic_order
 from nearharmonic.training.polish import NotConvergedError, polished, tableau_of
 from support.oracles.nystrom_steps import equations_of, unknowns_of
 from support.oracles.reference_solutions import oscillator_step

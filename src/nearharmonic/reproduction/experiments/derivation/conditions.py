@@ -13,7 +13,7 @@ from nearharmonic.exact.decimals import BigFloat, decimals_in_common, fixed_poin
 from nearharmonic.exact.newton import GUARD, newton
 from nearharmonic.exact.step import POSITION, slopes, states
 from nearharmonic.integrators.tableau import First, Tableau
-from nearharmonic.theory.symmetric import SymmetricSteps
+from nearharmonic.integrators.theory.symmetric import SymmetricSteps
 
 Numbers = list[BigFloat]
 

@@ -10,13 +10,13 @@ from mpmath import nstr
 from nearharmonic.engine.runs.trajectory import sweep
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import First, Tableau
+from nearharmonic.integrators.theory.oscillator import harmonic_energy_error
+from nearharmonic.integrators.theory.table_4 import table_4
 from nearharmonic.output.table import Table
 from nearharmonic.reproduction.experiments.derivation.families import PrintedPoint, Ranking
 from nearharmonic.reproduction.experiments.derivation.isolated import IsolatedSolutions, Reach
 from nearharmonic.reproduction.experiments.derivation.search.simplex import SimplexRun
 from nearharmonic.systems.henon_heiles import SYSTEM
-from nearharmonic.theory.oscillator import harmonic_energy_error
-from nearharmonic.theory.table_4 import table_4
 
 ROLES: tuple[First, ...] = ("drift", "kick")
 #: Decimals of the coefficients in measurements of errors.

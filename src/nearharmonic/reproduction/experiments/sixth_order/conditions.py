@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from nearharmonic.exact.words import LETTERS
 from nearharmonic.integrators.tableau import First
-from nearharmonic.theory.symmetric import ConditionedSteps, Equation
+from nearharmonic.integrators.theory.symmetric import ConditionedSteps, Equation
 
 Doubles = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

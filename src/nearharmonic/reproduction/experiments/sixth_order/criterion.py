@@ -4,8 +4,8 @@
     e_N = |E_7| (s h)^6,    e_H = |K_7| (s h)^6 + |K_9| (s h)^8 + |K_11| (s h)^10
 
 - |E_7| is the norm of the leading error term for quadratic kinetic energy
-  (:func:`nearharmonic.theory.order.error_norm`): e_N is the local error per unit time at h = tau/s, the time between
-  two evaluations of the force, so at equal cost.
+  (:func:`nearharmonic.integrators.theory.order.error_norm`): e_N is the local error per unit time at h = tau/s, the
+  time between two evaluations of the force, so at equal cost.
 - |K_d| is the norm of the error of degree d of the step matrix on the harmonic oscillator: e_H is defined in the same
   way. Terms beyond the leading one are needed because a harmonic order makes it vanish. Errors of even degree follow
   from det K = 1.
@@ -29,6 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from nearharmonic.exact.lie import conditions, lyndon_words
+from nearharmonic.integrators.theory.symmetric import Equation, alternating
 from nearharmonic.reproduction.experiments.sixth_order.conditions import (
     NYSTROM_ORDER,
     Doubles,
@@ -36,7 +37,6 @@ from nearharmonic.reproduction.experiments.sixth_order.conditions import (
     NystromEquations,
     WordTable,
 )
-from nearharmonic.theory.symmetric import Equation, alternating
 
 #: h and epsilon of the criterion.
 TAU_PER_STAGE, ANHARMONICITY = 0.1, 0.1

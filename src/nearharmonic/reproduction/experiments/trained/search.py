@@ -16,11 +16,11 @@ import numpy as np
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.theory.linear_stability import stability_limit
+from nearharmonic.integrators.theory.order import harmonic_order, nystrom_order_of, order_of
 from nearharmonic.output.table import Table
 from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES, Purpose
 from nearharmonic.reproduction.experiments.trained.settings import SearchSettings
-from nearharmonic.theory.linear_stability import stability_limit
-from nearharmonic.theory.order import harmonic_order, nystrom_order_of, order_of
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import Objective, mean_errors
 from nearharmonic.training.polish import DIGITS, tableau_of

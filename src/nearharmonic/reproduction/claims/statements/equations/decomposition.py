@@ -7,10 +7,10 @@ from fractions import Fraction
 
 from nearharmonic.exact.polynomials import real_root_count, sturm_chain
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.theory.oscillator import step_polynomials
 from nearharmonic.reproduction.claims.claim import Decision, counted, either, mathematics, result
 from nearharmonic.reproduction.claims.judging.definitions import NOT_SUITABLE, SIGNIFICANTLY
 from nearharmonic.reproduction.claims.results import Results, short
-from nearharmonic.theory.oscillator import step_polynomials
 
 #: Table 2 as the paper prints it, by h and the power of tau.
 TABLE_2 = (

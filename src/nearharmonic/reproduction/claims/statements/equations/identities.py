@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 from mpmath import mp, mpf
 
 from nearharmonic.integrators.tableau import Tableau, palindrome
+from nearharmonic.integrators.theory.order import order_of
+from nearharmonic.integrators.theory.oscillator import kappa
 from nearharmonic.reproduction.claims.claim import Decide, Decision, counted, either, mathematics, misprint, tallied
 from nearharmonic.reproduction.claims.results import Results, short
-from nearharmonic.theory.order import order_of
-from nearharmonic.theory.oscillator import kappa
 
 #: Coefficients: fractions, or numbers of mpmath.
 Row = Sequence[Any]

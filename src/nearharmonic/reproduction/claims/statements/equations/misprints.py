@@ -9,6 +9,7 @@ from fractions import Fraction
 
 from mpmath import mp
 
+from nearharmonic.integrators.theory.oscillator import kappa
 from nearharmonic.reproduction.claims.claim import Decision, either, misprint
 from nearharmonic.reproduction.claims.results import Results, short
 from nearharmonic.reproduction.claims.statements.equations.identities import (
@@ -21,7 +22,6 @@ from nearharmonic.reproduction.claims.statements.equations.identities import (
     position_terms,
 )
 from nearharmonic.reproduction.claims.statements.tableaus.coefficients import solutions
-from nearharmonic.theory.oscillator import kappa
 
 #: The lower limit of the product of Eq. 2.
 FIRST_FACTOR = 0

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.integrators.tableau import First
+from nearharmonic.integrators.theory.oscillator import kappa, lambda_max, zeta
 from nearharmonic.reproduction.claims.claim import Decision, counted, either, mathematics, result, tallied
 from nearharmonic.reproduction.claims.judging.curves import curves_of, over
 from nearharmonic.reproduction.claims.judging.definitions import GENERALLY, GREATLY, LARGE, NOT_SUITABLE
 from nearharmonic.reproduction.claims.judging.slopes import BAND, SLOPE, large_steps, slopes_are
 from nearharmonic.reproduction.claims.results import Results, label, require, short
-from nearharmonic.theory.oscillator import kappa, lambda_max, zeta
 
 CUBE = ("cubes/sho.h5",)
 TERMS = ("cubes/sho_terms.h5",)

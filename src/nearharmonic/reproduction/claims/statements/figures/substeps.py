@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from nearharmonic.integrators.theory.linear_stability import stability_limit
 from nearharmonic.math import hypot
 from nearharmonic.reproduction.claims.claim import Decision, counted, either, finding, mathematics, result, tallied
 from nearharmonic.reproduction.claims.judging.definitions import GREATLY, STABLE
 from nearharmonic.reproduction.claims.results import Results, short
-from nearharmonic.theory.linear_stability import stability_limit
 
 
 @result(

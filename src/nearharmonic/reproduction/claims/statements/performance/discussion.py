@@ -8,13 +8,13 @@ from math import inf, log
 import numpy as np
 
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.theory.linear_stability import growth_rate, stability_gaps, stability_limit
 from nearharmonic.numerics.types import Floats
 from nearharmonic.reproduction.claims.claim import Decide, Decision, background, counted, either, result, tallied
 from nearharmonic.reproduction.claims.judging.curves import LOST, Curves, curves_of
 from nearharmonic.reproduction.claims.judging.definitions import GENERALLY, GREATLY, SEVERAL, SIGNIFICANTLY, SMALL
 from nearharmonic.reproduction.claims.results import Results, label, require, short
 from nearharmonic.reproduction.claims.statements.performance.comparisons import CUBES, NEW, SYSTEMS
-from nearharmonic.theory.linear_stability import growth_rate, stability_gaps, stability_limit
 
 METHODS = ("ruth", *NEW)
 ABOVE = "above Ruth's, for each of the four new methods in the figures"

@@ -10,11 +10,11 @@ from functools import cache
 
 from nearharmonic.integrators import nielsen_2015
 from nearharmonic.integrators.tableau import Tableau, palindrome
+from nearharmonic.integrators.theory.order import harmonic_orders_of, order_of
+from nearharmonic.integrators.theory.oscillator import kappa
+from nearharmonic.integrators.theory.table_4 import independent
 from nearharmonic.reproduction.claims.claim import Decide, Decision, counted, either, finding, misprint, result, tallied
 from nearharmonic.reproduction.claims.results import Results, only, short
-from nearharmonic.theory.order import harmonic_orders_of, order_of
-from nearharmonic.theory.oscillator import kappa
-from nearharmonic.theory.table_4 import independent
 
 SETS = tuple(tableau.name for tableau in nielsen_2015.TABLEAUS)
 FIVE_STAGES = ("abas5o6h", "abas5o6h_b", "abas5o6h_c")

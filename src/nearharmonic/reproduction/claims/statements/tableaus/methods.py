@@ -10,6 +10,7 @@ from mpmath import mp, mpf
 
 from nearharmonic.integrators import BENCHMARKED, blanes_2013, forest_ruth_1990, kahan_li_1997, yoshida_1990
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.theory.order import error_norm, order_of
 from nearharmonic.reproduction.claims.claim import (
     Decision,
     attribution,
@@ -23,7 +24,6 @@ from nearharmonic.reproduction.claims.claim import (
 from nearharmonic.reproduction.claims.judging.definitions import GREATLY
 from nearharmonic.reproduction.claims.results import Results, label, only, require, short
 from nearharmonic.reproduction.claims.statements.tableaus.splitting import leapfrogs
-from nearharmonic.theory.order import error_norm, order_of
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -12,11 +12,11 @@ from mpmath import mp, mpf
 
 from nearharmonic.integrators import BENCHMARKED, chin_1997, omelyan_2002, rowlands_1991
 from nearharmonic.integrators.tableau import Tableau, palindrome
+from nearharmonic.integrators.theory.order import order_of
 from nearharmonic.reproduction.claims.claim import Decide, Decision, background, counted, either, mathematics, tallied
 from nearharmonic.reproduction.claims.judging.definitions import APPROXIMATELY
 from nearharmonic.reproduction.claims.results import Results, short
 from nearharmonic.systems import System, henon_heiles, kepler, sho
-from nearharmonic.theory.order import order_of
 
 #: Methods with modified kicks that are older than the paper.
 FORCE_GRADIENT = tuple(

@@ -132,7 +132,7 @@ def _extended_points(sweep: Sweep, tableau: Tableau) -> int:
     known = systems[sweep.system].harmonic and sweep.split == KINETIC_POTENTIAL
     if not known or "double" not in sweep.precision:
         return points
-    from nearharmonic.theory.oscillator import harmonic_energy_error
+    from nearharmonic.integrators.theory.oscillator import harmonic_energy_error
 
     def error(i: int) -> float:
         (tau,) = tau_range(sweep.lowest, sweep.points_per_decade, i, i + 1)

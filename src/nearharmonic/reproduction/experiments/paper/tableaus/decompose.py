@@ -11,9 +11,9 @@ import xarray as xr
 from nearharmonic.exact.decimals import BigFloat
 from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import First, Tableau
+from nearharmonic.integrators.theory.order import harmonic_order
+from nearharmonic.integrators.theory.oscillator import kappa, lambda_max
 from nearharmonic.output.dataset import assembled, coordinate, method_coordinates, variable
-from nearharmonic.theory.order import harmonic_order
-from nearharmonic.theory.oscillator import kappa, lambda_max
 
 #: Decimals from which rounded coefficients leave terms far below 1e-30: the ten benchmarked methods have as many.
 MANY_DIGITS = 39

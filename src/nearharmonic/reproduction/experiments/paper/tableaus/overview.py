@@ -15,10 +15,8 @@ from nearharmonic.exact.decimals import fixed_point
 from nearharmonic.integrators import integrators as methods_by_name
 from nearharmonic.integrators import plain_integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.math import pow
-from nearharmonic.reproduction.tasks.provenance import code_digest, coefficients_digest
-from nearharmonic.theory.linear_stability import stability_gaps
-from nearharmonic.theory.order import (
+from nearharmonic.integrators.theory.linear_stability import stability_gaps
+from nearharmonic.integrators.theory.order import (
     ErrorTerm,
     generalised_order_of,
     harmonic_orders_of,
@@ -26,6 +24,8 @@ from nearharmonic.theory.order import (
     nystrom_order_of,
     order_of,
 )
+from nearharmonic.math import pow
+from nearharmonic.reproduction.tasks.provenance import code_digest, coefficients_digest
 
 Header = tuple[str, ...]
 Cell = str | int | float
@@ -41,8 +41,8 @@ HARMONIC = ("position", "momentum", "energy")
 def overview(*names: str) -> Columns:
     """Return the columns and one row for each method, by default for each one without modified potentials.
 
-    Errors are powers of tau with the norms of :func:`nearharmonic.theory.order.leading_errors`. An effective error is s
-    norm^(1/order), which includes the cost of s stages. Edges of stability have 12 decimals.
+    Errors are powers of tau with the norms of :func:`nearharmonic.integrators.theory.order.leading_errors`. An
+    effective error is s norm^(1/order), which includes the cost of s stages. Edges of stability have 12 decimals.
     """
     tableaus = [methods_by_name[name] for name in names or plain_integrators]
     keys = [coefficients_digest([tableau]) for tableau in tableaus]

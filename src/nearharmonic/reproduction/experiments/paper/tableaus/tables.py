@@ -13,11 +13,11 @@ from fractions import Fraction
 
 from nearharmonic.integrators import forest_ruth_1990
 from nearharmonic.integrators.tableau import First, Tableau
+from nearharmonic.integrators.theory.oscillator import tableau_of
+from nearharmonic.integrators.theory.recursion import closed_sums, momentum_row, position_rows
+from nearharmonic.integrators.theory.table_4 import table_4
 from nearharmonic.output.table import Table
 from nearharmonic.reproduction.experiments.paper.tableaus.overview import Cells, Columns, Header, overview
-from nearharmonic.theory.oscillator import tableau_of
-from nearharmonic.theory.recursion import closed_sums, momentum_row, position_rows
-from nearharmonic.theory.table_4 import table_4
 
 NOTHING = ""
 

@@ -15,12 +15,12 @@ import numpy as np
 import xarray as xr
 
 from nearharmonic.integrators import integrators
+from nearharmonic.integrators.theory.linear_stability import stability_limit
 from nearharmonic.output.dataset import described
 from nearharmonic.output.table import Table
 from nearharmonic.reproduction.experiments.stability.ensembles import read_runs
 from nearharmonic.reproduction.experiments.stability.settings import EnsembleSettings
 from nearharmonic.reproduction.tasks.reduction import Reductions
-from nearharmonic.theory.linear_stability import stability_limit
 
 reduction = Reductions()
 

@@ -11,10 +11,10 @@ import xarray as xr
 from nearharmonic.exact.decimals import significant
 from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.theory.linear_stability import largest_growth, stability_gaps, touching_points
+from nearharmonic.integrators.theory.oscillator import step_polynomials
 from nearharmonic.output.dataset import coordinate, method_coordinates, variable
 from nearharmonic.output.table import Table
-from nearharmonic.theory.linear_stability import largest_growth, stability_gaps, touching_points
-from nearharmonic.theory.oscillator import step_polynomials
 
 #: Largest step size per stage of the curve, above the last stable step size of all ten methods, and number of points.
 HIGHEST_TAU_PER_STAGE, POINTS = 2.4, 961

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from nearharmonic.errors import TableauError
 from nearharmonic.integrators.tableau import First, Tableau
-from nearharmonic.theory.oscillator import tableau_of
+from nearharmonic.integrators.theory.oscillator import tableau_of
 
 Powers = list[Fraction]
 

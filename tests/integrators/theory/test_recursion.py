@@ -13,14 +13,14 @@ from numpy.polynomial.polynomial import polyadd, polymul
 
 from nearharmonic.errors import SettingError, TableauError
 from nearharmonic.integrators import plain_integrators as integrators
+from nearharmonic.integrators.theory.oscillator import kappa, lambda_max, zeta
+from nearharmonic.integrators.theory.recursion import closed_sums, momentum_row, position_rows
 from nearharmonic.reproduction.experiments.paper.tableaus.tables import (
     even_orders,
     recursion_symbols,
     recursion_values,
     structure,
 )
-from nearharmonic.theory.oscillator import kappa, lambda_max, zeta
-from nearharmonic.theory.recursion import closed_sums, momentum_row, position_rows
 from support.methods.ten_methods import EVERY_METHOD, thinned
 from support.oracles.random_tableaus import tableaus
 from support.oracles.word_series import operators_of

@@ -12,14 +12,14 @@ from mpmath import cos, mp, mpf, sin, taylor
 
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import BENCHMARKED, integrators, plain_integrators
-from nearharmonic.reproduction.experiments.stability.linear.run import KNOWN_LIMITS
-from nearharmonic.theory.oscillator import (
+from nearharmonic.integrators.theory.oscillator import (
     harmonic_energy_error,
     kappa,
     lambda_max,
     stability_trace,
     step_polynomials,
 )
+from nearharmonic.reproduction.experiments.stability.linear.run import KNOWN_LIMITS
 from support.oracles.random_tableaus import tableaus
 from support.oracles.reference_solutions import oscillator_step
 from support.oracles.word_series import operators_of

@@ -10,8 +10,7 @@ from mpmath import eig, inf, linspace, log, matrix, mpf, nstr, pi, sin, sqrt
 import nearharmonic as nh
 from nearharmonic.integrators import BENCHMARKED, integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.reproduction.experiments.stability.linear.run import KNOWN_LIMITS
-from nearharmonic.theory.linear_stability import (
+from nearharmonic.integrators.theory.linear_stability import (
     growth_rate,
     largest_growth,
     stability_end,
@@ -19,7 +18,8 @@ from nearharmonic.theory.linear_stability import (
     stability_limit,
     touching_points,
 )
-from nearharmonic.theory.oscillator import harmonic_energy_error
+from nearharmonic.integrators.theory.oscillator import harmonic_energy_error
+from nearharmonic.reproduction.experiments.stability.linear.run import KNOWN_LIMITS
 from support.methods.ten_methods import EVERY_METHOD
 from support.oracles.reference_solutions import oscillator_step
 

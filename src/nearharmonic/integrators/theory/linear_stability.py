@@ -19,7 +19,7 @@ from nearharmonic.exact.decimals import BigFloat, as_mpf
 from nearharmonic.exact.polynomials import by_parity, common_divisor, derivative, positive_roots, product, whole
 from nearharmonic.exact.step import StepPolynomials
 from nearharmonic.integrators.tableau import First, Tableau
-from nearharmonic.theory.oscillator import CLOSED_FORM_DIGITS, stability_trace, step_polynomials, tableau_of
+from nearharmonic.integrators.theory.oscillator import CLOSED_FORM_DIGITS, stability_trace, step_polynomials, tableau_of
 
 #: Digits of the edges that are returned.
 EDGE_DIGITS = 30

@@ -6,8 +6,8 @@ import csv
 from dataclasses import replace
 
 import nearharmonic as nh
+from nearharmonic.integrators.theory.table_4 import SETS, independent, table_4
 from nearharmonic.output.table import SUFFIXES, Table, save
-from nearharmonic.theory.table_4 import SETS, independent, table_4
 
 
 def test_table_4_prints_the_paper_s_independent_coefficients():

@@ -20,7 +20,7 @@ from nearharmonic.exact.step import oscillator_errors
 from nearharmonic.exact.words import logarithm, words
 from nearharmonic.integrators.order_conditions import errors_of, highest_of, proved_order, step_of, tolerance, weighted
 from nearharmonic.integrators.tableau import First, Tableau
-from nearharmonic.theory.oscillator import tableau_of
+from nearharmonic.integrators.theory.oscillator import tableau_of
 
 #: Length of the words that are examined first for a generalised order: most methods fail at these.
 _SHORT = 7

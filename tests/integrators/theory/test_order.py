@@ -17,7 +17,7 @@ from nearharmonic.exact.words import SQUARE, logarithm, words
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.order_conditions import step_of, tolerance
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.theory.order import (
+from nearharmonic.integrators.theory.order import (
     ErrorTerm,
     error_norm,
     generalised_order_of,
@@ -26,7 +26,7 @@ from nearharmonic.theory.order import (
     nystrom_order_of,
     order_of,
 )
-from nearharmonic.theory.shifted_kicks import ShiftedKick, shifted_kicks
+from nearharmonic.integrators.theory.shifted_kicks import ShiftedKick, shifted_kicks
 from support.methods.ten_methods import EVERY_METHOD
 from support.oracles.reference_solutions import oscillator_step
 
