@@ -123,6 +123,8 @@ def test_configs_that_snakemake_cannot_read_end_with_one_sentence(trials, projec
         end(project, "config cannot be read as a config: not a regular file", "-n", "--configfile", "config")
     with bad.case("missing"):
         end(project, "config/none.yaml cannot be read as a config", "-n", "--configfile", "config/none.yaml")
+    with bad.case("target behind"):
+        end(project, "a target is written before --configfile", "-n", "--configfile", "config/smoke.yaml", "fig3")
 
 
 @pytest.mark.slow

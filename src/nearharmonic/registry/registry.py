@@ -226,9 +226,13 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
         return import_module, (self.__name__,)  # a copy, or a loaded pickle, is the package itself
 
 
+#: A file that is no Python is refused as such, and not as an unknown name.
+_ENDINGS = (".py", ".toml", ".json", ".csv", ".yaml", ".yml")
+
+
 def is_path(name: object) -> bool:
-    """Return True if a name is the path of a Python file, optionally with ``:`` and the name of an entry in it."""
-    return isinstance(name, str) and (name.endswith(".py") or ".py:" in name or "/" in name or os.sep in name)
+    """Return True if a name is the path of a file, of a Python file optionally with ``:`` and an entry's name in it."""
+    return isinstance(name, str) and (name.endswith(_ENDINGS) or ".py:" in name or "/" in name or os.sep in name)
 
 
 def split_path(place: str) -> tuple[str, str]:

@@ -52,7 +52,7 @@ def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicE
             return module
     spec = importlib.util.spec_from_file_location(f"nearharmonic_user_{path.stem}", key)
     if spec is None or spec.loader is None:
-        raise error(f"{path} is no Python file: its name must end in .py")
+        raise error(f"{path} is no Python file: its name must end in .py. {declares}")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses look up their module
     files = {key: (0, 0)}

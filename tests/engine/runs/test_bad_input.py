@@ -124,10 +124,8 @@ def test_only_one_trajectory_of_its_own_system_can_be_continued():
     [
         (lambda: nh.sweep("keplr", "ruth", [1.0]), "unknown system 'keplr'. Did you mean 'kepler'?"),
         (lambda: nh.sweep("kepler", "ruht", [1.0]), "unknown integrator 'ruht'. Did you mean 'ruth'?"),
-        (
-            lambda: nh.sweep("kepler", "verlt", [1.0]),
-            "unknown integrator 'verlt'. Did you mean 'verlet'?",
-        ),
+        (lambda: nh.sweep("sho", "a.toml", [1.0]), "a.toml: no such file. An integrator of your own is a Python file"),
+        (lambda: nh.sweep("sho", "verlt", [1.0]), "unknown integrator 'verlt'. Did you mean 'verlet'?"),
         (lambda: nh.integrate("sho", ["ruth"], 0.1), "unknown integrator ['ruth']"),
         (lambda: nh.integrate(3, "ruth", 0.1), "unknown system 3"),
         (lambda: nh.sweep("sho", "ruth", []), "taus = [] is not allowed: at least one step size"),

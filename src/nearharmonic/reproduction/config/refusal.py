@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable
+from pathlib import Path
 from typing import NoReturn
 
 from nearharmonic.errors import NearharmonicError, bad_setting
@@ -22,9 +23,14 @@ def refuse(error: NearharmonicError) -> NoReturn:
 
 
 def refuse_unreadable(places: Iterable[str | os.PathLike[str]]) -> None:
-    """End with the first error of :func:`refuse_template`, if there is one."""
+    """End with the first error of :func:`refuse_template`, or with one about a target among ``places``.
+
+    Snakemake takes all words behind ``--configfile`` for configs.
+    """
     try:
-        for place in places:
+        for number, place in enumerate(places):
+            if number and not Path(place).exists() and not Path(place).suffix:
+                raise bad_setting("--configfile", os.fspath(place), "a file; a target is written before --configfile")
             refuse_template(place)
     except NearharmonicError as error:
         refuse(error)
