@@ -63,6 +63,7 @@ def test_the_attribution_to_kahan_is_wrong():
 def test_what_fails_in_substance_is_said_in_a_sentence():
     assert {entry["id"] for entry in failures(ENTRIES)} == set(SUBSTANCE)
     assert failures_in_words(ENTRIES) in README
+    assert "One failure is an attribution." in README
 
 
 @pytest.mark.slow

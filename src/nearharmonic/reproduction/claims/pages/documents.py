@@ -91,11 +91,13 @@ def verdict_table(entries: Sequence[Entry]) -> str:
 
 
 def failures_in_words(entries: Sequence[Entry]) -> str:
-    """Return the failures of substance in a sentence."""
+    """Return the failures of substance in a sentence, and the number of attributions that fail."""
     failing = {entry["id"] for entry in failures(entries)}
     said = [words for name, words in SUBSTANCE.items() if name in failing]
     number = {1: "One fails", 2: "Two fail", 3: "Three fail"}.get(len(said), f"{len(said)} fail")
-    return f"{number} in substance: {'; '.join(said)}." if said else "None fails in substance."
+    told = f"{number} in substance: {'; '.join(said)}." if said else "None fails in substance."
+    wrong = sum(entry["verdict"] == "fails" and entry["kind"] == "attribution" for entry in entries)
+    return told + {0: "", 1: " One failure is an attribution."}.get(wrong, f" {wrong} failures are attributions.")
 
 
 def page(entries: Sequence[Entry]) -> str:
