@@ -23,7 +23,9 @@ MEANT = {
     "gap": r"\b(?:first|second|next|stability) (gaps?)\b",
     "BAB": r"\b(BAB)(?![’'\w])",
     "BAB'": r"\b(BAB['’])(?!s)",
-    **{word: rf"{_ARTICLE}({word})\b" for word in ("run", "claim", "plan", "trend", "digest", "cube", "shard", "lane")},
+    "claim": r"\b(claims?) of the paper\b",
+    "cube": rf"{_ARTICLE}(cube)\b(?! of the)",
+    **{word: rf"{_ARTICLE}({word})\b" for word in ("run", "plan", "trend", "digest", "shard", "lane")},
 }
 
 

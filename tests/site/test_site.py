@@ -118,6 +118,14 @@ def plain(text):
     return re.sub(r"[\W_]+", "", re.sub(r"&\w+;|&#\w+;", "", text))
 
 
+def test_first_use_of_a_term_leads_to_the_glossary(site):
+    text = (site / "explanation/splitting.html").read_text(encoding="utf-8")
+    links = re.findall(r'href="[^"]*glossary\.html#term-([\w-]+)"', text)
+    assert {"drift", "kick", "stage", "symmetric", "splitting-method", "modified-Hamiltonian"} <= set(links)
+    assert len(links) == len(set(links))
+    assert text.index("#term-drift") < text.index("#term-stage")
+
+
 def test_tables_of_the_paper_are_those_of_the_theory(site):
     """The largest coefficient of Ruth's method is 1 - 2 / (2 - 2^(1/3))."""
     text = (site / "results/tables.html").read_text(encoding="utf-8")
