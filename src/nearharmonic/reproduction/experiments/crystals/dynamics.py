@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import cos, exp, log
 from nearharmonic.numerics.types import Floats
+from nearharmonic.reproduction.experiments.crystals.solids.lattice import compiled
 
 
 class Loops(NamedTuple):
@@ -39,24 +39,24 @@ class Loops(NamedTuple):
 def loops_for(gradient: Any) -> Loops:
     """Compile both loops for a gradient."""
 
-    @numba.njit
+    @compiled
     def kinetic(p, masses):  # type: ignore[no-untyped-def]
         total = 0.0
         for k in range(len(p)):
             total += p[k] * p[k] / masses[k]
         return total / 2
 
-    @numba.njit
+    @compiled
     def drift(u, p, masses, time):  # type: ignore[no-untyped-def]
         for k in range(len(u)):
             u[k] += time * p[k] / masses[k]
 
-    @numba.njit
+    @compiled
     def kick(p, slopes, time):  # type: ignore[no-untyped-def]
         for k in range(len(p)):
             p[k] -= time * slopes[k]
 
-    @numba.njit
+    @compiled
     def run(u, p, masses, kicks_first, outer, inner, steps, every, energies):  # type: ignore[no-untyped-def]
         slopes = np.empty(len(u))
         potential = gradient(u, slopes)
@@ -80,7 +80,7 @@ def loops_for(gradient: Any) -> Loops:
                     potential = gradient(u, slopes)
                 energies[step // every, 0], energies[step // every, 1] = kinetic(p, masses), potential
 
-    @numba.njit
+    @compiled
     def thermostatted(u, p, masses, moves, kicks, keep, noise, average):  # type: ignore[no-untyped-def]
         slopes = np.empty(len(u))
         stale = True

@@ -5,10 +5,9 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-import numba
 import numpy as np
 
-from nearharmonic.reproduction.experiments.crystals.solids.lattice import FCC, Pairs, cubic, pairs_within
+from nearharmonic.reproduction.experiments.crystals.solids.lattice import FCC, Pairs, compiled, cubic, pairs_within
 from nearharmonic.reproduction.experiments.crystals.solids.solid import BOLTZMANN, FEMTOSECONDS, Solid
 
 #: Depth in eV (119.8 K) and diameter in Angstrom: Rahman (1964), Phys. Rev. 136, A405.
@@ -20,7 +19,7 @@ SWITCH, CUTOFF, REACH = 2.0, 2.25, 2.3
 EDGE = 1.5519
 
 
-@numba.njit
+@compiled
 def pair(square: float) -> tuple[float, float]:
     """Return the energy of a pair at a squared distance, in units of depth and diameter, and its derivative by it."""
     if square >= CUTOFF * CUTOFF:
@@ -43,7 +42,7 @@ def gradient_of(pairs: Pairs) -> Any:
     first, second, vector = pairs.i, pairs.j, pairs.vector / DIAMETER
     scale = 1.0 / DIAMETER
 
-    @numba.njit
+    @compiled
     def gradient(u, out):  # type: ignore[no-untyped-def]
         out[:] = 0.0
         total = 0.0

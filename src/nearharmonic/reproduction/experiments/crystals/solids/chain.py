@@ -5,10 +5,9 @@ from __future__ import annotations
 from math import nan
 from typing import Any
 
-import numba
 import numpy as np
 
-from nearharmonic.reproduction.experiments.crystals.solids.lattice import exponential
+from nearharmonic.reproduction.experiments.crystals.solids.lattice import compiled, exponential
 from nearharmonic.reproduction.experiments.crystals.solids.solid import Solid
 
 #: Masses in turns, and the inverse width of the bond; its depth is 1.
@@ -20,7 +19,7 @@ HIGHEST = 0.1
 def gradient_of(sites: int) -> Any:
     """Return the gradient of V = sum (1 - exp(-a d))^2 over the bonds of a ring, compiled."""
 
-    @numba.njit
+    @compiled
     def gradient(u, out):  # type: ignore[no-untyped-def]
         out[:] = 0.0
         total = 0.0

@@ -5,10 +5,16 @@ from __future__ import annotations
 from math import log, sqrt
 from typing import Any
 
-import numba
 import numpy as np
 
-from nearharmonic.reproduction.experiments.crystals.solids.lattice import FCC, Pairs, cubic, exponential, pairs_within
+from nearharmonic.reproduction.experiments.crystals.solids.lattice import (
+    FCC,
+    Pairs,
+    compiled,
+    cubic,
+    exponential,
+    pairs_within,
+)
 from nearharmonic.reproduction.experiments.crystals.solids.solid import BOLTZMANN, FEMTOSECONDS, Solid
 
 BOHR = 0.529177210903
@@ -40,7 +46,7 @@ def gradient_of(atoms: int, pairs: Pairs) -> Any:
     """Return the gradient of the energy, compiled, for a list of pairs in Angstrom; energies in eV."""
     first, second, vector = pairs
 
-    @numba.njit
+    @compiled
     def gradient(u, out):  # type: ignore[no-untyped-def]
         out[:] = 0.0
         density, slopes, unit = np.zeros(atoms), np.empty(len(first)), np.empty((len(first), 3))
@@ -80,7 +86,7 @@ def gradient_of(atoms: int, pairs: Pairs) -> Any:
     return gradient
 
 
-@numba.njit
+@compiled
 def logarithm(x: float) -> float:
     """Return the logarithm of a number near 1 by Newton's method on :func:`exponential`, equal on every processor."""
     y = (x - 1.0) / (0.5 * (x + 1.0))

@@ -15,6 +15,9 @@ import numpy as np
 
 from nearharmonic.numerics.types import Floats
 
+#: A run that diverges has infinite energies: a division by zero is no error.
+compiled = numba.njit(error_model="numpy")
+
 FCC = ((0.0, 0.0, 0.0), (0.0, 0.5, 0.5), (0.5, 0.0, 0.5), (0.5, 0.5, 0.0))
 DIAMOND = (*FCC, *((x + 0.25, y + 0.25, z + 0.25) for x, y, z in FCC))
 
@@ -58,7 +61,7 @@ _POWERS = np.array([ldexp(1.0, k) for k in range(-1023, 1024)])
 _F = tuple(1 / factorial(k) for k in range(14))
 
 
-@numba.njit
+@compiled
 def exponential(x: float) -> float:
     """Return exp(x) to about 1 ulp, 0 or infinity beyond 700; its bits, unlike those of libm, are equal everywhere."""
     if not -700.0 <= x <= 700.0:  # or no number

@@ -5,12 +5,12 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-import numba
 import numpy as np
 
 from nearharmonic.reproduction.experiments.crystals.solids.lattice import (
     DIAMOND,
     Pairs,
+    compiled,
     cubic,
     exponential,
     pairs_within,
@@ -29,7 +29,7 @@ def gradient_of(atoms: int, pairs: Pairs) -> Any:
     _, second, vector = pairs
     each = len(second) // atoms
 
-    @numba.njit
+    @compiled
     def gradient(u, out):  # type: ignore[no-untyped-def]
         out[:] = 0.0
         total = 0.0
