@@ -11,21 +11,21 @@ KINDS = ("general", "paper", "trained")
 
 
 def crystals(methods):
-    """Two crystals, four temperatures and five numbers of forces; kinds of methods in turns."""
-    sizes = {"crystal": 2, "temperature": 4, "integrator": len(methods), "forces": 5, "quantile": 3}
+    """Three crystals, four temperatures and five numbers of forces; kinds of methods in turns."""
+    sizes = {"crystal": 3, "temperature": 4, "integrator": len(methods), "forces": 5, "quantile": 3}
     errors = np.sort(powers(*sizes.values(), seed=3, low=-7, high=-2), axis=-1)
     kinds = [KINDS[k % 3] for k in range(len(methods))]
-    leaders = np.array([[[methods[(c + t + f) % len(methods)] for f in range(5)] for t in range(4)] for c in range(2)])
+    leaders = np.array([[[methods[(c + t + f) % len(methods)] for f in range(5)] for t in range(4)] for c in range(3)])
     return xr.Dataset(
         {
             "max_energy_error": (tuple(sizes), errors),
             "leader": (("crystal", "temperature", "forces"), leaders),
-            "lead": (("crystal", "temperature", "forces"), np.random.default_rng(4).uniform(0.1, 2, (2, 4, 5))),
-            "delta": (("crystal", "temperature"), np.geomspace(0.01, 0.5, 8).reshape(2, 4)),
-            "density": (("crystal", "bin"), np.random.default_rng(5).uniform(0, 2, (2, 10))),
+            "lead": (("crystal", "temperature", "forces"), np.random.default_rng(4).uniform(0.1, 2, (3, 4, 5))),
+            "delta": (("crystal", "temperature"), np.geomspace(0.01, 0.5, 12).reshape(3, 4)),
+            "density": (("crystal", "bin"), np.random.default_rng(5).uniform(0, 2, (3, 10))),
             "kind": ("integrator", kinds),
             "window": (("integrator", "bound"), [(0.02 * (k + 1), 0.05 * (k + 1)) for k in range(len(methods))]),
-            "drift": (("crystal", "drifting", "run"), powers(2, len(methods), 2, seed=6)),
+            "drift": (("crystal", "drifting", "run"), powers(3, len(methods), 2, seed=6)),
             "potential": (("averaged", "spacing"), 1 + powers(len(methods), 3, seed=7, low=-3)),
             "potential_error": (("averaged", "spacing"), powers(len(methods), 3, seed=8, low=-4, high=-3)),
             "kinetic": (("averaged", "spacing"), 1 - powers(len(methods), 3, seed=9, low=-3)),
@@ -33,7 +33,7 @@ def crystals(methods):
         },
         coords={
             **named(methods),
-            "crystal": ["argon", "chain"],
+            "crystal": ["argon", "copper", "chain"],
             "temperature": [0.01, 0.1, 0.3, 1.0],
             "forces": [40.0, 26.0, 16.0, 10.0, 5.0],
             "quantile": [0.1, 0.5, 0.9],
