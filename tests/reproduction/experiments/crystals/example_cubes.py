@@ -26,10 +26,10 @@ def crystals(methods):
             "kind": ("integrator", kinds),
             "window": (("integrator", "bound"), [(0.02 * (k + 1), 0.05 * (k + 1)) for k in range(len(methods))]),
             "drift": (("crystal", "drifting", "run"), powers(3, len(methods), 2, seed=6)),
-            "potential": (("averaged", "spacing"), 1 + powers(len(methods), 3, seed=7, low=-3)),
-            "potential_error": (("averaged", "spacing"), powers(len(methods), 3, seed=8, low=-4, high=-3)),
-            "kinetic": (("averaged", "spacing"), 1 - powers(len(methods), 3, seed=9, low=-3)),
-            "kinetic_error": (("averaged", "spacing"), powers(len(methods), 3, seed=10, low=-4, high=-3)),
+            "potential": (("bath", "averaged", "spacing"), 1 + powers(2, len(methods), 3, seed=7, low=-3)),
+            "potential_error": (("bath", "averaged", "spacing"), powers(2, len(methods), 3, seed=8, low=-4, high=-3)),
+            "kinetic": (("bath", "averaged", "spacing"), 1 - powers(2, len(methods), 3, seed=9, low=-3)),
+            "kinetic_error": (("bath", "averaged", "spacing"), powers(2, len(methods), 3, seed=10, low=-4, high=-3)),
         },
         coords={
             **named(methods),
@@ -41,6 +41,7 @@ def crystals(methods):
             "drifting_label": ("drifting", [f"label of {one}" for one in methods]),
             "averaged": list(methods),
             "averaged_label": ("averaged", [f"label of {one}" for one in methods]),
+            "bath": ["middle", "ends"],
             "spacing": [20.0, 10.0, 5.0],
         },
     )

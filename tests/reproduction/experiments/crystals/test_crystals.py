@@ -45,8 +45,11 @@ def test_without_friction_the_thermostatted_loop_is_the_other():
     for name in ("leapfrog", "bcss_s4", "babs7o7h"):
         moves, kicks = halves(nh.integrators[name], 0.2)
         u, p, average = start.u.copy(), start.p.copy(), np.zeros(2)
-        LOOPS.thermostatted(u, p, SOLID.masses, moves, kicks, 1.0, np.zeros((40, 8)), average)
+        LOOPS.thermostatted(u, p, SOLID.masses, moves, kicks, False, 1.0, np.zeros((40, 8)), average)
         both = energies(SOLID, LOOPS, nh.integrators[name], 0.2, 40, start)
+        assert average == pytest.approx(both[1:, ::-1].sum(axis=0), rel=1e-12)
+        u, p, average = start.u.copy(), start.p.copy(), np.zeros(2)
+        LOOPS.thermostatted(u, p, SOLID.masses, moves, kicks, True, 1.0, np.zeros((80, 8)), average)
         assert average == pytest.approx(both[1:, ::-1].sum(axis=0), rel=1e-12)
 
 
@@ -59,7 +62,7 @@ def test_leapfrog_with_friction_samples_a_cold_crystal_exactly():
     moves, kicks = halves(nh.integrators["leapfrog"], tau)
     blocks = np.zeros((40, 2))
     for block in blocks:
-        LOOPS.thermostatted(u, p, SOLID.masses, moves, kicks, keep, width * normal.rows(4000, 8), block)
+        LOOPS.thermostatted(u, p, SOLID.masses, moves, kicks, False, keep, width * normal.rows(4000, 8), block)
     potential = blocks[2:, 0] / (4000 * 7 * energy / 2)  # seven modes; the eighth moves the chain as a whole
     assert abs(potential.mean() - 1) < 6 * potential.std(ddof=1) / np.sqrt(len(potential))
     assert potential.std(ddof=1) / np.sqrt(len(potential)) < 0.01

@@ -12,6 +12,8 @@ from nearharmonic.reproduction.experiments.crystals.run import SOLIDS
 from nearharmonic.reproduction.experiments.crystals.solids import argon, chain, copper, silicon
 from nearharmonic.reproduction.experiments.crystals.solids.lattice import FCC, cubic, exponential
 
+pytestmark = pytest.mark.slow  # numba compiles each force
+
 SIZES = {"argon": 2, "copper": 2, "silicon": 1, "chain": 8}
 
 

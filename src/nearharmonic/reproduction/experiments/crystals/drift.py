@@ -21,9 +21,11 @@ from nearharmonic.reproduction.experiments.crystals.solids.solid import Solid
 SMALL, TEMPERATURE = {"argon": 2, "copper": 2, "silicon": 1, "chain": 32}, 0.3
 #: Forces in the fastest period in the runs that measure the drift, and looks at the energy in each.
 FORCES, LOOKS = 20.0, 500
-#: Forces in the fastest period of the thermostatted runs, the friction over the highest frequency, blocks that give the
-#: standard error, and steps whose noise is made at once.
-SPACINGS, FRICTION, BLOCKS, AT_ONCE = (20.0, 14.0, 10.0, 7.0, 5.0), 0.1, 32, 2048
+#: Forces in the fastest period of the thermostatted runs, places of friction and noise, and the friction over the
+#: highest frequency.
+SPACINGS, BATHS, FRICTION = (20.0, 14.0, 10.0, 7.0, 5.0), ("middle", "ends"), 0.1
+#: Blocks that give the standard error, blocks before them, and steps whose noise is made at once.
+BLOCKS, WARM, AT_ONCE = 32, 4, 2048
 
 
 def drift(crystal: str, names: Sequence[str], settings: CrystalsSettings) -> dict[str, Contents]:
@@ -51,17 +53,22 @@ def _changes(solid: Solid, loops: Loops, method: Tableau, steps: int, start: Sta
 def averages(names: Sequence[str], settings: CrystalsSettings) -> dict[str, Contents]:
     """Return ``run``: blocks of mean potential and kinetic energy of a chain with friction and noise.
 
-    Methods apply the first half of their step, friction and noise over the whole step, and the second half; leapfrog is
-    BAOAB. Each run has the same number of forces.
+    They act in the middle of each step, where leapfrog is BAOAB, or over half the step at both ends. Each run has the
+    same number of forces.
     """
     solid = SOLIDS["chain"](SMALL["chain"])
     loops = loops_for(solid.gradient)
-    found = np.array([
-        [_blocks(solid, loops, integrators[name], forces, settings) for forces in SPACINGS] for name in names
-    ])  # fmt: skip
+    runs = [
+        _blocks(solid, loops, integrators[name], forces, place == "ends", settings)
+        for place in BATHS
+        for name in names
+        for forces in SPACINGS
+    ]
+    found = np.reshape(runs, (len(BATHS), len(names), len(SPACINGS), BLOCKS, 2))
     what = "energy over its value for a harmonic crystal, mean of a block"
-    over = ("averaged", "spacing", "block")
+    over = ("bath", "averaged", "spacing", "block")
     variables: dict[str, Any] = {
+        **coordinate("bath", list(BATHS), "place of friction and noise in a step"),
         **coordinate("averaged", list(names), "integrator"),
         **coordinate("spacing", list(SPACINGS), "forces in a period of the fastest phonon"),
         "averaged_label": variable("averaged", [integrators[name].label for name in names], "name in the paper"),
@@ -71,17 +78,22 @@ def averages(names: Sequence[str], settings: CrystalsSettings) -> dict[str, Cont
     return {"run": Contents(variables=variables, coordinates=("averaged_label",))}
 
 
-def _blocks(solid: Solid, loops: Loops, method: Tableau, forces: float, settings: CrystalsSettings) -> Floats:
-    """Return the blocks (b, 2) of potential and kinetic energy, over n k_B T / 2 each."""
+def _blocks(
+    solid: Solid, loops: Loops, method: Tableau, forces: float, ends: bool, settings: CrystalsSettings
+) -> Floats:
+    """Return the blocks (b, 2) of potential and kinetic energy, over (n - 1) k_B T / 2 and n k_B T / 2.
+
+    The chain as a whole has kinetic energy and no potential energy.
+    """
     energy, tau = TEMPERATURE * solid.melting, method.stages * solid.period / forces
-    moves, kicks = halves(method, tau)
-    keep = float(exp(-FRICTION * float(solid.frequencies[-1]) * tau))
+    (moves, kicks), rows, n = halves(method, tau), 2 if ends else 1, solid.coordinates
+    keep = float(exp(-FRICTION * float(solid.frequencies[-1]) * tau / rows))
     width, normal = np.sqrt((1 - keep * keep) * energy * solid.masses), Normal([settings.seed, 200])
-    u, p = np.zeros(solid.coordinates), np.sqrt(2 * energy * solid.masses) * normal.rows(1, solid.coordinates)[0]
+    u, p = np.zeros(n), np.sqrt(2 * energy * solid.masses) * normal.rows(1, n)[0]
     steps = max(1, settings.average_forces // (BLOCKS * method.stages))
-    found = np.zeros((BLOCKS + 4, 2))
+    found = np.zeros((BLOCKS + WARM, 2))
     for block in found:
         for begin in range(0, steps, AT_ONCE):
-            noise = width * normal.rows(min(AT_ONCE, steps - begin), solid.coordinates)
-            loops.thermostatted(u, p, solid.masses, moves, kicks, keep, noise, block)
-    return found[4:] / (steps * solid.coordinates * energy / 2)  # the first four blocks equilibrate
+            noise = width * normal.rows(rows * min(AT_ONCE, steps - begin), n)
+            loops.thermostatted(u, p, solid.masses, moves, kicks, ends, keep, noise, block)
+    return found[WARM:] / (steps * np.array([n - 1, n]) * energy / 2)

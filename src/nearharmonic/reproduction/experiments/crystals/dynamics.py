@@ -27,80 +27,93 @@ class Loops(NamedTuple):
         which hold the state at the end. ``energies`` (k, 2) takes kinetic and potential energy at the start and after
         each ``every`` steps.
     thermostatted : callable
-        ``thermostatted(u, p, masses, moves, kicks, keep, noise, average)``: one step a row of ``noise`` (steps, n). The
-        rows of ``moves`` and ``kicks`` are the first half of a symmetric step; then p is multiplied by ``keep`` and
-        gains the noise, and the second half follows. ``average`` (2,) gains the sums of V and of K after each step.
+        ``thermostatted(u, p, masses, moves, kicks, ends, keep, noise, average)``: symmetric steps with friction and
+        noise, which multiply p by ``keep`` and add a row of ``noise``. The rows of ``moves`` and ``kicks`` are the first
+        half of a step. The bath acts in the middle of each step, with a row a step, or at both ends, with two.
+        ``average`` (2,) gains the sums of V and of K after each step.
     """
 
     run: Callable[..., None]
     thermostatted: Callable[..., None]
 
 
+@compiled
+def _kinetic(p, masses):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for k in range(len(p)):
+        total += p[k] * p[k] / masses[k]
+    return total / 2
+
+
+@compiled
+def _drift(u, p, masses, time):  # type: ignore[no-untyped-def]
+    for k in range(len(u)):
+        u[k] += time * p[k] / masses[k]
+
+
+@compiled
+def _kick(p, slopes, time):  # type: ignore[no-untyped-def]
+    for k in range(len(p)):
+        p[k] -= time * slopes[k]
+
+
+@compiled
+def _bath(p, keep, noise):  # type: ignore[no-untyped-def]
+    for k in range(len(p)):
+        p[k] = keep * p[k] + noise[k]
+
+
 def loops_for(gradient: Any) -> Loops:
     """Compile both loops for a gradient."""
-
-    @compiled
-    def kinetic(p, masses):  # type: ignore[no-untyped-def]
-        total = 0.0
-        for k in range(len(p)):
-            total += p[k] * p[k] / masses[k]
-        return total / 2
-
-    @compiled
-    def drift(u, p, masses, time):  # type: ignore[no-untyped-def]
-        for k in range(len(u)):
-            u[k] += time * p[k] / masses[k]
-
-    @compiled
-    def kick(p, slopes, time):  # type: ignore[no-untyped-def]
-        for k in range(len(p)):
-            p[k] -= time * slopes[k]
 
     @compiled
     def run(u, p, masses, kicks_first, outer, inner, steps, every, energies):  # type: ignore[no-untyped-def]
         slopes = np.empty(len(u))
         potential = gradient(u, slopes)
-        energies[0, 0], energies[0, 1] = kinetic(p, masses), potential
+        energies[0, 0], energies[0, 1] = _kinetic(p, masses), potential
         for step in range(1, steps + 1):
             for m in range(len(inner)):
                 if kicks_first:
-                    kick(p, slopes, outer[m])
-                    drift(u, p, masses, inner[m])
+                    _kick(p, slopes, outer[m])
+                    _drift(u, p, masses, inner[m])
                 else:
-                    drift(u, p, masses, outer[m])
+                    _drift(u, p, masses, outer[m])
                 potential = gradient(u, slopes)
                 if not kicks_first:
-                    kick(p, slopes, inner[m])
+                    _kick(p, slopes, inner[m])
             if kicks_first:
-                kick(p, slopes, outer[-1])
+                _kick(p, slopes, outer[-1])
             else:
-                drift(u, p, masses, outer[-1])
+                _drift(u, p, masses, outer[-1])
             if step % every == 0:
                 if not kicks_first:
                     potential = gradient(u, slopes)
-                energies[step // every, 0], energies[step // every, 1] = kinetic(p, masses), potential
+                energies[step // every, 0], energies[step // every, 1] = _kinetic(p, masses), potential
 
     @compiled
-    def thermostatted(u, p, masses, moves, kicks, keep, noise, average):  # type: ignore[no-untyped-def]
+    def thermostatted(u, p, masses, moves, kicks, ends, keep, noise, average):  # type: ignore[no-untyped-def]
         slopes = np.empty(len(u))
         stale = True
-        last = len(moves) - 1
-        for step in range(len(noise)):
-            for m in range(2 * len(moves)):
-                k = m if m <= last else 2 * last + 1 - m
-                if m == last + 1:
-                    for c in range(len(p)):
-                        p[c] = keep * p[c] + noise[step, c]
+        half, rows = len(moves), 2 if ends else 1
+        for step in range(len(noise) // rows):
+            if ends:
+                _bath(p, keep, noise[2 * step])
+            for m in range(2 * half):
+                if m == half and not ends:
+                    _bath(p, keep, noise[step])
+                k = min(m, 2 * half - 1 - m)
                 if kicks[k]:
                     if stale:
                         gradient(u, slopes)
                         stale = False
-                    kick(p, slopes, moves[k])
+                    _kick(p, slopes, moves[k])
                 else:
-                    drift(u, p, masses, moves[k])
+                    _drift(u, p, masses, moves[k])
                     stale = True
+            if ends:
+                _bath(p, keep, noise[2 * step + 1])
             average[0] += gradient(u, slopes)
-            average[1] += kinetic(p, masses)
+            average[1] += _kinetic(p, masses)
             stale = False
 
     return Loops(run, thermostatted)
@@ -144,7 +157,7 @@ def equilibrated(
     moves, kicks = np.array([tau / 2, tau / 2]), np.array([True, False])
     for begin in range(0, steps, 64):
         noise = width * normal.rows(min(64, steps - begin), n)
-        loops.thermostatted(u, p, masses, moves, kicks, keep, noise, average)
+        loops.thermostatted(u, p, masses, moves, kicks, False, keep, noise, average)
     return u, _at_rest(p, masses)
 
 

@@ -17,7 +17,7 @@ from nearharmonic.reproduction.tasks.declarations import figure
 
 #: Methods whose curves are drawn, at most eight, and colours of the kinds of methods.
 DRAWN = (
-    "leapfrog", "bcss_s4", "omelyan_v5", "srkn_b6", "babs7o7h", "babps9o7h", "trained_coarse", "trained_light",
+    "leapfrog", "bcss_s4", "predescu_s3", "omelyan_v5", "babs7o7h", "babps9o7h", "trained_coarse", "trained_light",
 )  # fmt: skip
 KINDS = {
     "general": ("general", "#6b6b6b"),
@@ -147,9 +147,9 @@ def crystals_phonons(cube: xr.Dataset) -> Figure:
     trained = cube.isel(integrator=np.isfinite(cube["window"].values[:, 0])).sortby(cube["window"][:, 0])
     for k, (name, (low, high)) in enumerate(zip(trained["integrator"].values, trained["window"].values, strict=True)):
         below.plot([low, high], [k, k], color=style_of(str(name)).colour, linewidth=6, solid_capstyle="butt")
-    for forces in (40, 20, 10):
+    for forces, alpha in ((40, 0.12), (20, 0.22), (10, 0.34)):
         most = 2 * np.pi / forces
-        below.axvspan(most / 2, most, color="#808080", alpha=0.22, linewidth=0)
+        below.axvspan(most / 2, most, color="#808080", alpha=alpha, linewidth=0)
         below.text(
             most / 2**0.5, trained.sizes["integrator"] - 0.35, f"{forces} forces", ha="center", va="bottom", fontsize=8
         )
@@ -175,7 +175,7 @@ def crystals_gain(cube: xr.Dataset) -> Figure:
     shown = sorted({float(cube["forces"].sel(forces=at, method="nearest")) for at in AT}, reverse=True)
     drawn = new_figure(3.6 * len(shown) + 0.6, 3.7)
     grid = drawn.subplots(1, len(shown), sharey=True, squeeze=False)[0]
-    drawn.subplots_adjust(left=0.1, right=0.985, top=0.92, bottom=0.24, wspace=0.06)
+    drawn.subplots_adjust(left=0.1, right=0.985, top=0.92, bottom=0.24, wspace=0.12)
     for k, (axes, forces) in enumerate(zip(grid, shown, strict=True)):
         for crystal, colour, marker in zip(cube["crystal"].values, CRYSTALS, "os^D", strict=False):
             at = {"crystal": crystal, "forces": forces}
@@ -202,15 +202,15 @@ def _best(cube: xr.Dataset, kind: str) -> xr.DataArray:
     category="Beyond the paper",
     caption=(
         "Above: change of the energy over a long run of a small crystal, in units of the mean kinetic energy, by a "
-        "straight line; a point is a start. Below: mean potential and kinetic energy of a chain with friction and "
-        "noise, over their values for a harmonic crystal, at equal numbers of forces; bars are standard errors. "
-        "Leapfrog is BAOAB."
+        "straight line; a point is a start. Below: mean potential energy of a chain with friction and noise, over its "
+        "value for a harmonic crystal, at equal numbers of forces; bars are standard errors. Friction and noise act in "
+        "the middle of a step (B; leapfrog is then BAOAB) or at both ends (C)."
     ),
 )
 def crystals_long_runs(cube: xr.Dataset) -> Figure:
-    """Draw ``drift``, ``potential`` and ``kinetic`` of ``cube``."""
+    """Draw ``drift`` and ``potential`` of ``cube``."""
     drawn = new_figure(8.2, 6.4)
-    grid: Any = drawn.subplot_mosaic([["drift", "drift"], ["potential", "kinetic"]])
+    grid: Any = drawn.subplot_mosaic([["drift", "drift"], ["middle", "ends"]])
     drawn.subplots_adjust(left=0.1, right=0.985, top=0.95, bottom=0.15, wspace=0.22, hspace=0.36)
     methods = cube["drifting"].values
     for m, name in enumerate(methods):
@@ -223,15 +223,18 @@ def crystals_long_runs(cube: xr.Dataset) -> Figure:
     grid["drift"].set_xticks(range(cube.sizes["crystal"]), cube["crystal"].values)
     grid["drift"].set_ylabel(r"$|$change of $H|\,/\,\langle T\rangle$")
     panel_letter(grid["drift"], 0, "drift over a long run")
-    for k, key in enumerate(("potential", "kinetic")):
-        axes = grid[key]
+    grid["ends"].sharey(grid["middle"])
+    for k, (place, says) in enumerate((("middle", "bath in the middle of a step"), ("ends", "bath at both ends"))):
+        axes = grid[place]
         for name in cube["averaged"].values:
-            one = cube.sel(averaged=name)
+            one = cube.sel(averaged=name, bath=place)
             look = style_of(str(name)).line(markersize=4, capsize=2)
-            axes.errorbar(cube["spacing"], one[key].where(np.isfinite(one[key])), one[f"{key}_error"], **look)
+            known = np.isfinite(one["potential"])
+            axes.errorbar(cube["spacing"], one["potential"].where(known), one["potential_error"], **look)
         _forces_axis(axes, cube["spacing"].values)
-        axes.set(xlabel=PER_PERIOD, ylabel=f"{key} energy / harmonic")
-        panel_letter(axes, k + 1, f"{key} energy with a thermostat")
+        axes.set_xlabel(PER_PERIOD)
+        panel_letter(axes, k + 1, says)
+    grid["middle"].set_ylabel("potential energy / harmonic")
     names = list(dict.fromkeys([*map(str, methods), *map(str, cube["averaged"].values)]))
     labels = {
         **dict(zip(map(str, methods), cube["drifting_label"].values, strict=True)),

@@ -15,8 +15,8 @@ from nearharmonic.reproduction.entries import POSITIVE, STRICT, PositiveDecimal,
 #: Crystals, and the cells of each at size 1: 4, 4 and 8 atoms or two masses in a cell.
 CELLS = {"argon": 4, "copper": 3, "silicon": 3, "chain": 512}
 #: Methods of the long runs, and those of the runs with a thermostat.
-DRIFTING = ("leapfrog", "bcss_s4", "babps9o7h", "trained_light")
-AVERAGED = ("leapfrog", "bcss_s3", "bcss_s4", "babs7o7h", "trained_coarse")
+DRIFTING = ("leapfrog", "predescu_s3", "babps9o7h", "trained_light")
+AVERAGED = ("leapfrog", "bcss_s3", "bcss_s4", "predescu_s3", "babs7o7h", "trained_coarse")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +30,8 @@ class CrystalsSettings:
         "a list of at least two integrators, each named once",
         each="the name of an integrator, or the path of a Python file that defines TABLEAU or TABLEAUS",
         default=(
-            "leapfrog", "bcss_s3", "bcss_s4", "omelyan_v5", "pefrl", "srkn_b6", "srkn_b11", "blanes_moan_s6o4",
+            "leapfrog", "bcss_s3", "bcss_s4", "predescu_s3", "omelyan_v5", "pefrl", "srkn_b6", "srkn_b11",
+            "blanes_moan_s6o4",
             "abas5o6h", "babs7o7h", "babps8o7h", "babps9o7h", "trained_coarse", "trained_light", "trained_moderate",
             "trained_fine",
         ),
@@ -68,7 +69,7 @@ class CrystalsSettings:
     starts: int = setting("Equilibrated starts at each temperature", default=10, **whole_from(1, 1000))
     drift_steps: int = setting("Steps of the runs that measure the drift of the energy", default=10**5, **whole_from(1))
     drift_starts: int = setting("Starts of these runs", default=2, **whole_from(2, 1000))
-    average_forces: int = setting("Forces of a run that measures averages", default=10**7, **whole_from(1))
+    average_forces: int = setting("Forces of a run that measures averages", default=4 * 10**6, **whole_from(1))
     seed: int = setting("Chooses the starts", default=1, **whole_from(0))
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
