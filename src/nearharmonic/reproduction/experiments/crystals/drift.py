@@ -47,7 +47,8 @@ def drift(crystal: str, names: Sequence[str], settings: CrystalsSettings) -> dic
 def _changes(solid: Solid, loops: Loops, method: Tableau, steps: int, start: Start) -> Floats:
     tau = method.stages * solid.period / FORCES
     kinetic, potential = energies(solid, loops, method, tau, steps - steps % LOOKS, start, steps // LOOKS).T
-    return ((kinetic - kinetic[0]) + (potential - potential[0])) / kinetic.mean()
+    change: Floats = ((kinetic - kinetic[0]) + (potential - potential[0])) / kinetic.mean()
+    return change
 
 
 def averages(names: Sequence[str], settings: CrystalsSettings) -> dict[str, Contents]:

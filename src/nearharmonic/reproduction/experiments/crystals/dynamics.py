@@ -28,8 +28,8 @@ class Loops(NamedTuple):
         each ``every`` steps.
     thermostatted : callable
         ``thermostatted(u, p, masses, moves, kicks, ends, keep, noise, average)``: symmetric steps with friction and
-        noise, which multiply p by ``keep`` and add a row of ``noise``. The rows of ``moves`` and ``kicks`` are the first
-        half of a step. The bath acts in the middle of each step, with a row a step, or at both ends, with two.
+        noise, which multiply p by ``keep`` and add a row of ``noise``. ``moves`` and ``kicks`` are the first half of a
+        step. The bath acts in the middle of each step, with one row, or at both ends, with two.
         ``average`` (2,) gains the sums of V and of K after each step.
     """
 
@@ -165,4 +165,5 @@ def _at_rest(p: Floats, masses: Floats) -> Floats:
     """Remove the motion of the centre of mass: three components, or one if the masses are those of a chain."""
     dimension = 3 if np.array_equal(masses[::3], masses[1::3][: len(masses[::3])]) else 1
     momenta, weights = p.reshape(-1, dimension), masses.reshape(-1, dimension)
-    return (momenta - weights * (momenta.sum(axis=0) / weights.sum(axis=0))).ravel()
+    found: Floats = momenta - weights * (momenta.sum(axis=0) / weights.sum(axis=0))
+    return found.ravel()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import product
 from math import nan
 from typing import Any
@@ -102,7 +102,8 @@ def trend(energy: xr.DataArray) -> xr.DataArray:
     """Return the change of the energy (..., run) over the whole run, by a straight line of least squares."""
     look = energy.look - energy.look.mean()
     slope: xr.DataArray = (energy * look).sum("look") / (look * look).sum("look")
-    return slope * (energy.look[-1] - energy.look[0])
+    rise: xr.DataArray = slope * (energy.look[-1] - energy.look[0])
+    return rise
 
 
 def reduce(names: Sequence[str], settings: CrystalsSettings, averages: str, **paths: str) -> dict[str, Any]:
@@ -152,7 +153,7 @@ def table_of(cube: xr.Dataset) -> Table:
     """Return a row for each crystal, temperature and number of forces: leader, error, and lead."""
     rows = []
     for crystal, temperature, forces in product(*(cube[one].values for one in ("crystal", "temperature", "forces"))):
-        one: Mapping[str, Any] = cube.sel(crystal=crystal, temperature=temperature, forces=forces)
+        one = cube.sel(crystal=crystal, temperature=temperature, forces=forces)
         leader = str(one["leader"].item())
         if leader:
             error = one["max_energy_error"].sel(quantile=0.5, integrator=leader).item()

@@ -20,7 +20,7 @@ EDGE = 1.5519
 
 
 @compiled
-def pair(square: float) -> tuple[float, float]:
+def pair(square):  # type: ignore[no-untyped-def]
     """Return the energy of a pair at a squared distance, in units of depth and diameter, and its derivative by it."""
     if square >= CUTOFF * CUTOFF:
         return 0.0, 0.0

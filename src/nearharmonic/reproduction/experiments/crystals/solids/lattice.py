@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from itertools import product
 from math import factorial, ldexp
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from nearharmonic.numerics.types import Floats
 
 #: A run that diverges has infinite energies: a division by zero is no error.
-compiled = numba.njit(error_model="numpy")
+compiled: Any = numba.njit(error_model="numpy")
 
 FCC = ((0.0, 0.0, 0.0), (0.0, 0.5, 0.5), (0.5, 0.0, 0.5), (0.5, 0.5, 0.0))
 DIAMOND = (*FCC, *((x + 0.25, y + 0.25, z + 0.25) for x, y, z in FCC))
@@ -33,7 +33,8 @@ class Pairs(NamedTuple):
 def cubic(basis: tuple[tuple[float, float, float], ...], constant: float, cells: int) -> Floats:
     """Return the sites (N, 3) of cells^3 cubic cells with an edge ``constant``."""
     corners = np.array(list(product(range(cells), repeat=3)), float)
-    return (corners[:, None, :] + np.array(basis)).reshape(-1, 3) * constant
+    sites: Floats = (corners[:, None, :] + np.array(basis)).reshape(-1, 3) * constant
+    return sites
 
 
 def pairs_within(sites: Floats, edge: float, reach: float, *, both: bool = False) -> Pairs:
@@ -52,7 +53,8 @@ def pairs_within(sites: Floats, edge: float, reach: float, *, both: bool = False
     found.sort()
     rows = np.array(found)
     # Unsigned, or each access would first ask whether an index counts from the end.
-    return Pairs(*(rows[:, c].astype(np.uint64) for c in (0, 1)), np.ascontiguousarray(rows[:, 2:]))
+    first, second = (rows[:, c].astype(np.uint64) for c in (0, 1))
+    return Pairs(first, second, np.ascontiguousarray(rows[:, 2:]))
 
 
 #: ln 2 in two parts; a multiple below 2^20 of the first is exact. Powers of two from 2^-1023 on.
@@ -62,7 +64,7 @@ _F = tuple(1 / factorial(k) for k in range(14))
 
 
 @compiled
-def exponential(x: float) -> float:
+def exponential(x):  # type: ignore[no-untyped-def]
     """Return exp(x) to about 1 ulp, 0 or infinity beyond 700; its bits, unlike those of libm, are equal everywhere."""
     if not -700.0 <= x <= 700.0:  # or no number
         return 0.0 if x < 0.0 else np.inf
