@@ -387,6 +387,7 @@ def error_at_equal_forces(start, method, time_of_a_force, forces):
     return largest_error(run, forces // stages)
 
 
+@pytest.mark.slow
 def test_crystal_of_argon_keeps_its_energy(crystal):
     """12 fs a force over 0.9 ps."""
     errors = [error_at_equal_forces(crystal, method, 0.012, 77) for method in ("verlet", "babs7o7h", "trained_light")]
@@ -452,6 +453,7 @@ def alanine_dipeptide():
     return topology, positions * unit.nanometer
 
 
+@pytest.mark.slow
 def test_alanine_dipeptide_keeps_its_energy():
     """0.4 fs a force over 0.1 ps, bonds of hydrogen flexible."""
     fields = app.ForceField("amber14-all.xml")
