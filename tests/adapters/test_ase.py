@@ -23,6 +23,12 @@ from ase.md.verlet import VelocityVerlet  # noqa: E402
 from nearharmonic.adapters.ase import Splitting, recommend  # noqa: E402
 from nearharmonic.adapters.ase.trial import fewest_steps  # noqa: E402
 
+# ASE 3.23 opens the null device for a log that nobody asks for, and closes it at the end of a `with` alone.
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:.*null:ResourceWarning"),
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+]
+
 MASSES = np.array([1.0, 16.0, 40.0])
 START = np.array([[0.1, 0.02, -0.05], [-0.08, 0.11, 0.03], [0.04, -0.06, 0.12]])
 MOMENTA = np.array([[0.3, -0.5, 0.1], [0.8, 0.3, -1.5], [-0.6, 1.1, 0.9]])

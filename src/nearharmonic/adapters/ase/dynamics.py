@@ -109,14 +109,17 @@ class Splitting(MolecularDynamics):
         """Return what a trajectory writes about its dynamics, with the name of the method."""
         return {**super().todict(), "method": self.method.tableau.name}
 
-    def _refresh_properties(self) -> None:
-        """Evaluate forces at the end of a step where the next one, or an observer, uses them.
-
-        ASE calls this after every step. After a last drift the force would be thrown away.
-        """
+    def call_observers(self) -> None:
+        """Call the observers that are due; after a last drift they find energy and forces of the last positions."""
         intervals = [interval for _, interval, _, _ in self.observers]
-        seen = any(self.nsteps % one == 0 if one > 0 else self.nsteps == -one for one in intervals)
-        if self.method.first == "kick" or seen:
+        due = any(self.nsteps % one == 0 if one > 0 else self.nsteps == -one for one in intervals)
+        if due and self.method.first == "drift":
+            self.atoms.get_forces()
+        super().call_observers()
+
+    def _refresh_properties(self) -> None:
+        """Evaluate forces at the end of a step for ASE, unless they would be thrown away."""
+        if self.method.first == "kick":
             super()._refresh_properties()
 
 

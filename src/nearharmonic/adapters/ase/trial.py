@@ -155,21 +155,21 @@ class Trial:
     def error(self, method: Method, steps: int) -> float:
         """Return the largest energy error per atom of a run, or the first that misses the bound."""
         atoms, largest = self._copy(), 0.0
-        dynamics = Splitting(atoms, self.duration / steps, method.tableau)
         begins_with_drift = method.first == "drift"
         self._count(not begins_with_drift)  # the first kick
-        for _ in range(steps):
-            try:
-                dynamics.step()
-                if not np.isfinite(atoms.positions).all():
+        with Splitting(atoms, self.duration / steps, method.tableau) as dynamics:
+            for _ in range(steps):
+                try:
+                    dynamics.step()
+                    if not np.isfinite(atoms.positions).all():
+                        return inf
+                    error = abs(self._energy(atoms) - self._first)
+                except CalculatorError:  # a step so large that electrons or neighbours make no sense
                     return inf
-                error = abs(self._energy(atoms) - self._first)
-            except CalculatorError:  # a step so large that electrons or neighbours make no sense
-                return inf
-            self._count(method.stages + begins_with_drift)  # the energy after a last drift
-            largest = max(largest, error) if isfinite(error) else inf
-            if largest > self.bound:
-                break
+                self._count(method.stages + begins_with_drift)  # the energy after a last drift
+                largest = max(largest, error) if isfinite(error) else inf
+                if largest > self.bound:
+                    break
         return largest
 
     def _count(self, forces: int) -> None:
