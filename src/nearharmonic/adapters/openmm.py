@@ -153,7 +153,7 @@ def _bath(temperature: Any, friction: Any, seed: Any) -> tuple[float, float] | N
         if seed is not None:
             raise bad_setting("seed", seed, "None without temperature and friction, as there are no random numbers")
         return None
-    if seed is not None and not (isinstance(seed, Integral) and 0 < seed <= LARGEST_SEED):
+    if seed is not None and not (isinstance(seed, Integral) and 0 < int(seed) <= LARGEST_SEED):
         raise bad_setting("seed", seed, f"an integer from 1 to {LARGEST_SEED}")
     allowed = {
         "temperature": "a temperature of at least 0, in K if it has no unit",
@@ -187,6 +187,6 @@ def _number(key: str, given: Any, standard: Any, allowed: str) -> float:
         if not given.unit.is_compatible(standard):
             raise bad_setting(key, given, allowed)
         value = given.value_in_unit(standard)
-    if not isinstance(value, Real) or isinstance(value, bool) or not isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value):
         raise bad_setting(key, given, allowed)
     return float(value)

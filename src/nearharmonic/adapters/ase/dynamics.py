@@ -19,7 +19,7 @@ from nearharmonic.integrators.tableau import Tableau
 LINEAR = (FixAtoms, FixCartesian, FixedLine, FixedPlane, Hookean, ExternalForce)
 
 
-class Splitting(MolecularDynamics):
+class Splitting(MolecularDynamics):  # type: ignore[misc]  # ASE has no types
     """Molecular dynamics at constant energy by a splitting method of kicks and drifts.
 
     A step evaluates as many forces as the method has stages. The last kick of a step and the first of the next share
@@ -125,7 +125,7 @@ class Splitting(MolecularDynamics):
 
 def positive(key: str, given: Any, allowed: str) -> float:
     """Return a finite number above 0 as a float; a user may pass anything."""
-    if not isinstance(given, Real) or isinstance(given, bool) or not (isfinite(given) and given > 0):
+    if isinstance(given, bool) or not isinstance(given, Real) or not (isfinite(given) and float(given) > 0):
         raise bad_setting(key, given, allowed)
     return float(given)
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 #: Methods of plain kicks and drifts that are tried by default: leapfrog, methods of order 2 for few forces and large
 #: steps, and near-harmonic and trained methods for smaller errors.
-CANDIDATES = ("leapfrog", "bcss_s3", "bcss_s4", "babs7o7h", "trained_coarse", "trained_light")
+CANDIDATES = ("leapfrog", "predescu_s3", "bcss_s4", "babs6o7h", "babs7o7h", "trained_coarse", "trained_light")
 #: Longest way of an atom between two forces of the largest step tried, in angstrom: about a tenth of a bond.
 LONGEST_WAY = 0.3
 #: The step found is within 1/CLOSE of one that misses the bound, and one smaller by 1/FINER meets it too.
@@ -58,8 +58,10 @@ def recommend(
 
     Each method runs from the positions and momenta of the atoms, with steps from large to small, until the energy at
     the end of every step of the trial differs from the first by at most the bound. A run that misses the bound ends at
-    once. The largest step is found within 5 %, and a step smaller by 10 % meets the bound too. The trial sees the
-    motions of its own time only: it should be as long as several periods of the slowest vibration of interest.
+    once. The largest step is found within 5 %, or within one step of a trial of few steps, and a step smaller by 10 %
+    meets the bound too. A trial sees the motions of its own time only: it should last for several periods of the
+    slowest vibration, and for twenty steps or more. It takes some ten runs for each method: seven methods on copper at
+    0.01 meV per atom and 500 fs take 5000 forces.
 
     Parameters
     ----------
@@ -104,14 +106,13 @@ def recommend(
     chosen = _methods(methods)
     bound = positive("error_per_atom", error_per_atom, "an energy above 0, in meV per atom") / MILLI
     duration = positive("time", time, "a time above 0 in ASE's unit, such as 1000 * ase.units.fs")
-    if not isinstance(budget, Integral) or isinstance(budget, bool) or budget < 1:
-        raise bad_setting("budget", budget, "an integer of at least 1")
+    most = _count(budget)
     _check(atoms)
     trial = Trial(atoms, duration, bound)
     found, missed = [], []
     for i, (name, method) in enumerate(chosen.items(), 1):
         with trial.watched(f"{name} ({i} of {len(chosen)})"):
-            best = _largest(trial, name, method, int(budget))
+            best = _largest(trial, name, method, most)
         if best is None:
             missed.append(name)
         else:
@@ -123,7 +124,7 @@ def recommend(
             f"rounding of the calculator is a limit too"
         )
     found.sort(key=lambda one: one.cost)
-    settings = {"error_per_atom": error_per_atom, "time": duration / float(units.fs), "budget": int(budget)}
+    settings = {"error_per_atom": error_per_atom, "time": duration / float(units.fs), "budget": most}
     return _dataset(found, {**settings, "forces": trial.forces, "missed": ", ".join(missed), "call": _call(found[0])})
 
 
@@ -253,6 +254,12 @@ def _methods(asked: Any) -> dict[str, Method]:
     if not names:
         raise bad_setting("methods", asked, allowed)
     return {one.name if isinstance(one, Tableau) else str(one): method_for("ASE", one) for one in names}
+
+
+def _count(budget: Any) -> int:
+    if isinstance(budget, bool) or not isinstance(budget, Integral) or int(budget) < 1:
+        raise bad_setting("budget", budget, "an integer of at least 1")
+    return int(budget)
 
 
 def _check(atoms: Any) -> None:
