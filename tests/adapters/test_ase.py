@@ -58,7 +58,7 @@ class Wells(Calculator):
         self.calls += 1
         x = atoms.positions
         bond = BOND * (x[1] - x[0])
-        forces = -HARMONIC * x - 4 * QUARTIC * x**3
+        forces = -HARMONIC * x - 4 * QUARTIC * x**3  # warns of an overflow, as calculators do
         forces[:2] += [bond, -bond]
         self.results = {"energy": potential(x.ravel().tolist()), "forces": forces}
 
@@ -313,21 +313,21 @@ def test_crystal_of_argon_keeps_its_energy():
 class TestRecommend:
     def test_steps_found_meet_the_bound_in_a_run(self):
         atoms = wells()
-        found = recommend(atoms, 20.0, time=2.0, methods=["verlet", "babs7o7h", "bcss_s4"])
-        assert found.sizes["rank"] == 3
+        found = recommend(atoms, 20.0, time=2.0, methods=["verlet", "bcss_s4"])
+        assert found.sizes["rank"] == 2
         assert (np.diff(found.forces_per_picosecond.values) >= 0).all()
         for name, step, error, cost in zip(
             found.integrator.values, found.step.values, found.max_energy_error.values,
             found.forces_per_picosecond.values, strict=True,
         ):  # fmt: skip
             stages = nh.integrators[str(name)].stages
-            forces = round(2.0 / (step * units.fs)) * stages
-            assert np.isclose(largest_error(wells(), str(name), step * units.fs / stages, forces), error, rtol=1e-9)
+            forces = stages * max(20, round(2.0 / (step * units.fs)))
+            time_of_a_force = step * units.fs / stages
+            assert np.isclose(largest_error(wells(), str(name), time_of_a_force, forces), error, rtol=1e-6)
             assert error <= 20
             assert np.isclose(cost, stages / step * 1000)
-            steps = forces // stages
-            fewer = range(steps - max(1, steps // 20), steps)
-            assert any(largest_error(wells(), str(name), 2.0 / n / stages, n * stages) > 20 for n in fewer)
+            larger = time_of_a_force * np.linspace(1.01, 1.06, 6)
+            assert any(largest_error(wells(), str(name), one, forces) > 20 for one in larger)
 
     def test_call_runs_at_the_step_found(self):
         atoms = wells()
@@ -355,8 +355,8 @@ class TestRecommend:
         assert atoms.calc.calls == found.attrs["forces"] + (method == "bcss_s4")
 
     def test_a_bound_that_none_meets_raises_an_error(self):
-        with pytest.raises(nh.NearharmonicError, match=r"no method of verlet, bcss_s4 keeps .* 50 forces"):
-            recommend(wells(), 1e-6, time=2.0, methods=["verlet", "bcss_s4"], budget=50)
+        with pytest.raises(nh.NearharmonicError, match=r"no method of verlet, bcss_s4 keeps .* 90 forces"):
+            recommend(wells(), 1e-6, time=2.0, methods=["verlet", "bcss_s4"], budget=90)
 
     def test_methods_that_miss_are_named(self):
         found = recommend(wells(), 1e-3, time=1.0, methods=["verlet", "trained_fine"], budget=400)
