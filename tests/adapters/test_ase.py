@@ -347,6 +347,14 @@ class TestRecommend:
         assert atoms.arrays.keys() == arrays.keys()
         assert all(value.tobytes() == arrays[key].tobytes() for key, value in atoms.arrays.items())
 
+    def test_momenta_of_fixed_atoms_have_no_part(self):
+        found = []
+        for projected in (True, False):
+            atoms = wells(constraint=FixAtoms([2]))
+            atoms.set_momenta(MOMENTA, apply_constraint=projected)
+            found.append(recommend(atoms, 20.0, time=0.5, methods=["babs7o7h"]))
+        assert found[0].drop_attrs().identical(found[1].drop_attrs())
+
     @pytest.mark.parametrize("method", ["babs7o7h", "bcss_s4"])
     def test_forces_of_trials_are_counted(self, method):
         atoms = wells()
