@@ -10,8 +10,8 @@ from typing import Any
 import openmm
 from openmm import unit
 
-from nearharmonic.adapters.method import Method, Move, method_for
 from nearharmonic.errors import SettingError, bad_setting
+from nearharmonic.exchange.method import Method, Move, method_for
 from nearharmonic.integrators.tableau import Tableau
 
 __all__ = ["integrator"]

@@ -11,8 +11,8 @@ from ase import Atoms
 from ase.constraints import ExternalForce, FixAtoms, FixCartesian, FixedLine, FixedPlane, Hookean
 from ase.md.md import MolecularDynamics
 
-from nearharmonic.adapters.method import method_for
 from nearharmonic.errors import SettingError, bad_setting
+from nearharmonic.exchange.method import method_for
 from nearharmonic.integrators.tableau import Tableau
 
 #: Constraints that are linear in positions and momenta alike, or forces: kicks and drifts remain exact flows.

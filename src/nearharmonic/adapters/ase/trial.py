@@ -13,8 +13,8 @@ from ase import Atoms, units
 from ase.calculators.calculator import CalculatorError, PropertyNotImplementedError
 
 from nearharmonic.adapters.ase.dynamics import Splitting, check_constraints, masses_of, positive
-from nearharmonic.adapters.method import Method, method_for
 from nearharmonic.errors import RefusedError, bad_setting
+from nearharmonic.exchange.method import Method, method_for
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import assembled, described
 
