@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import ceil, isinf
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -89,6 +89,8 @@ class SplittingSolver(OdeSolver):  # type: ignore[misc]  # scipy has no types
 
     method: Method
     dimension: int
+    t: float
+    y: Vector
 
     def __init__(
         self, fun: RightHandSide, t0: float, y0: ArrayLike, t_bound: float, max_step: float = np.inf,
@@ -98,8 +100,6 @@ class SplittingSolver(OdeSolver):  # type: ignore[misc]  # scipy has no types
         if state.shape != (2 * self.dimension,) or not np.isrealobj(state):
             allowed = f"{self.dimension} real positions and then {self.dimension} real velocities"
             raise bad_setting("y0", y0, allowed)
-        if isinstance(max_step, float) and isinf(max_step) and max_step > 0:
-            raise bad_setting("max_step", max_step, "the length of a step, a finite number above 0")
         step = checked_tau(max_step, "max_step")
         if ignored := sorted(extraneous):
             warnings.warn(f"steps are fixed: {', '.join(ignored)} has no effect", stacklevel=3)
