@@ -34,7 +34,8 @@ class Potential:
         self.calls += 1
         return self._gradient(q)
 
-    def system(self, kind=EuclideanMetricSystem, **options):
+    def system(self, kind=EuclideanMetricSystem, dimension=2, **options):
+        options.setdefault("metric", np.ones(dimension))  # older versions of mici do not know the size of their default
         return kind(neg_log_dens=self.value, grad_neg_log_dens=self.gradient, **options)
 
 
@@ -146,7 +147,7 @@ def test_gaussian_splitting_has_the_order_of_method(method, order):
 
 def moments(potential, method, step, kind=EuclideanMetricSystem):
     """Chain of HMC: positions, shape (transitions, dimension)."""
-    system = potential.system(kind)
+    system = potential.system(kind, dimension=4)
     stepper = integrator(system, step, method)
     rng = np.random.default_rng(1501)
     sampler = mici.samplers.StaticMetropolisHMC(system, stepper, rng, n_step=4)
