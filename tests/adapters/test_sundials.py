@@ -112,8 +112,8 @@ def test_library_reproduces_our_states_with_a_force_per_stage(method, tmp_path):
     assert not compiled.returncode, compiled.stderr
     *state, forces = subprocess.run([tmp_path / "program"], capture_output=True, text=True, check=True).stdout.split()
     check(method, [float(x) for x in state[:2]], [float(x) for x in state[2:]])
-    tableau = nh.integrators[method]
-    assert int(forces) == STEPS * (tableau.stages + tableau.symmetric)
+    # Versions up to 7.5 evaluate the force of the kick of zero of a method with drifts first, 7.9 does not.
+    assert int(forces) in (STEPS * np.count_nonzero(ahat), STEPS * ahat.size)
 
 
 @interface

@@ -16,9 +16,9 @@ from nearharmonic.integrators.tableau import Tableau
 def table(method: str | Tableau) -> Any:
     """Return a method as a table for ``SPRKStepSetMethod``.
 
-    ARKODE kicks and then drifts in each stage, and evaluates the force once a stage. It does not keep a force from one
-    step to the next. A method with drifts first begins with a kick of zero, and a method with kicks first ends with a
-    drift of zero: both cost ``stages + 1`` forces a step. A method with as many kicks as drifts costs ``stages``.
+    ARKODE kicks and then drifts in each stage, and keeps no force from one step to the next. A method with kicks first
+    ends with a drift of zero and costs ``stages + 1`` forces a step. A method with drifts first begins with a kick of
+    zero, whose force SUNDIALS 7.9 leaves out: it costs ``stages`` forces a step, and one more up to SUNDIALS 7.5.
 
     In ``SPRKStepCreate(f1, f2, t0, y0, context)`` f1 sets dp/dt = -dV/dq alone and f2 sets dq/dt = dT/dp alone. For a T
     that is not quadratic, choose a method that does not require a quadratic kinetic energy: ``tableau.requires`` is
