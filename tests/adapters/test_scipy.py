@@ -83,12 +83,18 @@ def test_run_calls_force_once_a_stage(method, vectorized):
     assert found.nfev == field.calls == 80 * nh.integrators[method].stages + once
 
 
-@pytest.mark.parametrize(("span", "step", "steps"), [(0.3, 0.1, 3), (0.7, 0.1, 7), (1.0, 0.3, 4), (0.1, 5.0, 1)])
+@pytest.mark.parametrize(("span", "step", "steps"), [(0.3, 0.1, 3), (1.1, 0.1, 11), (1.0, 0.3, 4), (0.1, 5.0, 1)])
 def test_equal_steps_fill_the_interval_exactly(span, step, steps):
     for end in (span, -span):
         times = solved(oscillator(), "leapfrog", step, end=end).t
         assert times[-1] == end
         np.testing.assert_allclose(times, np.arange(steps + 1) * (end / steps), rtol=4 * EPS)
+
+
+def test_last_step_ends_at_the_end_of_the_interval():
+    assert 0.3 + (0.9 - 0.3) != 0.9  # in double precision
+    found = solve_ivp(oscillator(), (0.3, 0.9), (1.0, 0.0), method=solver("leapfrog", 1), max_step=0.1)
+    assert found.t[-1] == 0.9
 
 
 @pytest.mark.parametrize("method", ["leapfrog", "babs7o7h", "aba864"])
@@ -127,8 +133,10 @@ def test_state_within_a_step_has_the_order_of_method(method):
 
 
 def test_dense_output_meets_the_steps_exactly():
-    found = solved(henon_heiles(), "babs7o7h", 0.25, dense_output=True)
+    field = henon_heiles()
+    found = solved(field, "babs7o7h", 0.25, dense_output=True)
     assert np.array_equal(found.sol(found.t), found.y)
+    assert field.calls == found.nfev  # the ends of a step are known
     near = found.sol(found.t[1:] - 1e-9)
     np.testing.assert_allclose(near, found.y[:, 1:], rtol=0, atol=2e-9)  # speeds below 1
 
