@@ -6,9 +6,9 @@ from mici.integrators import TractableFlowIntegrator
 from mici.states import ChainState
 from mici.systems import System
 
-from nearharmonic.adapters.method import Method, Move, method_for
 from nearharmonic.engine.settings import checked_tau
 from nearharmonic.errors import bad_setting
+from nearharmonic.exchange.method import Method, Move, method_for
 from nearharmonic.integrators.tableau import Tableau
 
 

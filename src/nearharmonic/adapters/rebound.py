@@ -16,9 +16,9 @@ from numba import carray, cfunc, types
 from numba.extending import intrinsic
 from rebound.integrator import Integrator, IntegratorConfiguration
 
-from nearharmonic.adapters.method import Method, method_for
 from nearharmonic.errors import MissingPackageError
 from nearharmonic.exchange.description import identifier
+from nearharmonic.exchange.method import Method, method_for
 from nearharmonic.integrators.tableau import Tableau
 
 _C = rebound.clibrebound

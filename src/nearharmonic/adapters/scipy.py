@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import DenseOutput, OdeSolver
 
-from nearharmonic.adapters.method import Method, method_for
 from nearharmonic.engine.settings import checked_count, checked_tau
 from nearharmonic.errors import SettingError, bad_setting
+from nearharmonic.exchange.method import Method, method_for
 from nearharmonic.integrators.tableau import Tableau
 
 Vector = NDArray[np.float64]

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from sundials4py.arkode import ARKodeSPRKTable_Create
 
-from nearharmonic.adapters.method import method_for
 from nearharmonic.exchange.coefficients import nearest_doubles
+from nearharmonic.exchange.method import method_for
 from nearharmonic.exchange.writers.sundials import stages
 from nearharmonic.integrators.tableau import Tableau
 
