@@ -53,10 +53,15 @@ _PAGES = {
         {},
         lambda: task("reproduction.pages.how_to.tailor:page", **on("how_to/tailor", _EVERY)),
     ),
+    "results/derivation": (
+        {"tables": [TABLE(f"derived_{name}") for name in ("counts", "solutions", "errors", "families", "routes")]},
+        {},
+        lambda: task("reproduction.pages.targets.derivation:page", **on("results/derivation", _METHODS)),
+    ),
     "results/timings": (
         {"cube": CUBE("work_precision")},
         {},
-        lambda: task("reproduction.pages.timings:page", **on("results/timings", _EVERY)),
+        lambda: task("reproduction.pages.targets.timings:page", **on("results/timings", _EVERY)),
     ),
     "results/trained": (
         {"tables": [f"{RESULTS}/tables/trained_{name}.csv" for name in ("gains", "methods", "ideas", "long", "times")]},

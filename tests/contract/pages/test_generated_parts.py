@@ -13,12 +13,14 @@ from PIL import Image
 from nearharmonic.output import store
 from nearharmonic.output.dataset import variable
 from nearharmonic.recommendation.timings import variables
-from nearharmonic.reproduction.pages import examples, gallery, methods, ranking, timings, trained, training
+from nearharmonic.reproduction.pages import examples, gallery, methods, ranking, trained, training
 from nearharmonic.reproduction.pages.anharmonicity import NEW, Result, others
 from nearharmonic.reproduction.pages.how_to import tabulated, tailor
 from nearharmonic.reproduction.pages.how_to import variables as of_variables
+from nearharmonic.reproduction.pages.targets import derivation, timings
 from nearharmonic.reproduction.report.shown.pictures import few_colours
 from support.cubes.figure_cubes import FACTS, label, timed
+from support.results.tables_of_targets import LINES, TABLES
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGES = {path.stem: path for path in DOCS.glob("*/*.md") if "<!-- end -->" in path.read_text(encoding="utf-8")}
@@ -157,14 +159,22 @@ def of_training(monkeypatch, tmp_path):
     return training.page(str(PAGES["training"]), (), light=str(path))
 
 
+def of_derivation(monkeypatch, tmp_path):
+    for name, text in TABLES["derivation"].items():
+        (tmp_path / f"derived_{name}.csv").write_text(text)
+    return derivation.page(str(PAGES["derivation"]), [*map(str, tmp_path.glob("*.csv"))], ())
+
+
 def of_methods(monkeypatch, tmp_path):
     monkeypatch.setattr(methods, "parts", lambda: dict.fromkeys(("methods", "modified", "errors"), "| a |"))
     return methods.page(str(PAGES["methods"]), (), ())
 
 
-MADE = {"examples": of_examples, "files": of_files, "gallery": of_gallery, "methods": of_methods, "ranking": of_ranking,
-        "tabulated_potentials": of_tabulated_potentials, "tailor": of_tailor, "timings": of_timings,
-        "trained": of_trained, "training": of_training, "variables": of_all_variables}  # fmt: skip
+MADE = {
+    "derivation": of_derivation, "examples": of_examples, "files": of_files, "gallery": of_gallery,
+    "methods": of_methods, "ranking": of_ranking, "tabulated_potentials": of_tabulated_potentials, "tailor": of_tailor,
+    "timings": of_timings, "trained": of_trained, "training": of_training, "variables": of_all_variables,
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -194,6 +204,12 @@ def test_all_parts_are_filled_and_the_text_stays(made, name):
 def test_tables_of_trained_methods_show_the_numbers_of_the_results(made):
     _, parts = split(made["page"])
     assert {part for part, cell in CELLS.items() if cell in parts[part]} == set(parts)
+
+
+@pytest.mark.parametrize(("made", "lines"), LINES.items(), indirect=["made"])
+def test_parts_of_targets_show_the_numbers_of_their_tables(made, lines):
+    _, parts = split(made["page"])
+    assert {part for part, line in lines.items() if line in parts[part].splitlines()} == set(parts)
 
 
 @pytest.mark.parametrize("made", ["training"], indirect=True)
