@@ -58,6 +58,11 @@ _PAGES = {
         {},
         lambda: task("reproduction.pages.targets.derivation:page", **on("results/derivation", _METHODS)),
     ),
+    "results/exact_oscillator": (
+        {"cube": CUBE("exact_oscillator")},
+        {},
+        lambda: task("reproduction.pages.targets.exact_oscillator:page", **on("results/exact_oscillator", _EVERY)),
+    ),
     "results/timings": (
         {"cube": CUBE("work_precision")},
         {},

@@ -17,10 +17,10 @@ from nearharmonic.reproduction.pages import examples, gallery, methods, ranking,
 from nearharmonic.reproduction.pages.anharmonicity import NEW, Result, others
 from nearharmonic.reproduction.pages.how_to import tabulated, tailor
 from nearharmonic.reproduction.pages.how_to import variables as of_variables
-from nearharmonic.reproduction.pages.targets import derivation, timings
+from nearharmonic.reproduction.pages.targets import derivation, exact_oscillator, timings
 from nearharmonic.reproduction.report.shown.pictures import few_colours
 from support.cubes.figure_cubes import FACTS, label, timed
-from support.results.tables_of_targets import LINES, TABLES
+from support.results.tables_of_targets import LINES, TABLES, write_crossings
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGES = {path.stem: path for path in DOCS.glob("*/*.md") if "<!-- end -->" in path.read_text(encoding="utf-8")}
@@ -165,15 +165,22 @@ def of_derivation(monkeypatch, tmp_path):
     return derivation.page(str(PAGES["derivation"]), [*map(str, tmp_path.glob("*.csv"))], ())
 
 
+def of_exact_oscillator(monkeypatch, tmp_path):
+    path = tmp_path / "cube.h5"
+    write_crossings(path)
+    return exact_oscillator.page(str(PAGES["exact_oscillator"]), str(path), (), ())
+
+
 def of_methods(monkeypatch, tmp_path):
     monkeypatch.setattr(methods, "parts", lambda: dict.fromkeys(("methods", "modified", "errors"), "| a |"))
     return methods.page(str(PAGES["methods"]), (), ())
 
 
 MADE = {
-    "derivation": of_derivation, "examples": of_examples, "files": of_files, "gallery": of_gallery,
-    "methods": of_methods, "ranking": of_ranking, "tabulated_potentials": of_tabulated_potentials, "tailor": of_tailor,
-    "timings": of_timings, "trained": of_trained, "training": of_training, "variables": of_all_variables,
+    "derivation": of_derivation, "examples": of_examples, "exact_oscillator": of_exact_oscillator, "files": of_files,
+    "gallery": of_gallery, "methods": of_methods, "ranking": of_ranking,
+    "tabulated_potentials": of_tabulated_potentials, "tailor": of_tailor, "timings": of_timings, "trained": of_trained,
+    "training": of_training, "variables": of_all_variables,
 }  # fmt: skip
 
 

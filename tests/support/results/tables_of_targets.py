@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
+import xarray as xr
+
+from nearharmonic.output.store import write_dataset
+
 #: Page -> the text of each table by its name.
 TABLES: dict[str, dict[str, str]] = {"derivation": {
     "counts": "stages,harmonic order,complex solutions,real solutions by Sturm\n5,6,20,8\n",
@@ -25,3 +30,28 @@ LINES = {"derivation": {
     "solutions": "| 0.7215, −0.3388 | 1.4683, −2.2033 |  | 2.5 × 10⁻⁵ |",
     "route": "A short run selects 3 of 70 starts. Of these 2 reach 10⁻¹²⁸. They find 1 of the 2 solutions: ABAs5o6H.",
 }}  # fmt: skip
+
+
+def write_crossings(path):
+    """A cube of one method that solves the oscillator exactly, ahead of another at the first of two energies."""
+    amplitudes = np.array([[0.2, 0.1, 0.3], [0, 0, 0]])
+    energy, bounds = amplitudes[:, 0] ** 2 / 2, amplitudes[:, 1:] ** 2 / 2
+    over = ("tau_per_stage", "charge", "exact_integrator")
+    cube = xr.Dataset(
+        {
+            "energy_error": (("tau_per_stage", "integrator", "energy", "quantile"), np.full((1, 1, 2, 1), 1e-5)),
+            "exact_energy_error": ((*over, "energy", "quantile"), [[[[[1e-6], [1e-4]]], [[[1.0], [1.0]]]]]),
+            "best_crossing": (over, energy[None, :, None]),
+            "best_crossing_interval": ((*over, "bound"), bounds[None, :, None]),
+            "crossing": ((*over, "integrator"), energy[None, :, None, None]),
+            "crossing_interval": ((*over, "integrator", "bound"), bounds[None, :, None, None]),
+        },
+        {
+            "tau_per_stage": [0.1], "charge": [1.0, 1.1], "exact_integrator": ["aba864"], "integrator": ["ruth"],
+            "energy": [1 / 80_000, 1 / 6], "quantile": [0.5], "bound": ["low", "high"],
+            "exact_label": ("exact_integrator", ["ABA864"]), "label": ("integrator", ["Ruth"]),
+        },
+    )  # fmt: skip
+    for one in cube.variables.values():
+        one.attrs = {"units": "1", "long_name": "number"}
+    write_dataset(path, cube, {})
