@@ -63,6 +63,11 @@ _PAGES = {
         {},
         lambda: task("reproduction.pages.targets.exact_oscillator:page", **on("results/exact_oscillator", _EVERY)),
     ),
+    "results/stability": (
+        {"tables": [TABLE(stem) for stem in ("stability_henon_heiles", "stability_rounding", "kinetic_energy")]},
+        {},
+        lambda: task("reproduction.pages.targets.stability:page", **on("results/stability", _METHODS)),
+    ),
     "results/timings": (
         {"cube": CUBE("work_precision")},
         {},

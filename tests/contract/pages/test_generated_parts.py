@@ -17,7 +17,7 @@ from nearharmonic.reproduction.pages import examples, gallery, methods, ranking,
 from nearharmonic.reproduction.pages.anharmonicity import NEW, Result, others
 from nearharmonic.reproduction.pages.how_to import tabulated, tailor
 from nearharmonic.reproduction.pages.how_to import variables as of_variables
-from nearharmonic.reproduction.pages.targets import derivation, exact_oscillator, timings
+from nearharmonic.reproduction.pages.targets import derivation, exact_oscillator, stability, timings
 from nearharmonic.reproduction.report.shown.pictures import few_colours
 from support.cubes.figure_cubes import FACTS, label, timed
 from support.results.tables_of_targets import LINES, TABLES, write_crossings
@@ -112,6 +112,12 @@ def of_ranking(monkeypatch, tmp_path):
     return ranking.page(str(PAGES["ranking"]), (), ())
 
 
+def of_stability(monkeypatch, tmp_path):
+    for name, text in TABLES["stability"].items():
+        (tmp_path / f"{name}.csv").write_text(text)
+    return stability.page(str(PAGES["stability"]), [*map(str, tmp_path.glob("*.csv"))], ())
+
+
 def of_tabulated_potentials(monkeypatch, tmp_path):
     """Errors that are powers of the step size."""
     found = {
@@ -178,7 +184,7 @@ def of_methods(monkeypatch, tmp_path):
 
 MADE = {
     "derivation": of_derivation, "examples": of_examples, "exact_oscillator": of_exact_oscillator, "files": of_files,
-    "gallery": of_gallery, "methods": of_methods, "ranking": of_ranking,
+    "gallery": of_gallery, "methods": of_methods, "ranking": of_ranking, "stability": of_stability,
     "tabulated_potentials": of_tabulated_potentials, "tailor": of_tailor, "timings": of_timings, "trained": of_trained,
     "training": of_training, "variables": of_all_variables,
 }  # fmt: skip

@@ -8,28 +8,56 @@ import xarray as xr
 from nearharmonic.output.store import write_dataset
 
 #: Page -> the text of each table by its name.
-TABLES: dict[str, dict[str, str]] = {"derivation": {
-    "counts": "stages,harmonic order,complex solutions,real solutions by Sturm\n5,6,20,8\n",
-    "solutions": """stages,solution,half of the outer row,half of the inner row
+TABLES: dict[str, dict[str, str]] = {
+    "stability": {
+        "stability_henon_heiles": "integrator,energy,linear_limit_tau_per_stage,share_of_linear_limit\n"
+        "ruth,0.125,0.524,1.25\nruth,0.16666666666666666,0.524,nan\n",
+        "stability_rounding": "integrator,source,quantity,exponent,interval_95,brouwer\n" + "".join(
+            f"{name},{source},{what},{size},0.1,0.5\n"
+            for source in ("plain", "compensated", "extended")
+            for what in ("energy_error", "lag")
+            for name, size in (("ruth", 0.45), ("aba104", 0.75))
+        ),
+        "kinetic_energy": """\
+integrator,roles,error / Ruth's at A = 0.01,error / Ruth's at A = 0.1,error / Ruth's at A = 1
+ruth,own,1,1,1
+babps9o7h,own,2.5e-5,0.25,0.8
+babps9o7h,exchanged,1,1,1
+""",
+    },
+    "derivation": {
+        "counts": "stages,harmonic order,complex solutions,real solutions by Sturm\n5,6,20,8\n",
+        "solutions": """stages,solution,half of the outer row,half of the inner row
 5,1,0.15585936 -0.00702550 0.35116614,-0.68591955 0.99662959 0.37857993
 5,2,0.72146062 -0.33882062 0.11736000,1.46833461 -2.20334733 2.47002543
 6,1,0.5 0,0.25 0.5
 """,
-    "errors": "solution,tau/s,\"max error, harmonic oscillator\"\n1,0.05,1e-8\n2,0.05,2.5e-5\n2,0.1,1\n",
-    "families": "set,free parameters,members found,members with a smaller sum,members with a smaller next kappa\n"
-    "BABs7o7H,1,100,0.25,0.011\n",
-    "routes": """route,start,reached
+        "errors": "solution,tau/s,\"max error, harmonic oscillator\"\n1,0.05,1e-8\n2,0.05,2.5e-5\n2,0.1,1\n",
+        "families": "set,free parameters,members found,members with a smaller sum,members with a smaller next kappa\n"
+        "BABs7o7H,1,100,0.25,0.011\n",
+        "routes": """route,start,reached
 "adaptive simplex, 2048 bits","random, one of 3 in 70",solution 1
 "adaptive simplex, 2048 bits","random, one of 3 in 70",solution 1
 "adaptive simplex, 2048 bits","random, one of 3 in 70",not converged
 """,
-}}  # fmt: skip
+    },
+}  # fmt: skip
 #: Page -> a line of each of its parts.
-LINES = {"derivation": {
-    "counts": "| 5 | 6 | 20 | 8 |", "families": "| BABs7o7H | 1 | 100 | 25 % | 1.1 % |",
-    "solutions": "| 0.7215, −0.3388 | 1.4683, −2.2033 |  | 2.5 × 10⁻⁵ |",
-    "route": "A short run selects 3 of 70 starts. Of these 2 reach 10⁻¹²⁸. They find 1 of the 2 solutions: ABAs5o6H.",
-}}  # fmt: skip
+LINES = {
+    "stability": {
+        "limits": "| Ruth | 0.524 | 1.25 | none |", "kinetic": "| BAB's9o7H | 4 × 10⁴ | 4 | 1.2 |",
+        "rounding": "| double-double | phase | 0.5 | 0.45 | 0.60 | 0.75 | 1 of 2 |",
+    },
+    "derivation": {
+        "counts": "| 5 | 6 | 20 | 8 |", "families": "| BABs7o7H | 1 | 100 | 25 % | 1.1 % |",
+        "solutions": "| 0.7215, −0.3388 | 1.4683, −2.2033 |  | 2.5 × 10⁻⁵ |",
+        "route": "A short run selects 3 of 70 starts. Of these 2 reach 10⁻¹²⁸. They find 1 of the 2 solutions: ABAs5o6H.",
+    },
+    "exact_oscillator": {
+        "leads": "| 0.1 | +1.0 | \N{MINUS SIGN}1.0 |",
+        "crossings": "| ABA864 | 0.1 | 0.2 (0.1 to 0.3) | nowhere |",
+    },
+}  # fmt: skip
 
 
 def write_crossings(path):
