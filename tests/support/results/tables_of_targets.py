@@ -51,7 +51,8 @@ LINES = {
     "derivation": {
         "counts": "| 5 | 6 | 20 | 8 |", "families": "| BABs7o7H | 1 | 100 | 25 % | 1.1 % |",
         "solutions": "| 0.7215, −0.3388 | 1.4683, −2.2033 |  | 2.5 × 10⁻⁵ |",
-        "route": "A short run selects 3 of 70 starts. Of these 2 reach 10⁻¹²⁸. They find 1 of the 2 solutions: ABAs5o6H.",
+        "route": "A short run selects 3 of 70 starts. Of these 2 reach 10⁻¹²⁸. They find 1 of the 2 solutions: "
+        "ABAs5o6H.",
     },
     "exact_oscillator": {
         "leads": "| 0.1 | +1.0 | \N{MINUS SIGN}1.0 |",
