@@ -84,7 +84,17 @@ _PAGES = {
         lambda: task("reproduction.pages.training:page", **on("results/training", _METHODS)),
     ),
 }
-_OF_TIMES = ("results/ranking", "results/timings")
+if any(systems[name].regularisation is not None for name in CONFIG.systems):  # as config/regularised.yaml has them
+    _PAGES["results/regularised"] = (
+        {"cube": CUBE("work_precision")},
+        {},
+        lambda: task(
+            "reproduction.pages.targets.regularised:page",
+            names=list(CONFIG.systems),
+            **on("results/regularised", _EVERY),
+        ),
+    )
+_OF_TIMES = ("results/ranking", "results/timings", "results/regularised")
 
 for _page, (_inputs, _pictures, _made) in _PAGES.items():
     _section, _, _name = _page.partition("/")
@@ -120,4 +130,4 @@ rule pages:
 
 rule pages_of_times:  # on a machine that does nothing else
     input:
-        [_FILLED[page] for page in _OF_TIMES],
+        [_FILLED[page] for page in _OF_TIMES if page in _PAGES],

@@ -26,16 +26,18 @@ babps9o7h,exchanged,1,1,1
 """,
     },
     "derivation": {
-        "counts": "stages,harmonic order,complex solutions,real solutions by Sturm\n5,6,20,8\n",
-        "solutions": """stages,solution,half of the outer row,half of the inner row
+        "derived_counts": "stages,harmonic order,complex solutions,real solutions by Sturm\n5,6,20,8\n",
+        "derived_solutions": """stages,solution,half of the outer row,half of the inner row
 5,1,0.15585936 -0.00702550 0.35116614,-0.68591955 0.99662959 0.37857993
 5,2,0.72146062 -0.33882062 0.11736000,1.46833461 -2.20334733 2.47002543
 6,1,0.5 0,0.25 0.5
 """,
-        "errors": "solution,tau/s,\"max error, harmonic oscillator\"\n1,0.05,1e-8\n2,0.05,2.5e-5\n2,0.1,1\n",
-        "families": "set,free parameters,members found,members with a smaller sum,members with a smaller next kappa\n"
-        "BABs7o7H,1,100,0.25,0.011\n",
-        "routes": """route,start,reached
+        "derived_errors": "solution,tau/s,\"max error, harmonic oscillator\"\n1,0.05,1e-8\n2,0.05,2.5e-5\n2,0.1,1\n",
+        "derived_families": """\
+set,free parameters,members found,members with a smaller sum,members with a smaller next kappa
+BABs7o7H,1,100,0.25,0.011
+""",
+        "derived_routes": """route,start,reached
 "adaptive simplex, 2048 bits","random, one of 3 in 70",solution 1
 "adaptive simplex, 2048 bits","random, one of 3 in 70",solution 1
 "adaptive simplex, 2048 bits","random, one of 3 in 70",not converged
