@@ -7,8 +7,10 @@ import yaml
 
 from nearharmonic.core.formulas import rules
 from nearharmonic.core.formulas.expression import graph, size
+from nearharmonic.numerics import clock
 from nearharmonic.output.store.writer import LARGEST_CHUNK
 from nearharmonic.plotting.envelope import COLUMNS
+from nearharmonic.recommendation import own
 from nearharmonic.reproduction.claims.judging.curves import MOST_JUDGED
 from nearharmonic.reproduction.config.config import Config
 from nearharmonic.reproduction.experiments.paper.grid import plan, shards
@@ -19,6 +21,7 @@ from support.results.stated_numbers import ROOT, flat, states
 
 PROFILE = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text(encoding="utf-8"))
 (SECONDS,) = (float(one.partition("=")[2]) for one in PROFILE["config"])
+TIMES = "docs/results/timings.md"
 GRIDS, CLUSTER, LARGER = (f"docs/how_to/{name}.md" for name in ("large_grids", "cluster", "larger_systems"))
 JOB = Config.__dataclass_fields__["job_seconds"].default
 
@@ -54,6 +57,9 @@ def thousands(number):
         (GRIDS, [LARGEST_CHUNK / 2**20], ("Chunks of a cube", "MiB")),
         (GRIDS, thousands(plan.MOST_POINTS), ("A method has at most",)),
         (GRIDS, [plan.MOST_EVALUATIONS], ("A method has at most", "evaluations")),
+        (TIMES, [clock.STANDARD.longest], ("interleaved on one core", "at least three times", "twice")),
+        (TIMES, [own.FEWEST_MEMBERS], ("members, with", "time per member")),
+        (TIMES, [own.MOST_MEMBERS], ("members, with", "time per member")),
         (CLUSTER, [PROFILE["latency-wait"]], ("waits up to", "latency-wait")),
         (CLUSTER, [SECONDS, JOB], ("The profile asks for jobs",)),
         (CLUSTER, [memory(PROFILE["default-resources"]["mem_mb"])], ("limit of memory",)),
@@ -64,6 +70,12 @@ def thousands(number):
 )
 def test_limits_on_pages_are_those_of_the_code(page, wanted, words):
     assert states(page, wanted, *words)
+
+
+def test_the_words_for_times_of_calls_are_the_settings():
+    assert clock.STANDARD.least == 3
+    assert own.ENSEMBLE_EVALUATIONS == 2**25
+    assert "with 2²⁵ evaluations of the force in total" in flat(TIMES)
 
 
 def test_the_profile_tries_jobs_as_often_as_stated():
