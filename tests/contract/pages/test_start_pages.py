@@ -15,7 +15,7 @@ PLACE = "docs/start/near_harmonic.md"
 NEW = ("BABs7o7H", "BAB's9o7H")
 
 
-def test_the_lead_on_the_pendulum_is_gone_at_the_stated_amplitude():
+def test_the_lead_on_the_pendulum_ends_where_stated():
     lines = {line.get_label(): line for line in executed(PLACE)["axes"].lines}
     amplitudes = lines["Ruth"].get_xdata()
     new, others = (
