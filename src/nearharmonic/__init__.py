@@ -18,6 +18,7 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.registry.moved import install
 
 if TYPE_CHECKING:
+    from nearharmonic import adapters as adapters
     from nearharmonic.engine.runs.ensemble import ensemble as ensemble
     from nearharmonic.engine.runs.problem import problem as problem
     from nearharmonic.engine.runs.trajectory import integrate as integrate
@@ -51,6 +52,7 @@ _MODULES = {
     "Parameter": "systems.definition.quantities",
     "System": "systems.definition.system",
     "Tableau": "integrators.tableau",
+    "adapters": "adapters",
     "animate": "plotting.animate",
     "ensemble": "engine.runs.ensemble",
     "harmonic_order": "integrators.theory.order",
@@ -75,7 +77,8 @@ _MODULES = {
 _FORMER = {"ModifiedTableau": "Tableau"}
 
 __all__ = [
-    "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "animate", "ensemble",
+    "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "adapters", "animate",
+    "ensemble",
     "harmonic_order", "integrate", "integrators", "kappa", "modified_integrators", "order_of", "palindrome", "plot",
     "problem", "recommend", "section", "stability_limit", "stepper", "sweep", "systems", "tailor",
 ]  # fmt: skip
@@ -87,7 +90,8 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(f"module 'nearharmonic' has no attribute {name!r}")
     if present != name:
         warnings.warn(f"nearharmonic.{name} is now nearharmonic.{present}", DeprecationWarning, stacklevel=2)
-    found = getattr(import_module(f"nearharmonic.{_MODULES[present]}"), present)
+    module = import_module(f"nearharmonic.{_MODULES[present]}")
+    found = module if present == "adapters" else getattr(module, present)
     globals()[name] = found
     return found
 

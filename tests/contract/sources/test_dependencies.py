@@ -10,12 +10,15 @@ from pathlib import Path
 
 import pytest
 
+from nearharmonic.adapters import PACKAGES
 from support.projects.extras import EXTRAS, names_of, normal, of_extra, of_library
 
 ROOT = Path(__file__).parents[3]
 PINNED = {normal(name) for name in re.findall(r"^([\w.-]+)==", (ROOT / "constraints.txt").read_text(), re.MULTILINE)}
 #: Libraries that are timed beside ours, and may be missing.
 PEERS = ROOT / "src/nearharmonic/reproduction/experiments/work_precision/peers"
+#: Modules for one library each, which an extra of the same name installs.
+ADAPTERS = ROOT / "src/nearharmonic/adapters"
 PYTHON = [*(ROOT / "src").rglob("*.py"), *(ROOT / "workflow").rglob("*.py")]
 #: Rules are not Python: they are read line by line.
 RULES = [ROOT / "Snakefile", *(ROOT / "workflow").rglob("*.smk")]
@@ -42,8 +45,22 @@ def distributions_of(paths):
 
 
 def in_the_wall(path):
-    """True if a file belongs to the library, not to the reproduction."""
-    return ROOT / "src/nearharmonic" in path.parents and "reproduction" not in path.parts
+    """True if a file belongs to the library, not to the reproduction, and is no adapter."""
+    return (
+        ROOT / "src/nearharmonic" in path.parents and "reproduction" not in path.parts and ADAPTERS not in path.parents
+    )
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_extra_of_an_adapter_installs_what_it_imports(name):
+    found = distributions_of(
+        path for path in ADAPTERS.rglob("*.py") if path.relative_to(ADAPTERS).parts[0].startswith(name)
+    )
+    assert {
+        one: place
+        for one, place in found.items()
+        if one not in names_of([*of_library(), *of_extra(name.replace("_", "-"))])
+    } == {}
 
 
 def test_every_package_that_the_library_imports_is_a_dependency():
@@ -61,7 +78,7 @@ def test_only_figures_import_matplotlib():
 
 @pytest.mark.slow
 def test_every_package_that_is_imported_is_declared():
-    found = distributions_of(path for path in [*PYTHON, *RULES] if PEERS not in path.parents)
+    found = distributions_of(path for path in [*PYTHON, *RULES] if not {PEERS, ADAPTERS} & {*path.parents})
     assert {"llvmlite", "pyyaml", "snakemake"} <= found.keys()  # the walk sees Python, other names, and rules
     declared = names_of([*of_library(), *of_extra("workflow")])
     assert {name: place for name, place in found.items() if name not in declared} == {}

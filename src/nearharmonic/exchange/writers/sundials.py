@@ -12,10 +12,11 @@ from string import Template
 
 from nearharmonic.exchange.coefficients import Coefficients
 from nearharmonic.exchange.description import elements, head, identifier
+from nearharmonic.integrators.tableau import Row
 
 STAGES = (
     "SUNDIALS: stage i of ARKODE is a kick with ahat[i], then a drift with a[i]; the added {zero} is 0. "
-    "ARKODE evaluates the force once a stage, {count} times a step."
+    "ARKODE evaluates the force once a stage, {count} times a step; SUNDIALS 7.9 leaves out that of a kick of 0."
 )
 AUTONOMOUS = (
     "V must not depend on time: ARKODE evaluates the force at t + tau (ahat[0] + ... + ahat[i]), where this method "
@@ -105,20 +106,27 @@ int main(void)
 """)
 
 
-def write(coefficients: Coefficients) -> str:
-    """Return the program, with a table of s + 1 stages for the s stages of the integrator.
+def stages(coefficients: Coefficients) -> tuple[Row, Row]:
+    """Return the kicks ``ahat`` and the drifts ``a`` of ARKODE's stages, s + 1 for the s stages of the integrator.
 
     A stage with two zeros is omitted: the first or last stage of a method with as many kicks as drifts.
     """
-    tableau = coefficients.tableau
-    kick_first = tableau.first == "kick"
+    kick_first = coefficients.first == "kick"
     kicks = coefficients.kick if kick_first else ("0.0", *coefficients.kick)
     drifts = (*coefficients.drift, "0.0") if kick_first else coefficients.drift
     pairs = [pair for pair in zip(kicks, drifts, strict=True) if any(map(Decimal, pair))]
-    kicks, drifts = (tuple(row) for row in zip(*pairs, strict=True))
-    count = len(pairs)
-    stages = STAGES.format(zero="last drift" if kick_first else "first kick", count=count)
-    remarks = [stages, AUTONOMOUS] if count > tableau.stages else [AUTONOMOUS]
+    ahat, a = zip(*pairs, strict=True)
+    return ahat, a
+
+
+def write(coefficients: Coefficients) -> str:
+    """Return the program, with the table of :func:`stages`."""
+    tableau = coefficients.tableau
+    kicks, drifts = stages(coefficients)
+    count = len(kicks)
+    zero = "last drift" if tableau.first == "kick" else "first kick"
+    remark = STAGES.format(zero=zero, count=count)
+    remarks = [remark, AUTONOMOUS] if count > tableau.stages else [AUTONOMOUS]
     return PROGRAM.substitute(
         head=head(coefficients, "//", *remarks),
         name=identifier(tableau),

@@ -1,4 +1,4 @@
-"""The method of an adapter: its kicks and drifts in double precision."""
+"""The method of another library: kicks and drifts in double precision."""
 
 from __future__ import annotations
 

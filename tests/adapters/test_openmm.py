@@ -1,0 +1,496 @@
+"""Integrators in OpenMM: forces per step, trajectories, heat bath, constraints, crystal, water and a peptide."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+
+mm = pytest.importorskip("openmm", reason="the adapter needs the extra [openmm]")
+unit, app = mm.unit, pytest.importorskip("openmm.app", reason="OpenMM's files of force fields")
+from nearharmonic.adapters.openmm import integrator  # noqa: E402  # after importorskip
+
+MASSES = (2.0, 3.0, 5.0)
+#: Force constants in kJ/mol/nm^2 and kJ/mol/nm^4.
+HARMONIC, QUARTIC, BOND = 400.0, 9000.0, 2500.0
+START = np.array([[0.1, 0.02, -0.05], [-0.08, 0.11, 0.03], [0.04, -0.06, 0.12]])
+VELOCITIES = np.array([[0.4, -1.0, 0.2], [0.8, 0.3, -0.5], [-0.6, 0.1, 0.9]])
+#: A tenth of the shortest period, about 0.3 ps, in ps.
+STEP = 0.02
+#: Rounding of 100 steps at double precision grows along with the phase: 1e-16 times a few thousand operations.
+ROUNDING = 1e-11
+BOLTZMANN = 0.0083144626  # kJ/mol/K, CODATA 2018
+
+
+def potential(q):
+    square = sum(x * x for x in q)
+    bond = sum((q[i] - q[i + 3]) ** 2 for i in range(3))
+    return HARMONIC / 2 * square + QUARTIC * sum(x**4 for x in q) + BOND / 2 * bond
+
+
+def force(x):
+    found = -HARMONIC * x - 4 * QUARTIC * x**3
+    bond = BOND * (x[1] - x[0])
+    return found + np.array([bond, -bond, np.zeros(3)])
+
+
+def wells(counter=None):
+    """Three particles in a quartic well, two of them bound by a spring; ``counter`` is called at each force."""
+    system = mm.System()
+    for mass in MASSES:
+        system.addParticle(mass)
+    outer = mm.CustomExternalForce(f"{HARMONIC}/2*(x*x + y*y + z*z) + {QUARTIC}*(x^4 + y^4 + z^4)")
+    for i in range(3):
+        outer.addParticle(i, [])
+    system.addForce(outer)
+    spring = mm.HarmonicBondForce()
+    spring.addBond(0, 1, 0, BOND)
+    system.addForce(spring)
+    if counter is not None:
+
+        def count(state):
+            counter.append(state)
+            return 0.0, np.zeros((3, 3))
+
+        system.addForce(mm.PythonForce(count))
+    return system
+
+
+def context(system, chosen, positions=START, velocities=VELOCITIES):
+    made = mm.Context(system, chosen, mm.Platform.getPlatformByName("Reference"))
+    made.setPositions(positions)
+    made.setVelocities(velocities)
+    return made
+
+
+def state_of(run):
+    state = run.getState(getPositions=True, getVelocities=True)
+    return state.getPositions(asNumpy=True)._value.copy(), state.getVelocities(asNumpy=True)._value.copy()
+
+
+def energy_of(run):
+    state = run.getState(getEnergy=True)
+    return (state.getPotentialEnergy() + state.getKineticEnergy())._value
+
+
+def largest_error(run, steps):
+    start, found = energy_of(run), []
+    for _ in range(steps):
+        run.getIntegrator().step(1)
+        found.append(abs(energy_of(run) - start))
+    return max(found)
+
+
+def sequence(method):
+    """Moves of a step from the printed decimals: (operator, coefficient)."""
+    tableau = nh.integrators[method]
+    other = {"kick": "drift", "drift": "kick"}[tableau.first]
+    moves = [(tableau.first, float(tableau.outer[0]))]
+    for inner, outer in zip(tableau.inner, tableau.outer[1:], strict=True):
+        moves += [(other, float(inner)), (tableau.first, float(outer))]
+    return moves
+
+
+def with_bath(method):
+    """The moves with the heat bath: over the whole step inside of a middle drift, or over half a step at both ends."""
+    moves = sequence(method)
+    if len(moves) > 3:
+        return [("bath", 0.5), *moves, ("bath", 0.5)]
+    first, (operator, coefficient), last = moves
+    half = operator, coefficient / 2
+    return [first, half, ("bath", 1.0), half, last]
+
+
+def cooled(x, v, method, step, friction):
+    """One step in numpy with a bath at 0 K."""
+    for operator, coefficient in with_bath(method):
+        if operator == "kick":
+            v = v + coefficient * step * force(x) / np.array(MASSES)[:, None]
+        elif operator == "drift":
+            x = x + coefficient * step * v
+        else:
+            v = v * np.exp(-friction * coefficient * step)
+    return x, v
+
+
+class TestForces:
+    @pytest.mark.skipif(not hasattr(mm, "PythonForce"), reason="this OpenMM has no PythonForce to count with")
+    @pytest.mark.parametrize("bath", [{}, {"temperature": 300, "friction": 1}])
+    @pytest.mark.parametrize(
+        ("method", "forces"), [("verlet", 1), ("babs7o7h", 7), ("trained_light", 11), ("bcss_s4", 4), ("aba864", 7)]
+    )
+    def test_last_and_first_kick_share_a_force(self, method, forces, bath):
+        calls = []
+        run = context(wells(calls), integrator(method, STEP, **bath))
+        run.getIntegrator().step(1)
+        calls.clear()
+        run.getIntegrator().step(10)
+        assert len(calls) == 10 * forces
+
+    @pytest.mark.parametrize("method", ["verlet", "babs7o7h", "bcss_s4"])
+    def test_changed_positions_get_new_forces(self, method):
+        run, fresh = (context(wells(), integrator(method, STEP)) for _ in range(2))
+        run.getIntegrator().step(3)
+        for one in (run, fresh):
+            one.setPositions(START[::-1])
+            one.setVelocities(VELOCITIES / 2)
+            one.getIntegrator().step(3)
+        assert np.array_equal(state_of(run), state_of(fresh))
+
+    def test_a_barostat_gets_new_forces(self):
+        """A volume that changes at each step gives the same positions as a run whose force is asked for each time."""
+        ends = []
+        for asked in (False, True):
+            system, pair = mm.System(), mm.CustomNonbondedForce("500*exp(-4*r)")
+            system.setDefaultPeriodicBoxVectors((4, 0, 0), (0, 4, 0), (0, 0, 4))
+            pair.setNonbondedMethod(pair.CutoffPeriodic)
+            for mass in MASSES:
+                system.addParticle(mass)
+                pair.addParticle([])
+            barostat = mm.MonteCarloBarostat(1, 300, 1)
+            for one in (pair, barostat):
+                system.addForce(one)
+            chosen = integrator("verlet", STEP)
+            chosen.setRandomNumberSeed(3)  # for the barostat too
+            run = context(system, chosen, START + 1)
+            for _ in range(20):
+                if asked:  # OpenMM forgets a force when positions are set
+                    run.setPositions(state_of(run)[0])
+                chosen.step(1)
+            ends.append(state_of(run)[0])
+        assert run.getState().getPeriodicBoxVolume()._value != 64
+        assert np.array_equal(*ends)
+
+
+class TestTrajectories:
+    @pytest.mark.parametrize("method", ["verlet", "babs7o7h", "bcss_s4", "trained_light", "ruth_s3o3", "srkn_b11"])
+    def test_trajectory_is_that_of_integrate(self, method):
+        masses = np.repeat(MASSES, 3)
+        q0, p0 = START.ravel(), masses * VELOCITIES.ravel()
+        steps, step = 100, STEP * nh.integrators[method].stages / 7
+        system = nh.System(name="wells", V=potential, q0=q0.tolist(), p0=p0.tolist(), masses=masses.tolist(), t_end=1)
+        run = nh.integrate(system, method, step, t_end=steps * step, summation="plain")
+        ours = context(wells(), integrator(method, step))
+        ours.getIntegrator().step(steps)
+        x, v = state_of(ours)
+        assert np.allclose(x.ravel(), run.q.values[-1], rtol=0, atol=ROUNDING)
+        assert np.allclose(v.ravel() * masses, run.p.values[-1], rtol=0, atol=1e3 * ROUNDING)  # p is about 100
+
+    def test_verlet_is_the_leapfrog_of_openmm(self):
+        half_a_step_back = VELOCITIES - STEP / 2 * force(START) / np.array(MASSES)[:, None]
+        theirs = context(wells(), mm.VerletIntegrator(STEP), velocities=half_a_step_back)
+        ours = context(wells(), integrator("velocity_verlet", STEP * 1000 * unit.femtosecond))
+        for run in (ours, theirs):
+            run.getIntegrator().step(100)
+        assert np.allclose(state_of(ours)[0], state_of(theirs)[0], rtol=0, atol=ROUNDING)
+
+    def test_particles_without_mass_stay(self):
+        system = wells()
+        system.setParticleMass(2, 0)
+        run = context(system, integrator("babs7o7h", STEP, temperature=300, friction=1))
+        run.getIntegrator().step(5)
+        assert np.array_equal(state_of(run)[0][2], START[2])
+
+    def test_motion_of_the_centre_is_removed(self):
+        system = mm.System()
+        for mass in MASSES:
+            system.addParticle(mass)
+        system.addForce(mm.CMMotionRemover(1))
+        run = context(system, integrator("babs7o7h", STEP))
+        run.getIntegrator().step(1)
+        assert np.allclose(np.array(MASSES) @ state_of(run)[1], 0, atol=1e-14)  # rounding of a sum of order 10
+
+
+class TestHeatBath:
+    @pytest.mark.parametrize("method", ["verlet", "babs7o7h", "babps8o7h", "bcss_s4", "ruth_s3o3"])
+    def test_bath_acts_in_the_middle_or_at_both_ends(self, method):
+        """At 0 K the bath multiplies velocities by exp(-friction time)."""
+        run = context(wells(), integrator(method, STEP, temperature=0, friction=5))
+        x, v = START, VELOCITIES
+        for _ in range(20):
+            run.getIntegrator().step(1)
+            x, v = cooled(x, v, method, STEP, 5)
+        assert np.allclose(state_of(run)[0], x, rtol=0, atol=ROUNDING)
+        assert np.allclose(state_of(run)[1], v, rtol=0, atol=1e2 * ROUNDING)  # velocities are of order 10
+
+    @pytest.mark.parametrize("method", ["verlet", "babs7o7h", "babps8o7h", "bcss_s4"])
+    def test_zero_friction_conserves_energy(self, method):
+        bath = integrator(method, STEP, temperature=300, friction=0, seed=1)
+        ends = [context(wells(), chosen) for chosen in (bath, integrator(method, STEP))]
+        for run in ends:
+            run.getIntegrator().step(50)
+        assert np.allclose(*map(state_of, ends), rtol=0, atol=1e2 * ROUNDING)
+
+    def test_bath_gives_velocities_of_its_temperature(self):
+        system, count = mm.System(), 2000
+        for i in range(count):
+            system.addParticle(1.0 + i % 2)
+        chosen = integrator("verlet", 0.01, temperature=300 * unit.kelvin, friction=1e5 / unit.nanosecond, seed=3)
+        run = context(system, chosen, np.zeros((count, 3)), np.zeros((count, 3)))
+        chosen.step(20)  # friction times time is 20
+        v = state_of(run)[1]
+        for first, mass in ((0, 1.0), (1, 2.0)):
+            # The variance of n normal numbers has the standard deviation sqrt(2 / n), n = 3000: four of them.
+            assert np.isclose(v[first::2].var(), BOLTZMANN * 300 / mass, rtol=4 * np.sqrt(2 / 3000))
+
+    @pytest.mark.parametrize("method", ["verlet", "babs7o7h", "bcss_s4"])
+    def test_variances_of_an_oscillator_are_those_of_the_scheme(self, method):
+        """The closed form: verlet with the bath is BAOAB, whose positions have the exact variance kT / k."""
+        count, mass, constant, kelvin = 1000, 4.0, 900.0, 250.0
+        angle = 0.6 * nh.integrators[method].stages if method != "verlet" else 1.2
+        step = angle * np.sqrt(mass / constant)
+        system, well = mm.System(), mm.CustomExternalForce(f"{constant}/2*(x*x + y*y + z*z)")
+        for i in range(count):
+            system.addParticle(mass)
+            well.addParticle(i, [])
+        system.addForce(well)
+        chosen = integrator(method, step, temperature=kelvin, friction=1 / step, seed=5)
+        run = context(system, chosen, np.zeros((count, 3)), np.zeros((count, 3)))
+        chosen.step(20)  # exp(-2 * 20) of the start is left
+        x, v = [], []
+        for _ in range(20):
+            chosen.step(3)
+            x.append(np.mean(state_of(run)[0] ** 2) * constant / (BOLTZMANN * kelvin))
+            v.append(np.mean(state_of(run)[1] ** 2) * mass / (BOLTZMANN * kelvin))
+        expected = stationary_variances(method, angle, np.exp(-1))
+        if method == "verlet":
+            assert np.allclose(expected, (1, 1 - 1.2**2 / 4), rtol=0, atol=1e-12)
+        # 20 samples of 3000 numbers, correlated over about two samples; five standard deviations.
+        assert np.allclose((np.mean(x), np.mean(v)), expected, rtol=5 * np.sqrt(2 / (3000 * 10)))
+
+    def test_same_seed_gives_same_trajectory(self):
+        ends = []
+        for seed in (11, 11, 12):
+            run = context(wells(), integrator("babs7o7h", STEP, temperature=300, friction=1, seed=seed))
+            run.getIntegrator().step(5)
+            ends.append(state_of(run)[0])
+        assert np.array_equal(ends[0], ends[1])
+        assert not np.allclose(ends[0], ends[2], atol=1e-4)
+
+    @pytest.mark.parametrize("method", ["babs7o7h", "trained_light", "pefrl"])
+    def test_error_of_averages_has_order_of_method(self, method):
+        errors = [stationary_variances(method, step * nh.integrators[method].stages, 0.9)[0] - 1 for step in (0.2, 0.1)]
+        assert abs(errors[1]) < 1e-4  # 5e-3 for a bath in the middle of these methods
+        assert np.log2(abs(errors[0] / errors[1])) > 3.8
+
+    def test_changed_temperature_takes_effect(self):
+        run = context(wells(), integrator("babs7o7h", STEP, temperature=300, friction=1, seed=4))
+        run.getIntegrator().setGlobalVariableByName("kT", 0)
+        run.getIntegrator().setGlobalVariableByName("friction", 5)
+        run.getIntegrator().step(1)
+        assert np.allclose(state_of(run)[0], cooled(START, VELOCITIES, "babs7o7h", STEP, 5)[0], rtol=0, atol=ROUNDING)
+
+
+def stationary_variances(method, step, kept):
+    """Variances of q and p of p.p/2 + q.q/2 at kT = 1; ``kept`` is left of a velocity after a step. A fixed point."""
+    matrix, noise = np.eye(2), np.zeros((2, 2))
+    for operator, c in with_bath(method):
+        move = {
+            "kick": [[1, 0], [-c * step, 1]],
+            "drift": [[1, c * step], [0, 1]],
+            "bath": [[1, 0], [0, kept**c]],
+        }[operator]
+        noise = np.array(move) @ noise @ np.array(move).T
+        noise[1, 1] += 1 - kept ** (2 * c) if operator == "bath" else 0
+        matrix = np.array(move) @ matrix
+    found = np.linalg.solve(np.eye(4) - np.kron(matrix, matrix), noise.ravel()).reshape(2, 2)
+    return found[0, 0], found[1, 1]
+
+
+class TestConstraints:
+    def dumbbell(self, method, steps):
+        """A rigid dumbbell in a plane quartic well over 0.4 ps."""
+        system = mm.System()
+        for mass in MASSES[:2]:
+            system.addParticle(mass)
+        system.addConstraint(0, 1, 0.15)
+        well = mm.CustomExternalForce(f"{HARMONIC}/2*(x*x + 2*y*y) + {QUARTIC}*x^4")
+        for i in range(2):
+            well.addParticle(i, [])
+        system.addForce(well)
+        chosen = integrator(method, 0.4 / steps)
+        chosen.setConstraintTolerance(1e-13)
+        return context(system, chosen, [[0.1, 0, 0], [0.1, 0.15, 0]], [[1.0, 0.5, 0], [-2.0, 0.5, 0]])
+
+    @pytest.mark.parametrize("method", ["verlet", "babs7o7h", "bcss_s4"])
+    def test_rigid_dumbbell_follows_its_equations(self, method):
+        """The equations in the centre of mass and the angle, solved to 1e-12 by another library."""
+        integrate = pytest.importorskip("scipy.integrate", reason="the oracle is scipy's").solve_ivp
+        (m1, m2), length = MASSES[:2], 0.15
+        total, inertia = m1 + m2, m1 * m2 / (m1 + m2) * length**2
+        arms = (-m2 / total * length, m1 / total * length)
+
+        def change(t, y):
+            normal, along = np.array([np.cos(y[2]), np.sin(y[2])]), np.array([-np.sin(y[2]), np.cos(y[2])])
+            places = [y[:2] + arm * normal for arm in arms]
+            forces = [np.array([-HARMONIC * x - 4 * QUARTIC * x**3, -2 * HARMONIC * z]) for x, z in places]
+            turning = sum(arm * (along @ one) for arm, one in zip(arms, forces, strict=True)) / inertia
+            return [*y[3:], *(sum(forces) / total), turning]
+
+        start = [0.1, m2 / total * length, np.pi / 2, (m1 - 2 * m2) / total, 0.5, 3.0 / length]
+        y = integrate(change, (0, 0.4), start, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+        exact = [y[:2] + arm * np.array([np.cos(y[2]), np.sin(y[2])]) for arm in arms]
+        errors = []
+        for steps in (40, 80):
+            run = self.dumbbell(method, steps)
+            run.getIntegrator().step(steps)
+            errors.append(np.abs(state_of(run)[0][:, :2] - exact).max())
+        assert errors[0] < 2e-2
+        assert np.log2(errors[0] / errors[1]) > 1.8  # order 2 of RATTLE, or more where its part is small
+
+    @pytest.mark.parametrize("method", ["verlet", "babs7o7h", "bcss_s4"])
+    def test_rigid_molecules_keep_length_and_energy(self, method):
+        run = self.dumbbell(method, 80)
+        assert largest_error(run, 80) < 0.2  # of about 15 kJ/mol; a step without RATTLE errs by more than 5
+        x, v = state_of(run)
+        apart = x[1] - x[0]
+        assert np.isclose(np.linalg.norm(apart), 0.15, rtol=1e-12)
+        assert abs(apart @ (v[1] - v[0])) < 1e-12
+
+    def test_virtual_sites_are_refused(self):
+        system = wells()
+        system.addParticle(0)
+        system.setVirtualSite(3, mm.TwoParticleAverageSite(0, 1, 0.5, 0.5))
+        with pytest.raises(nh.NearharmonicError, match="particle 3 is a virtual site"):
+            integrator("babs7o7h", STEP, system=system)
+        assert integrator("babs7o7h", STEP, system=wells()).getStepSize()._value == STEP
+
+
+@pytest.fixture(scope="module")
+def crystal():
+    """Argon, 256 atoms on their lattice at 20 K: system, positions and velocities."""
+    system, pair = mm.System(), mm.NonbondedForce()
+    edge = 4 * 0.526
+    system.setDefaultPeriodicBoxVectors((edge, 0, 0), (0, edge, 0), (0, 0, edge))
+    pair.setNonbondedMethod(pair.CutoffPeriodic)
+    pair.setCutoffDistance(0.9)
+    pair.setUseSwitchingFunction(True)
+    pair.setSwitchingDistance(0.75)
+    pair.setUseDispersionCorrection(False)
+    cell = np.array([[0, 0, 0], [0.5, 0.5, 0], [0.5, 0, 0.5], [0, 0.5, 0.5]])
+    places = np.array([corner + np.array(one) for one in np.ndindex(4, 4, 4) for corner in cell]) * 0.526
+    for _ in places:
+        system.addParticle(39.948)
+        pair.addParticle(0, 0.3405, 0.996)
+    system.addForce(pair)
+    velocities = np.random.default_rng(1).normal(size=places.shape) * np.sqrt(BOLTZMANN * 20 / 39.948)
+    return system, places, velocities - velocities.mean(axis=0)
+
+
+def error_at_equal_forces(start, method, time_of_a_force, forces):
+    system, positions, velocities = start
+    stages = nh.integrators[method].stages
+    run = context(system, integrator(method, time_of_a_force * stages), positions, velocities)
+    return largest_error(run, forces // stages)
+
+
+@pytest.mark.slow
+def test_crystal_of_argon_keeps_its_energy(crystal):
+    """12 fs a force over 0.9 ps."""
+    errors = [error_at_equal_forces(crystal, method, 0.012, 77) for method in ("verlet", "babs7o7h", "trained_light")]
+    assert errors[1] < errors[0] / 5
+    assert errors[2] < errors[0] / 5
+
+
+@pytest.fixture(scope="module")
+def water():
+    """A box of flexible water, relaxed: the virial of a fixed bond length is no part of it."""
+    fields = app.ForceField("amber14/tip3p.xml")
+    model = app.Modeller(app.Topology(), [])
+    model.addSolvent(fields, boxSize=mm.Vec3(1.25, 1.25, 1.25) * unit.nanometer)
+    system = fields.createSystem(
+        model.topology, nonbondedMethod=app.PME, nonbondedCutoff=0.6, constraints=None, rigidWater=False,
+        ewaldErrorTolerance=1e-5, switchDistance=0.5,
+    )  # fmt: skip
+    return relaxed(system, model.positions)
+
+
+def relaxed(system, positions):
+    assert system.getNumConstraints() == 0
+    warm = mm.LangevinMiddleIntegrator(300, 5, 0.0005)
+    warm.setRandomNumberSeed(1)
+    run = mm.Context(
+        system, warm, mm.Platform.getPlatformByName("CPU"), {"Threads": "1", "DeterministicForces": "true"}
+    )
+    run.setPositions(positions)
+    mm.LocalEnergyMinimizer.minimize(run, 10, 100)
+    run.setVelocitiesToTemperature(300, 1)
+    warm.step(500)
+    return system, *state_of(run)
+
+
+@pytest.mark.slow
+def test_flexible_water_keeps_its_energy(water):
+    """0.5 fs a force over 0.04 ps."""
+    errors = [error_at_equal_forces(water, method, 0.0005, 84) for method in ("verlet", "babs7o7h", "trained_coarse")]
+    assert errors[1] < errors[0] / 3
+
+
+def alanine_dipeptide():
+    """Topology and positions of an alanine with its neighbours' peptide groups, cut from OpenMM's file of a protein."""
+    from pathlib import Path
+
+    given = app.PDBFile(str(Path(app.__file__).parent / "data/test.pdb"))
+    residues, chosen = list(given.topology.residues()), 7
+    assert residues[chosen].name == "ALA"
+    groups = [
+        ("ACE", residues[chosen - 1], {"CA": "CH3", "C": "C", "O": "O"}),
+        ("ALA", residues[chosen], {name: name for name in ("N", "CA", "CB", "C", "O")}),
+        ("NME", residues[chosen + 1], {"N": "N", "CA": "C"}),
+    ]
+    topology, positions = app.Topology(), []
+    chain = topology.addChain()
+    for name, residue, atoms in groups:
+        new = topology.addResidue(name, chain)
+        for atom in residue.atoms():
+            if atom.name in atoms:
+                topology.addAtom(atoms[atom.name], atom.element, new)
+                positions.append(given.positions[atom.index].value_in_unit(unit.nanometer))
+    topology.createStandardBonds()
+    return topology, positions * unit.nanometer
+
+
+@pytest.mark.slow
+def test_alanine_dipeptide_keeps_its_energy():
+    """0.4 fs a force over 0.1 ps, bonds of hydrogen flexible."""
+    fields = app.ForceField("amber14-all.xml")
+    model = app.Modeller(*alanine_dipeptide())
+    model.addHydrogens(fields)
+    assert model.topology.getNumAtoms() == 22
+    start = relaxed(fields.createSystem(model.topology, constraints=None), model.positions)
+    errors = [error_at_equal_forces(start, method, 0.0004, 252) for method in ("verlet", "babs7o7h")]
+    assert errors[1] < errors[0] / 3
+
+
+class TestSettings:
+    @pytest.mark.parametrize("step", [0, -1, float("nan"), float("inf"), "1", None, True, 1 * unit.nanometer, [1]])
+    def test_a_bad_step_raises_an_error(self, step):
+        with pytest.raises(nh.NearharmonicError, match="step = "):
+            integrator("babs7o7h", step)
+
+    @pytest.mark.parametrize(
+        ("key", "settings"),
+        [
+            ("friction", {"temperature": 300}),
+            ("friction", {"friction": 1}),
+            ("friction", {"temperature": 300, "friction": -1}),
+            ("friction", {"temperature": 300, "friction": 1 * unit.picosecond}),
+            ("temperature", {"temperature": -1, "friction": 1}),
+            ("temperature", {"temperature": float("nan"), "friction": 1}),
+            ("seed", {"temperature": 300, "friction": 1, "seed": 0}),
+            ("seed", {"temperature": 300, "friction": 1, "seed": 1.5}),
+            ("seed", {"seed": 1}),
+            ("system", {"system": "water"}),
+        ],
+    )
+    def test_a_bad_setting_raises_an_error(self, key, settings):
+        with pytest.raises(nh.NearharmonicError, match=re.escape(f"{key} = ")):
+            integrator("babs7o7h", STEP, **settings)
+
+    @pytest.mark.parametrize(("method", "reason"), [("chin_4a", "modified"), ("babs7o7", "'babs7o7h'")])
+    def test_a_method_that_cannot_run_raises_an_error(self, method, reason):
+        with pytest.raises(nh.NearharmonicError, match=reason):
+            integrator(method, STEP)

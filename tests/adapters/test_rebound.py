@@ -1,0 +1,211 @@
+"""Methods inside REBOUND: trajectories, forces per step, changed particles, names, and refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rebound", minversion="5", reason="rebound >= 5 is not installed")
+
+import rebound
+
+import nearharmonic as nh
+from nearharmonic.adapters.rebound import register
+from nearharmonic.errors import SettingError, UnknownNameError
+
+#: Kick first and drift first; the last two are not symmetric.
+METHODS = ("leapfrog", "babs7o7h", "trained_light", "aba864", "srkn_a14", "mclachlan_atela_3", "ruth_s3o3")
+EPS = 2.0**-52
+
+
+def planets(method, dt=0.1):
+    simulation = rebound.Simulation()
+    simulation.add(m=1.0)
+    simulation.add(m=1e-3, a=1.0, e=0.2)
+    simulation.add(m=1e-3, a=2.5, e=0.1, inc=0.3)
+    simulation.integrator, simulation.dt = method, dt
+    return simulation
+
+
+def particle(method, force, dt=0.25):
+    """One particle in a field: ``force`` maps time and position to an acceleration in the plane."""
+    simulation = rebound.Simulation()
+    simulation.add(m=1.0, x=0.3, y=0.0, vx=0.0, vy=0.4)
+    calls = []
+
+    def additional(pointer):
+        moved = pointer.contents.particles[0]
+        calls.append(pointer.contents.t)
+        ax, ay = force(pointer.contents.t, moved.x, moved.y)
+        moved.ax += ax
+        moved.ay += ay
+
+    simulation.additional_forces = additional
+    simulation.integrator, simulation.dt = method, dt
+    return simulation, calls
+
+
+def henon_heiles(_, x, y):
+    return -(x + 2 * x * y), -(y + x * x - y * y)
+
+
+def state(simulation):
+    return np.array([[*p.xyz, *p.vxyz] for p in simulation.particles])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_trajectory_is_that_of_integrate(method):
+    simulation, _ = particle(register(method), henon_heiles)
+    simulation.steps(80)
+    ours = nh.integrate("henon_heiles", method, tau=0.25, t_end=20, summation="plain")
+    # Each of 80 (2 s + 1) moves rounds twice, and neighbours part by a factor below ten in this time.
+    tolerance = 80 * (2 * nh.integrators[method].stages + 1) * 10 * EPS
+    np.testing.assert_allclose(state(simulation)[0, [0, 1]], ours.q.values[-1], rtol=0, atol=tolerance)
+    np.testing.assert_allclose(state(simulation)[0, [3, 4]], ours.p.values[-1], rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_step_evaluates_the_forces_of_its_kicks(method):
+    simulation, calls = particle(register(method), henon_heiles)
+    simulation.steps(20)
+    tableau = nh.integrators[method]
+    assert len(calls) == 20 * sum(float(kick) != 0 for kick in tableau.kick)
+    own_force = tableau.first == "kick" and tableau.symmetric  # REBOUND may change particles between two steps
+    assert len(calls) == 20 * (tableau.stages + own_force)
+
+
+@pytest.mark.parametrize("active", [None, 2])
+def test_verlet_takes_the_steps_of_leapfrog_of_rebound(active):
+    found = []
+    for method in (register(nh.integrators["verlet"].role("drift")), "leapfrog"):
+        simulation = planets(method)
+        simulation.add(a=4.0, e=0.3)
+        simulation.N_active, simulation.testparticle_hidewarnings = active or simulation.N, 1
+        simulation.integrate(20.05)
+        found.append(state(simulation))
+        assert simulation.t == pytest.approx(20.05, abs=201 * 20 * EPS)  # a rounding of t each step
+    # 201 steps of three moves, two roundings each and numbers up to 6; planets part linearly, below a factor of 200.
+    np.testing.assert_allclose(found[0], found[1], rtol=0, atol=201 * 3 * 2 * 6 * 200 * EPS)
+
+
+@pytest.mark.parametrize(("method", "order"), [("leapfrog", 2), ("babs7o7h", 4), ("aba864", 4), ("trained_light", 4)])
+def test_planets_keep_their_energy_with_order_of_method(method, order):
+    def error(dt):
+        simulation = planets(register(method), dt)
+        energy = simulation.energy()
+        simulation.steps(round(20 / dt))
+        return abs(simulation.energy() / energy - 1)
+
+    assert error(0.2) / error(0.1) > 2 ** (order - 0.5)
+
+
+@pytest.mark.parametrize("method", ["leapfrog", "babs7o7h", "aba864"])
+def test_negative_step_undoes_a_step(method):
+    simulation = planets(register(method))
+    start = state(simulation)
+    simulation.steps(100)
+    simulation.dt = -simulation.dt
+    simulation.steps(100)
+    moves = 200 * (2 * nh.integrators[method].stages + 1)
+    np.testing.assert_allclose(state(simulation), start, rtol=0, atol=moves * 2 * 3 * 100 * EPS)  # as above
+    assert abs(simulation.t) < 200 * 10 * EPS  # a rounding of t each step
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_force_is_evaluated_at_the_time_of_positions(method):
+    """x'' = -x + cos 2t from rest at 0 has the solution (cos t - cos 2t) / 3."""
+
+    def error(dt):
+        simulation, _ = particle(register(method), lambda t, x, y: (-x + np.cos(2 * t), 0.0), dt)
+        simulation.particles[0].x = 0.0
+        simulation.steps(round(3.2 / dt))
+        return abs(simulation.particles[0].x - (np.cos(3.2) - np.cos(6.4)) / 3)
+
+    order = min(nh.integrators[method].order, 5)  # the error of order six is near rounding
+    assert error(0.2) / error(0.1) > 2 ** (order - 0.5)
+
+
+def test_changed_particles_get_their_own_forces():
+    changed = planets(register("babs7o7h"))
+    changed.steps(3)
+    changed.particles[1].x += 0.1
+    for moved in changed.particles:
+        moved.vx *= 1.5
+    fresh = planets(register("babs7o7h"))
+    for own, other in zip(fresh.particles, changed.particles, strict=True):
+        own.xyz, own.vxyz = other.xyz, other.vxyz
+    changed.steps(1)
+    fresh.steps(1)
+    assert np.array_equal(state(changed), state(fresh))
+
+
+def test_integrator_used_before_leaves_no_trace():
+    switched, fresh = planets("whfast"), planets(register("aba864"))
+    switched.steps(1)
+    for own, other in zip(fresh.particles, switched.particles, strict=True):
+        own.xyz, own.vxyz = other.xyz, other.vxyz
+    switched.integrator = register("aba864")
+    if switched.gravity == "jacobi":
+        with pytest.raises(RuntimeError, match="basic"):
+            switched.steps(1)
+        pytest.skip("this version of REBOUND leaves Jacobi coordinates to the next integrator")
+    switched.steps(10)
+    fresh.steps(10)
+    assert np.array_equal(state(switched), state(fresh))
+
+
+def test_copy_goes_on_with_the_same_integrator():
+    simulation = planets(register("trained_light"))
+    simulation.steps(3)
+    copied = simulation.copy()
+    simulation.steps(3)
+    copied.steps(3)
+    assert str(copied.integrator) == "nearharmonic_trained_light"
+    assert np.array_equal(state(simulation), state(copied))
+
+
+def test_merged_particles_go_on():
+    simulation = rebound.Simulation()
+    for x in (-1.0, 1.0):
+        simulation.add(m=1.0, x=x, vx=-x, r=0.2)
+    simulation.collision, simulation.collision_resolve = "direct", "merge"
+    simulation.integrator, simulation.dt = register("babs7o7h"), 0.05
+    simulation.steps(60)
+    assert simulation.N == 1
+    assert simulation.particles[0].m == 2.0
+    assert abs(simulation.particles[0].x) < 100 * EPS  # the centre of mass rests; a hundred roundings
+
+
+def test_same_method_has_one_name():
+    own = replace(nh.integrators["leapfrog"], name="aba864", aliases=())
+    assert register("aba864") == register(nh.integrators["aba864"]) == "nearharmonic_aba864"
+    assert register(own) == register(own) == "nearharmonic_aba864_2"
+    found = []
+    for method in (own, "verlet"):
+        simulation = planets(register(method))
+        simulation.steps(3)
+        found.append(state(simulation))
+    assert np.array_equal(*found)
+
+
+def test_particles_that_splitting_cannot_move_are_refused():
+    variational = planets(register("aba864"))
+    variational.add_variation()
+    drag, _ = particle(register("aba864"), henon_heiles)
+    drag.force_is_velocity_dependent = 1
+    jacobi = planets(register("aba864"))
+    jacobi.gravity = "jacobi"
+    for message, simulation in {"variational": variational, "velocities": drag, "basic": jacobi}.items():
+        start = state(simulation)
+        with pytest.raises(RuntimeError, match=message):
+            simulation.steps(1)
+        assert np.array_equal(state(simulation), start)
+
+
+def test_bad_method_raises_clear_error():
+    with pytest.raises(UnknownNameError, match="aba864"):
+        register("aba86")
+    with pytest.raises(SettingError, match="REBOUND"):
+        register("chin_4a")

@@ -1,0 +1,267 @@
+"""Methods inside solve_ivp: trajectories, calls of the force, events, times within a step, and refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("scipy", reason="scipy is not installed")
+
+from scipy.integrate import solve_ivp
+
+import nearharmonic as nh
+from nearharmonic.adapters.scipy import solver
+from nearharmonic.errors import SettingError, UnknownNameError
+
+#: Kick first and drift first; the last two are not symmetric.
+METHODS = ("leapfrog", "babs7o7h", "trained_light", "aba864", "srkn_a14", "mclachlan_atela_3", "ruth_s3o3")
+EPS = 2.0**-52
+
+
+class Field:
+    """The right-hand side of accelerations that depend on time and positions, which counts its calls."""
+
+    def __init__(self, acceleration):
+        self.acceleration, self.calls = acceleration, 0
+
+    def __call__(self, t, y):
+        self.calls += 1
+        q, v = np.split(np.asarray(y), 2)
+        return np.concatenate([v, self.acceleration(t, q)])
+
+
+def oscillator():
+    return Field(lambda t, q: -q)
+
+
+def henon_heiles():
+    return Field(lambda t, q: -np.array([q[0] + 2 * q[0] * q[1], q[1] + q[0] ** 2 - q[1] ** 2]))
+
+
+def kepler(GM=1.0):
+    return Field(lambda t, q: -GM * q / (q @ q) ** 1.5)
+
+
+def mercury():
+    return kepler(1.71994752)  # of Nielsen's units, the default of the system
+
+
+#: Right-hand side, step, end, and the factor by which neighbours part until then.
+SYSTEMS = {
+    "sho": (oscillator, 0.25, 20, 2),
+    "henon_heiles": (henon_heiles, 0.25, 20, 10),
+    "kepler": (mercury, 40.0, 4000, 50),
+}
+
+
+def solved(field, method, step, end=20.0, y0=(0.3, 0.0, 0.0, 0.4), **options):
+    return solve_ivp(field, (0, end), y0, method=solver(method, len(y0) // 2), max_step=step, **options)
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+@pytest.mark.parametrize("method", METHODS)
+def test_trajectory_is_that_of_integrate(system, method):
+    make, step, end, growth = SYSTEMS[system]
+    ours = nh.integrate(system, method, tau=step, t_end=end, summation="plain")
+    start = np.concatenate([ours.q.values[0], ours.p.values[0]])
+    found = solved(make(), method, step, end=end, y0=start)
+    assert found.success
+    np.testing.assert_allclose(found.t, np.arange(ours.steps + 1) * step, rtol=4 * EPS)
+    expected = np.concatenate([ours.q.values, ours.p.values], axis=1).T
+    # Each move rounds twice, relative to numbers up to the largest of the run.
+    moves = ours.steps * (2 * nh.integrators[method].stages + 1)
+    np.testing.assert_allclose(found.y, expected, rtol=0, atol=2 * moves * growth * np.abs(expected).max() * EPS)
+
+
+@pytest.mark.parametrize("vectorized", [False, True])
+@pytest.mark.parametrize("method", METHODS)
+def test_run_calls_force_once_a_stage(method, vectorized):
+    field = henon_heiles()
+    found = solved(field, method, 0.25, vectorized=vectorized)
+    # Two calls check what fun returns. A method with a kick at its beginning alone needs the first of them anyway.
+    once = 1 if method in ("mclachlan_atela_3", "ruth_s3o3") else 2
+    assert found.nfev == field.calls == 80 * nh.integrators[method].stages + once
+
+
+@pytest.mark.parametrize(("span", "step", "steps"), [(0.3, 0.1, 3), (0.1 * 3, 0.1, 3), (1.0, 0.3, 4), (0.1, 5.0, 1)])
+def test_equal_steps_fill_the_interval_exactly(span, step, steps):
+    for end in (span, -span):
+        times = solved(oscillator(), "leapfrog", step, end=end).t
+        assert times[-1] == end
+        np.testing.assert_allclose(times, np.arange(steps + 1) * (end / steps), rtol=4 * EPS)
+
+
+def test_last_step_ends_at_the_end_of_the_interval():
+    assert 0.3 + (0.9 - 0.3) != 0.9  # in double precision
+    found = solve_ivp(oscillator(), (0.3, 0.9), (1.0, 0.0), method=solver("leapfrog", 1), max_step=0.1)
+    assert found.t[-1] == 0.9
+
+
+@pytest.mark.parametrize("method", ["leapfrog", "babs7o7h", "aba864"])
+def test_run_backwards_returns_to_the_start(method):
+    there = solved(henon_heiles(), method, 0.25, end=10.0)
+    back = solve_ivp(henon_heiles(), (10.0, 0), there.y[:, -1], method=solver(method, 2), max_step=0.25)
+    # 80 steps of 2 s + 1 moves with two roundings each, and neighbours part by a factor below ten.
+    tolerance = 80 * (2 * nh.integrators[method].stages + 1) * 2 * 10 * EPS
+    np.testing.assert_allclose(back.y[:, -1], [0.3, 0, 0, 0.4], rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_force_is_evaluated_at_the_time_of_positions(method):
+    """q'' = -q + cos 2t from rest at 0 has the solution (cos t - cos 2t) / 3."""
+
+    def error(step):
+        found = solved(Field(lambda t, q: -q + np.cos(2 * t)), method, step, end=3.2, y0=(0.0, 0.0))
+        return abs(found.y[0, -1] - (np.cos(3.2) - np.cos(6.4)) / 3)
+
+    order = min(nh.integrators[method].order, 5)  # the error of order six is near rounding
+    assert error(0.2) / error(0.1) > 2 ** (order - 0.5)
+
+
+@pytest.mark.parametrize("method", ["leapfrog", "babs7o7h", "aba864", "ruth_s3o3"])
+def test_state_within_a_step_has_the_order_of_method(method):
+    times = np.linspace(0, 8, 41) + 0.0123
+    times = times[times < 8]
+    exact = solve_ivp(henon_heiles(), (0, 8), (0.3, 0.0, 0.0, 0.4), "DOP853", t_eval=times, rtol=1e-13, atol=1e-14).y
+
+    def error(step):
+        dense = solved(henon_heiles(), method, step, end=8.0, dense_output=True).sol
+        return np.abs(dense(times) - exact).max()
+
+    step = 0.1 if nh.integrators[method].order < 4 else 0.4
+    assert error(step) / error(step / 2) > 2 ** (nh.integrators[method].order - 0.5)
+
+
+def test_dense_output_meets_the_steps_exactly():
+    field = henon_heiles()
+    found = solved(field, "babs7o7h", 0.25, dense_output=True)
+    assert np.array_equal(found.sol(found.t), found.y)
+    assert field.calls == found.nfev  # the ends of a step are known
+    near = found.sol(found.t[1:] - 1e-9)
+    np.testing.assert_allclose(near, found.y[:, 1:], rtol=0, atol=2e-9)  # speeds below 1
+
+
+@pytest.mark.parametrize("method", ["leapfrog", "babs7o7h", "aba864"])
+def test_requested_times_are_those_of_dense_output(method):
+    times = np.array([0.0, 0.1, 0.25, 0.3, 7.77, 19.99, 20.0])
+    found = solved(henon_heiles(), method, 0.25, t_eval=times)
+    dense = solved(henon_heiles(), method, 0.25, dense_output=True).sol
+    assert np.array_equal(found.t, times)
+    assert np.array_equal(found.y, dense(times))
+
+
+def zero(t, y):
+    return y[0]
+
+
+@pytest.mark.parametrize("method", ["leapfrog", "babs7o7h", "aba864"])
+def test_zero_crossings_are_those_of_the_cosine(method):
+    def error(step):
+        (found,) = solved(oscillator(), method, step, y0=(1.0, 0.0), events=zero).t_events
+        assert found.size == 6
+        return np.abs(found - np.pi * (np.arange(6) + 0.5)).max()
+
+    assert error(0.2) / error(0.1) > 2 ** (nh.integrators[method].order - 0.5)
+
+
+def test_events_do_not_change_the_trajectory():
+    with_events = solved(henon_heiles(), "babs7o7h", 0.25, events=zero)
+    assert with_events.t_events[0].size > 3
+    assert np.array_equal(with_events.y, solved(henon_heiles(), "babs7o7h", 0.25).y)
+
+
+def test_perihelia_are_a_period_apart():
+    """The ellipse of semi-major axis 1 and eccentricity 0.2, from its perihelion: period 2 pi."""
+
+    def perihelion(t, y):
+        return y[0] * y[2] + y[1] * y[3]
+
+    perihelion.direction = 1
+    start = (0.8, 0.0, 0.0, 1.5**0.5)
+    found = solved(kepler(), "srkn_a14", 0.1, y0=start, end=20.0, events=perihelion)
+    after_start = found.t_events[0][found.t_events[0] > 1]
+    np.testing.assert_allclose(after_start, 2 * np.pi * np.array([1, 2, 3]), rtol=0, atol=1e-8)  # error of the method
+    assert np.abs(found.y_events[0][:, 1]).max() < 1e-8
+
+
+def test_terminal_event_ends_the_run():
+    def landed(t, y):
+        return y[0]
+
+    landed.terminal, landed.direction = True, -1
+    found = solved(Field(lambda t, q: np.array([-0.5])), "aba864", 1.5, y0=(0.0, 10.0), end=100, events=landed)
+    assert found.status == 1
+    assert found.t[-1] == pytest.approx(40, abs=40 * 30 * EPS)  # a parabola, exact but for thirty roundings a step
+
+
+def test_changed_state_gets_its_own_force():
+    stepper = solver("babs7o7h", 2)(henon_heiles(), 0.0, (0.3, 0.0, 0.0, 0.4), 20.0, max_step=0.25)
+    for _ in range(3):
+        stepper.step()
+    stepper.y[0] = 0.1  # in place, and velocities as a thermostat does
+    stepper.y = stepper.y * np.array([1, 1, 1.5, 1.5])
+    fresh = solver("babs7o7h", 2)(henon_heiles(), 0.75, stepper.y.copy(), 1.0, max_step=0.25)
+    stepper.step()
+    fresh.step()
+    assert np.array_equal(stepper.y, fresh.y)
+
+
+def test_ignored_options_cause_one_warning():
+    with pytest.warns(UserWarning, match=r"atol, rtol has no effect") as caught:
+        solved(oscillator(), "leapfrog", 0.25, rtol=1e-8, atol=1e-8)
+    assert len(caught) == 1
+
+
+def test_arguments_of_fun_are_passed():
+    found = solved(lambda t, y, k: np.array([y[1], -k * y[0]]), "aba864", 0.1, y0=(1.0, 0.0), end=3.0, args=(4.0,))
+    assert found.y[0, -1] == pytest.approx(np.cos(6.0), abs=1e-6)  # error of the method
+
+
+def test_state_that_is_no_number_fails_the_run():
+    found = solved(Field(lambda t, q: np.where(t < 5, -q, np.nan)), "leapfrog", 0.25, y0=(1.0, 0.0))
+    assert (found.success, found.status) == (False, -1)
+    assert "not finite" in found.message
+
+
+@pytest.mark.parametrize("step", [0, -0.1, np.nan, np.inf, True, "fast", [0.1]])
+def test_bad_step_raises_clear_error(step):
+    field = oscillator()
+    with pytest.raises(SettingError, match="max_step = "):
+        solved(field, "leapfrog", step)
+    assert not field.calls
+
+
+def test_missing_step_raises_clear_error():
+    with pytest.raises(SettingError, match="max_step = inf"):
+        solve_ivp(oscillator(), (0, 1), (1.0, 0.0), method=solver("leapfrog", 1))
+
+
+@pytest.mark.parametrize("y0", [(1.0, 0.0, 0.0), (1j, 0.0), (1.0,)])
+def test_bad_state_raises_clear_error(y0):
+    with pytest.raises(SettingError, match="y0 = "):
+        solve_ivp(oscillator(), (0, 1), y0, method=solver("leapfrog", 1), max_step=0.1)
+
+
+def test_momenta_friction_and_wrong_shapes_are_refused():
+    refused = {
+        "not momenta": lambda t, y: np.array([y[1] / 2, -y[0]]),
+        "positions and then velocities": lambda t, y: np.array([-y[0], y[1]]),
+        "depend on the velocities": lambda t, y: np.array([y[1], -y[0] - 1e-6 * y[1]]),
+        "array of shape": lambda t, y: np.array([y[1], -y[0], 0.0]),
+    }
+    for message, fun in refused.items():
+        with pytest.raises(SettingError, match=message):
+            solved(fun, "leapfrog", 0.1, y0=(1.0, 0.0))
+
+
+@pytest.mark.parametrize("dimension", [0, -1, 1.5, True, "2"])
+def test_bad_dimension_raises_clear_error(dimension):
+    with pytest.raises(SettingError, match="dimension = "):
+        solver("leapfrog", dimension)
+
+
+def test_bad_method_raises_clear_error():
+    with pytest.raises(UnknownNameError, match="aba864"):
+        solver("aba86", 1)
+    with pytest.raises(SettingError, match="scipy"):
+        solver("rowlands", 1)
