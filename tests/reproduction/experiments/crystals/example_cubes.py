@@ -21,6 +21,7 @@ def crystals(methods):
             "max_energy_error": (tuple(sizes), errors),
             "leader": (("crystal", "temperature", "forces"), leaders),
             "lead": (("crystal", "temperature", "forces"), np.random.default_rng(4).uniform(0.1, 2, (3, 4, 5))),
+            "coordinates": ("crystal", [96, 96, 64]),
             "delta": (("crystal", "temperature"), np.geomspace(0.01, 0.5, 12).reshape(3, 4)),
             "density": (("crystal", "bin"), np.random.default_rng(5).uniform(0, 2, (3, 10))),
             "kind": ("integrator", kinds),
