@@ -118,7 +118,7 @@ def test_a_residual_is_that_of_matrices():
 )
 def test_the_stability_limit_is_where_the_trace_leaves_two(kick, drift, first, limit):
     """tr K of the second is 2 - tau^2 + 4 tau^4, less than 2 up to tau = 1/2."""
-    assert float(OscillatorStep(step_of(kick, drift, first, 0)).stability_limit()) == pytest.approx(limit, abs=1e-15)
+    assert float(OscillatorStep(step_of(kick, drift, first, 0)).stability_limit(0)) == pytest.approx(limit, abs=1e-15)
 
 
 def test_asymmetric_stability_limit_matches_multiprecision_trace():
@@ -129,7 +129,7 @@ def test_asymmetric_stability_limit_matches_multiprecision_trace():
         K = oscillator_step(file, tau)
         return K[0, 0] + K[1, 1]
 
-    limit = mpf(OscillatorStep(step).stability_limit())
+    limit = mpf(OscillatorStep(step).stability_limit(0))
     assert abs(abs(trace(limit)) - 2) < mpf(10) ** -25
     assert abs(diff(trace, limit)) > 0.01
     assert all(abs(trace(limit * k / 200)) < 2 for k in range(1, 200))

@@ -96,6 +96,16 @@ def test_the_limits_agree_with_those_found_by_another_program(name, limit):
     assert abs(stability_limit(name) - mpf(limit)) < mpf("6e-10")  # its tenth digit
 
 
+@pytest.mark.parametrize(("name", "limit"), [("bcss_s3", 4.67), ("bcss_s4", 5.35)])
+def test_a_gap_that_digits_open_is_no_limit(name, limit):
+    """4.67 is what BlackJAX states for BCSS 3; a scan of the trace finds both, and nothing above 2 before."""
+    assert float(nh.stability_limit(name)) == pytest.approx(limit, abs=0.01)
+    assert stability_gaps(name)[0][1] < limit  # the gap is there, and listed
+    for tau in linspace(0.01, nh.stability_limit(name), 400):
+        step = oscillator_step(integrators[name], tau)
+        assert abs(step[0, 0] + step[1, 1]) < 2 + mpf("1e-9")
+
+
 @EVERY_METHOD
 def test_exchanging_roles_changes_no_edge(name):
     # The trace is the same: K12 and K21 change places.

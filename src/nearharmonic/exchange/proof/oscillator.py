@@ -15,7 +15,7 @@ from nearharmonic.exact.decimals import BigFloat
 from nearharmonic.exact.step import MOMENTUM, POSITION, Step, StepPolynomials, oscillator, oscillator_errors, slopes
 from nearharmonic.exchange.composition import is_palindrome, size_of, symmetrised, uncertainty_of
 from nearharmonic.exchange.proof.residuals import ROUNDING, Residual, linear_allowance
-from nearharmonic.integrators.theory.linear_stability import gaps_of
+from nearharmonic.integrators.theory.linear_stability import gaps_of, limit_of
 
 #: Linear combination of the four entries (K11, K12, K21, K22) of the step matrix.
 _Weights = tuple[int, int, int, int]
@@ -65,14 +65,14 @@ class OscillatorStep:
         """Order on the oscillator: the smaller of the orders of position and momentum."""
         return min(self.harmonic_order, self.momentum_order)
 
-    def stability_limit(self) -> BigFloat:
-        """Return the stability limit, an mpf: all smaller step sizes are stable.
+    def stability_limit(self, digits: int) -> BigFloat:
+        """Return the stability limit, an mpf, for coefficients of so many digits, 0 if exact: smaller steps are stable.
 
         The step must be consistent. A step that is a palindrome to its digits is treated as an exact palindrome, so
         that rounding errors of the digits do not open a gap where the trace touches 2.
         """
         step = symmetrised(self.step) if is_palindrome(self.step) else self.step
-        return gaps_of(oscillator(step))[0][0]
+        return limit_of(gaps_of(oscillator(step)), digits)
 
     def _first_failing(self, combinations: Sequence[_Weights]) -> Residual:
         # At one power beyond the last power of the step, only the exact flow has a term.

@@ -86,7 +86,7 @@ class Verdict:
     @cached_property
     def stability_limit(self) -> BigFloat | None:
         """The step size up to which the oscillator is stable, None if the sums are not 1."""
-        return self.oscillator.stability_limit() if self.is_consistent else None
+        return self.oscillator.stability_limit(self.digits.number) if self.is_consistent else None
 
     @cached_property
     def nearest(self) -> Likeness | None:

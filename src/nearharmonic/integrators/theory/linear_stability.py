@@ -8,7 +8,7 @@ begins or ends; at a root of even multiplicity the trace touches 2.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from typing import NamedTuple
@@ -90,6 +90,9 @@ def touching_points(integrator: str | Tableau, *, first: First | None = None) ->
 def stability_limit(integrator: str | Tableau, *, first: First | None = None) -> BigFloat:
     """Return the step size, to 30 digits, at which the first gap begins; all smaller step sizes are stable.
 
+    Where the trace of a method touches 2, printed coefficients open a gap by their rounding. A gap that is narrower,
+    relative to its step size, than 100 units of the last digit counts as such a point: :func:`stability_gaps` has it.
+
     Parameters
     ----------
     integrator : str or Tableau
@@ -115,7 +118,13 @@ def stability_limit(integrator: str | Tableau, *, first: First | None = None) ->
     >>> print(f"{float(nh.stability_limit('leapfrog')):.3f}")
     2.000
     """
-    return stability_gaps(integrator, first=first)[0][0]
+    return limit_of(stability_gaps(integrator, first=first), tableau_of(integrator).digits)
+
+
+def limit_of(gaps: Sequence[tuple[BigFloat, BigFloat]], digits: int) -> BigFloat:
+    """Return the step size at which the first gap begins that coefficients of so many digits, 0 if exact, resolve."""
+    resolved = mpf(10) ** (2 - digits) if digits else mpf(0)
+    return next(begin for begin, end in gaps if end - begin > resolved * begin)
 
 
 def stability_end(integrator: str | Tableau, *, first: First | None = None) -> BigFloat:
