@@ -1,0 +1,58 @@
+"""docs/results/crystals.md: what its text says of the leaders is what its tables have."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from nearharmonic.integrators import integrators
+from nearharmonic.reproduction.experiments.crystals.reductions import GENERAL, kind_of
+from nearharmonic.reproduction.experiments.crystals.settings import CrystalsSettings
+from support.results.stated_numbers import ROOT, flat
+
+PLACE = "docs/results/crystals.md"
+NAMES = {integrators[name].label: name for name in CrystalsSettings().methods}
+
+
+def rows(part):
+    """Cells of the rows of a generated table."""
+    text = (ROOT / PLACE).read_text(encoding="utf-8")
+    (found,) = re.findall(rf"<!-- {part} -->\n(.*?)\n<!-- end -->", text, re.DOTALL)
+    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in found.splitlines()[2:]]
+
+
+def leaders(forces):
+    """(temperature, name) of the leaders at a number of forces."""
+    header = "40 26 16 10 6.3".split()
+    column = 2 + header.index(forces)
+    told = [(float(row[1]), row[column].rpartition(" ")[0]) for row in rows("leaders")]
+    return [(temperature, NAMES.get(name, name)) for temperature, name in told if name]
+
+
+def test_trained_methods_lead_with_many_forces_well_below_melting():
+    cold = [name for temperature, name in leaders("26") if temperature <= 0.1]
+    assert len(cold) == 12
+    assert all(kind_of(name) == "trained" for name in cold)
+
+
+@pytest.mark.parametrize("forces", ["10", "6.3"])
+def test_methods_of_order_two_lead_with_few_forces(forces):
+    found = {name for _, name in leaders(forces)}
+    assert found <= {"predescu_s3", "bcss_s3", "bcss_s4"}
+
+
+def test_general_methods_lead_near_melting():
+    hot = [name for temperature, name in leaders("16") if temperature == 1]
+    assert all(kind_of(name) == GENERAL for name in hot)
+
+
+def test_no_average_is_nearer_than_that_of_leapfrog_in_the_middle():
+    found = {
+        row[0]: [abs(float(cell.replace("\N{MINUS SIGN}", "-"))) if cell != "–" else 1e9 for cell in row[1:]]
+        for row in rows("averages")
+    }
+    reference = found.pop("Leapfrog")
+    for column in (0, 2):
+        assert all(row[column] >= reference[column] for row in found.values())
+    assert "No other method gains there." in flat(PLACE)
