@@ -17,6 +17,7 @@ import nearharmonic as nh
 from nearharmonic.adapters.diffrax import Splitting
 from nearharmonic.errors import SettingError, UnknownNameError
 
+SLOW = pytest.mark.slow
 #: Kick first and drift first.
 ROLES = ("babs7o7h", "abas5o6h")
 #: Some hundreds of sums of terms of size 1, each rounded to 1.1e-16.
@@ -75,10 +76,14 @@ def stages(method):
     return len(tableau.kick) - (tableau.first == "kick")
 
 
-@pytest.mark.parametrize("method", ["leapfrog", *ROLES])
+@pytest.mark.parametrize("method", [pytest.param("leapfrog", marks=SLOW), *ROLES])
 @pytest.mark.parametrize(
     ("system", "force", "tau", "t_end"),
-    [("sho", spring, 0.5, 20), ("henon_heiles", henon_heiles, 0.25, 20), ("kepler", attraction, 32, 1920)],
+    [
+        pytest.param("sho", spring, 0.5, 20, marks=SLOW),
+        ("henon_heiles", henon_heiles, 0.25, 20),
+        pytest.param("kepler", attraction, 32, 1920, marks=SLOW),
+    ],
 )
 def test_states_are_those_of_nh_integrate(method, system, force, tau, t_end):
     expected = nh.integrate(system, method, tau, t_end=t_end, summation="plain", samples=1)
@@ -103,6 +108,7 @@ def looped(method, times):
     return q, p
 
 
+@SLOW
 @pytest.mark.parametrize("method", [*ROLES, "ruth_s3o3"])
 def test_interval_need_not_be_a_multiple_of_steps(method):
     run = solved(spring, method, 2.0, 0.3, saveat=diffrax.SaveAt(t0=True, steps=True))
@@ -117,11 +123,11 @@ def test_interval_need_not_be_a_multiple_of_steps(method):
     ("method", "saved", "more"),
     [
         ("babs7o7h", diffrax.SaveAt(t1=True), 1),
-        ("babs7o7h", diffrax.SaveAt(ts=np.linspace(0, 5, 4)), 1),
+        pytest.param("babs7o7h", diffrax.SaveAt(ts=np.linspace(0, 5, 4)), 1, marks=SLOW),
         ("abas5o6h", diffrax.SaveAt(t1=True), 0),
-        ("abas5o6h", diffrax.SaveAt(steps=True), 0),
+        pytest.param("abas5o6h", diffrax.SaveAt(steps=True), 0, marks=SLOW),
         ("abas5o6h", diffrax.SaveAt(ts=np.linspace(0, 5, 4)), 2 * 10),
-        ("ruth_s3o3", diffrax.SaveAt(t1=True), 1),
+        pytest.param("ruth_s3o3", diffrax.SaveAt(t1=True), 1, marks=SLOW),
     ],
 )
 def test_step_evaluates_one_force_a_stage(method, saved, more):
@@ -130,6 +136,7 @@ def test_step_evaluates_one_force_a_stage(method, saved, more):
     assert len(calls) == 10 * stages(method) + more
 
 
+@SLOW
 @pytest.mark.parametrize("method", ROLES)
 def test_batch_equals_loop_and_costs_the_same(method):
     calls = []
@@ -147,6 +154,7 @@ def test_batch_equals_loop_and_costs_the_same(method):
         np.testing.assert_allclose(together[1][i], p, rtol=0, atol=ROUNDING)
 
 
+@SLOW
 @pytest.mark.parametrize("method", ROLES)
 @pytest.mark.parametrize("backwards", [False, True])
 def test_output_between_steps_has_order_four(method, backwards):
@@ -161,6 +169,7 @@ def test_output_between_steps_has_order_four(method, backwards):
     np.testing.assert_allclose(np.log2(np.divide(*errors)), 4, atol=0.2)  # 40 times miss the middle of some steps
 
 
+@SLOW
 def test_several_outputs_are_saved_together():
     energy = diffrax.SubSaveAt(steps=True, fn=lambda t, y, args: (y[0] @ y[0] + y[1] @ y[1]) / 2)
     ends = diffrax.SubSaveAt(t0=True, t1=True)
@@ -170,6 +179,7 @@ def test_several_outputs_are_saved_together():
     np.testing.assert_array_equal(run.ys[1][0][0], [1.0])
 
 
+@SLOW
 def test_trees_of_arrays_are_integrated():
     start = {"a": jnp.array([1.0]), "b": jnp.array([[2.0, 3.0]])}
     still = jax.tree_util.tree_map(jnp.zeros_like, start)
@@ -178,6 +188,7 @@ def test_trees_of_arrays_are_integrated():
     np.testing.assert_allclose(q["b"][-1], expected[-1] * np.array([[2.0, 3.0]]), rtol=1e-14)
 
 
+@SLOW
 @pytest.mark.parametrize("method", ROLES)
 def test_terms_that_depend_on_time_keep_the_order(method):
     """H = exp(-t/5) p^2/2 + exp(t/5) q^2/2 - sin(t) q without its force: q'' + q'/5 + q = 0."""
@@ -204,6 +215,7 @@ def slopes(method):
     return float(end(1.0)), float((end(1 + h) - end(1 - h)) / (2 * h))
 
 
+@SLOW
 @pytest.mark.parametrize("method", ROLES)
 @pytest.mark.parametrize("adjoint", ["RecursiveCheckpointAdjoint", "DirectAdjoint", "ForwardMode"])
 def test_derivatives_pass_through_the_solver(method, adjoint):
@@ -223,11 +235,13 @@ def test_derivatives_pass_through_the_solver(method, adjoint):
     assert float(by_stiffness) == pytest.approx(differences, abs=1e-8)
 
 
+@SLOW
 def test_backsolve_is_refused_by_diffrax():
     with pytest.raises(NotImplementedError, match="single term"):
         solved(spring, "babs7o7h", 3.0, 0.5, adjoint=diffrax.BacksolveAdjoint())
 
 
+@SLOW
 @pytest.mark.parametrize("method", ROLES)
 def test_run_goes_on_from_the_state_of_another(method):
     calls = []
@@ -243,7 +257,7 @@ def test_run_goes_on_from_the_state_of_another(method):
 
 
 @pytest.mark.parametrize("method", ROLES)
-@pytest.mark.parametrize("told", [{}, {"made_jump": True}])
+@pytest.mark.parametrize("told", [pytest.param({}, marks=SLOW), {"made_jump": True}])
 def test_changed_state_takes_a_fresh_force(method, told):
     half = solved(spring, method, 2.0, 0.5, saveat=diffrax.SaveAt(t1=True, solver_state=True))
     moved = (half.ys[0][-1] + 0.5, 0.5 * half.ys[1][-1])

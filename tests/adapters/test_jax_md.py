@@ -15,9 +15,10 @@ import nearharmonic as nh
 from nearharmonic.adapters import jax_md as adapter
 from nearharmonic.errors import SettingError, UnknownNameError
 
+SLOW = pytest.mark.slow
 KEY = [0, 1]
 #: Kick first, drift first, for quadratic T alone, and without symmetry.
-METHODS = ("leapfrog", "babs7o7h", "abas5o6h", "srkn_a14", "ruth_s3o3")
+METHODS = ("babs7o7h", "abas5o6h", *(pytest.param(name, marks=SLOW) for name in ("leapfrog", "srkn_a14", "ruth_s3o3")))
 #: Sums of a few hundred terms of size 1, each rounded to 1.1e-16, in an order that differs.
 ROUNDING = 1e-13
 
@@ -93,6 +94,7 @@ def stages(method):
     return len(tableau.kick) - (tableau.first == "kick")
 
 
+@SLOW
 @pytest.mark.parametrize("scale", [1.0, 3.0])
 def test_verlet_gives_states_of_nve_of_jax_md(scale):
     positions, edge = crystal()
@@ -154,6 +156,7 @@ def test_step_evaluates_one_force_a_stage(method):
     assert len(calls) == 10 * stages(method)
 
 
+@SLOW
 @pytest.mark.parametrize("method", ["babs7o7h", "abas5o6h"])
 def test_batch_equals_loop_and_costs_the_same(method):
     calls = []
@@ -169,7 +172,7 @@ def test_batch_equals_loop_and_costs_the_same(method):
         np.testing.assert_allclose(together.position[i], alone.position, rtol=0, atol=ROUNDING)
 
 
-@pytest.mark.parametrize("method", ["leapfrog", "babs7o7h", "abas5o6h"])
+@pytest.mark.parametrize("method", [pytest.param("leapfrog", marks=SLOW), "babs7o7h", "abas5o6h"])
 @pytest.mark.parametrize("batched", [False, True])
 def test_changed_position_takes_a_fresh_force(method, batched):
     init, apply = adapter.nve(oscillators, free, 0.1, method)
@@ -194,6 +197,7 @@ def test_state_of_jax_md_takes_a_fresh_force():
     np.testing.assert_allclose(after.position, run(apply, state, 2).position, rtol=0, atol=ROUNDING)
 
 
+@SLOW
 @pytest.mark.parametrize(("method", "order"), [("verlet", 2), ("babs7o7h", 4), ("abas5o6h", 4), ("srkn_a14", 6)])
 def test_energy_error_has_order_of_method(method, order):
     errors = []
@@ -214,6 +218,7 @@ def test_energy_error_has_order_of_method(method, order):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.6)
 
 
+@SLOW
 @pytest.mark.parametrize("method", ["babs7o7h", "abas5o6h"])
 def test_derivatives_pass_through_steps(method):
     """The end depends linearly on the start, and its derivative is the end of a run from 1."""
@@ -243,6 +248,7 @@ def test_step_of_a_call_replaces_step():
         apply(state, dt=-1)
 
 
+@SLOW
 def test_arguments_of_energy_reach_it():
     init, apply = adapter.nve(lambda R, stiffness: 0.5 * stiffness * jnp.sum(R**2), free, 0.1, "babs7o7h")
     hard = init(jnp.array(KEY, jnp.uint32), jnp.asarray(CLUSTER), kT=0.0, stiffness=4.0)

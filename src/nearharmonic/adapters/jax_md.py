@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from numbers import Real
 from typing import Any
 
@@ -104,9 +105,7 @@ def nve(
         state = library_init(key, R, kT, mass=mass, **kwargs)
         return NVEState(state.position, state.momentum, state.force, state.mass, state.position)
 
-    @jax.jit
-    def compiled(state: Any, dt: Any, kwargs: dict[str, Any]) -> Any:
-        return _step(splitting, force, shift, state, dt, kwargs)
+    compiled = jax.jit(partial(_step, splitting, force, shift))
 
     def apply(state: Any, **kwargs: Any) -> Any:
         dt = kwargs.pop("dt", step)
@@ -149,15 +148,13 @@ def _with_current_force(state: Any, evaluated: Callable[[Any], Any]) -> Any:
     return jax.lax.cond(_anywhere(changed), evaluated, lambda same: same, state)
 
 
-@jax.custom_batching.custom_vmap
-def _anywhere(condition: Any) -> Any:
-    """Return whether the condition holds for any member of a batch: ``vmap`` would evaluate both sides of a branch."""
-    return condition
-
-
-@_anywhere.def_vmap
-def _anywhere_in_batch(_size: int, _batched: Any, condition: Any) -> tuple[Any, bool]:
+def _any_of_batch(_size: int, _batched: Any, condition: Any) -> tuple[Any, bool]:
     return _anywhere(condition.any(axis=0)), False
+
+
+#: Whether a condition holds for any member of a batch: with one condition for each, ``vmap`` evaluates both branches.
+_anywhere = jax.custom_batching.custom_vmap(lambda condition: condition)
+_anywhere.def_vmap(_any_of_batch)
 
 
 def _check_step(key: str, step: Any) -> None:
