@@ -7,7 +7,7 @@ from typing import Any
 
 from blackjax.mcmc.integrators import generate_euclidean_integrator, generate_isokinetic_integrator
 
-from nearharmonic.adapters.method import method_for
+from nearharmonic.exchange.method import method_for
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators.tableau import Tableau
 

@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from nearharmonic.adapters.method import Method, method_for
+from nearharmonic.exchange.method import Method, method_for
 from nearharmonic.integrators.tableau import Tableau
 
 __all__ = ["Splitting"]

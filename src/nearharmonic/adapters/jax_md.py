@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax_md import dataclasses, quantity, simulate, util
 
-from nearharmonic.adapters.method import Method, method_for
+from nearharmonic.exchange.method import Method, method_for
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
 
