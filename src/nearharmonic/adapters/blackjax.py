@@ -7,8 +7,8 @@ from typing import Any
 
 from blackjax.mcmc.integrators import generate_euclidean_integrator, generate_isokinetic_integrator
 
-from nearharmonic.exchange.method import method_for
 from nearharmonic.errors import SettingError
+from nearharmonic.exchange.method import method_for
 from nearharmonic.integrators.tableau import Tableau
 
 __all__ = ["integrator", "isokinetic_integrator"]

@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax_md import dataclasses, quantity, simulate, util
 
-from nearharmonic.exchange.method import Method, method_for
 from nearharmonic.errors import bad_setting
+from nearharmonic.exchange.method import Method, method_for
 from nearharmonic.integrators.tableau import Tableau
 
 __all__ = ["NVEState", "nve"]
