@@ -290,7 +290,7 @@ def chains(build, start, draws):
 
 
 def check_moments(samples, means, variances):
-    """Within five standard errors, which the 32 independent chains give: one false alarm in 1e5 tries."""
+    """Within six standard errors, which the 32 independent chains give: Student's t has 1e-6 beyond them."""
     samples = samples[..., : len(means)]
     for estimate, exact in ((samples, means), ((samples - means) ** 2, variances)):
         of_chains = estimate.mean(axis=1)
@@ -300,8 +300,9 @@ def check_moments(samples, means, variances):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("posterior", POSTERIORS)
-@pytest.mark.parametrize("method", ["babs7o7h", "abas5o6h", "trained_light"])
+@pytest.mark.parametrize(
+    ("posterior", "method"), [*((name, "babs7o7h") for name in POSTERIORS), ("banana", "abas5o6h")]
+)
 def test_hmc_samples_the_posterior(posterior, method):
     density, moments, dimension, step_size = POSTERIORS[posterior]
     build = blackjax.hmc(density, step_size, jnp.ones(dimension), 3, integrator=adapter.integrator(method))
