@@ -53,10 +53,25 @@ _PAGES = {
         {},
         lambda: task("reproduction.pages.how_to.tailor:page", **on("how_to/tailor", _EVERY)),
     ),
+    "results/derivation": (
+        {"tables": [TABLE(f"derived_{name}") for name in ("counts", "solutions", "errors", "families", "routes")]},
+        {},
+        lambda: task("reproduction.pages.targets.derivation:page", **on("results/derivation", _METHODS)),
+    ),
+    "results/exact_oscillator": (
+        {"cube": CUBE("exact_oscillator")},
+        {},
+        lambda: task("reproduction.pages.targets.exact_oscillator:page", **on("results/exact_oscillator", _EVERY)),
+    ),
+    "results/stability": (
+        {"tables": [TABLE(stem) for stem in ("stability_henon_heiles", "stability_rounding", "kinetic_energy")]},
+        {},
+        lambda: task("reproduction.pages.targets.stability:page", **on("results/stability", _METHODS)),
+    ),
     "results/timings": (
         {"cube": CUBE("work_precision")},
         {},
-        lambda: task("reproduction.pages.timings:page", **on("results/timings", _EVERY)),
+        lambda: task("reproduction.pages.targets.timings:page", **on("results/timings", _EVERY)),
     ),
     "results/trained": (
         {"tables": [f"{RESULTS}/tables/trained_{name}.csv" for name in ("gains", "methods", "ideas", "long", "times")]},
@@ -69,7 +84,17 @@ _PAGES = {
         lambda: task("reproduction.pages.training:page", **on("results/training", _METHODS)),
     ),
 }
-_OF_TIMES = ("results/ranking", "results/timings")
+if any(systems[name].regularisation is not None for name in CONFIG.systems):  # as config/regularised.yaml has them
+    _PAGES["results/regularised"] = (
+        {"cube": CUBE("work_precision")},
+        {},
+        lambda: task(
+            "reproduction.pages.targets.regularised:page",
+            names=list(CONFIG.systems),
+            **on("results/regularised", _EVERY),
+        ),
+    )
+_OF_TIMES = ("results/ranking", "results/timings", "results/regularised")
 
 for _page, (_inputs, _pictures, _made) in _PAGES.items():
     _section, _, _name = _page.partition("/")
@@ -105,4 +130,4 @@ rule pages:
 
 rule pages_of_times:  # on a machine that does nothing else
     input:
-        [_FILLED[page] for page in _OF_TIMES],
+        [_FILLED[page] for page in _OF_TIMES if page in _PAGES],

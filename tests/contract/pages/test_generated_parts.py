@@ -13,12 +13,14 @@ from PIL import Image
 from nearharmonic.output import store
 from nearharmonic.output.dataset import variable
 from nearharmonic.recommendation.timings import variables
-from nearharmonic.reproduction.pages import examples, gallery, methods, ranking, timings, trained, training
+from nearharmonic.reproduction.pages import examples, gallery, methods, ranking, trained, training
 from nearharmonic.reproduction.pages.anharmonicity import NEW, Result, others
 from nearharmonic.reproduction.pages.how_to import tabulated, tailor
 from nearharmonic.reproduction.pages.how_to import variables as of_variables
+from nearharmonic.reproduction.pages.targets import derivation, exact_oscillator, regularised, stability, timings
 from nearharmonic.reproduction.report.shown.pictures import few_colours
 from support.cubes.figure_cubes import FACTS, label, timed
+from support.results.tables_of_targets import LINES, TABLES, write_crossings
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGES = {path.stem: path for path in DOCS.glob("*/*.md") if "<!-- end -->" in path.read_text(encoding="utf-8")}
@@ -142,6 +144,20 @@ def of_timings(monkeypatch, tmp_path):
     return timings.page(str(PAGES["timings"]), str(path), (), ())
 
 
+def of_regularised(monkeypatch, tmp_path):
+    """Regularised equations take a tenth of the time of the original ones."""
+    path, errors, groups = tmp_path / "times.h5", [1e-6, 1e-9, 1e-12], {}
+    for name, factor in (("kepler", 1), ("kepler_regularised", 0.1)):
+        found = [timed("babps9o7h", errors, [factor * time for time in (2e-5, 4e-5, 8e-5)])]
+        found += [timed("heyoka", errors[:2], [1e-5] * 2, kind="peer")] * (factor == 1)
+        for i, point in enumerate(point for curve in found for point in curve.points):
+            point.tau = 1 / (i + 1)
+        groups[name] = variables(found, "h")
+    problems = {name: {"system": name, "t_end": "20", "measures": ["max", "position"]} for name in groups}
+    store.write(path, {}, {**FACTS, "libraries": "heyoka 7", "problems": json.dumps(problems)}, groups=groups)
+    return regularised.page(str(PAGES["regularised"]), str(path), list(groups), (), ())
+
+
 def of_trained(monkeypatch, tmp_path):
     for name, text in TRAINED.items():
         (tmp_path / f"trained_{name}.csv").write_text(text)
@@ -157,14 +173,35 @@ def of_training(monkeypatch, tmp_path):
     return training.page(str(PAGES["training"]), (), light=str(path))
 
 
+def of_tables(module, name):
+    """Function that makes a page of the tables of a target."""
+
+    def made(monkeypatch, tmp_path):
+        for stem, text in TABLES[name].items():
+            (tmp_path / f"{stem}.csv").write_text(text)
+        return module.page(str(PAGES[name]), [*map(str, tmp_path.glob("*.csv"))], ())
+
+    return made
+
+
+def of_exact_oscillator(monkeypatch, tmp_path):
+    path = tmp_path / "cube.h5"
+    write_crossings(path)
+    return exact_oscillator.page(str(PAGES["exact_oscillator"]), str(path), (), ())
+
+
 def of_methods(monkeypatch, tmp_path):
     monkeypatch.setattr(methods, "parts", lambda: dict.fromkeys(("methods", "modified", "errors"), "| a |"))
     return methods.page(str(PAGES["methods"]), (), ())
 
 
-MADE = {"examples": of_examples, "files": of_files, "gallery": of_gallery, "methods": of_methods, "ranking": of_ranking,
-        "tabulated_potentials": of_tabulated_potentials, "tailor": of_tailor, "timings": of_timings,
-        "trained": of_trained, "training": of_training, "variables": of_all_variables}  # fmt: skip
+MADE = {
+    "derivation": of_tables(derivation, "derivation"), "stability": of_tables(stability, "stability"),
+    "exact_oscillator": of_exact_oscillator, "examples": of_examples, "files": of_files, "gallery": of_gallery,
+    "methods": of_methods, "ranking": of_ranking, "regularised": of_regularised, "tailor": of_tailor,
+    "tabulated_potentials": of_tabulated_potentials, "timings": of_timings, "trained": of_trained,
+    "training": of_training, "variables": of_all_variables,
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -196,6 +233,12 @@ def test_tables_of_trained_methods_show_the_numbers_of_the_results(made):
     assert {part for part, cell in CELLS.items() if cell in parts[part]} == set(parts)
 
 
+@pytest.mark.parametrize(("made", "lines"), LINES.items(), indirect=["made"])
+def test_parts_of_targets_show_the_numbers_of_their_tables(made, lines):
+    _, parts = split(made["page"])
+    assert {part for part, line in lines.items() if line in parts[part].splitlines()} == set(parts)
+
+
 @pytest.mark.parametrize("made", ["training"], indirect=True)
 def test_the_landscape_shows_the_numbers_of_the_searches(made):
     _, parts = split(made["page"])
@@ -210,6 +253,16 @@ def test_tables_of_times_have_milliseconds_and_ratios_to_the_shortest(made):
     assert "one trajectory | 0.4 | 0.8 | **1.8** |" in parts["ratios"]
     assert "### simple harmonic oscillator, t = 20\n\n| one trajectory | 10⁻³ | 10⁻⁶ | 10⁻⁹ | 10⁻¹² |" in parts["times"]
     assert f"| {label('ruth')} | **0.01** | **0.02** | **0.04** | 0.09 (1.8) |" in parts["times"]
+
+
+@pytest.mark.parametrize("made", ["regularised"], indirect=True)
+def test_tables_of_regularised_times_have_ratios_to_the_original_equations(made):
+    _, parts = split(made["page"])
+    energy, position = parts["times"].split("\n\n")
+    assert "| e = 0.206, energy | 10⁻⁶ | 10⁻⁹ | 10⁻¹² |" in energy
+    assert "| fastest method here, regularised | 0.002 (0.2) | 0.004 (0.4) | 0.008 |" in energy
+    assert "| heyoka (adaptive Taylor), original equations | 0.01 (1) | 0.01 (1) | not reached |" in energy
+    assert position.startswith("| e = 0.206, position |")
 
 
 @pytest.mark.parametrize("made", ["files"], indirect=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,15 +10,20 @@ import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants, kind_of
+from nearharmonic.reproduction.experiments.trained.comparison.resampling import CONFIDENCE
+from nearharmonic.reproduction.experiments.trained.ideas.oscillators import STRONGEST, WEAKEST
+from nearharmonic.reproduction.experiments.trained.long_runs.run import BACK, FINE, STARTS, TAU_PER_STAGE
 from nearharmonic.reproduction.experiments.trained.problems.named_systems import NAMED, named_ensembles
-from nearharmonic.reproduction.experiments.trained.problems.purposes import CHARGE
+from nearharmonic.reproduction.experiments.trained.problems.purposes import CHARGE, CHARGE_OF_ORBITS, ECCENTRICITIES
 from nearharmonic.reproduction.experiments.trained.proof.reductions import gains
 from nearharmonic.reproduction.experiments.trained.proof.run import log_errors
-from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
+from nearharmonic.reproduction.experiments.trained.proof.settings import ORBITS, ProofSettings
 from nearharmonic.reproduction.pages import trained
+from support.results.stated_numbers import ROOT, states
 
-ROOT = Path(__file__).parents[3]
-PAGE = (ROOT / "docs/results/trained.md").read_text(encoding="utf-8")
+PLACE = "docs/results/trained.md"
+PAGE = (ROOT / PLACE).read_text(encoding="utf-8")
+SETTINGS = ProofSettings()
 NUMBER = r"[+\N{MINUS SIGN}]\d+\.\d\d"
 pytestmark = pytest.mark.skipif(
     not any(name.startswith("trained_") for name in nh.integrators.registered), reason="no trained method is registered"
@@ -46,6 +50,25 @@ def test_page_methods_are_registered_and_all_registered_have_row():
     named = {row[0].strip("`") for row in rows("windows")}
     assert named == {name for name in contestants() if kind_of(name) == "trained"}
     assert set(re.findall(r"\btrained_[a-z0-9_]+", "".join(map(str, rows("widest") + rows("orbits"))))) <= named
+
+
+@pytest.mark.parametrize(
+    ("wanted", "words"),
+    [
+        (ECCENTRICITIES, ("of eccentricities", "ten periods each")),
+        ([float(SETTINGS.t_end)], ("radians of the fastest", "runs cover")),
+        ([100 * CONFIDENCE], ("by resampling the problems",)),
+        ([CHARGE], ("charged for their gradients", "most systems")),
+        ([CHARGE_OF_ORBITS], ("charged for their gradients", "Kepler orbits")),
+        ([WEAKEST, STRONGEST], ("except for strengths from",)),
+        ([SETTINGS.steps, TAU_PER_STAGE, STARTS], ("The runs have", "starts each")),
+        ([float(SETTINGS.steps * BACK)], ("The way back", "steps forwards and backwards")),
+        ([FINE], ("in double-double with the same coefficients",)),
+    ],
+)
+def test_settings_of_the_comparison_are_those_of_the_page(wanted, words):
+    assert ORBITS == 10
+    assert states(PLACE, wanted, *words)
 
 
 @pytest.mark.slow

@@ -16,7 +16,9 @@ from nearharmonic.errors import NearharmonicError, SettingError, SystemDefinitio
 from nearharmonic.systems.formulas.oscillator import remainder_formulas
 from support.oracles.multiprecision import digits_of
 from support.oracles.oscillator_steps import CHAIN, QUARTIC, Oscillators, henon_heiles
+from support.results.stated_numbers import states
 
+PAGE = "docs/results/exact_oscillator.md"
 EXACT = {"split": "exact_oscillator"}
 HENON_HEILES = Oscillators(nh.systems["henon_heiles"], ("1", "1"), henon_heiles)
 SYSTEMS = {"quartic": QUARTIC, "henon_heiles": HENON_HEILES, "chain": CHAIN}
@@ -59,9 +61,20 @@ def test_harmonic_oscillator_is_exact_to_rounding_over_hundred_thousand_steps(me
     tableau = nh.integrators[method]
     missed = sum(abs(0.4 * float(drift)) ** 3 for drift in tableau.drift) * 2.0**-53
     assert 0 < run.max_energy_error < 1e-17 * sqrt(4 * tableau.stages * steps) * 3 + missed * steps
-    assert run.max_energy_error < 1e-13  # as the page on it says
+    assert states(PAGE, [100, 0, 0.4, 1e-13, 1.7e-16], "steps of", "phase error")
+    assert run.max_energy_error < 1e-13
     for name, exact in (("q", cos(t_end)), ("p", -sin(t_end))):
         assert abs(digits_of(run, name)[0] - exact) < 1.7e-16 * t_end
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["aba864", "babps9o7h"])
+def test_extended_errors_of_hundred_thousand_steps_are_below_the_stated(method):
+    run = nh.integrate("sho", method, 0.4, t_end=40_000, samples=2, precision="extended", **EXACT)
+    assert states(PAGE, [1e-28], "In extended precision both")
+    assert run.max_energy_error < 1e-28
+    for name, exact in (("q", cos(40_000)), ("p", -sin(40_000))):
+        assert abs(digits_of(run, name)[0] - exact) < 1e-28 * 40_000
 
 
 def test_steps_longer_than_a_turn_are_as_exact():
@@ -94,6 +107,8 @@ def test_the_energy_floor_of_henon_heiles_is_a_few_roundings():
     the step: a walk of roundings of what a stage adds, 2^-53 * 0.002, of which 3 sqrt(250 000 * 6) are 8e-16."""
     taus = [0.002 * 14, 0.004 * 14]
     floor, coarse = nh.sweep("henon_heiles", "srkn_a14", taus, **EXACT).max_energy_error.values
+    (split,) = nh.sweep("henon_heiles", "srkn_a14", taus[:1]).max_energy_error.values
+    assert states(PAGE, [float(f"{floor:.1e}"), float(f"{split:.1e}")], "evaluations of SRKN 14a")
     assert coarse == pytest.approx(7.1e-15, rel=0.1)
     assert floor < 1e-15
     plain = nh.sweep("henon_heiles", "srkn_a14", taus[:1], summation="plain", **EXACT).max_energy_error.values

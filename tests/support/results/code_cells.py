@@ -10,8 +10,9 @@ from support.results.stated_numbers import ROOT
 def executed(page):
     """The names that the code cells of a page define."""
     cells = re.findall(
-        r"```\{code-cell\} ipython3\n(?:---\n.*?\n---\n)?(.*?)```", (ROOT / page).read_text("utf-8"), re.DOTALL
-    )
+        r"```\{code-cell\} i?python3\n(?:---\n.*?\n---\n)?(?::tags:[^\n]*\n)?(.*?)```",
+        (ROOT / page).read_text("utf-8"), re.DOTALL,
+    )  # fmt: skip
     assert cells
     names = {}
     for i, cell in enumerate(cells):

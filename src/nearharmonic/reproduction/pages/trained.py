@@ -33,6 +33,11 @@ def rows_of(path: str) -> list[Row]:
         return [{key: number(cell) for key, cell in row.items()} for row in csv.DictReader(file)]
 
 
+def tables_of(paths: Iterable[str], beginning: str) -> dict[str, list[Row]]:
+    """Return the rows of tables by their names without the common beginning."""
+    return {Path(path).stem.removeprefix(beginning): rows_of(path) for path in paths}
+
+
 def number(cell: str) -> float | str:
     try:
         return float(cell)
@@ -207,5 +212,4 @@ def parts(tables: Tables) -> dict[str, str]:
 
 def page(page: str, tables: Sequence[str], integrators: Sequence[str]) -> dict[str, str]:
     """Fill the page: ``tables`` are trained_*.csv."""
-    rows = {Path(path).stem.removeprefix("trained_"): rows_of(path) for path in tables}
-    return {"page": filled_page(page, parts(rows))}
+    return {"page": filled_page(page, parts(tables_of(tables, "trained_")))}

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from fractions import Fraction
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,12 +14,21 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.store import read
 from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.experiments.exact_oscillator import times
-from nearharmonic.reproduction.experiments.exact_oscillator.reductions import BEST, crossing, reduce, reduction
+from nearharmonic.reproduction.experiments.exact_oscillator.reductions import (
+    BEST,
+    CONFIDENCE,
+    crossing,
+    reduce,
+    reduction,
+)
 from nearharmonic.reproduction.experiments.exact_oscillator.run import largest_error, measure, radius, starts_on
 from nearharmonic.reproduction.experiments.exact_oscillator.settings import CHARGES, ExactOscillatorSettings
+from nearharmonic.reproduction.experiments.trained.ideas.oscillators import CHARGE
+from nearharmonic.reproduction.pages.targets.exact_oscillator import page as filled
 from nearharmonic.reproduction.tasks import job
+from support.results.stated_numbers import ROOT, states
 
-ROOT = Path(__file__).parents[4]
+PLACE = "docs/results/exact_oscillator.md"
 SMALL = ExactOscillatorSettings(integrators=("aba864",), energies=5, trajectories=6, t_end="20")
 
 
@@ -173,28 +180,23 @@ def test_times_are_measured_and_charged(small, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_page_states_crossings_and_leads_of_paper_config(tmp_path):
+def test_tables_of_the_page_are_those_of_the_papers_config(tmp_path):
     config = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
     asked = load({key: config[key] for key in ("name", "integrators", "systems", "exact_oscillator")})
-    page = (ROOT / "docs/results/exact_oscillator.md").read_text(encoding="utf-8")
     found = made(asked.methods, asked.exact_oscillator.methods, asked.exact_oscillator, tmp_path)
-    rows = found["table"].records()
-    values = {name: entry.values for name, entry in found["cube"].variables.items()}
-    found = {(r["exact oscillator"], f"{r['tau_per_stage']:g}", r["charge"]): r for r in rows if r["T + V"] == BEST}
-    stated = re.findall(r"^\| (\S.*?) \| (0\.05|0\.1) \| (.*?) \| (.*?) \|$", page, re.MULTILINE)
-    assert len(stated) == len(asked.exact_oscillator.methods) * len(asked.exact_oscillator.tau_per_stage)
-    for name, tau, *cells in stated:
-        assert cells == [_cell(found[name, tau, charge]) for charge in (1.0, 1.1)]
-    best, exact = values["energy_error"][..., 1].min(axis=1), values["exact_energy_error"][:, 0, ..., 1].min(axis=1)
-    leads = np.log10(best / exact)[:, [0, -1]].round(1).tolist()
-    ahead = re.search(r"method is (\S+) decades ahead .*? and (\S+) decades with 0\.05\. At H = 1/6 it is (\S+)", page)
-    assert ahead is not None
-    assert leads == [[float(ahead[1]), -float(ahead[3])], [float(ahead[2]), -float(ahead[3])]]
+    job.write(found["cube"], [str(tmp_path / "cube.h5")], {})
+    page = ROOT / PLACE
+    assert filled(str(page), str(tmp_path / "cube.h5"), (), ())["page"] == page.read_text(encoding="utf-8")
 
 
-def _cell(row):
-    low, at, high = (row[key] for key in ("amplitude_low", "amplitude", "amplitude_high"))
-    return f"{at:.3g} ({low:.3g} to {high:.3g})" if at else "nowhere"
+def test_the_page_states_settings_and_the_charge_of_an_evaluation():
+    settings = ExactOscillatorSettings()
+    assert states(PLACE, [settings.trajectories], "trajectories on each of", f"t = {settings.t_end}")
+    assert states(PLACE, [settings.energies], "energy surfaces", f"t = {settings.t_end}")
+    assert states(PLACE, [round(100 * CONFIDENCE)], "amplitude √(2H)", "intervals by resampling")
+    assert states(PLACE, [round(100 * (CHARGES[1] - 1))], "A charge of 1.1 assumes")
+    for place in (PLACE, "docs/results/trained.md"):
+        assert states(place, [round(100 * (CHARGE - 1))], " % ", "evaluation", *["T and V"] * (place == PLACE))
 
 
 CONFIG = {

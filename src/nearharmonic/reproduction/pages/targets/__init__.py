@@ -1,0 +1,1 @@
+"""Generated parts of pages on what one target of the workflow measures."""

@@ -1,0 +1,88 @@
+"""Tables that targets write, as short as can be, and what generated parts of pages make of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from nearharmonic.output.store import write_dataset
+
+#: Page -> the text of each table by its name.
+TABLES: dict[str, dict[str, str]] = {
+    "stability": {
+        "stability_henon_heiles": "integrator,energy,linear_limit_tau_per_stage,share_of_linear_limit\n"
+        "ruth,0.125,0.524,1.25\nruth,0.16666666666666666,0.524,nan\n",
+        "stability_rounding": "integrator,source,quantity,exponent,interval_95,brouwer\n" + "".join(
+            f"{name},{source},{what},{size},0.1,0.5\n"
+            for source in ("plain", "compensated", "extended")
+            for what in ("energy_error", "lag")
+            for name, size in (("ruth", 0.45), ("aba104", 0.75))
+        ),
+        "kinetic_energy": """\
+integrator,roles,error / Ruth's at A = 0.01,error / Ruth's at A = 0.1,error / Ruth's at A = 1
+ruth,own,1,1,1
+babps9o7h,own,2.5e-5,0.25,0.8
+babps9o7h,exchanged,1,1,1
+""",
+    },
+    "derivation": {
+        "derived_counts": "stages,harmonic order,complex solutions,real solutions by Sturm\n5,6,20,8\n",
+        "derived_solutions": """stages,solution,half of the outer row,half of the inner row
+5,1,0.15585936 -0.00702550 0.35116614,-0.68591955 0.99662959 0.37857993
+5,2,0.72146062 -0.33882062 0.11736000,1.46833461 -2.20334733 2.47002543
+6,1,0.5 0,0.25 0.5
+""",
+        "derived_errors": "solution,tau/s,\"max error, harmonic oscillator\"\n1,0.05,1e-8\n2,0.05,2.5e-5\n2,0.1,1\n",
+        "derived_families": """\
+set,free parameters,members found,members with a smaller sum,members with a smaller next kappa
+BABs7o7H,1,100,0.25,0.011
+""",
+        "derived_routes": """route,start,reached
+"adaptive simplex, 2048 bits","random, one of 3 in 70",solution 1
+"adaptive simplex, 2048 bits","random, one of 3 in 70",solution 1
+"adaptive simplex, 2048 bits","random, one of 3 in 70",not converged
+""",
+    },
+}  # fmt: skip
+#: Page -> a line of each of its parts.
+LINES = {
+    "stability": {
+        "limits": "| Ruth | 0.524 | 1.25 | none |", "kinetic": "| BAB's9o7H | 4 × 10⁴ | 4 | 1.2 |",
+        "rounding": "| double-double | phase | 0.5 | 0.45 | 0.60 | 0.75 | 1 of 2 |",
+    },
+    "derivation": {
+        "counts": "| 5 | 6 | 20 | 8 |", "families": "| BABs7o7H | 1 | 100 | 25 % | 1.1 % |",
+        "solutions": "| 0.7215, −0.3388 | 1.4683, −2.2033 |  | 2.5 × 10⁻⁵ |",
+        "route": "A short run selects 3 of 70 starts. Of these 2 reach 10⁻¹²⁸. They find 1 of the 2 solutions: "
+        "ABAs5o6H.",
+    },
+    "exact_oscillator": {
+        "leads": "| 0.1 | +1.0 | \N{MINUS SIGN}1.0 |",
+        "crossings": "| ABA864 | 0.1 | 0.2 (0.1 to 0.3) | nowhere |",
+    },
+}  # fmt: skip
+
+
+def write_crossings(path):
+    """A cube of one method that solves the oscillator exactly, ahead of another at the first of two energies."""
+    amplitudes = np.array([[0.2, 0.1, 0.3], [0, 0, 0]])
+    energy, bounds = amplitudes[:, 0] ** 2 / 2, amplitudes[:, 1:] ** 2 / 2
+    over = ("tau_per_stage", "charge", "exact_integrator")
+    cube = xr.Dataset(
+        {
+            "energy_error": (("tau_per_stage", "integrator", "energy", "quantile"), np.full((1, 1, 2, 1), 1e-5)),
+            "exact_energy_error": ((*over, "energy", "quantile"), [[[[[1e-6], [1e-4]]], [[[1.0], [1.0]]]]]),
+            "best_crossing": (over, energy[None, :, None]),
+            "best_crossing_interval": ((*over, "bound"), bounds[None, :, None]),
+            "crossing": ((*over, "integrator"), energy[None, :, None, None]),
+            "crossing_interval": ((*over, "integrator", "bound"), bounds[None, :, None, None]),
+        },
+        {
+            "tau_per_stage": [0.1], "charge": [1.0, 1.1], "exact_integrator": ["aba864"], "integrator": ["ruth"],
+            "energy": [1 / 80_000, 1 / 6], "quantile": [0.5], "bound": ["low", "high"],
+            "exact_label": ("exact_integrator", ["ABA864"]), "label": ("integrator", ["Ruth"]),
+        },
+    )  # fmt: skip
+    for one in cube.variables.values():
+        one.attrs = {"units": "1", "long_name": "number"}
+    write_dataset(path, cube, {})
