@@ -80,3 +80,34 @@ def test_python_file_of_integrator_is_verified_like_its_export(capsys):
         assert any(line.startswith("order = 4 for every separable H") for line in lines)
     assert main(["verify-tableau", f"{example}:six"]) == 2
     assert "unknown integrator" in capsys.readouterr().err
+
+
+def test_status_of_several_files_is_that_of_worst(capsys):
+    good, bad = path("libraries", "suzuki_yoshida_7"), path("libraries", "desolver_babs9o7h")
+    assert main(["verify-tableau", good, good]) == 0
+    assert main(["verify-tableau", good, bad]) == 1
+    assert main(["verify-tableau", good, bad, "none.toml"]) == 2
+    assert capsys.readouterr().err == "nearharmonic: none.toml: there is no such file\n"
+
+
+@pytest.mark.parametrize("form", ["table", "json", "csv"])
+def test_answer_for_several_files_holds_each_answer(form, capsys):
+    files = [path("libraries", name) for name in ("suzuki_yoshida_7", "desolver_babs9o7h")]
+    single = []
+    for file in files:
+        main(["verify-tableau", file, "--format", form])
+        single.append(capsys.readouterr().out)
+    main(["verify-tableau", *files, "--format", form])
+    found = capsys.readouterr().out
+    if form == "table":
+        assert found == "\n".join(single)
+    elif form == "json":
+        assert json.loads(found) == list(map(json.loads, single))
+    else:
+        rows = [f"{file},{row}" for file, text in zip(files, single, strict=True) for row in text.splitlines()[1:]]
+        assert found.splitlines() == ["file,claim,holds,proof", *rows]
+
+
+def test_nothing_is_printed_if_one_of_several_is_unreadable(capsys):
+    assert main(["verify-tableau", path("libraries", "suzuki_yoshida_7"), "none.toml"]) == 2
+    assert capsys.readouterr().out == ""

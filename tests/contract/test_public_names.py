@@ -112,14 +112,24 @@ def resolves(target, module, owner):
 
 def references(text):
     """Names that a docstring refers to by roles, and as ``nh.x``."""
-    return ROLE.findall(text) + re.findall(r"``(nh\.\w+)", text)
+    return ROLE.findall(text) + re.findall(r"``nh\.(\w+)", text)
+
+
+def modules_of(names):
+    """Modules, without adapters whose library is not installed."""
+    for name in names:
+        try:
+            yield import_module(name)
+        except ModuleNotFoundError as error:
+            if ".adapters." not in name or (error.name or "").startswith("nearharmonic"):
+                raise
 
 
 @pytest.mark.slow
 def test_references_in_docstrings_resolve():
     names = [info.name for info in walk_packages(nh.__path__, "nearharmonic.") if ".templates" not in info.name]
     found, missing = 0, []
-    for module in map(import_module, ["nearharmonic", *names]):
+    for module in modules_of(["nearharmonic", *names]):
         for one, owner in owners(module):
             for target in references(one.__doc__ or ""):
                 found += 1

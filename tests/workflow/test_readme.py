@@ -29,7 +29,7 @@ PAGES = (
     *sorted(page for page in (ROOT / "docs").glob("**/*.md") if "generated" not in page.parts),
 )
 #: Pages whose blocks another test runs, which looks at what they find.
-RUN_ELSEWHERE = {"stepper.md", "gallery.md"}
+RUN_ELSEWHERE = {"adapters.md", "gallery.md", "stepper.md"}
 #: Those of README that read no results run in test_wall.py.
 BLOCKS = {
     f"{page.name}-{i}": block

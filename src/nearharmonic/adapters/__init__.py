@@ -1,6 +1,12 @@
 """Methods inside other libraries, one module for each: ``nh.adapters.openmm``, ``nh.adapters.ase`` and others.
 
 A module imports its library when it is first asked for; an extra of the same name installs the library.
+
+Examples
+--------
+>>> import nearharmonic as nh
+>>> dir(nh.adapters)[:3]
+['ase', 'blackjax', 'diffrax']
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""``nearharmonic verify-tableau``: proves or refutes the claims of a file of coefficients."""
+"""``nearharmonic verify-tableau``: proves or refutes the claims of files of coefficients."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.output.answers import Answer
+from nearharmonic.output.answers import Answer, printed
 
 if TYPE_CHECKING:
     from nearharmonic.exchange.proof.nearest import Likeness
     from nearharmonic.exchange.proof.residuals import Order, Residual
     from nearharmonic.exchange.proof.verdict import Verdict
 
-HELP = "prove what a file of coefficients claims: sums, symmetry, orders, and which operator is first"
+HELP = "prove what files of coefficients claim: sums, symmetry, orders, and which operator is first"
 HEADER = ("claim", "holds", "proof")
 _ORDERS = ("harmonic_order", "momentum_order", "energy_order", "phase_order")
 
@@ -21,16 +21,35 @@ _ORDERS = ("harmonic_order", "momentum_order", "energy_order", "phase_order")
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command to ``parser``."""
     parser.add_argument(
-        "file", help="a .json, .toml or .csv file with the rows kick and drift, and claims, or FILE.py of an integrator"
+        "files",
+        metavar="file",
+        nargs="+",
+        help="a .json, .toml or .csv file with the rows kick and drift, and claims, or FILE.py of an integrator; "
+        "several files are read before the first is verified",
     )
 
 
 def answer(chosen: argparse.Namespace) -> Answer:
-    """Return a row for each claim; the status is 1 if one does not hold."""
+    """Return a row for each claim of each file; the status is 1 if one does not hold."""
     from nearharmonic.exchange.coefficient_file import read
     from nearharmonic.exchange.proof.verdict import Verdict
 
-    found = Verdict(read(chosen.file))
+    # All are read first: a file that cannot be read ends the command before it has printed anything.
+    found = [Verdict(file) for file in [read(place) for place in chosen.files]]
+    answers = [_of(one) for one in found]
+    if len(answers) == 1:
+        return answers[0]
+    return Answer(
+        header=("file", *HEADER),
+        rows=[[one.file.path, *row] for one, of_file in zip(found, answers, strict=True) for row in of_file.rows],
+        document=[of_file.document for of_file in answers],
+        status=max(of_file.status for of_file in answers),
+        text="\n".join(printed(of_file, "table") for of_file in answers),
+    )
+
+
+def _of(found: Verdict) -> Answer:
+    """Return the answer for one file."""
     failing, number = sum(not claim.holds for claim in found.claims), len(found.claims)
     verb = "does" if failing == 1 else "do"
     words = f"{failing} of {number} claims {verb} not hold" if failing else "all claims hold"

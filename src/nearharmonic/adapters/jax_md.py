@@ -1,0 +1,182 @@
+"""Methods as integrators of JAX MD at constant energy, in place of ``jax_md.simulate.nve``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from numbers import Real
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax_md import dataclasses, quantity, simulate, util
+
+from nearharmonic.errors import bad_setting
+from nearharmonic.exchange.method import Method, method_for
+from nearharmonic.integrators.tableau import Tableau
+
+__all__ = ["NVEState", "nve"]
+
+#: The default of JAX MD.
+UNIT_MASS = util.f32(1.0)
+
+Init = Callable[..., Any]
+Apply = Callable[..., Any]
+
+
+@dataclasses.dataclass
+class NVEState(simulate.NVEState):  # type: ignore[misc]  # JAX MD has no types
+    """State of JAX MD at constant energy, which knows where its force belongs.
+
+    Attributes
+    ----------
+    position, momentum, force, mass : Array
+        As in ``jax_md.simulate.NVEState``.
+    force_position : Array
+        Position at which ``force`` was evaluated. A method with kicks first ends at it; one with drifts first does not.
+    """
+
+    force_position: Any
+
+
+def nve(
+    energy_or_force: Callable[..., Any], shift: Callable[..., Any], step: float, method: str | Tableau
+) -> tuple[Init, Apply]:
+    """Return the two functions of a simulation at constant energy, as ``jax_md.simulate.nve`` does.
+
+    A step evaluates the force ``stages`` times: once for each kick, except that the last kick of a step and the first
+    of the next share a force if kicks are first. The state holds this force. If its position has been changed since,
+    the step evaluates the force again. So does each step from a ``jax_md.simulate.NVEState``, which does not tell.
+
+    Parameters
+    ----------
+    energy_or_force : callable
+        Energy (a scalar) or forces of the positions, shape (n, dimension), with further keyword arguments.
+    shift : callable
+        Function that displaces positions, from ``jax_md.space``.
+    step : float
+        Step size in the unit of time of the simulation; a traced number of JAX is not checked.
+    method : str or Tableau
+        Name of a registered integrator, path of a file, or a tableau, with kicks or drifts first.
+
+    Returns
+    -------
+    init : callable
+        ``init(key, R, kT, mass=1.0, **kwargs)``, which returns an :class:`NVEState` with momenta of temperature ``kT``.
+        Masses are one number or an array of shape (n,). Other arguments go to JAX MD and to the energy.
+    apply : callable
+        ``apply(state, **kwargs)``, one step. ``dt`` in place of ``step``, other arguments go to the energy and to
+        ``shift``. Both functions are compiled, and may be used inside ``jit``, ``vmap``, ``scan`` and ``grad``.
+
+    Raises
+    ------
+    UnknownNameError
+        There is no such integrator.
+    SettingError
+        The step is no finite number above 0, the method has modified potentials or a processor, or, from ``init``, a
+        mass is no finite number above 0 or the masses have another shape.
+
+    Notes
+    -----
+    The kinetic energy of particles is quadratic, so that all methods without modified potentials keep their order. JAX
+    MD rotates a ``rigid_body`` by a splitting of order 2, and every method then has this order at most.
+
+    A change of other arguments of the energy, such as a box, acts on the first kick of the next step only if the
+    position changes too, as in ``jax_md.simulate.nve``. ``init`` evaluates the force anew.
+
+    References
+    ----------
+    ``jax_md.simulate.nve``, whose step is ``method="verlet"``. JAX MD rounds its step to single precision.
+
+    Examples
+    --------
+    >>> import jax, nearharmonic as nh
+    >>> init, apply = nh.adapters.jax_md.nve(lambda R: 0.5 * (R**2).sum(), lambda R, dR: R + dR, 0.5, "babs7o7h")
+    >>> state = apply(init(jax.random.PRNGKey(0), jax.numpy.ones((2, 3)), kT=0.1))
+    """
+    _check_step("step", step)
+    splitting = method_for("JAX MD", method)
+    force = quantity.canonicalize_force(energy_or_force)
+    library_init, _ = simulate.nve(energy_or_force, shift)
+
+    def init(key: Any, R: Any, kT: Any, mass: Any = UNIT_MASS, **kwargs: Any) -> NVEState:
+        _check_masses(mass, R)
+        state = library_init(key, R, kT, mass=mass, **kwargs)
+        return NVEState(state.position, state.momentum, state.force, state.mass, state.position)
+
+    compiled = jax.jit(partial(_step, splitting, force, shift))
+
+    def apply(state: Any, **kwargs: Any) -> Any:
+        dt = kwargs.pop("dt", step)
+        _check_step("dt", dt)
+        return compiled(state, dt, kwargs)
+
+    return init, apply
+
+
+def _step(
+    method: Method, force: Callable[..., Any], shift: Callable[..., Any], state: Any, dt: Any, kwargs: dict[str, Any]
+) -> Any:
+    """Return the state after one step: pairs of a drift and a kick, and the kick before or the drift after them."""
+    number = jnp.result_type(*jax.tree_util.tree_leaves(state.position))
+    # In the precision of the state: a step in double precision must not promote it.
+    lengths = jnp.stack([jnp.asarray(move.coefficient * dt, number) for move in method.moves])
+    kick_first = method.first == "kick"
+
+    def evaluated(state: Any) -> Any:
+        state = state.set(force=force(state.position, **kwargs))
+        return state.set(force_position=state.position) if isinstance(state, NVEState) else state
+
+    def drift_and_kick(state: Any, pair: Any) -> tuple[Any, None]:
+        state = evaluated(simulate.position_step(state, shift, pair[0], **kwargs))
+        return simulate.momentum_step(state, pair[1]), None
+
+    if kick_first:
+        state = simulate.momentum_step(_with_current_force(state, evaluated), lengths[0])
+    pairs = (lengths[1:] if kick_first else lengths[:-1]).reshape(-1, 2)
+    state, _ = jax.lax.scan(drift_and_kick, state, pairs)  # compiles the force once, not once a stage
+    return state if kick_first else simulate.position_step(state, shift, lengths[-1], **kwargs)
+
+
+def _with_current_force(state: Any, evaluated: Callable[[Any], Any]) -> Any:
+    """Return the state with the force at its position, evaluated if the position has changed."""
+    if not isinstance(state, NVEState):
+        return evaluated(state)
+    pairs = zip(jax.tree_util.tree_leaves(state.position), jax.tree_util.tree_leaves(state.force_position), strict=True)
+    changed = jnp.stack([jnp.any(now != then) for now, then in pairs]).any()
+    return jax.lax.cond(_anywhere(changed), evaluated, lambda same: same, state)
+
+
+def _any_of_batch(_size: int, _batched: Any, condition: Any) -> tuple[Any, bool]:
+    return _anywhere(condition.any(axis=0)), False
+
+
+#: Whether a condition holds for any member of a batch: with one condition for each, ``vmap`` evaluates both branches.
+_anywhere = jax.custom_batching.custom_vmap(lambda condition: condition)
+_anywhere.def_vmap(_any_of_batch)
+
+
+def _check_step(key: str, step: Any) -> None:
+    """Raise an error for a step that is no finite number above 0, unless JAX traces it."""
+    if isinstance(step, jax.core.Tracer):
+        return
+    single = step.item() if isinstance(step, jax.Array | np.ndarray | np.generic) and step.ndim == 0 else step
+    number = isinstance(single, Real) and not isinstance(single, bool)
+    if not number or not 0 < float(single) < float("inf"):
+        raise bad_setting(key, step, "a finite number above 0")
+
+
+def _check_masses(mass: Any, position: Any) -> None:
+    """Raise an error for masses that are not above 0, or not one for each particle, unless JAX traces them."""
+    allowed = "finite numbers above 0"
+    for leaf in jax.tree_util.tree_leaves(mass):
+        if isinstance(leaf, jax.core.Tracer):
+            continue
+        numbers = isinstance(leaf, Real | np.ndarray | jax.Array)
+        if not numbers or not np.all((np.asarray(leaf) > 0) & np.isfinite(leaf)):
+            raise bad_setting("mass", leaf, allowed)
+    if isinstance(mass, np.ndarray | jax.Array) and isinstance(position, np.ndarray | jax.Array):
+        n = position.shape[0]
+        if mass.shape not in ((), (n,), (n, 1)):
+            raise bad_setting("mass", f"shape {mass.shape}", f"one number, or an array of shape ({n},)")

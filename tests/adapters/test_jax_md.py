@@ -1,0 +1,283 @@
+"""Methods in JAX MD: states, forces, masses, restarts, derivatives, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("jax_md", reason="JAX MD is not installed", exc_type=ImportError)
+
+import jax
+import jax.numpy as jnp
+from jax_md import energy, quantity, simulate, space
+
+import nearharmonic as nh
+from nearharmonic.adapters import jax_md as adapter
+from nearharmonic.errors import SettingError, UnknownNameError
+
+SLOW = pytest.mark.slow
+KEY = [0, 1]
+#: Kick first, drift first, for quadratic T alone, and without symmetry.
+METHODS = ("babs7o7h", "abas5o6h", *(pytest.param(name, marks=SLOW) for name in ("leapfrog", "srkn_a14", "ruth_s3o3")))
+#: Sums of a few hundred terms of size 1, each rounded to 1.1e-16, in an order that differs.
+ROUNDING = 1e-13
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _double_precision():
+    before = jax.config.jax_enable_x64
+    jax.config.update("jax_enable_x64", True)
+    yield
+    jax.config.update("jax_enable_x64", before)
+
+
+def free(position, change, **_):
+    return position + change
+
+
+def oscillators(position):
+    return 0.5 * jnp.sum(position**2)
+
+
+def henon_heiles(position):
+    x, y = position[0]
+    return (x * x + y * y) / 2 + x * x * y - y**3 / 3
+
+
+def pairs(position):
+    """Lennard-Jones energy of a free cluster."""
+    i, j = np.triu_indices(len(position), 1)
+    inverse = 1 / jnp.sum((position[i] - position[j]) ** 2, axis=-1) ** 3
+    return jnp.sum(4 * (inverse**2 - inverse))
+
+
+CLUSTER = np.array([[0.0, 0.0, 0.0], [1.15, 0.0, 0.0], [0.6, 1.0, 0.0], [0.55, 0.35, 0.95]])
+KICKED = np.array([[0.1, -0.2, 0.05], [-0.05, 0.1, 0.1], [0.0, 0.1, -0.15], [-0.05, 0.0, 0.0]])
+
+
+def crystal(cells=2, density=0.9):
+    """Positions of a face-centred cubic crystal with displaced atoms, and the edge of its box."""
+    corners = np.array([[0, 0, 0], [0.5, 0.5, 0], [0.5, 0, 0.5], [0, 0.5, 0.5]])
+    grid = np.stack(np.meshgrid(*[range(cells)] * 3, indexing="ij"), -1).reshape(-1, 1, 3)
+    edge = cells * (4 / density) ** (1 / 3)
+    positions = ((grid + corners).reshape(-1, 3) / cells) * edge
+    return positions + 0.02 * np.random.default_rng(3).standard_normal(positions.shape), edge
+
+
+def started(init, position, momentum, mass=1.0):
+    return init(jnp.array(KEY, jnp.uint32), jnp.asarray(position), kT=0.0, mass=mass).set(
+        momentum=jnp.asarray(momentum)
+    )
+
+
+def run(apply, state, steps):
+    return jax.lax.scan(lambda state, _: (apply(state), None), state, None, length=steps)[0]
+
+
+def counted(calls):
+    """The force of oscillators, which counts its evaluations at run time."""
+
+    def host(position):
+        calls.append(1)
+        return np.asarray(-position)
+
+    def force(position, **_):
+        shape = jax.ShapeDtypeStruct(position.shape, position.dtype)
+        return jax.pure_callback(host, shape, position, vmap_method="sequential")
+
+    return force
+
+
+def stages(method):
+    """The number of kicks, of which a first and a last one count as one."""
+    tableau = nh.integrators[method]
+    return len(tableau.kick) - (tableau.first == "kick")
+
+
+@SLOW
+@pytest.mark.parametrize("scale", [1.0, 3.0])
+def test_verlet_gives_states_of_nve_of_jax_md(scale):
+    positions, edge = crystal()
+    displacement, shift = space.periodic(edge)
+    potential = energy.lennard_jones_pair(displacement)
+    masses = scale * (1 + jnp.arange(len(positions)) % 3)
+    step = 1 / 256  # JAX MD rounds its step to single precision, which has this one
+    ends = []
+    for init, apply in (simulate.nve(potential, shift, step), adapter.nve(potential, shift, step, "verlet")):
+        state = init(jnp.array(KEY, jnp.uint32), jnp.asarray(positions), 0.3, mass=masses)
+        ends.append(run(apply, state, 50))
+    theirs, ours = ends
+    for name in ("position", "momentum", "force", "mass"):
+        bound = ROUNDING * (1 + np.abs(getattr(theirs, name)).max())
+        np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), rtol=0, atol=bound)
+    assert isinstance(ours, simulate.NVEState)
+    np.testing.assert_array_equal(ours.velocity, ours.momentum / ours.mass)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_states_are_those_of_nh_integrate(method):
+    q0, p0 = [0.3, 0.1], [-0.2, 0.25]
+    expected = nh.integrate("henon_heiles", method, 0.25, t_end=20, q0=q0, p0=p0, summation="plain")
+    init, apply = adapter.nve(henon_heiles, free, 0.25, method)
+    end = run(apply, started(init, [q0], [p0]), 80)
+    # 80 steps, 17 stages at most, half a unit in the last place each, grown by the motion of 20 units of time
+    np.testing.assert_allclose(end.position[0], expected.q.values[-1], rtol=0, atol=ROUNDING)
+    np.testing.assert_allclose(end.momentum[0], expected.p.values[-1], rtol=0, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("method", ["babs7o7h", "abas5o6h"])
+def test_heavy_atoms_move_less(method):
+    """A loop of numpy over the printed decimals, with springs to the origin and masses of each atom."""
+    tableau, masses, step = nh.integrators[method], np.array([1.0, 2.5, 7.0]), 0.3
+    position, momentum = CLUSTER[:3].copy(), KICKED[:3].copy()
+    init, apply = adapter.nve(oscillators, free, step, method)
+    state = run(apply, started(init, position, momentum, jnp.array(masses)), 10)
+    kicks, drifts = list(map(float, tableau.kick)), list(map(float, tableau.drift))
+    rows = [("kick", kicks), ("drift", drifts)] if tableau.first == "kick" else [("drift", drifts), ("kick", kicks)]
+    order = [(rows[i % 2][0], rows[i % 2][1][i // 2]) for i in range(len(kicks) + len(drifts))]
+    for _ in range(10):
+        for flow, c in order:
+            if flow == "kick":
+                momentum = momentum - c * step * position
+            else:
+                position = position + c * step * momentum / masses[:, None]
+    np.testing.assert_allclose(state.position, position, rtol=0, atol=ROUNDING)
+    np.testing.assert_allclose(state.momentum, momentum, rtol=0, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_step_evaluates_one_force_a_stage(method):
+    calls = []
+    init, apply = adapter.nve(counted(calls), free, 0.1, method)
+    state = jax.block_until_ready(started(init, CLUSTER, KICKED))
+    assert len(calls) == 1
+    calls.clear()
+    jax.block_until_ready(jax.jit(lambda state: run(apply, state, 10))(state))
+    assert len(calls) == 10 * stages(method)
+
+
+@SLOW
+@pytest.mark.parametrize("method", ["babs7o7h", "abas5o6h"])
+def test_batch_equals_loop_and_costs_the_same(method):
+    calls = []
+    init, apply = adapter.nve(counted(calls), free, 0.1, method)
+    starts = [started(init, scale * CLUSTER, KICKED) for scale in (1.0, 0.5, 2.0)]
+    loop = [run(apply, start, 5) for start in starts]
+    batch = jax.tree_util.tree_map(lambda *leaves: jnp.stack(leaves), *starts)
+    jax.block_until_ready((loop, batch))
+    calls.clear()
+    together = jax.block_until_ready(jax.jit(jax.vmap(lambda state: run(apply, state, 5)))(batch))
+    assert len(calls) == 3 * 5 * stages(method)
+    for i, alone in enumerate(loop):
+        np.testing.assert_allclose(together.position[i], alone.position, rtol=0, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("method", [pytest.param("leapfrog", marks=SLOW), "babs7o7h", "abas5o6h"])
+@pytest.mark.parametrize("batched", [False, True])
+def test_changed_position_takes_a_fresh_force(method, batched):
+    init, apply = adapter.nve(oscillators, free, 0.1, method)
+    state = run(apply, started(init, CLUSTER, KICKED), 3)
+    moved = state.set(position=state.position + 0.5, momentum=0.5 * state.momentum)
+    expected = apply(started(init, moved.position, moved.momentum))
+    if batched:
+        both = jax.tree_util.tree_map(lambda *leaves: jnp.stack(leaves), state, moved)
+        after = jax.tree_util.tree_map(lambda leaf: leaf[1], jax.vmap(apply)(both))
+    else:
+        after = apply(moved)
+    np.testing.assert_allclose(after.position, expected.position, rtol=0, atol=ROUNDING)
+    np.testing.assert_allclose(after.momentum, expected.momentum, rtol=0, atol=ROUNDING)
+
+
+def test_state_of_jax_md_takes_a_fresh_force():
+    init, apply = adapter.nve(oscillators, free, 0.1, "babs7o7h")
+    state = started(init, CLUSTER, KICKED)
+    stale = simulate.NVEState(state.position, state.momentum, 0 * state.force, state.mass)
+    after = run(apply, stale, 2)
+    assert type(after) is simulate.NVEState
+    np.testing.assert_allclose(after.position, run(apply, state, 2).position, rtol=0, atol=ROUNDING)
+
+
+@SLOW
+@pytest.mark.parametrize(("method", "order"), [("verlet", 2), ("babs7o7h", 4), ("abas5o6h", 4), ("srkn_a14", 6)])
+def test_energy_error_has_order_of_method(method, order):
+    errors = []
+    base = 0.002 * stages(method)
+    for step in (base, base / 2):
+        init, apply = adapter.nve(pairs, free, step, method)
+        state = started(init, CLUSTER, KICKED)
+
+        def after(state, apply=apply):
+            return pairs(state.position) + quantity.kinetic_energy(momentum=state.momentum, mass=state.mass)
+
+        _, energies = jax.lax.scan(
+            lambda state, _, apply=apply: (apply(state), after(state)), state, None, length=round(1.2 / step)
+        )
+        errors.append(np.abs(energies - energies[0]).max())
+    assert errors[0] > 1e-13  # above rounding
+    # The next even order contributes at these steps; a method of another order is 2 away.
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.6)
+
+
+@SLOW
+@pytest.mark.parametrize("method", ["babs7o7h", "abas5o6h"])
+def test_derivatives_pass_through_steps(method):
+    """The end depends linearly on the start, and its derivative is the end of a run from 1."""
+    init, apply = adapter.nve(oscillators, free, 0.2, method)
+
+    def end(x):
+        return run(apply, started(init, jnp.array([[x]]), jnp.array([[0.0]])), 7).position[0, 0]
+
+    one = end(1.0)
+    assert float(jax.grad(end)(0.3)) == pytest.approx(float(one), abs=ROUNDING)
+    assert float(jax.jvp(end, (0.3,), (1.0,))[1]) == pytest.approx(float(one), abs=ROUNDING)
+
+
+def test_single_precision_stays_single():
+    init, apply = adapter.nve(oscillators, free, 0.1, "babs7o7h")
+    key = jnp.array(KEY, jnp.uint32)
+    state = run(apply, init(key, jnp.asarray(CLUSTER, jnp.float32), kT=jnp.float32(0.1)), 3)
+    assert state.position.dtype == state.momentum.dtype == jnp.float32
+
+
+def test_step_of_a_call_replaces_step():
+    init, apply = adapter.nve(oscillators, free, 0.1, "babs7o7h")
+    _, double = adapter.nve(oscillators, free, 0.2, "babs7o7h")
+    state = started(init, CLUSTER, KICKED)
+    np.testing.assert_array_equal(apply(state, dt=0.2).position, double(state).position)
+    with pytest.raises(SettingError, match="dt = -1"):
+        apply(state, dt=-1)
+
+
+@SLOW
+def test_arguments_of_energy_reach_it():
+    init, apply = adapter.nve(lambda R, stiffness: 0.5 * stiffness * jnp.sum(R**2), free, 0.1, "babs7o7h")
+    hard = init(jnp.array(KEY, jnp.uint32), jnp.asarray(CLUSTER), kT=0.0, stiffness=4.0)
+    np.testing.assert_allclose(hard.force, -4 * CLUSTER, rtol=1e-15)
+    end = apply(hard, stiffness=4.0)
+    # cos(2 t) to the error of the method, of order 4, at 1/70 of a period
+    np.testing.assert_allclose(end.position, np.cos(0.2) * CLUSTER, rtol=1e-8)
+
+
+@pytest.mark.parametrize("step", [0, -0.1, float("nan"), float("inf"), "0.1", None, True, np.zeros(2)])
+def test_bad_step_is_refused(step):
+    with pytest.raises(SettingError, match="step = "):
+        adapter.nve(oscillators, free, step, "babs7o7h")
+
+
+@pytest.mark.parametrize(
+    "mass",
+    [0.0, -1.0, float("nan"), float("inf"), "heavy", np.array([1.0, 0.0, 1.0, 1.0]), np.ones(3), np.ones((4, 3))],
+)
+def test_bad_mass_is_refused(mass):
+    init, _ = adapter.nve(oscillators, free, 0.1, "babs7o7h")
+    with pytest.raises(SettingError, match="mass = "):
+        init(jnp.array(KEY, jnp.uint32), jnp.asarray(CLUSTER), kT=0.1, mass=mass)
+
+
+def test_unfit_methods_are_refused():
+    with pytest.raises(UnknownNameError, match="'babs7o7h'"):
+        adapter.nve(oscillators, free, 0.1, "babs7o7")
+    with pytest.raises(SettingError, match="JAX MD has no hook"):
+        adapter.nve(oscillators, free, 0.1, "chin_4a")
+    with pytest.raises(SettingError, match="cannot run in JAX MD"):
+        adapter.nve(oscillators, free, 0.1, "rowlands")
