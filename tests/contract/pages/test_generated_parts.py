@@ -211,7 +211,8 @@ def of_methods(monkeypatch, tmp_path):
 
 
 MADE = {
-    "crystals": of_crystals, "derivation": of_tables(derivation, "derivation"), "stability": of_tables(stability, "stability"),
+    "crystals": of_crystals, "derivation": of_tables(derivation, "derivation"),
+    "stability": of_tables(stability, "stability"),
     "exact_oscillator": of_exact_oscillator, "examples": of_examples, "files": of_files, "gallery": of_gallery,
     "methods": of_methods, "ranking": of_ranking, "regularised": of_regularised, "tailor": of_tailor,
     "tabulated_potentials": of_tabulated_potentials, "timings": of_timings, "trained": of_trained,
