@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from support.results.stated_numbers import ROOT, flat, states
-from support.results.tables_of_targets import benchmark
+from support.results.tables_of_targets import MEASURED, benchmark, filled_by
 
 TIMES = "docs/results/timings.md"
 #: Page of each command that has one.
@@ -129,6 +129,20 @@ def test_help_of_a_command_names_its_page(command, monkeypatch, capsys):
     with pytest.raises(SystemExit):
         benchmark(command, monkeypatch).main()
     assert f"write the tables to {PAGES[command]}," in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_page_keeps_its_tables_where_heyoka_is_missing(monkeypatch, tmp_path):
+    own = {"henon_heiles": {(1e-18, "a"): 0.01}}
+    monkeypatch.setitem(MEASURED, "beyond_double", own)
+    with pytest.raises(SystemExit, match="the page stays as it is"):
+        filled_by(["beyond_double"], "<!-- extended -->\nold\n<!-- end -->", monkeypatch, tmp_path)
+    assert (tmp_path / TIMES).read_text(encoding="utf-8") == "<!-- extended -->\nold\n<!-- end -->"
+
+
+def test_a_page_keeps_its_tables_where_no_case_was_counted(monkeypatch, tmp_path):
+    monkeypatch.setitem(MEASURED, "trials", {})
+    text = "<!-- quick -->\nold\n<!-- end -->"
+    assert filled_by(["trials --quick"], text, monkeypatch, tmp_path) == text
 
 
 def test_page_of_releases_lists_the_commands_and_their_pages():
