@@ -1,6 +1,7 @@
 """Time to reach energy errors below the rounding of doubles: double-double here, heyoka in quadruple precision.
 
-Run: ``python benchmarks/beyond_double.py`` (about five minutes; heyoka built with quadruple precision adds its lines).
+Run: ``python benchmarks/beyond_double.py`` (about five minutes; heyoka built with quadruple precision adds its lines);
+``--page`` writes the tables to ``docs/results/timings.md``.
 Whole calls of prepared problems that return the final state, interleaved on one core, least of the repeats, in ms. The
 error is the largest |H/H0 - 1| over every step here, and over a grid of times in heyoka; both runs are of [0, t_end] of
 the system.
@@ -11,15 +12,20 @@ from __future__ import annotations
 from math import inf
 
 import numpy as np
-from timing import asked, shortest
+from timing import asked, short, shortest, show
 
 import nearharmonic as nh
+from nearharmonic.numerics.clock import processor
+from nearharmonic.output.page import pipes
+from nearharmonic.reproduction.pages.targets.timings import power
 
+PAGE = "docs/results/timings.md"
 TARGETS = (1e-18, 1e-22, 1e-26)
-METHODS = ("srkn_a14", "srkn_a19", "teloy_8a17c", "s17odr8a", "sofspa_s19o8", "sofspa_s35o10")
+METHODS = ("srkn_a14", "srkn_a19", "teloy_8a17c", "sofspa_s35o10")
 #: Physical problems, in the systems in which we integrate each.
 PROBLEMS = {"henon_heiles": ("henon_heiles",), "kepler": ("kepler", "kepler_regularised")}
 GRID = 500
+HEYOKA = "heyoka, real128"
 
 
 def coarsest(problem, stages):
@@ -42,8 +48,15 @@ def ours(systems):
             tableau = nh.integrators[name]
             measured, timed = (nh.problem(system, name, precision="extended", energy=how) for how in ("every", "none"))
             for target, tau in coarsest(measured, tableau.stages).items():
-                calls[target, f"{tableau.label}, {system}"] = lambda timed=timed, tau=tau: timed(tau).q[-1]
+                calls[target, label(name, system)] = lambda timed=timed, tau=tau: timed(tau).q[-1]
     return calls
+
+
+def label(name, system):
+    """A method and its order; regularised equations are named."""
+    regularised = nh.systems[system].regularisation is not None
+    tableau = nh.integrators[name]
+    return f"{tableau.label}, order {tableau.order}{', regularised' if regularised else ''}"
 
 
 def theirs(name):
@@ -84,24 +97,49 @@ def theirs(name):
             integrator.propagate_until(end)
             return integrator.state
 
-        reached = {(target, "heyoka, real128"): call for target in TARGETS if error <= real(repr(target))}
+        reached = {(target, HEYOKA): call for target in TARGETS if error <= real(repr(target))}
         calls = reached | calls
         if len(calls) == len(TARGETS):
             break
     return calls
 
 
-def main() -> None:
-    repeats = asked(__doc__, 9)
-    for name, systems in PROBLEMS.items():
-        calls = ours(systems) | theirs(name)
-        best = shortest(calls, repeats)
-        heads = " | ".join(f"{target:.0e}" for target in TARGETS)
-        print(f"\n| {nh.systems[name].label}, t = {nh.systems[name].t_end} | {heads} |")
-        print("|---|" + "---:|" * len(TARGETS))
+def measured(repeats):
+    """Seconds of the calls of each problem, by (target, label)."""
+    return {name: shortest(ours(systems) | theirs(name), repeats) for name, systems in PROBLEMS.items()}
+
+
+def parts(times, machine):
+    """The tables of the page, in ms; the least time of each target is bold."""
+    texts = []
+    for name, best in times.items():
+        head = f"{nh.systems[name].label}, t = {nh.systems[name].t_end}"
+        least = [min((t for (target, _), t in best.items() if target == one), default=inf) for one in TARGETS]
+        rows = []
         for label in dict.fromkeys(label for _, label in best):
-            cells = [f"{1e3 * best[t, label]:.2f}" if (t, label) in best else "-" for t in TARGETS]
-            print(f"| {label} | " + " | ".join(cells) + " |")
+            found = [best.get((target, label), inf) for target in TARGETS]
+            rows.append([label, *map(cell, found, least)])
+        texts.append("\n".join(pipes([head, *map(power, TARGETS)], rows, align="lr")))
+    return {"extended": "\n\n".join([*texts, f"Machine: {machine}."])}
+
+
+def cell(seconds, least):
+    """A time in ms."""
+    if seconds == inf:
+        return "not reached"
+    text = short(1e3 * seconds)
+    return f"**{text}**" if text == short(1e3 * least) else text
+
+
+def main() -> None:
+    options = asked(__doc__, 9, page=PAGE)
+    times = measured(options.repeats)
+    complete = all(HEYOKA in {label for _, label in best} for best in times.values())
+    show(parts(times, processor()), PAGE, options.page and complete)
+    if options.page and not complete:
+        raise SystemExit(
+            "the page stays as it is: it compares with heyoka in quadruple precision, which is not installed"
+        )
 
 
 if __name__ == "__main__":

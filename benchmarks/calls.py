@@ -21,7 +21,7 @@ CALLS = {
 
 
 def main() -> None:
-    for name, seconds in shortest(CALLS, asked(__doc__, 3000)).items():
+    for name, seconds in shortest(CALLS, asked(__doc__, 3000).repeats).items():
         print(f"{name:28s}{1e6 * seconds:8.0f} microseconds")
 
 

@@ -34,7 +34,9 @@ def main() -> None:
         done = integrate_ensemble(tableau, TAU_PER_STAGE * tableau.stages, T_END, starts[size], surfaces=1)
         evaluations[name, size] = done.evaluations
 
-    best = shortest({(name, size): partial(run, name, size) for name in METHODS for size in SIZES}, asked(__doc__, 30))
+    best = shortest(
+        {(name, size): partial(run, name, size) for name in METHODS for size in SIZES}, asked(__doc__, 30).repeats
+    )
     print("method        trajectories   evaluations      ms   ns per evaluation")
     for (name, size), seconds in best.items():
         count = evaluations[name, size]

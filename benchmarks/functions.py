@@ -1,8 +1,9 @@
 """Cost of the functions of formulas, beside division, a hand-written vector sine and the C library, interleaved.
 
-Run: ``python benchmarks/functions.py`` (about 20 s; needs a C compiler as ``cc``). Prints sines by hand in C, by the C
-library and ours; a stage of the pendulum in C with the library's sine and in our kernels; and for each function the
-nanoseconds per number at one lane and at eight, the smallest over the repeats, and their ratio to a division.
+Run: ``python benchmarks/functions.py`` (about 20 s; needs a C compiler as ``cc``); ``--page`` writes the costs to
+``docs/how_to/formulas.md``. Prints sines by hand in C, by the C library and ours; a stage of the pendulum in C with the
+library's sine and in our kernels; and for each function the nanoseconds per number at one lane and at eight, the
+smallest over the repeats, and their ratio to a division.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from fractions import Fraction
 
 import numpy as np
 from lanes import lane_rows, lanes_of
-from timing import asked, compiled, shortest
+from timing import asked, compiled, short, shortest, show
 
 from nearharmonic.core import arithmetic
 from nearharmonic.core.formulas.number import FUNCTIONS
@@ -25,8 +26,11 @@ from nearharmonic.engine.numbers.coefficients import moves, parameter_row, start
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import integrators
 from nearharmonic.math import cos, sin
+from nearharmonic.numerics.clock import processor
+from nearharmonic.output.page import pipes
 from nearharmonic.systems import System
 
+PAGE = "docs/how_to/formulas.md"
 COUNT, TIMES = 512, 40
 FLAGS = ("-O3", "-march=native", "-mprefer-vector-width=512", "-fno-math-errno")
 METHOD, TAU, STEPS = "aba864", Fraction(1, 10), 20_000
@@ -65,7 +69,7 @@ def timed(calls, repeats):
     return {name: 1e9 * t for name, t in shortest(calls, repeats).items()}
 
 
-def measure(library, repeats):
+def costs(library, repeats):
     """Nanoseconds per number: (name, lanes) -> time."""
     calls = {}
     random = np.random.default_rng(1)
@@ -111,8 +115,8 @@ def pendulums(library, repeats):
     return {name: t / (STEPS * tableau.stages * (name if name == 8 else 1)) for name, t in best.items()}
 
 
-def main() -> None:
-    repeats = asked(__doc__, 30)
+def measured(repeats):
+    """Print all that is measured; return the nanoseconds of the functions by (name, lanes)."""
     with tempfile.TemporaryDirectory() as folder:
         library = compiled("functions.c", folder, *FLAGS)
         found = sines(library, repeats)
@@ -120,11 +124,28 @@ def main() -> None:
         print(f"ours / by hand {found['ours'] / found['by hand']:.2f}")
         found = pendulums(library, repeats)
         print("pendulum, ns per stage: " + ", ".join(f"{name} {t:.3f}" for name, t in found.items()))
-        times = measure(library, repeats)
-        print(f"{'ns per number':26s}  1 lane  8 lanes  / division")
-        for name in dict.fromkeys(name for name, _ in times):
-            one, eight = times[name, 1], times[name, 8]
-            print(f"{name:26s} {one:7.2f} {eight:8.3f} {eight / times['division', 8]:11.1f}")
+        times = costs(library, repeats)
+    print(f"{'ns per number':26s}  1 lane  8 lanes  / division")
+    for name in dict.fromkeys(name for name, _ in times):
+        one, eight = times[name, 1], times[name, 8]
+        print(f"{name:26s} {one:7.2f} {eight:8.3f} {eight / times['division', 8]:11.1f}")
+    return times
+
+
+def parts(times, machine):
+    """The table of the page: eight lanes, in units of a division of doubles."""
+    unit = times["division", 8]
+    rows = [
+        [f"`{name}`", *(short(times[f"{name}{kind}", 8] / unit) for kind in ("", ", double-double"))]
+        for name in ("sqrt", *FUNCTIONS)
+    ]
+    table = pipes(["function", "cost of doubles", "cost of double-doubles"], rows, align="lr")
+    return {"costs": "\n".join([*table, "", f"A division of doubles takes {unit:.2f} ns. Machine: {machine}."])}
+
+
+def main() -> None:
+    options = asked(__doc__, 30, page=PAGE)
+    show(parts(measured(options.repeats), processor()), PAGE, options.page)
 
 
 if __name__ == "__main__":

@@ -69,7 +69,7 @@ def contest(error, ours, theirs, repeats):
 
 
 def main() -> None:
-    repeats = asked(__doc__, 10)
+    repeats = asked(__doc__, 10).repeats
     errors = (1e-6, 1e-9, 1e-12)
     ours = {name: fewest_steps(name, errors) for name in METHODS}
     attempts = {tolerance: heyoka_taylor(PENDULUM, T_END, tolerance) for tolerance in TOLERANCES}

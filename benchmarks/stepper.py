@@ -1,6 +1,7 @@
 """Time of a step inside a loop of numba, beside that of a run and of a leapfrog written by hand.
 
-Run: ``python benchmarks/stepper.py`` (half a minute). Times are minima of calls that take turns on one core.
+Run: ``python benchmarks/stepper.py`` (half a minute); ``--page`` writes the table to ``docs/how_to/stepper.md``. Times
+are minima of calls that take turns on one core.
 """
 
 from __future__ import annotations
@@ -9,15 +10,17 @@ from pathlib import Path
 
 import numba
 import numpy as np
-from timing import shortest
+from timing import asked, shortest, show
 
 import nearharmonic as nh
+from nearharmonic.numerics.clock import processor
+from nearharmonic.output.page import pipes
 
+PAGE = "docs/how_to/stepper.md"
 CHAIN = str(Path(__file__).parents[1] / "examples/fput_recurrence.py")
 #: Step size, and steps of a call.
 SETTINGS = {"henon_heiles": (0.1, 200_000), "kepler": (36.0, 100_000), CHAIN: (0.1, 20_000)}
 METHODS = ("leapfrog", "babs7o7h")
-REPEATS = 20
 
 
 @numba.njit
@@ -75,20 +78,35 @@ def looped(step, system, tau, steps):
     return lambda: loop(q0.copy(), p0.copy(), tau, steps)
 
 
-def main():
-    print("| system | method | step | run | leapfrog by hand |\n|---|---|---:|---:|---:|")
+def measured(repeats):
+    """Seconds a step of each system, by (method, step or run), and of the leapfrog by hand."""
+    found = {}
     for name, (tau, steps) in SETTINGS.items():
         system = nh.systems[name]
-        calls = {"hand": looped(BY_HAND[name], system, tau, steps)}
+        calls = {"by hand": looped(BY_HAND[name], system, tau, steps)}
         for method in METHODS:
             calls[method, "step"] = looped(nh.stepper(system, method), system, tau, steps)
             problem = nh.problem(system, method, t_end=tau * steps, summation="plain", energy="none")
             calls[method, "run"] = lambda problem=problem, tau=tau: problem(tau)
-        times = {key: 1e9 * seconds / steps for key, seconds in shortest(calls, REPEATS).items()}
+        found[name] = {key: seconds / steps for key, seconds in shortest(calls, repeats).items()}
+    return found
+
+
+def parts(times, machine):
+    """The table of the page, in ns."""
+    rows = []
+    for name, one in times.items():
         for method in METHODS:
-            hand = f"{times['hand']:.0f}" if method == "leapfrog" else ""
-            numbers = f"{times[method, 'step']:.0f} | {times[method, 'run']:.0f} | {hand}"
-            print(f"| {system.label} | {nh.integrators[method].label} | {numbers} |")
+            found = [one[method, "step"], one[method, "run"], *([one["by hand"]] if method == "leapfrog" else [])]
+            cells = [f"{1e9 * t:.0f}" for t in found]
+            rows.append([nh.systems[name].label, nh.integrators[method].label, *cells, *[""] * (3 - len(cells))])
+    table = pipes(["system", "method", "step", "run", "leapfrog by hand"], rows, align="llr")
+    return {"steps": "\n".join([*table, "", f"Machine: {machine}."])}
+
+
+def main() -> None:
+    options = asked(__doc__, 20, page=PAGE)
+    show(parts(measured(options.repeats), processor()), PAGE, options.page)
 
 
 if __name__ == "__main__":

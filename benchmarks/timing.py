@@ -1,4 +1,4 @@
-"""Common parts of the benchmarks: interleaved times on one core, the option ``--repeats``, and compiled C files."""
+"""Common parts of the benchmarks: interleaved times on one core, options, tables of pages, and compiled C files."""
 
 from __future__ import annotations
 
@@ -9,13 +9,38 @@ from math import inf
 from pathlib import Path
 
 from nearharmonic.numerics.clock import Patience, interleaved, pinned
+from nearharmonic.output.atomic import write_text
+from nearharmonic.output.page import filled_page
+
+#: Where the pages are.
+ROOT = Path(__file__).parents[1]
 
 
-def asked(page, default, option="repeats", what="interleaved repeats of each call"):
-    """Value of the only option of a benchmark; the help has the first line of its docstring."""
-    parser = argparse.ArgumentParser(description=page.split("\n", maxsplit=1)[0])
+def parser_of(doc, page=None):
+    """Parser of a benchmark: its help has the first line of the docstring; ``--page`` fills a page that it has."""
+    parser = argparse.ArgumentParser(description=doc.split("\n", maxsplit=1)[0])
+    if page:
+        parser.add_argument("--page", action="store_true", help=f"write the tables to {page}, on a quiet machine")
+    return parser
+
+
+def asked(doc, default, option="repeats", what="interleaved repeats of each call", page=None):
+    """Options of a benchmark with one number, and ``--page`` if it has a page."""
+    parser = parser_of(doc, page)
     parser.add_argument(f"--{option}", type=int, default=default, help=f"{what} (default {default})")
-    return getattr(parser.parse_args(), option)
+    return parser.parse_args()
+
+
+def show(parts, page, fill):
+    """Print the generated parts of a page, and write them there if ``fill`` is true."""
+    print("\n\n".join(parts.values()))
+    if fill:
+        write_text(ROOT / page, filled_page(ROOT / page, parts))
+
+
+def short(number, decimals=1, below=10):
+    """A number with ``decimals`` below a bound, and one less from there on."""
+    return f"{number:.{decimals if round(number, decimals) < below else decimals - 1}f}"
 
 
 def shortest(calls, repeats):

@@ -99,7 +99,7 @@ def energies(repeats):
 
 
 def main() -> None:
-    members = asked(__doc__, 100_000, "members", "members of the ensembles")
+    members = asked(__doc__, 100_000, "members", "members of the ensembles").members
     prepared_calls(3000)
     energies(100)
     ensembles(members, 5)

@@ -28,47 +28,11 @@ from nearharmonic.reproduction.pages.targets import (
 )
 from nearharmonic.reproduction.report.shown.pictures import few_colours
 from support.cubes.figure_cubes import FACTS, label, timed
-from support.results.tables_of_targets import LINES, TABLES, write_crossings
+from support.results.tables_of_targets import CELLS, LINES, TABLES, TRAINED, filled_by, write_crossings
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGES = {path.stem: path for path in DOCS.glob("*/*.md") if "<!-- end -->" in path.read_text(encoding="utf-8")}
 MARKED = sorted(PAGES)
-#: Rows of a table of the results of each kind, two ensembles, one of which is of orbits.
-TRAINED = {
-    "gains": """ensemble,tau_per_stage,best published,log10_error,best trained,log10_error_trained,gain,\
-gain_low,gain_high,verdict
-"d = 2, 0.01 to 0.5",0.1,srkn_a14,-5,trained_light,-5.5,0.5,0.4,0.6,ahead
-Morse,0.1,srkn_a14,-5,trained_light,-4.75,-0.25,-0.3,-0.2,behind
-"Kepler, e 0.02",0.1,ruth,-3,trained_orbits,-4,1,0.9,1.1,ahead
-""",
-    "methods": """method,ensemble,ahead_from,ahead_to,largest_gain
-trained_light,"d = 2, 0.01 to 0.5",0.1,0.2,0.5
-trained_light,Morse,nan,nan,nan
-""",
-    "ideas": """tau_per_stage,anharmonicity,ahead,ahead with T + V
-0.1,0.01,exact_oscillator,trained
-0.1,0.1,exact_oscillator,general
-""",
-    "long": """system,method,sum of coefficients,max_energy_error,trend,trend_half_width,return_compensated,\
-rounding_plain,rounding_ratio
-morse,trained_light,3.5,1e-5,-1e-9,2e-9,1e-13,1e-14,1.25
-""",
-    "times": """ensemble,tau_per_stage,ns_lanes,ns_single,charge_lanes,charge_single,gain,gain_lanes,gain_single
-"d = 2, 0.001 to 0.01",0.1,0.5,7.5,2,0.8,0.5,0.5,0.5
-"d = 2, 0.01 to 0.5",0.1,0.5,7.5,2,0.8,0.5,0.5,0.25
-"Kepler, e 0.02",0.1,1,9,2,1,1,1.5,0.75
-""",
-}
-#: A cell of each table that they give: the numbers above, as a page has them.
-CELLS = {
-    "gains": "| Morse | −0.25 |",
-    "widest": "| 0.1 | SRKN 14a | −5.00 | trained_light | −5.50 | **+0.50** (+0.40 to +0.60) |",
-    "orbits": "| 63 | Ruth | −3.00 | trained_orbits | −4.00 | **+1.00** (+0.90 to +1.10) | +1.50 | +0.75 |",
-    "losses": "| Morse | 0.1 | SRKN 14a | +0.25 |", "windows": "| 0.1 to 0.2, +0.50 |",
-    "ideas": "| 0.1 | oscillator solved exactly 0.1 | trained 0.01, general 0.1 |",
-    "long": "| morse | trained_light | 3.5 | 1.0e-05 | -1e-09 | 2e-09 | 1e-13 | 1e-14 | 1.2 |",
-    "times": "| random potentials, d = 2 | 0.5 | 7.5 | 2 | 0.8 | 0.25 |",
-}  # fmt: skip
 
 
 def text_of(name):
@@ -149,7 +113,8 @@ def of_timings(monkeypatch, tmp_path):
     problems = {name: {"system": name, "t_end": "20", "measures": ["max"]} for name in timings.SYSTEMS}
     facts = {**FACTS, "libraries": "heyoka 7", "problems": json.dumps(problems)}
     store.write(path, {}, facts, groups=dict.fromkeys(problems, variables(found, "s")))
-    return timings.page(str(PAGES["timings"]), str(path), (), ())
+    text = timings.page(str(PAGES["timings"]), str(path), (), ())["page"]
+    return {"page": filled_by(["beyond_double", "kernels"], text, monkeypatch, tmp_path)}
 
 
 def of_regularised(monkeypatch, tmp_path):
@@ -192,6 +157,11 @@ def of_tables(module, name):
     return made
 
 
+def of_benchmarks(name, *commands):
+    """Function that makes a page of the numbers of commands below benchmarks/."""
+    return lambda monkeypatch, tmp_path: {"page": filled_by(commands, text_of(name), monkeypatch, tmp_path)}
+
+
 def of_exact_oscillator(monkeypatch, tmp_path):
     path = tmp_path / "cube.h5"
     write_crossings(path)
@@ -216,7 +186,10 @@ MADE = {
     "exact_oscillator": of_exact_oscillator, "examples": of_examples, "files": of_files, "gallery": of_gallery,
     "methods": of_methods, "ranking": of_ranking, "regularised": of_regularised, "tailor": of_tailor,
     "tabulated_potentials": of_tabulated_potentials, "timings": of_timings, "trained": of_trained,
-    "training": of_training, "variables": of_all_variables,
+    "training": of_training, "variables": of_all_variables, "stepper": of_benchmarks("stepper", "stepper"),
+    "formulas": of_benchmarks("formulas", "functions"), "large_grids": of_benchmarks("large_grids", "large_grids"),
+    "larger_systems": of_benchmarks("larger_systems", "larger_systems"),
+    "trials": of_benchmarks("trials", "trials --quick", "trials"),
 }  # fmt: skip
 
 

@@ -1,11 +1,16 @@
-"""Tables that targets write, as short as can be, and what generated parts of pages make of them."""
+"""Tables that targets write and numbers that benchmarks measure, and what generated parts of pages make of them."""
 
 from __future__ import annotations
+
+import importlib
+import sys
 
 import numpy as np
 import xarray as xr
 
+from nearharmonic.core.formulas.number import FUNCTIONS
 from nearharmonic.output.store import write_dataset
+from support.results.stated_numbers import ROOT
 
 #: Page -> the text of each table by its name.
 TABLES: dict[str, dict[str, str]] = {
@@ -60,6 +65,87 @@ LINES = {
         "leads": "| 0.1 | +1.0 | \N{MINUS SIGN}1.0 |",
         "crossings": "| ABA864 | 0.1 | 0.2 (0.1 to 0.3) | nowhere |",
     },
+    "timings": {
+        "ratios": "| simple harmonic oscillator, one trajectory | 0.4 | 0.8 | **1.8** |",
+        "times": "### simple harmonic oscillator, t = 20", "extended": "| b, order 8 | **9.4** | 128 | not reached |",
+        "kernels": "| Sun-Mercury system, one trajectory, plain | 12.3 | 0.50 | 1.0 |",
+    },
+    "stepper": {"steps": "| Sun-Mercury system | BABs7o7H | 30 | 7 |  |"},
+    "formulas": {"costs": "| `erf` | 2.5 | 102 |"},
+    "large_grids": {"grids": "| 1,010 | 1.6 s | 10 | 11 | 10538 µs | 32 s | 3.6 s | 208 MB | 256 |"},
+    "larger_systems": {
+        "steps": "| chain, 1024 sites | 1.2 µs | 0.7 µs | 20 µs | 1.1 µs | 2.2 µs | 10 µs | 5.6 s |",
+    },
+    "trials": {"quick": "| kills | 12 | 11 | 1 |", "campaigns": "| kills | 12 | 11 | 1 |"},
+}  # fmt: skip
+#: Command below benchmarks/ -> what it might measure, in seconds, those of kernels and functions in nanoseconds.
+MEASURED = {
+    "beyond_double": {
+        "henon_heiles": {(1e-18, "b, order 8"): 0.00938, (1e-22, "b, order 8"): 0.1284,
+                         (1e-18, "heyoka, real128"): 0.0096, (1e-22, "heyoka, real128"): 0.05},
+    },
+    "kernels": {
+        (system, width, summation): {"as_written": 12.34, "looking_ahead": 0.5, "ours": 0.996}
+        for system in ("henon_heiles", "kepler")
+        for width in (1, 8, 16, 32)
+        for summation in ("plain", "compensated")
+    },
+    "larger_systems": {
+        "chain": {
+            ("plain", "ours"): 1.2e-6, ("plain", "-O3"): 0.7e-6, ("plain", "-O3 -march=native"): 20e-6,
+            ("compensated", "ours"): 1.1e-6, ("compensated", "-O3"): 2.2e-6,
+            ("compensated", "-O3 -march=native"): 9.96e-6, "first run": 5.6,
+        },
+    },
+    "stepper": {
+        "kepler": {
+            "by hand": 8e-9, ("leapfrog", "step"): 14e-9, ("leapfrog", "run"): 3e-9,
+            ("babs7o7h", "step"): 30e-9, ("babs7o7h", "run"): 7e-9,
+        },
+    },
+    "functions": {
+        ("division", 8): 0.5,
+        **{(name, 8): 1.25 for name in ("sqrt", *FUNCTIONS)},
+        **{(f"{name}, double-double", 8): 51.0 for name in ("sqrt", *FUNCTIONS)},
+    },
+    "large_grids": [(1010, 1.6, 10, 11, 0.010538, 32.1, 3.6, 208e6, 255.9)],
+    "trials": {"kills": {"tried": 12, "failed": 1}},
+}  # fmt: skip
+#: Rows of a table of the results of each kind, two ensembles, one of which is of orbits.
+TRAINED = {
+    "gains": """ensemble,tau_per_stage,best published,log10_error,best trained,log10_error_trained,gain,\
+gain_low,gain_high,verdict
+"d = 2, 0.01 to 0.5",0.1,srkn_a14,-5,trained_light,-5.5,0.5,0.4,0.6,ahead
+Morse,0.1,srkn_a14,-5,trained_light,-4.75,-0.25,-0.3,-0.2,behind
+"Kepler, e 0.02",0.1,ruth,-3,trained_orbits,-4,1,0.9,1.1,ahead
+""",
+    "methods": """method,ensemble,ahead_from,ahead_to,largest_gain
+trained_light,"d = 2, 0.01 to 0.5",0.1,0.2,0.5
+trained_light,Morse,nan,nan,nan
+""",
+    "ideas": """tau_per_stage,anharmonicity,ahead,ahead with T + V
+0.1,0.01,exact_oscillator,trained
+0.1,0.1,exact_oscillator,general
+""",
+    "long": """system,method,sum of coefficients,max_energy_error,trend,trend_half_width,return_compensated,\
+rounding_plain,rounding_ratio
+morse,trained_light,3.5,1e-5,-1e-9,2e-9,1e-13,1e-14,1.25
+""",
+    "times": """ensemble,tau_per_stage,ns_lanes,ns_single,charge_lanes,charge_single,gain,gain_lanes,gain_single
+"d = 2, 0.001 to 0.01",0.1,0.5,7.5,2,0.8,0.5,0.5,0.5
+"d = 2, 0.01 to 0.5",0.1,0.5,7.5,2,0.8,0.5,0.5,0.25
+"Kepler, e 0.02",0.1,1,9,2,1,1,1.5,0.75
+""",
+}
+#: A cell of each table that they give: the numbers above, as a page has them.
+CELLS = {
+    "gains": "| Morse | −0.25 |",
+    "widest": "| 0.1 | SRKN 14a | −5.00 | trained_light | −5.50 | **+0.50** (+0.40 to +0.60) |",
+    "orbits": "| 63 | Ruth | −3.00 | trained_orbits | −4.00 | **+1.00** (+0.90 to +1.10) | +1.50 | +0.75 |",
+    "losses": "| Morse | 0.1 | SRKN 14a | +0.25 |", "windows": "| 0.1 to 0.2, +0.50 |",
+    "ideas": "| 0.1 | oscillator solved exactly 0.1 | trained 0.01, general 0.1 |",
+    "long": "| morse | trained_light | 3.5 | 1.0e-05 | -1e-09 | 2e-09 | 1e-13 | 1e-14 | 1.2 |",
+    "times": "| random potentials, d = 2 | 0.5 | 7.5 | 2 | 0.8 | 0.25 |",
 }  # fmt: skip
 
 
@@ -86,3 +172,25 @@ def write_crossings(path):
     for one in cube.variables.values():
         one.attrs = {"units": "1", "long_name": "number"}
     write_dataset(path, cube, {})
+
+
+def benchmark(command, monkeypatch):
+    """Module of a command below benchmarks/."""
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    return importlib.import_module(command)
+
+
+def filled_by(commands, text, monkeypatch, tmp_path):
+    """Text of a page that each command has filled with what it might measure."""
+    monkeypatch.setattr(benchmark("timing", monkeypatch), "ROOT", tmp_path)
+    for command in commands:
+        name, *options = command.split()
+        module = benchmark(name, monkeypatch)
+        place = tmp_path / module.PAGE
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text(text, encoding="utf-8")
+        monkeypatch.setattr(module, "measured", lambda *given, name=name: MEASURED[name])
+        monkeypatch.setattr(sys, "argv", [name, "--page", *options])
+        module.main()
+        text = place.read_text(encoding="utf-8")
+    return text
