@@ -13,7 +13,7 @@ from nearharmonic.integrators.user_file import expanded
 from nearharmonic.reproduction.entries import POSITIVE, STRICT, PositiveDecimal, setting, whole_from
 
 #: Crystals, and the cells of each at size 1: 4, 4 and 8 atoms or two masses in a cell.
-CELLS = {"argon": 4, "copper": 3, "silicon": 3, "chain": 512}
+CELLS = {"argon": 3, "copper": 2, "silicon": 2, "chain": 512}
 #: Methods of the long runs, and those of the runs with a thermostat.
 DRIFTING = ("leapfrog", "predescu_s3", "babps9o7h", "trained_light")
 AVERAGED = ("leapfrog", "bcss_s3", "bcss_s4", "predescu_s3", "babs7o7h", "trained_coarse")
@@ -45,7 +45,7 @@ class CrystalsSettings:
         min_length=1,
     )
     cells: int = setting(
-        "Cells along an edge of the cubic crystals, and 2^(3 cells) of the chain; 0 takes 4, 3, 3 and 512",
+        "Cells along an edge of the cubic crystals, and 2^(3 cells) of the chain; 0 takes 3, 2, 2 and 512",
         default=0,
         **whole_from(0, 6),
     )
@@ -65,11 +65,11 @@ class CrystalsSettings:
         default=("40", "32", "26", "20", "16", "13", "10", "8", "6.3", "5", "4"),
         min_length=1,
     )
-    periods: int = setting("Periods of the fastest phonon in a run", default=30, **whole_from(1))
+    periods: int = setting("Periods of the fastest phonon in a run", default=20, **whole_from(1))
     starts: int = setting("Equilibrated starts at each temperature", default=10, **whole_from(1, 1000))
     drift_steps: int = setting("Steps of the runs that measure the drift of the energy", default=10**5, **whole_from(1))
     drift_starts: int = setting("Starts of these runs", default=2, **whole_from(2, 1000))
-    average_forces: int = setting("Forces of a run that measures averages", default=4 * 10**6, **whole_from(1))
+    average_forces: int = setting("Forces of a run that measures averages", default=10**6, **whole_from(1))
     seed: int = setting("Chooses the starts", default=1, **whole_from(0))
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
