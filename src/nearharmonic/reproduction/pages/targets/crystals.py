@@ -62,13 +62,23 @@ def averages(cube: xr.Dataset) -> str:
     return table(("method", *(f"{n:g} forces, {bath}" for n, bath in places)), lines)
 
 
+def drift(cube: xr.Dataset) -> str:
+    """Return the largest change of the energy over the long runs of each crystal, by method."""
+    largest = abs(cube.drift).max("run")
+    lines = [
+        (label(str(name)), *(short(float(x), 1) for x in largest.sel(drifting=name).values))
+        for name in cube.drifting.values
+    ]
+    return table(("method", *map(str, cube.crystal.values)), lines)
+
+
 def nearest(cube: xr.Dataset, name: str, wanted: float) -> float:
     """Return the value of a coordinate that is nearest to a number."""
     return float(cube[name].sel({name: wanted}, method="nearest"))
 
 
 #: Marks of the page, and what stands between them.
-PARTS = {"leaders": leaders, "errors": errors, "averages": averages}
+PARTS = {"leaders": leaders, "errors": errors, "drift": drift, "averages": averages}
 
 
 def page(page: str, cube: str, integrators: Sequence[str], systems: Sequence[str]) -> dict[str, str]:
