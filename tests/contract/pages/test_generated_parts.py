@@ -6,6 +6,7 @@ import json
 import re
 from itertools import cycle
 from pathlib import Path
+from runpy import run_path
 
 import pytest
 from PIL import Image
@@ -17,7 +18,14 @@ from nearharmonic.reproduction.pages import examples, gallery, methods, ranking,
 from nearharmonic.reproduction.pages.anharmonicity import NEW, Result, others
 from nearharmonic.reproduction.pages.how_to import tabulated, tailor
 from nearharmonic.reproduction.pages.how_to import variables as of_variables
-from nearharmonic.reproduction.pages.targets import derivation, exact_oscillator, regularised, stability, timings
+from nearharmonic.reproduction.pages.targets import (
+    crystals,
+    derivation,
+    exact_oscillator,
+    regularised,
+    stability,
+    timings,
+)
 from nearharmonic.reproduction.report.shown.pictures import few_colours
 from support.cubes.figure_cubes import FACTS, label, timed
 from support.results.tables_of_targets import CELLS, LINES, TABLES, TRAINED, filled_by, write_crossings
@@ -160,13 +168,21 @@ def of_exact_oscillator(monkeypatch, tmp_path):
     return exact_oscillator.page(str(PAGES["exact_oscillator"]), str(path), (), ())
 
 
+def of_crystals(monkeypatch, tmp_path):
+    place = "reproduction/experiments/crystals/example_cubes.py"
+    cube = run_path(str(Path(__file__).parents[2] / place))["crystals"](("leapfrog", "babps9o7h", "trained_light"))
+    monkeypatch.setattr(crystals, "read", {"cube": cube}.get)
+    return crystals.page(str(PAGES["crystals"]), "cube", (), ())
+
+
 def of_methods(monkeypatch, tmp_path):
     monkeypatch.setattr(methods, "parts", lambda: dict.fromkeys(("methods", "modified", "errors"), "| a |"))
     return methods.page(str(PAGES["methods"]), (), ())
 
 
 MADE = {
-    "derivation": of_tables(derivation, "derivation"), "stability": of_tables(stability, "stability"),
+    "crystals": of_crystals, "derivation": of_tables(derivation, "derivation"),
+    "stability": of_tables(stability, "stability"),
     "exact_oscillator": of_exact_oscillator, "examples": of_examples, "files": of_files, "gallery": of_gallery,
     "methods": of_methods, "ranking": of_ranking, "regularised": of_regularised, "tailor": of_tailor,
     "tabulated_potentials": of_tabulated_potentials, "timings": of_timings, "trained": of_trained,

@@ -1,0 +1,48 @@
+"""A chain of two masses in turns, whose neighbours are bound by Morse's potential."""
+
+from __future__ import annotations
+
+from math import nan
+from typing import Any
+
+import numpy as np
+
+from nearharmonic.reproduction.experiments.crystals.solids.lattice import compiled, exponential
+from nearharmonic.reproduction.experiments.crystals.solids.solid import Solid
+
+#: Masses in turns, and the inverse width of the bond; its depth is 1.
+LIGHT, HEAVY, WIDTH = 1.0, 3.0, 1.0
+#: k_B T in place of a melting point, which a chain does not have: a tenth of the depth of a bond.
+HIGHEST = 0.1
+
+
+def gradient_of(sites: int) -> Any:
+    """Return the gradient of V = sum (1 - exp(-a d))^2 over the bonds of a ring, compiled."""
+
+    @compiled
+    def gradient(u, out):  # type: ignore[no-untyped-def]
+        out[:] = 0.0
+        total = 0.0
+        for i in range(sites):
+            j = i + 1 if i + 1 < sites else 0
+            left = exponential(-WIDTH * (u[j] - u[i]))
+            total += (1.0 - left) * (1.0 - left)
+            slope = 2.0 * WIDTH * left * (1.0 - left)
+            out[j] += slope
+            out[i] -= slope
+        return total
+
+    return gradient
+
+
+def chain(cells: int) -> Solid:
+    """Return a ring of 2 ``cells`` masses."""
+    return Solid(
+        name="chain",
+        label="diatomic chain (Morse)",
+        masses=np.array([LIGHT, HEAVY] * cells),
+        gradient=gradient_of(2 * cells),
+        melting=HIGHEST,
+        unit=nan,
+        source="Morse (1929), Phys. Rev. 34, 57, doi:10.1103/PhysRev.34.57",
+    )

@@ -1,0 +1,79 @@
+"""Energy errors of methods on crystals: a job for each crystal, one for its long runs, one with a thermostat, a cube."""
+
+from nearharmonic.reproduction.experiments.crystals.settings import AVERAGED, DRIFTING
+
+_CRYSTALS = CONFIG.crystals.crystals
+add_runs("crystals", crystal=_CRYSTALS)
+
+
+rule crystals_errors:
+    output:
+        run=RUN("crystals/errors_{crystal}"),
+    log:
+        LOG("crystals/errors_{crystal}"),
+    wildcard_constraints:
+        crystal="|".join(_CRYSTALS),
+    params:
+        task=lambda wildcards: task(
+            "reproduction.experiments.crystals.run:measure",
+            crystal=wildcards.crystal,
+            names=CONFIG.crystals.methods,
+            settings=CONFIG.crystals,
+        ),
+    script:
+        "../scripts/task.py"
+
+
+rule crystals_drift:
+    output:
+        run=RUN("crystals/drift_{crystal}"),
+    log:
+        LOG("crystals/drift_{crystal}"),
+    wildcard_constraints:
+        crystal="|".join(_CRYSTALS),
+    params:
+        task=lambda wildcards: task(
+            "reproduction.experiments.crystals.drift:drift",
+            crystal=wildcards.crystal,
+            names=DRIFTING,
+            settings=CONFIG.crystals,
+        ),
+    script:
+        "../scripts/task.py"
+
+
+rule crystals_averages:
+    output:
+        run=RUN("crystals/averages"),
+    log:
+        LOG("crystals/averages"),
+    params:
+        task=task(
+            "reproduction.experiments.crystals.drift:averages", names=AVERAGED, settings=CONFIG.crystals
+        ),
+    script:
+        "../scripts/task.py"
+
+
+rule crystals_cube:
+    input:
+        averages=RUN("crystals/averages"),
+        **{f"{kind}_{one}": RUN(f"crystals/{kind}_{one}") for kind in ("errors", "drift") for one in _CRYSTALS},
+    output:
+        cube=CUBE("crystals"),
+        table=TABLE("crystals"),
+    log:
+        LOG("crystals/cube"),
+    params:
+        task=task(
+            "reproduction.experiments.crystals.reductions:reduce",
+            names=CONFIG.crystals.methods,
+            settings=CONFIG.crystals,
+        ),
+    script:
+        "../scripts/task.py"
+
+
+rule crystals:
+    input:
+        FILES("crystals"),
