@@ -29,7 +29,7 @@ _EXPERIMENTS = experiments()
 #: Values of the placeholders in names of files; the figure of regularised systems is not drawn of these.
 _NAMES = {
     "system": SYSTEMS, "integrator": METHODS, "shard": ("0", "1"), "purpose": ("light", "modified"),
-    "ensemble": ("henon_heiles", "kepler", "rounding"),
+    "ensemble": ("henon_heiles", "kepler", "rounding"), "crystal": ("argon", "chain"),
     "autonomous": ("sho", "henon_heiles", "kepler", "relativistic_oscillator"),
 }  # fmt: skip
 _OF_EXPERIMENTS = {
