@@ -3,7 +3,10 @@
 DOCS = "docs" if CONFIG.name == "paper" else f"{RESULTS}/docs"
 #: Figures that pages show as pictures of few colours, with the number of colours: the paper's six, and others.
 _PAPERS = {one.stem: 20 for one in FIGURES if one.target in [f"fig{number}" for number in range(1, 7)]}
-_OTHERS = (*EXPERIMENTS["exact_oscillator"].figures, *EXPERIMENTS["trained"].figures, "henon_heiles_stability")
+_OTHERS = (
+    *(stem for name in ("exact_oscillator", "trained", "samplers") for stem in EXPERIMENTS[name].figures),
+    "henon_heiles_stability",
+)
 _SHOWN = _PAPERS | dict.fromkeys((*_OTHERS, "regularised_times"), 128)
 #: The figure of the tables of times on a page, which another computer would measure anew.
 _OF_TABLES = f"{RESULTS}/logs/pages/regularised_times.png"
