@@ -153,16 +153,17 @@ def test_starts_have_the_quantiles_of_the_quartic():
         assert float(below / all_) == pytest.approx(0.83, abs=1e-5)
 
 
-def test_squared_errors_of_the_search_are_those_of_gaussian_starts():
+@pytest.mark.parametrize("name", ["bcss_s4", "predescu_s3"])  # a drift first, and a kick
+def test_squared_errors_of_the_search_are_those_of_gaussian_starts(name):
     """For b = 0: <dH^2> = g + 3 g^2/4 with |M|^2 = 2 + g. 40000 even starts with weights err by 3 % at most."""
-    proposals, tau = Proposals(1, 40_000, (0.0,)), 0.5
-    outer, inner = (np.array(row) for row in BCSS.rows_double())
+    proposals, method, tau = Proposals(1, 40_000, (0.0,)), nh.integrators[name], 0.5
+    outer, inner = (np.array(row) for row in method.rows_double())
     found = _squares(
-        False, outer, inner, 4, np.array([tau]), proposals.strengths, proposals.frequencies, proposals.x, proposals.p,
-        proposals.lengths, proposals.weights,
+        method.first == "kick", outer, inner, method.stages, np.array([tau]), proposals.strengths,
+        proposals.frequencies, proposals.x, proposals.p, proposals.lengths, proposals.weights,
     )  # fmt: skip
-    counts = np.rint(proposals.lengths / (4 * tau)).astype(int)
-    steps = steps_matrix(BCSS, 4 * tau * proposals.frequencies)
+    counts = np.rint(proposals.lengths / (method.stages * tau)).astype(int)
+    steps = steps_matrix(method, method.stages * tau * proposals.frequencies)
     squares = [power(step[None], count)[0] for step, count in zip(steps, counts, strict=True)]
     g = np.array([(one**2).sum() - 2 for one in squares])
     assert found[0, 0] == pytest.approx((g + 0.75 * g * g).mean(), rel=0.03)

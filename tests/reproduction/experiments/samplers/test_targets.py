@@ -66,7 +66,7 @@ def test_tuning_finds_the_least_of_the_grid():
     target, settings = MADE["mesquite"](0), SamplersSettings(points=3, tuning=100, chains=8)
     starts = [target.start(Normal([3, k])) for k in range(8)]
     (place,) = tuned(target, loop_for(target), {"leapfrog": nh.integrators["leapfrog"]}, starts, settings).values()
-    assert place.tau > 0.12 / target.highest
+    assert place.tau > 0.15 / target.highest
     assert place.length in target.lengths
 
 

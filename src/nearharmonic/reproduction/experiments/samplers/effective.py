@@ -10,15 +10,17 @@ import numpy as np
 from nearharmonic.math import log
 from nearharmonic.numerics.types import Floats
 
+#: Autocovariances are formed up to this lag at most, and up to a quarter of a chain.
+LAGS = 400
 #: Student's t for a probability of 0.975, by degrees of freedom: Abramowitz & Stegun (1964), Table 26.10.
 STUDENT = {1: 12.706, 2: 4.303, 3: 3.182, 5: 2.571, 7: 2.365, 11: 2.201, 15: 2.131, 23: 2.069, 31: 2.040}
 
 
 def covariances(chains: Floats) -> Floats:
-    """Return the autocovariances (chains, lags) of chains (chains, c), around their common mean, at lags below c/4."""
+    """Return the autocovariances (chains, lags) of chains (chains, c), around their common mean, at lags below c/4 and LAGS."""
     y = chains - chains.mean()
     c = y.shape[1]
-    return np.array([[(row[: c - lag] * row[lag:]).sum() / c for lag in range(c // 4)] for row in y])
+    return np.array([[(row[: c - lag] * row[lag:]).sum() / c for lag in range(min(c // 4, LAGS))] for row in y])
 
 
 def time_of(covariance: Floats) -> float:

@@ -28,9 +28,11 @@ MADE: dict[str, Callable[[int], Target]] = {
     **{name: lambda _, made=made: made() for name, made in POSTERIORS.items()},  # type: ignore[misc]
 }
 #: Step sizes per stage times the highest frequency on Gaussians, whose number is a multiple of that of the chains.
-LEAST, MOST, FINER = 0.12, 1.6, 3
+LEAST, MOST, FINER = 0.15, 1.6, 3
 #: Lengths of trajectories on Gaussians, times the highest frequency.
 LENGTHS = (4.0, 8.0, 12.0, 16.0, 24.0)
+#: Proposals over those of the settings, on targets with cheap gradients.
+MORE = {"eight_schools": 8, "mesquite": 8}
 #: A step size is not tried further if fewer proposals than this are accepted, and those of a first look.
 HOPELESS, LOOK = 0.15, 30
 #: Step size, times the highest frequency, and length, over the shortest, of the proposals before the first that counts.
@@ -93,7 +95,7 @@ def measure(target: str, settings: SamplersSettings, trained: Sequence[str]) -> 
     places = tuned(on, loop, methods, starts, settings)
     series: dict[str, list[Any]] = {name: [] for name in methods}
     for k, start in enumerate(starts):
-        drawn = chance(Normal([settings.seed, 2, k]), settings.proposals, on.dimension)
+        drawn = chance(Normal([settings.seed, 2, k]), MORE.get(target, 1) * settings.proposals, on.dimension)
         for name, method in methods.items():
             place = places[name]
             series[name].append(run(on, loop, method, place.tau * method.stages, place.length, start, drawn))
@@ -149,7 +151,8 @@ def tuned(
     All methods have the same grid, the same starts and the same random numbers, which are not those of the measurement.
     """
     few = starts[: max(2, len(starts) // 4)]
-    drawn = [chance(Normal([settings.seed, 3, k]), settings.tuning, on.dimension) for k in range(len(few))]
+    count = MORE.get(on.name, 1) * settings.tuning
+    drawn = [chance(Normal([settings.seed, 3, k]), count, on.dimension) for k in range(len(few))]
     places = [Place(tau / on.highest, length) for tau in taus(settings.points) for length in on.lengths]
     return {
         name: min(places, key=lambda place, method=method: _tried(on, loop, method, place, few, drawn))  # type: ignore[misc]
