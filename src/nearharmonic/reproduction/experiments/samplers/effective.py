@@ -17,7 +17,7 @@ STUDENT = {1: 12.706, 2: 4.303, 3: 3.182, 5: 2.571, 7: 2.365, 11: 2.201, 15: 2.1
 
 
 def covariances(chains: Floats) -> Floats:
-    """Return the autocovariances (chains, lags) of chains (chains, c), around their common mean, at lags below c/4 and LAGS."""
+    """Return the autocovariances (chains, lags) of chains (chains, c) around their common mean, up to LAGS or c/4."""
     y = chains - chains.mean()
     c = y.shape[1]
     return np.array([[(row[: c - lag] * row[lag:]).sum() / c for lag in range(min(c // 4, LAGS))] for row in y])
