@@ -14,7 +14,7 @@ rule samplers_search:
         family="|".join(CONFIG.samplers.families),
     params:
         task=lambda wildcards: task(
-            "reproduction.experiments.samplers.training:train", family=wildcards.family, settings=CONFIG.samplers
+            "reproduction.experiments.samplers.search.training:train", family=wildcards.family, settings=CONFIG.samplers
         ),
     script:
         "../scripts/task.py"
@@ -28,7 +28,7 @@ rule samplers_limits:
     log:
         LOG("samplers/limits"),
     params:
-        task=task("reproduction.experiments.samplers.limits:measure", settings=CONFIG.samplers),
+        task=task("reproduction.experiments.samplers.search.limits:measure", settings=CONFIG.samplers),
     script:
         "../scripts/task.py"
 

@@ -11,14 +11,20 @@ import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.reproduction.experiments.samplers.chains import Chance, chance, loop_for, run
-from nearharmonic.reproduction.experiments.samplers.effective import costs, covariances, error_of, student, time_of
+from nearharmonic.reproduction.experiments.samplers.chains.effective import (
+    costs,
+    covariances,
+    error_of,
+    student,
+    time_of,
+)
+from nearharmonic.reproduction.experiments.samplers.chains.loops import Chance, chance, loop_for, run
 from nearharmonic.reproduction.experiments.samplers.gaussian import efficiency, moments, power, spectrum, steps_matrix
 from nearharmonic.reproduction.experiments.samplers.reductions import reduction
+from nearharmonic.reproduction.experiments.samplers.search.training import Proposals, SecondOrder, _squares, methods_of
 from nearharmonic.reproduction.experiments.samplers.settings import SamplersSettings
 from nearharmonic.reproduction.experiments.samplers.targets.quartic import quantiles, quartic
 from nearharmonic.reproduction.experiments.samplers.targets.target import Normal
-from nearharmonic.reproduction.experiments.samplers.training import Proposals, SecondOrder, _squares, methods_of
 
 #: A quartic target whose coordinates are the same oscillator but for their frequencies.
 QUARTIC = quartic(20)

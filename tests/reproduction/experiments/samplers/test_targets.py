@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.reproduction.experiments.samplers.chains import Chance, chance, loop_for, run
+from nearharmonic.reproduction.experiments.samplers.chains.loops import Chance, chance, loop_for, run
 from nearharmonic.reproduction.experiments.samplers.run import MADE, tuned
 from nearharmonic.reproduction.experiments.samplers.settings import TARGETS, SamplersSettings
 from nearharmonic.reproduction.experiments.samplers.targets.functions import exponential, logarithm

@@ -17,7 +17,7 @@ import numpy as np
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import cos, exp, log
 from nearharmonic.numerics.types import Floats
-from nearharmonic.reproduction.experiments.samplers.chains import JITTER
+from nearharmonic.reproduction.experiments.samplers.chains.loops import JITTER
 
 #: Nodes of the integral over a: the midpoint rule, whose integrand is smooth and periodic.
 NODES = 48

@@ -13,7 +13,7 @@ from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import coordinate, described
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table
-from nearharmonic.reproduction.experiments.samplers.effective import error_of, student
+from nearharmonic.reproduction.experiments.samplers.chains.effective import error_of, student
 from nearharmonic.reproduction.experiments.samplers.settings import SamplersSettings
 from nearharmonic.reproduction.tasks.reduction import Reductions
 

@@ -12,15 +12,15 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import exp, log
 from nearharmonic.output.dataset import Contents, coordinate, variable
 from nearharmonic.output.store import read
-from nearharmonic.reproduction.experiments.samplers.chains import LEAPFROG, Chance, chance, loop_for, run
-from nearharmonic.reproduction.experiments.samplers.effective import costs
+from nearharmonic.reproduction.experiments.samplers.chains.effective import costs
+from nearharmonic.reproduction.experiments.samplers.chains.loops import LEAPFROG, Chance, chance, loop_for, run
 from nearharmonic.reproduction.experiments.samplers.gaussian import best, spectrum
+from nearharmonic.reproduction.experiments.samplers.search.training import methods_of
 from nearharmonic.reproduction.experiments.samplers.settings import SamplersSettings
 from nearharmonic.reproduction.experiments.samplers.targets.lattice import lattice
 from nearharmonic.reproduction.experiments.samplers.targets.posteriors import POSTERIORS
 from nearharmonic.reproduction.experiments.samplers.targets.quartic import RATIO, quartic
 from nearharmonic.reproduction.experiments.samplers.targets.target import Normal, Target
-from nearharmonic.reproduction.experiments.samplers.training import methods_of
 
 MADE: dict[str, Callable[[int], Target]] = {
     "quartic": quartic,

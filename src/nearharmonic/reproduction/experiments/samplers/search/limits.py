@@ -12,14 +12,14 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, coordinate, variable
 from nearharmonic.output.store import read
-from nearharmonic.reproduction.experiments.samplers.settings import SamplersSettings
-from nearharmonic.reproduction.experiments.samplers.training import (
+from nearharmonic.reproduction.experiments.samplers.search.training import (
     Objective,
     Proposals,
     SecondOrder,
     methods_of,
     starts_of,
 )
+from nearharmonic.reproduction.experiments.samplers.settings import SamplersSettings
 from nearharmonic.training.search import Effort, Searcher
 
 #: Strengths of the quartic term, the family, and the sets of starts, and how much larger they are than in training.

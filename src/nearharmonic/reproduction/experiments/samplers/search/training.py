@@ -20,7 +20,7 @@ from nearharmonic.integrators.theory.symmetric import SymmetricSteps
 from nearharmonic.math import erf, exp, log
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, variable
-from nearharmonic.reproduction.experiments.samplers.chains import JITTER, LEAPFROG
+from nearharmonic.reproduction.experiments.samplers.chains.loops import JITTER, LEAPFROG
 from nearharmonic.reproduction.experiments.samplers.settings import SamplersSettings
 from nearharmonic.reproduction.experiments.samplers.targets.quartic import quantiles
 from nearharmonic.reproduction.experiments.samplers.targets.target import compiled
