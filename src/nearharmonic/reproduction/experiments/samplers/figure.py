@@ -75,7 +75,7 @@ def samplers_targets(cube: xr.Dataset) -> Figure:
         right=0.985,
         top=1 - 0.3 / height,
         bottom=0.55 / height,
-        hspace=0.42,
+        hspace=0.3,
         wspace=0.07,
     )
     for axes in grid.flat[count:]:
@@ -110,9 +110,9 @@ def samplers_targets(cube: xr.Dataset) -> Figure:
 )
 def samplers_trained(cube: xr.Dataset) -> Figure:
     """Draw ``special_gain`` and ``over_best`` of ``cube``."""
-    drawn = new_figure(8.6, 4.4)
+    drawn = new_figure(9.4, 4.4)
     left, right = drawn.subplots(1, 2)
-    drawn.subplots_adjust(left=0.075, right=0.985, top=0.92, bottom=0.33, wspace=0.52)
+    drawn.subplots_adjust(left=0.075, right=0.985, top=0.92, bottom=0.31, wspace=0.72)
     names = list(map(str, cube["trained_for"].values))
     shared = [name for name in names if name in cube["integrator"].values]
     alone = [name for name in names if name not in shared]
