@@ -173,9 +173,10 @@ def test_entries_of_legend_are_told_apart_by_all_readers(name):
 @pytest.mark.parametrize("name", fast_for_the_paper(DECLARED))
 def test_a_figure_names_each_method_or_curve(name):
     said = " ".join(text.get_text() for text in figure_of(name).findobj(Text))
-    # Names of orbits, of ensembles with the best methods, of ensembles, of ideas; of kinds of methods, of crystals.
+    # Names of orbits, of ensembles with the best methods, of ensembles, of ideas, of kinds of methods, of crystals, of
+    # strengths.
     of_one = ("fig6_displaced", "fig6_substeps", "trained_error", "trained_gain", "trained_ideas")
-    of_one += ("crystals_map", "crystals_gain")
+    of_one += ("crystals_map", "crystals_gain", "samplers_trained")
     assert name in of_one or all(made.label(m) in said or m in said for m in made.METHODS)
     assert name not in of_one or len(legend_of(name)) > 2
 

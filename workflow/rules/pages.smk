@@ -68,6 +68,11 @@ _PAGES = {
         {},
         lambda: task("reproduction.pages.targets.crystals:page", **on("results/crystals", _EVERY)),
     ),
+    "results/samplers": (
+        {"cube": CUBE("samplers")},
+        {},
+        lambda: task("reproduction.pages.targets.samplers:page", **on("results/samplers", _EVERY)),
+    ),
     "results/stability": (
         {"tables": [TABLE(stem) for stem in ("stability_henon_heiles", "stability_rounding", "kinetic_energy")]},
         {},

@@ -3,7 +3,7 @@
 DOCS = "docs" if CONFIG.name == "paper" else f"{RESULTS}/docs"
 #: Figures that pages show as pictures of few colours, with the number of colours: the paper's six, and others.
 _PAPERS = {one.stem: 20 for one in FIGURES if one.target in [f"fig{number}" for number in range(1, 7)]}
-_ALL_OF = ("crystals", "exact_oscillator", "trained")
+_ALL_OF = ("crystals", "exact_oscillator", "samplers", "trained")
 _OTHERS = (*(stem for one in _ALL_OF for stem in EXPERIMENTS[one].figures), "henon_heiles_stability")
 _SHOWN = _PAPERS | dict.fromkeys((*_OTHERS, "regularised_times"), 128)
 #: The figure of the tables of times on a page, which another computer would measure anew.

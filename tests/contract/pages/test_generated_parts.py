@@ -23,12 +23,13 @@ from nearharmonic.reproduction.pages.targets import (
     derivation,
     exact_oscillator,
     regularised,
+    samplers,
     stability,
     timings,
 )
 from nearharmonic.reproduction.report.shown.pictures import few_colours
 from support.cubes.figure_cubes import FACTS, label, timed
-from support.results.tables_of_targets import CELLS, LINES, TABLES, TRAINED, filled_by, write_crossings
+from support.results.tables_of_targets import CELLS, LINES, TABLES, TRAINED, filled_by, write_crossings, write_samplers
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGES = {path.stem: path for path in DOCS.glob("*/*.md") if "<!-- end -->" in path.read_text(encoding="utf-8")}
@@ -175,6 +176,12 @@ def of_crystals(monkeypatch, tmp_path):
     return crystals.page(str(PAGES["crystals"]), "cube", (), ())
 
 
+def of_samplers(monkeypatch, tmp_path):
+    path = tmp_path / "samplers.h5"
+    write_samplers(path)
+    return samplers.page(str(PAGES["samplers"]), str(path), (), ())
+
+
 def of_methods(monkeypatch, tmp_path):
     monkeypatch.setattr(methods, "parts", lambda: dict.fromkeys(("methods", "modified", "errors"), "| a |"))
     return methods.page(str(PAGES["methods"]), (), ())
@@ -184,7 +191,8 @@ MADE = {
     "crystals": of_crystals, "derivation": of_tables(derivation, "derivation"),
     "stability": of_tables(stability, "stability"),
     "exact_oscillator": of_exact_oscillator, "examples": of_examples, "files": of_files, "gallery": of_gallery,
-    "methods": of_methods, "ranking": of_ranking, "regularised": of_regularised, "tailor": of_tailor,
+    "methods": of_methods, "ranking": of_ranking, "regularised": of_regularised, "samplers": of_samplers,
+    "tailor": of_tailor,
     "tabulated_potentials": of_tabulated_potentials, "timings": of_timings, "trained": of_trained,
     "training": of_training, "variables": of_all_variables, "stepper": of_benchmarks("stepper", "stepper"),
     "formulas": of_benchmarks("formulas", "functions"), "large_grids": of_benchmarks("large_grids", "large_grids"),

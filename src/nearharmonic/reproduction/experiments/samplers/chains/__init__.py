@@ -1,0 +1,1 @@
+"""Chains of Hamiltonian Monte Carlo, and their effective samples."""

@@ -1,0 +1,1 @@
+"""Searches for methods with few gradients, and what limits them."""

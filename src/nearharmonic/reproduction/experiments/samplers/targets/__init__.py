@@ -1,0 +1,1 @@
+"""Targets of Hamiltonian Monte Carlo that are not Gaussian, as potentials with compiled gradients."""
