@@ -30,6 +30,7 @@ _EXPERIMENTS = experiments()
 _NAMES = {
     "system": SYSTEMS, "integrator": METHODS, "shard": ("0", "1"), "purpose": ("light", "modified"),
     "ensemble": ("henon_heiles", "kepler", "rounding"), "crystal": ("argon", "chain"),
+    "family": ("4_kick",), "target": ("lattice", "mesquite"),
     "autonomous": ("sho", "henon_heiles", "kepler", "relativistic_oscillator"),
 }  # fmt: skip
 _OF_EXPERIMENTS = {
