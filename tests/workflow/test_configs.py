@@ -31,7 +31,13 @@ def count_keys(value):
 
 
 @pytest.mark.parametrize(
-    ("file", "name"), [("config.yaml", "paper"), ("smoke.yaml", "smoke"), ("regularised.yaml", "regularised")]
+    ("file", "name"),
+    [
+        ("config.yaml", "paper"),
+        ("smoke.yaml", "smoke"),
+        ("regularised.yaml", "regularised"),
+        ("smoke_physics.yaml", "smoke_physics"),
+    ],
 )
 def test_a_config_is_valid_named_and_short(file, name):
     assert loaded(file).name == name

@@ -58,7 +58,8 @@ rule crystals_averages:
 rule crystals_cube:
     input:
         averages=RUN("crystals/averages"),
-        **{f"{kind}_{one}": RUN(f"crystals/{kind}_{one}") for kind in ("errors", "drift") for one in _CRYSTALS},
+        errors=[RUN(f"crystals/errors_{one}") for one in _CRYSTALS],
+        drifts=[RUN(f"crystals/drift_{one}") for one in _CRYSTALS],
     output:
         cube=CUBE("crystals"),
         table=TABLE("crystals"),

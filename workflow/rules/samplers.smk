@@ -67,7 +67,7 @@ rule samplers_cube:
     input:
         gaussians=RUN("samplers/gaussians"),
         limits=RUN("samplers/limits"),
-        **{one: RUN(f"samplers/chains_{one}") for one in _SAMPLED},
+        chains=[RUN(f"samplers/chains_{one}") for one in _SAMPLED],
     output:
         cube=CUBE("samplers"),
         table=TABLE("samplers"),

@@ -106,29 +106,31 @@ def trend(energy: xr.DataArray) -> xr.DataArray:
     return rise
 
 
-def reduce(names: Sequence[str], settings: CrystalsSettings, averages: str, **paths: str) -> dict[str, Any]:
+def reduce(
+    names: Sequence[str], settings: CrystalsSettings, averages: str, errors: Sequence[str], drifts: Sequence[str]
+) -> dict[str, Any]:
     """Return the ``cube`` of all crystals and its ``table`` of leaders, from run files of the methods ``names``.
 
     Parameters
     ----------
     averages : str
         Path of the runs with a thermostat.
-    **paths : str
-        Paths ``errors_<crystal>`` and ``drift_<crystal>`` of the runs of each crystal.
+    errors, drifts : sequence of str
+        Paths of the runs and of the long runs of each crystal.
     """
     crystal_names = list(settings.crystals)
-    parts, drifts = [], []
-    for name in crystal_names:
-        runs, long = read(paths[f"errors_{name}"]), read(paths[f"drift_{name}"])
+    parts, trends = [], []
+    for path, long in zip(errors, drifts, strict=True):
+        runs = read(path)
         part = reduction.of(runs, over="start")
         part["delta"] = runs["delta"]
         part["density"] = ("bin", density(runs.frequency.values), described("density of phonons, mean 1", "1"))
         part["coordinates"] = ((), runs.attrs["coordinates"], described("number of coordinates", "1"))
         parts.append(part)
-        drifts.append(trend(long.energy))
+        trends.append(trend(read(long).energy))
     crystals = xr.Dataset(coords=coordinate("crystal", crystal_names, "crystal")).crystal
     cube = xr.concat(parts, crystals, coords="minimal", compat="override")
-    cube["drift"] = xr.concat(drifts, crystals, coords="minimal", compat="override").assign_attrs(
+    cube["drift"] = xr.concat(trends, crystals, coords="minimal", compat="override").assign_attrs(
         described("change of H over a long run, by a straight line, in units of the mean kinetic energy", "1")
     )
     cube["kind"] = ("integrator", [kind_of(name) for name in names], described("kind of the method"))

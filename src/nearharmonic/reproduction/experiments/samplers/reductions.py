@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
@@ -70,17 +71,17 @@ def _with_interval(runs: xr.Dataset, name: str, logs: Floats, text: str) -> dict
     }
 
 
-def reduce(settings: SamplersSettings, gaussians: str, limits: str, **paths: str) -> dict[str, Any]:
+def reduce(settings: SamplersSettings, gaussians: str, limits: str, chains: Sequence[str]) -> dict[str, Any]:
     """Return the ``cube`` of all targets and its ``table``, from run files.
 
     Parameters
     ----------
     gaussians, limits : str
         Paths of the runs on Gaussians, and of methods trained for one strength.
-    **paths : str
-        Paths of the runs of each target, by its name.
+    chains : sequence of str
+        Paths of the runs on each other target.
     """
-    runs = [read(paths[name]) for name in settings.targets]
+    runs = [read(path) for path in chains]
     names = xr.Dataset(coords=coordinate("target", list(settings.targets), "target")).target
     parts = [reduction.of(one, over="part").assign(one[["acceptance", "tau", "length"]]) for one in runs]
     cube = xr.concat(parts, names, coords="minimal", compat="override")
