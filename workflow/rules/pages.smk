@@ -10,9 +10,20 @@ _EXAMPLES = {"files": sorted(map(str, Path("examples").glob("*.py")))}
 #: Registries whose names a table may show.
 _METHODS = {"integrators": integrators}
 _EVERY = _METHODS | {"systems": systems}
-#: One file of each kind: every cube, and of run files those that differ in more than the method or system at the end.
+#: One file of each kind: every cube, and of run files those that differ in more than a name at the end: of a method, a
+#: system, a crystal, or a target or a family of a sampler.
 _NAMES = {*CONFIG.stepwise, *STRUCTURE_T_END}
-_RUN_FILES = {(Path(file).parent, Path(file).stem in _NAMES or file): file for file in reversed(RUNS)}
+_ENDS = (*CONFIG.crystals.crystals, *CONFIG.samplers.targets, *CONFIG.samplers.families)
+
+
+def _kind(file):
+    """Return what run files of one kind have in common."""
+    stem = Path(file).stem
+    common = next((stem.removesuffix(end) for end in _ENDS if stem.endswith(f"_{end}")), stem)
+    return Path(file).parent, stem in _NAMES or common
+
+
+_RUN_FILES = {_kind(file): file for file in reversed(RUNS)}
 _FILES = [*(CUBE(stem) for one in EXPERIMENTS.values() for stem in one.cubes), *sorted(_RUN_FILES.values())]
 
 

@@ -55,6 +55,16 @@ ATTRIBUTES: Mapping[str, tuple[str, str]] = {
     "python_version": ("", "version of Python"),
     "libraries": ("", "versions of the timed libraries"),
     "problems": ("", "problems that were timed as JSON"),
+    "crystal": ("", "name of the crystal"),
+    "crystal_label": ("", "name of the crystal in titles"),
+    "coordinates": ("1", "number of coordinates of the crystal"),
+    "period": ("unit of time", "period of the fastest phonon"),
+    "melting": ("unit of energy", "k_B T at the melting point"),
+    "unit_of_time_fs": ("fs", "unit of time; NaN for a model without units"),
+    "source": ("", "origin of the potential"),
+    "target_label": ("", "name of the target of a sampler in titles"),
+    "family": ("", "stages and first operator of the methods that are searched"),
+    "origin": ("", "start of the search that found the method"),
 }
 
 
