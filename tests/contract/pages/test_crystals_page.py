@@ -53,7 +53,7 @@ def size(cell):
     return abs(float(cell)) if cell != "–" else float("inf")
 
 
-def test_no_average_is_nearer_than_that_of_leapfrog_in_the_middle():
+def test_leapfrog_in_the_middle_has_the_nearest_averages():
     found = {row[0]: [size(cell) for cell in row[1:]] for row in rows("averages")}
     reference = found.pop("Leapfrog")
     for column in (0, 2):
