@@ -94,7 +94,7 @@ def test_silicon_does_not_change_when_it_is_shifted():
 
 
 def test_copper_is_that_of_ase(monkeypatch):
-    """Energies and forces of a displaced crystal with the same neighbours. ASE's Bohr radius differs by 4e-10, times exponents."""
+    """Energies and forces of a displaced crystal; ASE's Bohr radius differs by 4e-10, and exponents are tens of it."""
     ase = pytest.importorskip("ase", reason="the oracle is the extra [ase]")
     from ase.calculators import emt
 
