@@ -91,7 +91,7 @@ def stability_limit(integrator: str | Tableau, *, first: First | None = None) ->
     """Return the step size, to 30 digits, at which the first gap begins; all smaller step sizes are stable.
 
     Where the trace of a method touches 2, printed coefficients open a gap by their rounding. A gap that is narrower,
-    relative to its step size, than 100 units of the last digit counts as such a point: :func:`stability_gaps` has it.
+    relative to its step size, than 100 units of the last digit counts as such a point.
 
     Parameters
     ----------
