@@ -9,7 +9,8 @@ import xarray as xr
 import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.math import exp
-from nearharmonic.reproduction.experiments.crystals.dynamics import Normal, equilibrated, halves, loops_for
+from nearharmonic.numerics.compiled import Normal
+from nearharmonic.reproduction.experiments.crystals.dynamics import equilibrated, halves, loops_for
 from nearharmonic.reproduction.experiments.crystals.reductions import kind_of, reduction, trend, window_of
 from nearharmonic.reproduction.experiments.crystals.run import Start, delta, energies, energy_errors, start_of
 from nearharmonic.reproduction.experiments.crystals.settings import CrystalsSettings

@@ -11,6 +11,7 @@ import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
+from nearharmonic.numerics.compiled import Normal
 from nearharmonic.reproduction.experiments.samplers.chains.effective import (
     costs,
     covariances,
@@ -24,7 +25,6 @@ from nearharmonic.reproduction.experiments.samplers.reductions import reduction
 from nearharmonic.reproduction.experiments.samplers.search.training import Proposals, SecondOrder, _squares, methods_of
 from nearharmonic.reproduction.experiments.samplers.settings import SamplersSettings
 from nearharmonic.reproduction.experiments.samplers.targets.quartic import quantiles, quartic
-from nearharmonic.reproduction.experiments.samplers.targets.target import Normal
 
 #: A quartic target whose coordinates are the same oscillator but for their frequencies.
 QUARTIC = quartic(20)

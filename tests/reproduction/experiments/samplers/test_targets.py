@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
+from nearharmonic.numerics.compiled import Normal
 from nearharmonic.reproduction.experiments.samplers.chains.loops import Chance, chance, loop_for, run
 from nearharmonic.reproduction.experiments.samplers.run import MADE, tuned
 from nearharmonic.reproduction.experiments.samplers.settings import TARGETS, SamplersSettings
 from nearharmonic.reproduction.experiments.samplers.targets.functions import exponential, logarithm
 from nearharmonic.reproduction.experiments.samplers.targets.lattice import COUPLING, MASS
 from nearharmonic.reproduction.experiments.samplers.targets.posteriors import REFERENCES
-from nearharmonic.reproduction.experiments.samplers.targets.target import Normal
 
 pytestmark = pytest.mark.slow  # numba compiles each target
 

@@ -10,9 +10,10 @@ import numpy as np
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import exp
+from nearharmonic.numerics.compiled import Normal
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, coordinate, variable
-from nearharmonic.reproduction.experiments.crystals.dynamics import Loops, Normal, halves, loops_for
+from nearharmonic.reproduction.experiments.crystals.dynamics import Loops, halves, loops_for
 from nearharmonic.reproduction.experiments.crystals.run import SOLIDS, Start, energies, start_of
 from nearharmonic.reproduction.experiments.crystals.settings import CrystalsSettings
 from nearharmonic.reproduction.experiments.crystals.solids.solid import Solid

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.math import cos, exp, log
+from nearharmonic.math import exp
+from nearharmonic.numerics.compiled import Normal, compiled
 from nearharmonic.numerics.types import Floats
-from nearharmonic.reproduction.experiments.crystals.solids.lattice import compiled
 
 
 class Loops(NamedTuple):
@@ -127,19 +127,6 @@ def halves(tableau: Tableau, tau: float) -> tuple[Floats, np.ndarray]:
     half[-1] /= 2
     kicks = [(k % 2 == 0) == (tableau.first == "kick") for k in range(len(half))]
     return tau * np.array(half), np.array(kicks)
-
-
-class Normal:
-    """Normally distributed numbers with equal bits on every processor: the method of Box and Muller (1958)."""
-
-    def __init__(self, seed: list[int]) -> None:
-        self._uniform = np.random.default_rng(seed)
-
-    def rows(self, count: int, n: int) -> Floats:
-        """Return ``count`` rows of n numbers of variance 1."""
-        u, v = (self._uniform.random((count, n)) for _ in range(2))
-        found: Floats = np.sqrt(-2.0 * log(1.0 - u)) * cos(2 * np.pi * v)
-        return found
 
 
 def equilibrated(

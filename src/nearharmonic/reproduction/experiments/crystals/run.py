@@ -9,9 +9,10 @@ import numpy as np
 
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.compiled import Normal
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, coordinate, variable
-from nearharmonic.reproduction.experiments.crystals.dynamics import Loops, Normal, equilibrated, loops_for
+from nearharmonic.reproduction.experiments.crystals.dynamics import Loops, equilibrated, loops_for
 from nearharmonic.reproduction.experiments.crystals.settings import CrystalsSettings
 from nearharmonic.reproduction.experiments.crystals.solids.argon import argon
 from nearharmonic.reproduction.experiments.crystals.solids.chain import chain

@@ -10,6 +10,7 @@ import numpy as np
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import exp, log
+from nearharmonic.numerics.compiled import Normal
 from nearharmonic.output.dataset import Contents, coordinate, variable
 from nearharmonic.output.store import read
 from nearharmonic.reproduction.experiments.samplers.chains.effective import costs
@@ -20,7 +21,7 @@ from nearharmonic.reproduction.experiments.samplers.settings import SamplersSett
 from nearharmonic.reproduction.experiments.samplers.targets.lattice import lattice
 from nearharmonic.reproduction.experiments.samplers.targets.posteriors import POSTERIORS
 from nearharmonic.reproduction.experiments.samplers.targets.quartic import RATIO, quartic
-from nearharmonic.reproduction.experiments.samplers.targets.target import Normal, Target
+from nearharmonic.reproduction.experiments.samplers.targets.target import Target
 
 MADE: dict[str, Callable[[int], Target]] = {
     "quartic": quartic,

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.reproduction.experiments.crystals.solids.lattice import FCC, Pairs, compiled, cubic, pairs_within
+from nearharmonic.numerics.compiled import compiled
+from nearharmonic.reproduction.experiments.crystals.solids.lattice import FCC, Pairs, cubic, pairs_within
 from nearharmonic.reproduction.experiments.crystals.solids.solid import BOLTZMANN, FEMTOSECONDS, Solid
 
 #: Depth in eV (119.8 K) and diameter in Angstrom: Rahman (1964), Phys. Rev. 136, A405.

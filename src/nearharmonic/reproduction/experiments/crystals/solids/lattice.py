@@ -8,15 +8,12 @@ from __future__ import annotations
 
 from itertools import product
 from math import factorial, ldexp
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from nearharmonic.numerics.compiled import compiled
 from nearharmonic.numerics.types import Floats
-
-#: A run that diverges has infinite energies: a division by zero is no error.
-compiled: Any = numba.njit(error_model="numpy")
 
 FCC = ((0.0, 0.0, 0.0), (0.0, 0.5, 0.5), (0.5, 0.0, 0.5), (0.5, 0.5, 0.0))
 DIAMOND = (*FCC, *((x + 0.25, y + 0.25, z + 0.25) for x, y, z in FCC))

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from nearharmonic.numerics.compiled import compiled
 from nearharmonic.reproduction.experiments.crystals.solids.lattice import (
     DIAMOND,
     Pairs,
-    compiled,
     cubic,
     exponential,
     pairs_within,

@@ -13,8 +13,9 @@ import numpy as np
 
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import exp, log
+from nearharmonic.numerics.compiled import Normal, compiled
 from nearharmonic.numerics.types import Floats
-from nearharmonic.reproduction.experiments.samplers.targets.target import Normal, Target, compiled
+from nearharmonic.reproduction.experiments.samplers.targets.target import Target
 
 #: Times of a trajectory are uniform in this range around the chosen one, so that no mode returns to its start.
 JITTER = (0.8, 1.2)

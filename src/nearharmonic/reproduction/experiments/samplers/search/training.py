@@ -18,12 +18,12 @@ from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.integrators.theory.symmetric import SymmetricSteps
 from nearharmonic.math import erf, exp, log
+from nearharmonic.numerics.compiled import compiled
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, variable
 from nearharmonic.reproduction.experiments.samplers.chains.loops import JITTER, LEAPFROG
 from nearharmonic.reproduction.experiments.samplers.settings import SamplersSettings
 from nearharmonic.reproduction.experiments.samplers.targets.quartic import quantiles
-from nearharmonic.reproduction.experiments.samplers.targets.target import compiled
 from nearharmonic.training.objective import OUTSIDE, SLOPE
 from nearharmonic.training.search import Effort, Found, Searcher, Start
 

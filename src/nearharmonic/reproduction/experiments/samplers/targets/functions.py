@@ -6,7 +6,7 @@ from math import factorial, frexp, ldexp
 
 import numpy as np
 
-from nearharmonic.reproduction.experiments.samplers.targets.target import compiled
+from nearharmonic.numerics.compiled import compiled
 
 #: ln 2 in two parts; a multiple below 2^20 of the first is exact.
 _LN2 = (0.6931471803691238, 1.9082149292705877e-10)

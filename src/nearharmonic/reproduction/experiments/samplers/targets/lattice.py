@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from nearharmonic.numerics.compiled import Normal, compiled
 from nearharmonic.numerics.types import Floats
-from nearharmonic.reproduction.experiments.samplers.targets.target import Normal, Target, compiled
+from nearharmonic.reproduction.experiments.samplers.targets.target import Target
 
 #: Coefficients m and l, and proposals from a random start.
 MASS, COUPLING, WARM = -1.0, 1.0, 400

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.math import exp, log
+from nearharmonic.numerics.compiled import Normal, compiled
 from nearharmonic.numerics.types import Floats
-from nearharmonic.reproduction.experiments.samplers.targets.target import Normal, Target, compiled
+from nearharmonic.reproduction.experiments.samplers.targets.target import Target
 
 #: Strength b of the quartic term; the ratio of the frequencies; modes that the slowest observables see.
 STRENGTH, RATIO, SLOW = 1.0, 10.0, 10

@@ -6,27 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numba
-import numpy as np
-
-from nearharmonic.math import cos, log
+from nearharmonic.numerics.compiled import Normal
 from nearharmonic.numerics.types import Floats
-
-#: A trajectory that diverges has an infinite energy: a division by zero is no error.
-compiled: Any = numba.njit(error_model="numpy")
-
-
-class Normal:
-    """Normally distributed numbers with equal bits on every processor: the method of Box and Muller (1958)."""
-
-    def __init__(self, seed: list[int]) -> None:
-        self.uniform = np.random.default_rng(seed)
-
-    def rows(self, count: int, n: int) -> Floats:
-        """Return ``count`` rows of n numbers of variance 1."""
-        u, v = (self.uniform.random((count, n)) for _ in range(2))
-        found: Floats = np.sqrt(-2.0 * log(1.0 - u)) * cos(2 * np.pi * v)
-        return found
 
 
 @dataclass(frozen=True, kw_only=True)
