@@ -1,4 +1,4 @@
-"""What compiled loops of experiments share: the decorator, and normally distributed numbers for them."""
+"""Decorator of the compiled loops of experiments, and normally distributed numbers for them."""
 
 from __future__ import annotations
 
