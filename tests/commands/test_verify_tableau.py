@@ -30,6 +30,16 @@ def test_claims_that_hold_give_status_0(capsys):
     assert "symmetric: no" in lines
 
 
+def test_degree_of_the_potential_adds_its_order(capsys):
+    assert main(["verify-tableau", path("published", "na7"), "--degree", "3"]) == 0
+    assert "order: 6 for quadratic T and V of degree 3" in capsys.readouterr().out.splitlines()
+    assert main(["verify-tableau", path("published", "na7"), "--degree", "2", "--format", "json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["polynomial_order"]["degree"], found["polynomial_order"]["order"]) == (2, found["oscillator_order"])
+    assert main(["verify-tableau", path("published", "na7"), "--degree", "1"]) == 2
+    assert "degree = 1 is not allowed: an integer from 2" in capsys.readouterr().err
+
+
 def test_bad_input_gives_status_2_and_one_sentence(tmp_path, capsys):
     (tmp_path / "a.csv").write_text("kick,0.5,0.5\ndrift,1\nfrist,kick\n")
     assert main(["verify-tableau", str(tmp_path / "a.csv")]) == 2

@@ -8,7 +8,7 @@ from itertools import product
 
 import pytest
 
-from nearharmonic.exact import lie
+from nearharmonic.exact.lie import conditions as lie
 
 
 def free_dimensions(generators, highest):
@@ -104,20 +104,23 @@ def rank(functions):
     return len(echelon)
 
 
-@pytest.mark.parametrize("degree", range(1, 9))
-def test_in_a_mechanical_system_just_the_ideal_vanishes(degree):
-    # The Lyndon basis as Poisson brackets of 2 T = p.p in two dimensions and a random V, of a degree that survives as
-    # many derivatives as there are brackets: their rank is the dimension.
-    chance = random.Random(5)
+def mechanical_basis(degree, highest, seed):
+    """The Lyndon basis as Poisson brackets of 2 T = p.p in two dimensions and a random V of degree ``highest``."""
+    chance = random.Random(seed)
     T = {(0, 0, 2, 0): 1, (0, 0, 0, 2): 1}
-    highest = max(2, degree)
     V = {(*e, 0, 0): chance.randint(1, 5) for e in product(range(highest + 1), repeat=2) if 1 < sum(e) <= highest}
     functions = {"A": T, "B": V}
     for length in range(2, degree + 1):
         for word in lie.lyndon_words(length):
             split = next(k for k in range(1, length) if word[k:] in functions)
             functions[word] = poisson_bracket(functions[word[:split]], functions[word[split:]])
-    basis = [functions[word] for word in lie.lyndon_words(degree)]
+    return [functions[word] for word in lie.lyndon_words(degree)]
+
+
+@pytest.mark.parametrize("degree", range(1, 9))
+def test_in_a_mechanical_system_just_the_ideal_vanishes(degree):
+    # V survives as many derivatives as there are brackets: the rank is the dimension.
+    basis = mechanical_basis(degree, max(2, degree), 5)
     assert rank(basis) == mechanical_dimensions(degree)[-1]
     to_basis = lie._to_basis(degree)
     for polynomial in lie._ideal(degree):
@@ -128,3 +131,23 @@ def test_in_a_mechanical_system_just_the_ideal_vanishes(degree):
             for powers, c in f.items() if coordinate else ():
                 total[powers] = total.get(powers, 0) + coordinate * c
         assert not any(total.values())
+
+
+@pytest.mark.parametrize("potential_degree", [2, 3, 4])
+@pytest.mark.parametrize("degree", range(1, 10))
+def test_polynomial_potentials_have_the_conditions_of_their_brackets(degree, potential_degree):
+    # Brackets of several random V together: a single V in two dimensions has more that vanish.
+    several = [mechanical_basis(degree, potential_degree, seed) for seed in range(6)]
+    joined = [{(k, *e): c for k, f in enumerate(one) for e, c in f.items()} for one in zip(*several, strict=True)]
+    found = lie.conditions(degree, quadratic=True, potential_degree=potential_degree)
+    assert len(found) == rank(joined)
+
+
+def test_brackets_of_the_oscillator_alternate():
+    assert [len(lie.conditions(n, quadratic=True, potential_degree=2)) for n in range(1, 11)] == [2, 1] * 5
+
+
+@pytest.mark.parametrize("degree", range(1, 9))
+def test_a_high_degree_has_the_conditions_of_every_potential(degree):
+    found = lie.conditions(degree, quadratic=True, potential_degree=degree)
+    assert len(found) == len(lie.conditions(degree, quadratic=True)) == mechanical_dimensions(degree)[-1]

@@ -10,7 +10,7 @@ import pytest
 from mpmath import mp, mpf
 
 import nearharmonic as nh
-from nearharmonic.exact.lie import conditions, lyndon_words
+from nearharmonic.exact.lie.conditions import conditions, lyndon_words
 from nearharmonic.integrators.theory.order import harmonic_order, nystrom_order_of, order_of
 from nearharmonic.training.family import Family
 from nearharmonic.training.polish import DIGITS, NotConvergedError, polished, tableau_of

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from nearharmonic.errors import bad_setting
 from nearharmonic.output.answers import Answer, printed
 
 if TYPE_CHECKING:
@@ -27,6 +28,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="a .json, .toml or .csv file with the rows kick and drift, and claims, or FILE.py of an integrator; "
         "several files are read before the first is verified",
     )
+    parser.add_argument(
+        "--degree",
+        metavar="K",
+        help="also prove the order for quadratic T and every polynomial V of degree K, such as 3 or 4",
+    )
 
 
 def answer(chosen: argparse.Namespace) -> Answer:
@@ -34,9 +40,10 @@ def answer(chosen: argparse.Namespace) -> Answer:
     from nearharmonic.exchange.coefficient_file import read
     from nearharmonic.exchange.proof.verdict import Verdict
 
+    degree = None if chosen.degree is None else checked_degree(chosen.degree)
     # All are read first: a file that cannot be read ends the command before it has printed anything.
     found = [Verdict(file) for file in [read(place) for place in chosen.files]]
-    answers = [_of(one) for one in found]
+    answers = [_of(one, degree) for one in found]
     if len(answers) == 1:
         return answers[0]
     return Answer(
@@ -48,7 +55,17 @@ def answer(chosen: argparse.Namespace) -> Answer:
     )
 
 
-def _of(found: Verdict) -> Answer:
+def checked_degree(text: str) -> int:
+    """Return the degree of a potential, from 2."""
+    from nearharmonic.engine.settings import whole_number
+
+    degree = whole_number(text, "degree")
+    if degree < 2:
+        raise bad_setting("degree", degree, "an integer from 2, the degree of a polynomial V")
+    return degree
+
+
+def _of(found: Verdict, degree: int | None) -> Answer:
     """Return the answer for one file."""
     failing, number = sum(not claim.holds for claim in found.claims), len(found.claims)
     verb = "does" if failing == 1 else "do"
@@ -56,14 +73,14 @@ def _of(found: Verdict) -> Answer:
     return Answer(
         header=HEADER,
         rows=[list(claim) for claim in found.claims],
-        document=_document(found),
+        document=_document(found, degree),
         status=1 if failing else 0,
         caption=f"{found.file.label}: {words}",
-        notes=list(_notes(found)),
+        notes=list(_notes(found, degree)),
     )
 
 
-def _notes(found: Verdict) -> Iterator[str]:
+def _notes(found: Verdict, degree: int | None) -> Iterator[str]:
     order, quadratic, oscillator = found.order, found.quadratic_order, found.oscillator
     yield f"digits: {found.digits.number or 'exact'}, {found.digits.basis}"
     if found.digits_that_hold is not None:
@@ -72,6 +89,8 @@ def _notes(found: Verdict) -> Iterator[str]:
         f"order: {_shown(order)} for every separable H, {_shown(quadratic)} for quadratic T, "
         f"{oscillator.order} on the oscillator"
     )
+    if degree is not None:
+        yield f"order: {_shown(found.polynomial_order(degree))} for quadratic T and V of degree {degree}"
     if found.stability_limit is not None:
         yield (
             f"on the oscillator, {found.file.first} first: position {oscillator.harmonic_order} (harmonic order), "
@@ -100,7 +119,7 @@ def _nearest(like: Likeness | None) -> str:
     return f"{name}: {differing}, by at most {float(like.distance):.2g}"
 
 
-def _document(found: Verdict) -> dict[str, Any]:
+def _document(found: Verdict, degree: int | None) -> dict[str, Any]:
     file, oscillator, like = found.file, found.oscillator, found.nearest
     return {
         "file": file.path,
@@ -116,6 +135,9 @@ def _document(found: Verdict) -> dict[str, Any]:
         "symmetric": found.is_symmetric,
         "order": _order(found.order),
         "quadratic_order": _order(found.quadratic_order),
+        **(
+            {} if degree is None else {"polynomial_order": {"degree": degree, **_order(found.polynomial_order(degree))}}
+        ),
         "oscillator_order": oscillator.order,
         **{name: getattr(oscillator, name) for name in _ORDERS},
         "stability_limit": None if found.stability_limit is None else float(found.stability_limit),

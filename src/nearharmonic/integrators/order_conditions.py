@@ -22,7 +22,7 @@ from fractions import Fraction
 from functools import lru_cache
 from math import ceil, lcm
 
-from nearharmonic.exact.lie import conditions, lyndon_words
+from nearharmonic.exact.lie.conditions import conditions, lyndon_words
 from nearharmonic.exact.step import Factor, Step, composed
 from nearharmonic.exact.words import logarithm
 from nearharmonic.integrators.composition import Composition
@@ -75,11 +75,14 @@ def _composed(given: Composition) -> Step:
     return tuple((letter, c) for letter, c in composed(given.first, *rows) if letter != "C" or c)
 
 
-def proved_order(tableau: Tableau, highest: int, *, quadratic: bool) -> int:
-    """Return the order for every separable H, or for every H with quadratic T; at most ``highest``."""
+def proved_order(tableau: Tableau, highest: int, *, quadratic: bool, potential_degree: int | None = None) -> int:
+    """Return the order for every separable H, or for every H with quadratic T; at most ``highest``.
+
+    With a ``potential_degree`` it is the order for quadratic T and every polynomial V of this degree.
+    """
     for degree in range(1, highest + 1):
         errors, allowed = errors_of(tableau, degree), tolerance(tableau, degree)
-        rows = conditions(degree, quadratic=quadratic)
+        rows = conditions(degree, quadratic=quadratic, potential_degree=potential_degree)
         if any(abs(weighted(row.weights, errors)) > allowed for row in rows):
             return degree - 1
     return highest

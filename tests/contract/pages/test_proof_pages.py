@@ -10,6 +10,7 @@ from math import comb, factorial, prod
 from mpmath import cbrt, cos, expm, logm, matrix, mp, mpf, norm, sin
 
 import nearharmonic as nh
+from nearharmonic.exact.lie.conditions import conditions
 from nearharmonic.integrators.theory.order import nystrom_order_of
 from nearharmonic.numerics.search.random_starts import RandomStarts
 from nearharmonic.reproduction.experiments.derivation.conditions import Equations
@@ -58,6 +59,26 @@ def test_the_table_has_the_numbers_of_conditions():
     assert table_row(ORDERS, "conditions, quadratic T") == [quadratic[n] + potentials[n] for n in degrees]
     odd = [sum(one[n] for n in (1, 3, 5)) for one in (both, quadratic + potentials)]
     assert numbers(flat(ORDERS), r"has to fulfil (\d+) conditions for any T, and (\d+) for quadratic T") == odd
+
+
+def test_polynomial_potentials_have_as_many_conditions_as_stated():
+    # tests/exact/test_lie.py counts independent Poisson brackets of polynomials.
+    powers, odd = table_row(ORDERS, "power of τ"), {None: table_row(ORDERS, "conditions, quadratic T")[::2]}
+    for degree in (4, 3, 2):
+        row = table_row(ORDERS, f"conditions, V of degree {degree}")
+        assert row == [len(conditions(n, quadratic=True, potential_degree=degree)) for n in powers]
+        odd[degree] = row[::2]
+    order = {degree: [sum(row[:3]), sum(row[:4])] for degree, row in odd.items()}
+    stated = r"fulfil (\d+) conditions for V of degree three, and (\d+) for any other V"
+    assert numbers(flat(ORDERS), stated) == [order[3][0], order[4][0]] == [7, order[None][0]]
+    stated = r"order eight these are (\d+), (\d+) for V of degree four, and (\d+) for any V"
+    assert numbers(flat(ORDERS), stated) == [order[degree][1] for degree in (3, 4, None)]
+
+
+def test_no_registered_method_gains_order_from_a_polynomial():
+    for name, method in nh.integrators.items():
+        orders = {nh.order_of(method, potential_degree=degree) for degree in (3, 4)}
+        assert orders == {nystrom_order_of(method)}, name
 
 
 def bracket(x, y):

@@ -12,7 +12,7 @@ import pytest
 from mpmath import mp, mpf, nstr
 
 from nearharmonic.errors import SettingError
-from nearharmonic.exact import lie
+from nearharmonic.exact.lie import conditions as lie
 from nearharmonic.exact.words import SQUARE, logarithm, words
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.order_conditions import step_of, tolerance
@@ -109,6 +109,26 @@ def test_the_first_generalised_order_is_that_of_a_quadrature(name):
 def test_what_blanes_and_others_call_small_part_is_kick():
     assert generalised_order_of("aba864") == (8, 6, 4)
     assert generalised_order_of("aba864", first="kick") == (4,)
+
+
+@EVERY_METHOD
+def test_order_for_quadratic_potentials_is_that_of_the_step_matrix(name):
+    # Coupled oscillators are single ones in their normal modes.
+    wrong = leading_errors(name).harmonic.degree
+    assert order_of(name, potential_degree=2, highest=8) == min(wrong - 1, 8)
+
+
+@EVERY_METHOD
+def test_a_potential_of_lower_degree_never_lowers_the_order(name):
+    orders = [order_of(name, potential_degree=degree) for degree in (4, 3, 2)]
+    assert orders == sorted(orders)
+    assert nystrom_order_of(name) <= orders[0]
+
+
+@pytest.mark.parametrize("degree", [1, 0, -3, 2.5, "three", True])
+def test_degree_of_a_potential_below_two_is_refused(degree):
+    with pytest.raises(SettingError, match="potential_degree"):
+        order_of("ruth", potential_degree=degree)
 
 
 # --- norms -----------------------------------------------------------------------------------------------------------

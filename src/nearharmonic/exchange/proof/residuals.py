@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nearharmonic.exact.lie import conditions, lyndon_words
+from nearharmonic.exact.lie.conditions import conditions, lyndon_words
 from nearharmonic.exact.step import Step
 from nearharmonic.exact.words import LETTERS, logarithm_slopes
 from nearharmonic.exchange.composition import is_palindrome, size_of, uncertainty_of
@@ -58,7 +58,7 @@ class Order(NamedTuple):
     largest: Residual
 
 
-def proved_order(step: Step, highest: int, *, quadratic: bool) -> Order:
+def proved_order(step: Step, highest: int, *, quadratic: bool, potential_degree: int | None = None) -> Order:
     """Return the order of a step for every separable H, or for every H with quadratic T; at most ``highest``.
 
     Parameters
@@ -69,10 +69,12 @@ def proved_order(step: Step, highest: int, *, quadratic: bool) -> Order:
         Highest degree of the examined conditions.
     quadratic : bool
         True for T = p.p/2.
+    potential_degree : int, optional
+        Degree of V, for T = p.p/2; None is for every V.
     """
     largest = Residual(1, Fraction(0), Fraction(0))
     for degree in range(1, highest + 1):
-        found = residuals(step, degree, quadratic=quadratic)
+        found = residuals(step, degree, quadratic=quadratic, potential_degree=potential_degree)
         failing = [one for one in found if not one.vanishes]
         if failing:
             return Order(degree - 1, max(failing, key=lambda one: abs(one.value)), largest)
@@ -80,12 +82,12 @@ def proved_order(step: Step, highest: int, *, quadratic: bool) -> Order:
     return Order(highest, None, largest)
 
 
-def residuals(step: Step, degree: int, *, quadratic: bool) -> list[Residual]:
+def residuals(step: Step, degree: int, *, quadratic: bool, potential_degree: int | None = None) -> list[Residual]:
     """Return the residual of each condition of ``degree``.
 
     A palindrome with step -tau is the inverse of the step with tau, so that its conditions of even degree hold.
     """
-    rows = conditions(degree, quadratic=quadratic)
+    rows = conditions(degree, quadratic=quadratic, potential_degree=potential_degree)
     if degree % 2 == 0 and is_palindrome(step, exactly=True):
         return [Residual(degree, Fraction(0), Fraction(0)) for _ in rows]
     errors = errors_on_words(step, degree)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nearharmonic.exact.lie import lyndon_words
+from nearharmonic.exact.lie.conditions import lyndon_words
 from nearharmonic.exact.step import composed
 from nearharmonic.exact.words import logarithm
 from nearharmonic.exchange.coefficient_file import LONGEST_NUMBER, CoefficientFile

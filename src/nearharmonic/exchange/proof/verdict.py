@@ -78,6 +78,10 @@ class Verdict:
         """The order for every H with T = p.p/2."""
         return proved_order(self.step, HIGHEST_ORDER, quadratic=True)
 
+    def polynomial_order(self, degree: int) -> Order:
+        """Return the order for every H with T = p.p/2 and a polynomial V of this degree."""
+        return proved_order(self.step, HIGHEST_ORDER, quadratic=True, potential_degree=degree)
+
     @cached_property
     def oscillator(self) -> OscillatorStep:
         """The step on the harmonic oscillator."""

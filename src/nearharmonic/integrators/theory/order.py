@@ -15,7 +15,7 @@ from numbers import Integral
 from typing import Any, NamedTuple
 
 from nearharmonic.errors import bad_setting
-from nearharmonic.exact.lie import conditions, lyndon_words
+from nearharmonic.exact.lie.conditions import conditions, lyndon_words
 from nearharmonic.exact.step import oscillator_errors
 from nearharmonic.exact.words import logarithm, words
 from nearharmonic.integrators.order_conditions import errors_of, highest_of, proved_order, step_of, tolerance, weighted
@@ -58,10 +58,18 @@ class HarmonicOrders(NamedTuple):
     phase: int
 
 
-def order_of(integrator: str | Tableau, *, first: First | None = None, highest: int | None = None) -> int:
+def order_of(
+    integrator: str | Tableau,
+    *,
+    first: First | None = None,
+    highest: int | None = None,
+    potential_degree: int | None = None,
+) -> int:
     """Return the order for every separable H = T(p) + V(q), or ``highest`` if the order is larger.
 
-    Methods with modified potentials need a quadratic T, so that their order is the order for quadratic T.
+    Methods with modified potentials need a quadratic T, so that their order is the order for quadratic T. With a
+    ``potential_degree`` it is the order for every H with quadratic T and a polynomial V of at most this degree:
+    brackets with higher derivatives of V vanish, and fewer conditions are left (:mod:`nearharmonic.exact.lie.trees`).
 
     Parameters
     ----------
@@ -71,6 +79,8 @@ def order_of(integrator: str | Tableau, *, first: First | None = None, highest: 
         Operator to which the outer row is given; None leaves it as declared.
     highest : int, optional
         Order up to which conditions are examined; None is 8, or the order that the tableau declares if that is 9 or 10.
+    potential_degree : int, optional
+        Degree of V, from 2; None is for every V.
 
     Returns
     -------
@@ -82,16 +92,22 @@ def order_of(integrator: str | Tableau, *, first: First | None = None, highest: 
     UnknownNameError
         No integrator has this name.
     SettingError
-        ``first`` is no operator, or ``highest`` no integer >= 1.
+        ``first`` is no operator, ``highest`` no integer >= 1, or ``potential_degree`` no integer >= 2.
 
     Examples
     --------
     >>> import nearharmonic as nh
     >>> nh.order_of("yoshida_s7o6a")
     6
+    >>> nh.order_of("abas5o6h"), nh.order_of("abas5o6h", potential_degree=2)
+    (4, 6)
     """
     tableau = tableau_of(integrator, first)
-    return proved_order(tableau, _highest(tableau, highest), quadratic=tableau.modified)
+    if potential_degree is not None and _integer("potential_degree", potential_degree) < 2:
+        raise bad_setting("potential_degree", potential_degree, "an integer from 2, the degree of a polynomial V")
+    return proved_order(
+        tableau, _highest(tableau, highest), quadratic=tableau.modified, potential_degree=potential_degree
+    )
 
 
 def nystrom_order_of(integrator: str | Tableau, *, first: First | None = None, highest: int | None = None) -> int:

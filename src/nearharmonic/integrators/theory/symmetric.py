@@ -19,7 +19,7 @@ from mpmath import mpf
 from numpy.typing import NDArray
 
 from nearharmonic.exact.decimals import as_mpf
-from nearharmonic.exact.lie import conditions, lyndon_words
+from nearharmonic.exact.lie.conditions import conditions, lyndon_words
 from nearharmonic.exact.step import Step, composed
 from nearharmonic.exact.words import LETTERS, word_slopes, word_sums
 from nearharmonic.integrators.tableau import First

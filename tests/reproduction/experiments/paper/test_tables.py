@@ -31,6 +31,8 @@ def test_the_overview_of_the_leapfrog_is_that_of_textbooks():
         "stages": 1,
         "order": 2,
         "Nystrom order": 2,
+        "order for quartic V": 2,
+        "order for cubic V": 2,
         "generalised order": "(2)",
         "Nystrom generalised order": "(2)",
         "harmonic order of position": 2,

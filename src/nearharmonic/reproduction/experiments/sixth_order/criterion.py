@@ -28,7 +28,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nearharmonic.exact.lie import conditions, lyndon_words
+from nearharmonic.exact.lie.conditions import conditions, lyndon_words
 from nearharmonic.integrators.theory.symmetric import Equation, alternating
 from nearharmonic.reproduction.experiments.sixth_order.conditions import (
     NYSTROM_ORDER,

@@ -36,6 +36,8 @@ Columns = tuple[Header, list[Cells]]
 MOST_KEPT = 1000
 #: Quantities whose harmonic order is a column.
 HARMONIC = ("position", "momentum", "energy")
+#: Potentials for which an order is a column besides, by degree; T is quadratic.
+POLYNOMIALS = {"quartic": 4, "cubic": 3}
 
 
 def overview(*names: str) -> Columns:
@@ -87,6 +89,7 @@ def columns_of(tableau: Tableau) -> dict[str, Cell]:
         "stages": tableau.stages,
         "order": order_of(tableau),
         "Nystrom order": nystrom_order_of(tableau),
+        **{f"order for {name} V": order_of(tableau, potential_degree=degree) for name, degree in POLYNOMIALS.items()},
         "generalised order": _generalised(tableau, quadratic=False) if is_general else "",
         "Nystrom generalised order": _generalised(tableau, quadratic=True),
         **{f"harmonic order of {what}": order for what, order in zip(HARMONIC, harmonic, strict=False)},

@@ -12,7 +12,7 @@ doi:10.3934/jcd.2019017. The one identity [B, [B, [B, A]]] = 0 generates all of 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import cache
 from itertools import combinations, product
@@ -20,6 +20,7 @@ from math import gcd
 from operator import mul
 from typing import NamedTuple
 
+from nearharmonic.exact.lie.trees import hamiltonian, surviving_rows
 from nearharmonic.exact.words import LETTERS
 
 #: An element of the free Lie algebra, as coefficients of words.
@@ -52,8 +53,14 @@ def bracketing(word: str) -> Element:
     """The element of the Lyndon basis for the Lyndon ``word``."""
     if len(word) == 1:
         return {word: 1}
+    left, right = factors(word)
+    return bracket(bracketing(left), bracketing(right))
+
+
+def factors(word: str) -> tuple[str, str]:
+    """The Lyndon words u and v of a longer Lyndon word uv, v the longest proper suffix that is one."""
     split = next(k for k in range(1, len(word)) if word[k:] in lyndon_words(len(word) - k))
-    return bracket(bracketing(word[:split]), bracketing(word[split:]))
+    return word[:split], word[split:]
 
 
 def bracket(x: Element, y: Element) -> Element:
@@ -66,17 +73,22 @@ def bracket(x: Element, y: Element) -> Element:
 
 
 @cache
-def conditions(degree: int, *, quadratic: bool) -> tuple[Condition, ...]:
+def conditions(degree: int, *, quadratic: bool, potential_degree: int | None = None) -> tuple[Condition, ...]:
     """The order conditions of ``degree``: for any separable H, or only for ``quadratic`` kinetic energy.
 
-    Their norm is the Euclidean norm of the coordinates in the Lyndon basis. In the quotient it is the smallest norm of
-    all representatives.
+    With a ``potential_degree`` they are those for quadratic T and for every polynomial V of this degree. Their norm is
+    the Euclidean norm of the coordinates in the Lyndon basis. In the quotient it is the smallest norm of all
+    representatives.
     """
     to_basis = _to_basis(degree)
-    vanishing = [_on_lyndon_words(x, degree) for x in _ideal(degree)] if quadratic else []
-    ideal = [[_dot(row, vector) for row in to_basis] for vector in vanishing]
+    if potential_degree is None:
+        vanishing = [_on_lyndon_words(x, degree) for x in _ideal(degree)] if quadratic else []
+        normals = _orthogonal_complement([[_dot(row, x) for row in to_basis] for x in vanishing], len(to_basis))
+    else:
+        elements = [hamiltonian(word, factors) for word in lyndon_words(degree)]
+        normals = _orthogonal([], surviving_rows(elements, potential_degree))
     found = []
-    for normal in _orthogonal_complement(ideal, len(to_basis)):
+    for normal in normals:
         row = [0] * len(to_basis)
         for a, coordinates in zip(normal, to_basis, strict=True):
             if a:
@@ -152,19 +164,25 @@ def _independent(candidates: Sequence[Element], degree: int) -> list[Element]:
 
 
 def _orthogonal_complement(vectors: Sequence[Components], size: int) -> list[Components]:
-    """Orthogonal vectors that span the orthogonal complement of ``vectors``, by the exact Gram-Schmidt method."""
-    if not vectors:
-        return _units(size)
+    """Orthogonal vectors that span the orthogonal complement of independent ``vectors``."""
+    return _orthogonal(vectors, _units(size)) if vectors else _units(size)
+
+
+def _orthogonal(before: Sequence[Components], vectors: Iterable[Components]) -> list[Components]:
+    """The parts of ``vectors`` orthogonal to ``before`` and to previous ones, by the exact Gram-Schmidt method.
+
+    Parts that are zero are left out.
+    """
     found: list[tuple[Components, int]] = []
-    for count, vector in enumerate([*vectors, *_units(size)]):
+    for vector in (*before, *vectors):
         rest = vector
         for other, square in found:
             along = _dot(rest, other)
             if along:
                 rest = _primitive(_combination(square, rest, -along, other))
-        if count < len(vectors) or any(rest):
+        if any(rest):
             found.append((rest, _dot(rest, rest)))
-    return [vector for vector, _ in found[len(vectors) :]]
+    return [vector for vector, _ in found[len(before) :]]
 
 
 def _units(size: int) -> list[Components]:

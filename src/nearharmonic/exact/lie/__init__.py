@@ -1,0 +1,1 @@
+"""The Lie algebra of kicks and drifts: brackets, what vanishes, and order conditions."""
