@@ -31,6 +31,7 @@ from nearharmonic.reproduction.report.shown.pictures import few_colours
 from support.cubes.figure_cubes import FACTS, label, timed
 from support.results.tables_of_targets import CELLS, LINES, TABLES, TRAINED, filled_by, write_crossings, write_samplers
 
+ON_CRYSTALS = ("leapfrog", "babps9o7h", "trained_light", "trained_on_crystals")
 DOCS = Path(__file__).parents[3] / "docs"
 PAGES = {path.stem: path for path in DOCS.glob("*/*.md") if "<!-- end -->" in path.read_text(encoding="utf-8")}
 MARKED = sorted(PAGES)
@@ -171,7 +172,7 @@ def of_exact_oscillator(monkeypatch, tmp_path):
 
 def of_crystals(monkeypatch, tmp_path):
     place = "reproduction/experiments/crystals/example_cubes.py"
-    cube = run_path(str(Path(__file__).parents[2] / place))["crystals"](("leapfrog", "babps9o7h", "trained_light"))
+    cube = run_path(str(Path(__file__).parents[2] / place))["crystals"](ON_CRYSTALS)
     monkeypatch.setattr(crystals, "read", {"cube": cube}.get)
     return crystals.page(str(PAGES["crystals"]), "cube", (), ())
 

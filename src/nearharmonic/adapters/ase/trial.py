@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 
 #: Methods of plain kicks and drifts that are tried by default: leapfrog, methods of order 2 for few forces and large
 #: steps, and near-harmonic and trained methods for smaller errors.
-CANDIDATES = ("leapfrog", "predescu_s3", "bcss_s4", "babs6o7h", "babs7o7h", "trained_coarse", "trained_light")
+CANDIDATES = (
+    "leapfrog", "predescu_s3", "bcss_s4", "babps6o5h", "babs6o7h", "babs7o7h", "trained_coarse", "trained_light",
+)  # fmt: skip
 #: Longest way of an atom between two forces of the largest step tried, in angstrom: about a tenth of a bond.
 LONGEST_WAY = 0.3
 #: The step found is within 1/CLOSE of one that misses the bound, and one smaller by 1/FINER meets it too.

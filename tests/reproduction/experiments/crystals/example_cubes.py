@@ -7,14 +7,14 @@ import xarray as xr
 
 from support.cubes.figure_cubes import named, powers
 
-KINDS = ("general", "paper", "trained")
+KINDS = ("general", "paper", "trained", "trained on crystals")
 
 
 def crystals(methods):
     """Three crystals, four temperatures and five numbers of forces; kinds of methods in turns."""
     sizes = {"crystal": 3, "temperature": 4, "integrator": len(methods), "forces": 5, "quantile": 3}
     errors = np.sort(powers(*sizes.values(), seed=3, low=-7, high=-2), axis=-1)
-    kinds = [KINDS[k % 3] for k in range(len(methods))]
+    kinds = [KINDS[k % 4] for k in range(len(methods))]
     leaders = np.array([[[methods[(c + t + f) % len(methods)] for f in range(5)] for t in range(4)] for c in range(3)])
     return xr.Dataset(
         {
@@ -22,6 +22,7 @@ def crystals(methods):
             "leader": (("crystal", "temperature", "forces"), leaders),
             "lead": (("crystal", "temperature", "forces"), np.random.default_rng(4).uniform(0.1, 2, (3, 4, 5))),
             "coordinates": ("crystal", [96, 96, 64]),
+            "melting": ("crystal", [83.8, 1358.0, np.nan]),
             "delta": (("crystal", "temperature"), np.geomspace(0.01, 0.5, 12).reshape(3, 4)),
             "density": (("crystal", "bin"), np.random.default_rng(5).uniform(0, 2, (3, 10))),
             "kind": ("integrator", kinds),

@@ -15,6 +15,8 @@ from nearharmonic.reproduction.experiments.crystals.reductions import kind_of, r
 from nearharmonic.reproduction.experiments.crystals.run import Start, delta, energies, energy_errors, start_of
 from nearharmonic.reproduction.experiments.crystals.settings import CrystalsSettings
 from nearharmonic.reproduction.experiments.crystals.solids.chain import chain
+from nearharmonic.reproduction.experiments.crystals.trained_method import TRAINED_ON_CRYSTALS
+from nearharmonic.reproduction.pages.targets.crystals import MIDDLE
 
 CELLS = 4
 SOLID = chain(CELLS)
@@ -122,6 +124,22 @@ def test_leader_has_the_smallest_median_and_leads_another_kind():
     assert found.lead.values[0, 0] == pytest.approx(np.log10(1e-4 / 2e-5))
     assert np.isnan(found.lead.values[1, 0])
     assert found.max_energy_error.sel(quantile=0.5).values[0, :, 0].tolist() == [2e-3, 1e-4, 2e-5]
+
+
+def test_method_that_is_not_registered_leads_nowhere():
+    runs = made_runs()
+    more = (runs.isel(integrator=[2]) * 0.1).assign_coords(integrator=["trained_on_crystals"])
+    found = reduction.of(xr.concat([runs, more], "integrator", combine_attrs="override"), over="start")
+    assert found.leader.values.ravel().tolist() == ["trained_light", ""]
+    assert found.max_energy_error.sel(quantile=0.5).values[0, 3, 0] == pytest.approx(2e-6)
+    assert kind_of("trained_on_crystals") == "trained on crystals"
+
+
+def test_method_trained_on_crystals_is_stable_in_its_window():
+    assert nh.order_of(TRAINED_ON_CRYSTALS) == 4
+    assert float(nh.stability_limit(TRAINED_ON_CRYSTALS)) > 0.5 * TRAINED_ON_CRYSTALS.stages
+    # A period of 2 pi has so many forces at the ends of the window.
+    assert 2 * np.pi / 0.5 < MIDDLE < 2 * np.pi / 0.33
 
 
 def test_kinds_and_windows_come_from_the_registered_methods():

@@ -17,7 +17,7 @@ from nearharmonic.reproduction.tasks.declarations import figure
 
 #: Methods whose curves are drawn, at most eight, and colours of the kinds of methods.
 DRAWN = (
-    "leapfrog", "bcss_s4", "predescu_s3", "omelyan_v5", "babs7o7h", "babps9o7h", "trained_coarse", "trained_light",
+    "leapfrog", "bcss_s4", "predescu_s3", "babps6o5h", "babs7o7h", "babps9o7h", "trained_coarse", "trained_light",
 )  # fmt: skip
 KINDS = {
     "general": ("general", "#6b6b6b"),

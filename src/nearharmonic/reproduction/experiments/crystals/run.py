@@ -19,6 +19,7 @@ from nearharmonic.reproduction.experiments.crystals.solids.chain import chain
 from nearharmonic.reproduction.experiments.crystals.solids.copper import copper
 from nearharmonic.reproduction.experiments.crystals.solids.silicon import silicon
 from nearharmonic.reproduction.experiments.crystals.solids.solid import Solid
+from nearharmonic.reproduction.experiments.crystals.trained_method import TRAINED_ON_CRYSTALS
 
 SOLIDS: dict[str, Callable[[int], Solid]] = {"argon": argon, "copper": copper, "silicon": silicon, "chain": chain}
 #: Equilibration: steps of the fastest period over 20, friction of a twentieth of the highest frequency, and periods.
@@ -38,7 +39,7 @@ class Start(NamedTuple):
 
 
 def measure(crystal: str, names: Sequence[str], settings: CrystalsSettings) -> dict[str, Contents]:
-    """Integrate a crystal from all starts with the methods of these names.
+    """Integrate a crystal from all starts with the methods of these names, and with that trained on model crystals.
 
     Returns
     -------
@@ -47,7 +48,7 @@ def measure(crystal: str, names: Sequence[str], settings: CrystalsSettings) -> d
         of the mean kinetic energy; ``delta`` over temperature; ``frequency`` over mode.
     """
     solid = SOLIDS[crystal](settings.size(crystal))
-    loops, methods = loops_for(solid.gradient), [integrators[name] for name in names]
+    loops, methods = loops_for(solid.gradient), [*map(integrators.__getitem__, names), TRAINED_ON_CRYSTALS]
     temperatures, forces = (list(map(float, one)) for one in (settings.temperatures, settings.forces))
     shape = (len(temperatures), len(methods), len(forces), settings.starts)
     errors, deltas = np.empty((2, *shape)), []
@@ -61,7 +62,7 @@ def measure(crystal: str, names: Sequence[str], settings: CrystalsSettings) -> d
     what = "energy error |H - H0| over steps, in units of the mean kinetic energy"
     variables = {
         **coordinate("temperature", temperatures, "temperature over that of the melting point"),
-        **coordinate("integrator", list(names), "integrator"),
+        **coordinate("integrator", [one.name for one in methods], "integrator"),
         **coordinate("forces", forces, "forces in a period of the fastest phonon"),
         "label": variable("integrator", [one.label for one in methods], "name in the paper"),
         "max_energy_error": variable(over, errors[0], f"maximum {what}"),

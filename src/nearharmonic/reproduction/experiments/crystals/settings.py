@@ -32,8 +32,8 @@ class CrystalsSettings:
         default=(
             "leapfrog", "bcss_s3", "bcss_s4", "predescu_s3", "omelyan_v5", "pefrl", "srkn_b6", "srkn_b11",
             "blanes_moan_s6o4",
-            "abas5o6h", "babs7o7h", "babps8o7h", "babps9o7h", "trained_coarse", "trained_light", "trained_moderate",
-            "trained_fine",
+            "abas5o6h", "babs6o5h", "babps6o5h", "babs7o7h", "babps8o7h", "babps9o7h",
+            "trained_coarse", "trained_light", "trained_moderate", "trained_fine",
         ),
         min_length=2,
     )  # fmt: skip

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from nearharmonic.engine.settings import one_of
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.reproduction.entries import STRICT, setting, whole_from
-from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES
+from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES, REGISTERED
 from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
 
 
@@ -39,7 +39,7 @@ class TrainedSettings:
 
     purposes: tuple[str, ...] = setting(
         "Purposes that methods are trained for", "a list of purposes, each named once", each="the name of a purpose",
-        default=tuple(PURPOSES), min_length=1,
+        default=REGISTERED, min_length=1,
     )  # fmt: skip
     search: SearchSettings = setting("Effort of the search for trained methods", default=SearchSettings)
     proof: ProofSettings = setting("Problems on which trained and other methods are compared", default=ProofSettings)

@@ -9,12 +9,15 @@ from math import pi
 from nearharmonic.integrators.tableau import First
 from nearharmonic.reproduction.experiments.trained.problems.orbits import orbit_ensemble
 from nearharmonic.reproduction.experiments.trained.problems.random_potentials import random_ensemble
+from nearharmonic.reproduction.experiments.trained.problems.rings import SITES, ring_ensemble
 from nearharmonic.training.family import Family
 from nearharmonic.training.population import Ensemble
 from nearharmonic.training.published import modified_names, published_names
 
 #: Ranges of the strength of random potentials: for most methods, and for methods for small anharmonicity.
 STRONG, WEAK = (0.01, 0.5), (0.001, 0.03)
+#: Range of the rms change of a bond in model crystals: the Hessian varies by 0.02 to 0.2, as in crystals below melting.
+THERMAL = (0.01, 0.1)
 #: Bounds of the eccentricity of orbits.
 ECCENTRICITIES = (0.02, 0.35)
 #: Cost of the gradient of the square of grad V, in forces, for polynomials and for Kepler: docs/reference/methods.md.
@@ -69,6 +72,11 @@ class Purpose:
     after: str | None = None
 
     @property
+    def registered(self) -> bool:
+        """True if the method was good enough to be registered."""
+        return True
+
+    @property
     def title(self) -> str:
         """Name of the method."""
         return f"trained_{self.name}"
@@ -105,6 +113,28 @@ class Purpose:
         if self.band is None:
             return [orbit_ensemble(systems, seed, eccentricities=ECCENTRICITIES, orbits=t_end / (2 * pi))]
         return [random_ensemble(d, -(-systems // 2), seed, band=self.band, t_end=t_end) for d in (2, 3)]
+
+
+class CrystalPurpose(Purpose):
+    """Purpose of a method for crystals; ``band`` bounds the rms change of a bond.
+
+    Its lead on crystals is too small for a registered method: docs/results/crystals.md.
+    """
+
+    @property
+    def registered(self) -> bool:
+        """False."""
+        return False
+
+    @property
+    def problems(self) -> str:
+        """The ensemble in words."""
+        low, high = self.band or THERMAL
+        return f"rings of {SITES} masses, bonds change by {low:g} to {high:g}"
+
+    def ensembles(self, systems: int, seed: int, longer: float = 1.0) -> list[Ensemble]:
+        """Return the problems; the intervals are ``longer`` by a factor."""
+        return [ring_ensemble(systems, seed, band=self.band or THERMAL, t_end=self.t_end * longer)]
 
 
 def evaluations_an_orbit(*counts: int) -> tuple[float, ...]:
@@ -144,6 +174,10 @@ _ALL = (
         name="weak", what="small anharmonicity", tau_per_stage=(0.085, 0.11, 0.14), t_end=50.0, band=WEAK,
         chains=(Chain(first="kick", stages=(8, 9), harmonic_order=6),),
     ),
+    CrystalPurpose(
+        name="crystal_coarse", what="crystals, few evaluations", tau_per_stage=(0.33, 0.4, 0.5), t_end=60.0,
+        band=THERMAL, chains=(Chain(first="kick", stages=(5, 6)),),
+    ),
     Purpose(
         name="orbits", what="planetary orbits", tau_per_stage=evaluations_an_orbit(480, 340, 240), t_end=8 * pi,
         band=None, chains=(_FOURTEEN,),
@@ -161,8 +195,9 @@ _ALL = (
         ),
     ),
 )  # fmt: skip
-#: All purposes by name.
+#: All purposes by name, and the names of those whose methods are registered.
 PURPOSES = {one.name: one for one in _ALL}
+REGISTERED = tuple(name for name, one in PURPOSES.items() if one.registered)
 
 
 def trained_before(purpose: str, trained: Collection[str]) -> list[str]:
