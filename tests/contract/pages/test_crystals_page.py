@@ -49,7 +49,7 @@ def test_general_methods_lead_near_melting():
     assert all(kind_of(name) == GENERAL for name in hot)
 
 
-def test_papers_methods_of_six_stages_lead_from_thirteen_to_twenty_forces():
+def test_papers_methods_of_six_stages_lead_from_thirteen_forces():
     six = {"babs6o5h", "babps6o5h"}
     assert {integrators[name].stages for name in six} == {6}
     told = [(float(row[1]), *cell.rpartition(" ")[::2]) for row in rows("leaders") for cell in row[4:7]]
