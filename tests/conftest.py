@@ -15,10 +15,11 @@ from xdist.scheduler.loadscope import LoadScopeScheduling
 import nearharmonic as nh
 from support.trials.campaign import Campaign, TrialsPlugin
 
-#: Their tests read the projects in which the workflow has run to its end.
+#: Their tests read the projects in which the workflow has run.
 FINISHED = {
-    "test_adopt", "test_damage", "test_derive", "test_everything", "test_frozen_jobs", "test_pages", "test_repairs",
-    "test_results", "test_rules", "test_settings_of_results", "test_without_numba", "test_work_precision",
+    "test_adopt", "test_damage", "test_derive", "test_dry_runs", "test_everything", "test_frozen_jobs", "test_pages",
+    "test_repairs", "test_results", "test_rules", "test_settings_of_results", "test_without_numba",
+    "test_work_precision",
 }  # fmt: skip
 
 # A shell starts what runs in its background with SIGINT ignored, and so would everything that a test interrupts.

@@ -1,4 +1,4 @@
-"""Copies of the project to run Snakemake in; two of them finished, which tests only read."""
+"""Copies of the project to run Snakemake in; three of them with results, which tests only read."""
 
 from __future__ import annotations
 
@@ -25,8 +25,16 @@ def _after(target, project):
 
 
 @pytest.fixture(scope="session")
+def drawn(tmp_path_factory):
+    """The project after one figure on the tiny config: a job of most kinds, for README's command."""
+    project = Project(tmp_path_factory.mktemp("drawn"))
+    follow(project.folder / "src")
+    return _after("fig3", project)
+
+
+@pytest.fixture(scope="session")
 def finished(tmp_path_factory):
-    """The project after the default target on the tiny config."""
+    """The project after the default target on the tiny config: a minute of jobs, for slow tests."""
     project = Project(tmp_path_factory.mktemp("finished"))
     follow(project.folder / "src")
     return _after("all", project)
@@ -39,9 +47,9 @@ def everything(finished, tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def planned(finished):
+def planned(drawn):
     """All jobs of ``everything`` on the tiny config, as Snakemake would run them."""
-    done = finished.python(planned_jobs.__file__, TINY[1], "everything")
+    done = drawn.python(planned_jobs.__file__, TINY[1], "everything")
     assert done.returncode == 0, done.stderr
     return [SimpleNamespace(**json.loads(line)) for line in done.stdout.splitlines()]
 
@@ -52,8 +60,14 @@ def breakable(finished, tmp_path):
     return finished.copy(tmp_path / "breakable")
 
 
-@pytest.fixture(params=["all", pytest.param("everything", marks=pytest.mark.slow)])
+@pytest.fixture(params=["drawn", pytest.param("finished", marks=pytest.mark.slow)])
+def followed(request):
+    """A project whose jobs noted what they open."""
+    return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(params=["fig3", *(pytest.param(target, marks=pytest.mark.slow) for target in ("all", "everything"))])
 def after(request):
     """The project after a target, and the files that this has made."""
-    project = request.getfixturevalue({"all": "finished", "everything": "everything"}[request.param])
+    project = request.getfixturevalue({"fig3": "drawn", "all": "finished", "everything": "everything"}[request.param])
     return SimpleNamespace(folder=project.folder, made=MADE_BY[request.param])

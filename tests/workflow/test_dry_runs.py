@@ -9,15 +9,15 @@ SMOKE = ("--configfile", "config/smoke.yaml")
 
 
 @pytest.fixture(scope="module")
-def paper(project):
+def paper(drawn):
     """The jobs of the paper's config."""
-    return project.jobs()
+    return drawn.jobs()
 
 
 @pytest.fixture(scope="module")
-def smoke(project):
+def smoke(drawn):
     """The jobs of the smoke config."""
-    return project.jobs(*SMOKE)
+    return drawn.jobs(*SMOKE)
 
 
 def test_the_paper_fans_out_over_methods_systems_and_shards(paper):

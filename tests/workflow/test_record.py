@@ -155,6 +155,7 @@ def test_damaged_and_lost_files_are_made_again_in_one_go(fresh):
     assert fresh.manifest()["configfiles"] == ["config/tiny.yaml"]
 
 
+@pytest.mark.slow
 def test_emptied_manifest_is_made_again_with_nothing_to_do(fresh):
     manifest = (fresh.results / "manifest.json").read_bytes()
     (fresh.results / "manifest.json").write_bytes(b"")

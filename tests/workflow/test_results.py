@@ -1,4 +1,4 @@
-"""Results of the default target: contents of files, the laziness of a second run, and broken files named."""
+"""Results of a figure and, as slow tests, of other targets: contents of files, and the laziness of a second run."""
 
 from __future__ import annotations
 
@@ -15,29 +15,30 @@ from support.projects.targets import SYSTEMS
 TINY = ("--configfile", "config/tiny.yaml")
 
 
-def results(finished):
-    return finished.folder / "results/tiny"
+def results(project):
+    return project.folder / "results/tiny"
 
 
-def test_every_variable_of_every_file_has_units_and_a_meaning(finished):
+def test_every_variable_of_every_file_has_units_and_a_meaning(after):
     def check(name, member):
         if isinstance(member, h5py.Dataset):
             assert {"units", "long_name"} <= set(member.attrs), name
 
-    for path in results(finished).rglob("*.h5"):
+    for path in results(after).rglob("*.h5"):
         with h5py.File(path) as file:
             file.visititems(check)
 
 
-def test_xarray_finds_a_coordinate_for_each_dimension(finished):
+def test_xarray_finds_a_coordinate_for_each_dimension(after):
     auxiliary = {"label", "exact_label", "kind", "t"}
-    for path in results(finished).rglob("*.h5"):
+    for path in results(after).rglob("*.h5"):
         with xr.open_datatree(path, engine="h5netcdf") as tree:
             for node in tree.subtree:
                 assert set(node.dims) <= set(node.coords), path
                 assert not auxiliary & set(node.data_vars), path
 
 
+@pytest.mark.slow
 def test_run_files_and_cubes_say_in_words_what_they_hold(finished):
     with xr.open_dataset(results(finished) / "runs/sho/babs7o7h/0.h5", engine="h5netcdf") as runs:
         assert (runs.attrs["system"], runs.attrs["integrator"]) == ("sho", "babs7o7h")
@@ -50,28 +51,28 @@ def test_run_files_and_cubes_say_in_words_what_they_hold(finished):
             assert cube.status.attrs["flag_values"].tolist() == [0, 1, 2]
 
 
-def test_run_files_hold_nothing_derived(finished):
+def test_run_files_hold_nothing_derived(after):
     """Variables that follow from others of a file are in the cube alone."""
     derived = {"max_energy_error", "mean_energy_error", "observed_order", "perihelion_advance", "evaluations_per_orbit"}
-    for path in (results(finished) / "runs").rglob("*.h5"):
+    for path in (results(after) / "runs").rglob("*.h5"):
         with h5py.File(path) as file:
             names = []
             file.visit(names.append)
             assert not derived & {name.rpartition("/")[2] for name in names}, path
 
 
-def test_every_file_says_where_it_comes_from(finished):
-    for path in results(finished).rglob("*.h5"):
+def test_every_file_says_where_it_comes_from(after):
+    for path in results(after).rglob("*.h5"):
         with h5py.File(path) as file:
             assert json.loads(file.attrs["settings"])
             for key in ("package_version", "code_digest", "coefficients_digest", "numpy_version", "numba_version"):
                 assert file.attrs[key]
 
 
-def test_cube_holds_maximum_over_blocks_of_its_run_files(finished):
-    with xr.open_dataset(results(finished) / "cubes/henon_heiles.h5", engine="h5netcdf") as cube:
+def test_cube_holds_maximum_over_blocks_of_its_run_files(drawn):
+    with xr.open_dataset(results(drawn) / "cubes/henon_heiles.h5", engine="h5netcdf") as cube:
         for shard in (0, 1):
-            with h5py.File(results(finished) / f"runs/henon_heiles/babs7o7h/{shard}.h5") as run:
+            with h5py.File(results(drawn) / f"runs/henon_heiles/babs7o7h/{shard}.h5") as run:
                 for tau, status, blocks in zip(
                     run["tau_per_stage"][:], run["status"][:], run["block_max_energy_error"][:], strict=True
                 ):
@@ -79,6 +80,7 @@ def test_cube_holds_maximum_over_blocks_of_its_run_files(finished):
                     assert cube.max_energy_error.sel(integrator="babs7o7h", tau_per_stage=tau).item() == expected
 
 
+@pytest.mark.slow
 def test_what_was_left_out_is_a_table_with_reasons(finished):
     with (results(finished) / "tables/skipped.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -87,17 +89,18 @@ def test_what_was_left_out_is_a_table_with_reasons(finished):
     assert all(int(row["runs"]) > 0 for row in rows)
 
 
-def test_nothing_is_left_half_written(finished):
-    assert list(results(finished).rglob(".*")) == []
+def test_nothing_is_left_half_written(after):
+    assert list(results(after).rglob(".*")) == []
 
 
+@pytest.mark.slow
 def test_each_job_has_a_log(finished):
     logs = {path.relative_to(results(finished) / "logs").parts[0] for path in results(finished).rglob("*.log")}
     assert {"compile", "integrate", "reduce", "figures", "tables"} <= logs
 
 
-def test_a_second_run_has_nothing_to_do(finished):
-    assert "Nothing to be done" in finished.snakemake("-j2", *TINY).stdout
+def test_a_second_run_has_nothing_to_do(drawn):
+    assert "Nothing to be done" in drawn.snakemake("fig3", "-j2", *TINY).stdout
 
 
 @pytest.mark.slow
@@ -152,6 +155,7 @@ def test_an_edit_runs_what_depends_on_it_and_nothing_else(finished, module, reru
     assert jobs == {**reruns, "page": 1, "all": 1}
 
 
+@pytest.mark.slow
 def test_adding_a_reduction_integrates_nothing(finished):
     added = (
         '\n\n@reduction("q")\ndef largest_position(runs: xr.Dataset) -> xr.DataArray:\n'
@@ -162,11 +166,13 @@ def test_adding_a_reduction_integrates_nothing(finished):
     assert jobs == {"reduce": 3, **shown, "all": 1}
 
 
-def test_a_comment_runs_nothing(finished):
-    assert jobs_after_edit(finished, "systems/kepler.py", "# a comment\n", *TINY) == {}
+def test_a_comment_runs_nothing(drawn):
+    assert jobs_after_edit(drawn, "systems/henon_heiles.py", "# a comment\n", "fig3", *TINY) == {}
 
 
-def test_an_edit_of_coefficients_runs_their_method_and_nothing_else(finished):
+def test_an_edit_of_coefficients_runs_their_method_and_nothing_else(drawn):
     swapped = 'TABLEAUS = tuple(tableau.role("kick") for tableau in TABLEAUS)\n'
-    jobs = jobs_after_edit(finished, "integrators/forest_ruth_1990.py", swapped, "results/tiny/cubes/sho.h5", *TINY)
+    jobs = jobs_after_edit(
+        drawn, "integrators/forest_ruth_1990.py", swapped, "results/tiny/cubes/henon_heiles.h5", *TINY
+    )
     assert jobs == {"integrate": 2, "reduce": 1}

@@ -85,6 +85,7 @@ def test_only_jobs_that_measure_times_have_all_cores(working, makers):
     }
 
 
+@pytest.mark.slow
 def test_kernels_are_compiled_by_one_job_at_a_time(planned, working, finished):
     """Those that are called without one that compiled them before, and those of the jobs that compile alone."""
     compiled = {
@@ -114,9 +115,9 @@ def test_run_waits_only_for_kernels_that_it_calls(working, makers):
             assert compiling.function.__module__ == job.function.__module__
 
 
-def test_job_reads_results_that_its_rule_names_and_no_other(planned, makers, finished):
+def test_job_reads_results_that_its_rule_names_and_no_other(planned, makers, followed):
     by_log = {job.log[0]: job for job in planned if job.log}
-    for log, files in read_by_jobs(finished.folder).items():
+    for log, files in read_by_jobs(followed.folder).items():
         job = by_log[log]
         read = {file for file in files if file.startswith(RESULTS)} & makers.keys() - {*job.output}
         named = {file for file in job.input if not file.endswith(".done")}
@@ -125,6 +126,7 @@ def test_job_reads_results_that_its_rule_names_and_no_other(planned, makers, fin
         assert read <= (above(job, makers) if folder else named), job.rule
 
 
+@pytest.mark.slow
 def test_edit_of_what_page_is_made_of_makes_it_again(finished):
     """Template, style and script, the files of the package that jobs read and that are no Python."""
     package = "src/nearharmonic/"

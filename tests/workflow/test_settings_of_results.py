@@ -81,8 +81,8 @@ def test_the_settings_of_an_ensemble_are_those_of_the_config(everything):
                     assert [Fraction(str(x)) for x in numbers[0]] == [Fraction(str(x)) for x in numbers[1]], (name, key)
 
 
-def test_every_cube_and_run_is_planned_with_settings_of_config(finished, planned):
-    expected = expected_settings(finished)
+def test_every_cube_and_run_is_planned_with_settings_of_config(drawn, planned):
+    expected = expected_settings(drawn)
     settings = {
         file.removeprefix(RESULTS): job.params["task"]["settings"]
         for job in planned

@@ -67,7 +67,11 @@ TARGETS["everything"] = set().union(*TARGETS.values())
 #: Intervals of the systems that structure is measured on, on the tiny config.
 STRUCTURE_T_END = {"sho": "20", "henon_heiles": "25", "kepler": "4383", "relativistic_oscillator": "500"}
 MADE = TARGETS["everything"].union(CUBES, *RUNS_OF.values())
-#: Target -> all files that are there after it.
-MADE_BY = {"all": TARGETS["all"], "everything": MADE}
+#: Target -> all files that are there after it. The figure, alone, takes runs of one system.
+MADE_BY = {
+    "fig3": FIGURES["fig3"] | FIGURES["henon_heiles_energy_error"] | cubes("henon_heiles")
+    | {name for name in RUNS_OF["paper"] if name.startswith("runs/henon_heiles/")},
+    "all": TARGETS["all"], "everything": MADE,
+}  # fmt: skip
 #: What every run of the workflow writes to, beside what it was asked for.
 RECORD = {"history.jsonl", "manifest.json"}
