@@ -104,6 +104,7 @@ def test_without_gain_status_is_1_and_nothing_is_written(capsys, tmp_path, monke
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_step_sizes_without_a_gain_are_named(capsys):
     """A method for a window that is a factor 3 wide is not the best in all of it."""
     assert main(["tailor", "henon_heiles", "--window", "0.05:0.15", "--trials", "500"]) == 0

@@ -120,12 +120,14 @@ def test_a_figure_draws_a_cube_without_a_number(name):
     is_drawn(drawing(name)(made.emptied(cube(["ruth", "babps9o7h"]), *kept)))
 
 
+@pytest.mark.slow
 def test_figure_6_draws_one_panel_alone_and_path_without_number():
     panels = made.toy_panels()
     is_drawn(draw_panels({"A": panels["A"]}))
     is_drawn(draw_panels({k: made.emptied(panel, "H", "hamiltonian") for k, panel in panels.items()}))
 
 
+@pytest.mark.slow
 def test_work_precision_figure_draws_single_method_and_empty_curves():
     is_drawn(work_precision_figure("toy", [("20", ("max",), [made.timed("ruth", [1e-3], [1e-4])])], made.FACTS))
     absent = [Curve(method=name, label=name, kind="splitting", status="no") for name in made.METHODS]

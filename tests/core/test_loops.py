@@ -92,7 +92,9 @@ SYSTEMS = {
     "driven": (driven, 24, {"parameters": {"strength": "0.5"}, "time_dependent": True}),
 }
 #: Systems whose sums are patterns that others have as well, or take seconds.
-LONGER = {"uneven", "spread", "mean field", "lattice", "free", "chain of masses", "bodies"}
+LONGER = {
+    "uneven", "spread", "mean field", "lattice", "free", "chain of masses", "bodies", "one site", "embedded",
+}  # fmt: skip
 
 
 def system_of(name, tau="0.1"):

@@ -26,7 +26,7 @@ def test_an_oscillator_crosses_zero_at_odd_quarters_of_its_period():
         np.testing.assert_allclose(found.p[0, :, 0], np.where(n % 2, 1.0, -1.0), rtol=1e-7)
 
 
-@pytest.mark.parametrize("member", range(len(STARTS)))
+@pytest.mark.parametrize("member", [0, *(pytest.param(i, marks=pytest.mark.slow) for i in (1, 2))])
 def test_crossings_are_ends_of_runs_with_one_shorter_step(member):
     tau = 0.5
     found = nh.section("henon_heiles", "babps9o7h", tau, surface=0, starts=STARTS, t_end=100)
@@ -69,6 +69,7 @@ def test_directions_split_crossings_and_a_function_is_a_surface():
     assert np.array_equal(turned.t, times["up"], equal_nan=True)
 
 
+@pytest.mark.slow
 def test_apsides_of_kepler_are_where_the_radial_momentum_vanishes():
     """The distances there are a (1 - e) and a (1 + e); a and e of the start, to the error of the method."""
     found = nh.section(

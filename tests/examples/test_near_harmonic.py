@@ -68,6 +68,7 @@ def test_the_hessian_of_a_harmonic_system_does_not_vary():
     assert omega == pytest.approx(np.sqrt(4.5 + np.sqrt(4.5**2 - 7)), rel=5e-3)  # rounded to three digits
 
 
+@pytest.mark.slow
 def test_variation_of_pendulum_is_that_of_its_cosine_along_orbit(systems):
     pendulum = systems["pendulum"]
     q = nh.integrate(pendulum, "srkn_a14", 0.01, samples=257, q0=[1.0]).q.values[:, 0]
@@ -96,7 +97,8 @@ def test_random_probes_find_the_variation_of_a_large_system(systems, monkeypatch
     assert probed == pytest.approx(formed, rel=0.25)  # 16 probes at 9 samples
 
 
-@pytest.mark.parametrize("place", [1, *(pytest.param(place, marks=pytest.mark.slow) for place in [2, 6])])
+@pytest.mark.slow
+@pytest.mark.parametrize("place", [1, 2, 6])
 def test_a_row_of_the_page_is_found_again(systems, place):
     orbit = [*anharmonicity.families(systems)][place]
     (text,) = (row for row in table("families") if row[:2] == [orbit.family, orbit.amplitude])

@@ -231,6 +231,7 @@ def test_angular_momentum_in_the_round_quartic_well_is_kept():
     assert all(a != b for a, b in pairwise(drifts)) or max(drifts) == 0
 
 
+@pytest.mark.slow
 def test_the_tabulated_well_is_the_natural_spline_of_another_library():
     table, spacing = module("tabulated_well").TABLE, module("tabulated_well").H
     spline = CubicSpline(-2 + spacing * np.arange(17), table, bc_type="natural")

@@ -19,6 +19,7 @@ HARMFUL = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 KEPT = {"\t", "\n"}
 
 
+@pytest.mark.slow
 def test_every_control_and_direction_mark_is_escaped():
     signs = [chr(code) for code in range(sys.maxunicode + 1)]
     left = [s for s in signs if unicodedata.category(s) in HARMFUL - {"Cf"} and printable(s) == s and s not in KEPT]

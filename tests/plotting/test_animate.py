@@ -43,6 +43,7 @@ def test_gif_file_has_number_of_frames_at_asked_rate(run, tmp_path):
     assert [path.name for path in place.parent.iterdir()] == ["orbit.gif"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["gif", "html"])
 def test_film_has_the_same_bytes_each_time(run, tmp_path, ending):
     one, other = (nh.animate(run, tmp_path / f"{name}.{ending}", frames=3) for name in ("one", "other"))

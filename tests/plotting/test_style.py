@@ -210,6 +210,7 @@ def test_drawing_leaves_the_callers_matplotlib_settings_alone(tmp_path):
         assert dict(mpl.rcParams) == before
 
 
+@pytest.mark.slow
 def test_importing_figures_loads_no_pyplot_and_changes_no_setting():
     # Start-up time: pyplot and xarray cost more than the drawing.
     program = """

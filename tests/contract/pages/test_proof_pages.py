@@ -7,6 +7,7 @@ from collections import Counter
 from fractions import Fraction
 from math import comb, factorial, prod
 
+import pytest
 from mpmath import cbrt, cos, expm, logm, matrix, mp, mpf, norm, sin
 
 import nearharmonic as nh
@@ -209,6 +210,7 @@ def test_numbers_of_complex_solutions_are_products_of_weights():
             assert (len(found.eliminant) - 1, found.simple) == (int(solutions), True)
 
 
+@pytest.mark.slow
 def test_boxes_of_proofs_are_as_wide_as_the_page_says():
     found = solve(Equations(3, 4), RandomStarts(20, 1, box=2.5, bound=20.0))
     assert [root.proved for root in found.roots] == [True]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from nearharmonic.reproduction.experiments.derivation.experiment import EXPERIMENT as DERIVATION
 from nearharmonic.reproduction.experiments.stability.experiment import EXPERIMENT as STABILITY
@@ -15,6 +16,7 @@ PLACE = "docs/start/near_harmonic.md"
 NEW = ("BABs7o7H", "BAB's9o7H")
 
 
+@pytest.mark.slow
 def test_the_lead_on_the_pendulum_ends_where_stated():
     lines = {line.get_label(): line for line in executed(PLACE)["axes"].lines}
     amplitudes = lines["Ruth"].get_xdata()

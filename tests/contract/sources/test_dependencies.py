@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import sys
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
@@ -24,6 +25,7 @@ PYTHON = [*(ROOT / "src").rglob("*.py"), *(ROOT / "workflow").rglob("*.py")]
 RULES = [ROOT / "Snakefile", *(ROOT / "workflow").rglob("*.smk")]
 
 
+@cache
 def imported_in(path):
     """Top-level names that a file imports."""
     text = path.read_text(encoding="utf-8")

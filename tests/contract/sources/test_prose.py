@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -21,11 +22,11 @@ LONGEST_NAME = 10
 in_each_folder = pytest.mark.parametrize("folder", FOLDERS)
 
 
+@cache
 def definitions(folder):
     """(path, definition) of every definition in the Python files of a folder."""
-    for path in sorted((PROJECT / folder).rglob("*.py")):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        yield from ((path, node) for node in ast.walk(tree) if isinstance(node, DEFINITIONS))
+    trees = [(path, ast.parse(path.read_text(encoding="utf-8"))) for path in sorted((PROJECT / folder).rglob("*.py"))]
+    return [(path, node) for path, tree in trees for node in ast.walk(tree) if isinstance(node, DEFINITIONS)]
 
 
 def begins_badly(docstring):

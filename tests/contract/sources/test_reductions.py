@@ -39,6 +39,7 @@ def _has(slice_, module, function):
     return find_spec(name) is not None and hasattr(import_module(name), function)
 
 
+@pytest.mark.slow
 def test_no_job_that_integrates_loads_xarray():
     """Loading it takes longer than a short run."""
     text = "\n".join(["import sys", *(f"import {each}.run" for each in SLICES), "print('xarray' in sys.modules)"])

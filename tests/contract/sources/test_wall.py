@@ -57,6 +57,7 @@ def test_the_python_of_readme_runs_without_the_workflow(tmp_path):
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_what_the_library_lacks_is_named_in_a_sentence(tmp_path):
     code = "import nearharmonic as nh; nh.tailor('henon_heiles', window=(0.1, 0.15), trials=50)"
     assert "needs the package cma: pip install 'nearharmonic[tailor]'" in run(code, tmp_path).stderr

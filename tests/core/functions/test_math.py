@@ -51,6 +51,7 @@ def test_floats_arrays_and_kernels_have_the_same_bits(name):
     assert same_bits(numbers, kernel).all()
 
 
+@pytest.mark.slow
 def test_a_lane_does_not_depend_on_its_neighbours():
     """Large angles take another path, which one lane alone needs here."""
     x = np.array([[1.0, 2.0, 1e300, -0.0, 5e-324, 1e5, math.inf, -3.0]])

@@ -63,6 +63,7 @@ def test_kernels_of_both_precisions_make_the_steps_of_mpmath(system):
     assert float(run.max_energy_error) == pytest.approx(float(worst), abs=1e-26, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_numba_and_heyoka_understand_every_function():
     """One system whose force is the sum of all of them."""
     whole = one_dimensional("sum", lambda q: 0, lambda q: sum(system.grad_V(q)[0] + system.V(q) for system in SYSTEMS))
@@ -78,6 +79,7 @@ def test_numba_and_heyoka_understand_every_function():
     assert compiled([0.75, 0.5]) == pytest.approx(rates, rel=1e-13)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("precision", ["double", "extended"])
 def test_rotating_pendulum_lanes_equal_single_runs_bitwise(precision):
     """A momentum of 1e6 brings angles beyond those that are reduced in floating point, in some lanes only."""

@@ -77,6 +77,7 @@ def test_extended_errors_of_hundred_thousand_steps_are_below_the_stated(method):
         assert abs(digits_of(run, name)[0] - exact) < 1e-28 * 40_000
 
 
+@pytest.mark.slow
 def test_steps_longer_than_a_turn_are_as_exact():
     run = nh.integrate("sho", "leapfrog", 40, t_end=400, samples=11, precision="extended", **EXACT)
     assert run.max_energy_error < 1e-28
@@ -181,6 +182,7 @@ def test_a_run_backwards_returns_to_the_start():
     assert np.abs((back.q[-1] - out.q[0]) + (back.q_low[-1] - out.q_low[0])).max() < 1e-28
 
 
+@pytest.mark.slow
 def test_frequency_parameter_is_fixed_and_others_are_free():
     changed = replace(CHAIN.system, parameters=dict(CHAIN.system.parameters) | {"strength": "0.1"}, name="chain_2")
     given = nh.integrate(CHAIN.system, "aba864", 0.2, parameters={"strength": "0.1"}, **EXACT)

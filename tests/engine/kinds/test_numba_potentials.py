@@ -86,6 +86,7 @@ def wave(sites):
     return np.sin(k * np.arange(sites)), np.sqrt(1 + 4 * np.sin(k / 2) ** 2)
 
 
+@pytest.mark.slow
 def test_many_coordinates_come_as_an_array():
     q0, frequency = wave(20)
     system = nh.System(name="ring", V=ring, grad_V=ring_force, q0=q0, p0=np.zeros(20), t_end=20)

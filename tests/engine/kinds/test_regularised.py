@@ -124,6 +124,7 @@ def test_errors_over_three_steps_match_hand_calculation(A):
     assert float(run.max_energy_error) == pytest.approx(max(errors), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_an_ensemble_of_mixed_strengths_is_made_of_single_runs():
     strengths = ["0", "2", "0", "5"]
     q0, settings = [57.9, 12.0], {"t_end": 20000}

@@ -31,18 +31,23 @@ KINDS = {
     **{f"kepler {how}": ("kepler", "babps9o7h", 100.0, PLANETS, how) for how in ({}, PLAIN, EXTENDED)},
     **{
         f"{system} {split} {how}": (system, "aba864", 0.25, starts, split | how)
-        for system, split, starts in (("sho", {}, ONE), ("sho", EXACT, ONE), ("henon_heiles", EXACT, STARTS))
+        for system, split, starts in (("sho", {}, ONE), ("sho", EXACT, ONE))
         for how in ({}, PLAIN, EXTENDED)
     },
+    f"henon_heiles {EXACT} {{}}": ("henon_heiles", "aba864", 0.25, STARTS, EXACT),
     **{
         f"{method} {how}": ("henon_heiles", method, 0.125, TEXTS, how)
         for method, how in (("chin_4a", {}), ("rowlands", PLAIN))
     },
-    "ten sites": (sites(10), "aba864", 0.25, {"q0": [mode(10, k) for k in (1, 2, 5)]}, {}),
     "regularised": ("kepler_regularised", "babs7o7h", 256.0, BOUND, {}),
 }  # fmt: skip
 #: More methods with a modified potential, systems of other kinds, and oscillators solved exactly.
 LONGER = {
+    "ten sites": (sites(10), "aba864", 0.25, {"q0": [mode(10, k) for k in (1, 2, 5)]}, {}),
+    **{
+        f"henon_heiles {EXACT} {how}": ("henon_heiles", "aba864", 0.25, STARTS, EXACT | how)
+        for how in (PLAIN, EXTENDED)
+    },
     **{
         f"{method} {how}": ("henon_heiles", method, 0.125, TEXTS, how)
         for method in nh.modified_integrators for how in ({}, PLAIN, EXTENDED)

@@ -34,6 +34,7 @@ def bodies():
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_linear_chain_of_1024_sites_follows_its_normal_modes():
     """Leapfrog turns a mode of frequency w = 2 sin(pi k / 2 (n + 1)) by the angle 2 asin(w tau / 2) a step."""
     modes, tau, steps = {1: 1.0, 7: 0.3, 600: 0.2, 1024: 0.1}, 0.25, 200

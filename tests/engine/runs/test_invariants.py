@@ -121,6 +121,7 @@ def test_coarse_steps_are_no_fault_of_an_invariant():
         assert nh.integrate(kepler, "leapfrog", 200.0).eccentricity_vector_drift > 0.05
 
 
+@pytest.mark.slow
 def test_differences_longer_than_a_period_of_the_potential_tell_nothing():
     """Their steps are in proportion to |q|, which is 1e8 here."""
     far = nh.System(

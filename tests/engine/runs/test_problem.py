@@ -214,7 +214,10 @@ except KeyboardInterrupt:
     "call",
     [
         'nh.integrate("sho", "ruth", 1e-5, t_end=9000)',
-        'nh.ensemble("sho", "ruth", 1e-4, q0=[[str(i + 1)] for i in range(3000)], t_end=1000, threads=2)',
+        pytest.param(
+            'nh.ensemble("sho", "ruth", 1e-4, q0=[[str(i + 1)] for i in range(3000)], t_end=1000, threads=2)',
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["one long run", "an ensemble on threads"],
 )

@@ -12,6 +12,8 @@ import termios
 from contextlib import suppress
 from pathlib import Path
 
+import pytest
+
 import nearharmonic as nh
 
 LONG = """
@@ -46,5 +48,6 @@ def test_a_long_run_shows_its_progress_on_a_terminal():
     assert shown.endswith(b" \r")
 
 
+@pytest.mark.slow
 def test_nothing_is_written_where_there_is_no_terminal():
     assert run(subprocess.PIPE).stderr == b""

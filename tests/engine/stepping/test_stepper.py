@@ -129,6 +129,7 @@ def states_of(many, taus):
     return q, p
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{"fastmath": True}, pytest.param({"parallel": True}, marks=pytest.mark.slow)])
 def test_options_of_the_caller_do_not_change_bits(step, options):
     taus = RNG.choice(RNG.uniform(-0.1, 0.1, 200), (16, 500))

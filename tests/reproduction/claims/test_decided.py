@@ -32,6 +32,11 @@ def refused(constant):
     raise AssertionError(constant)
 
 
+def others(*values):
+    """Values of a parameter that make a test slow: each decides all statements."""
+    return [pytest.param(value, marks=pytest.mark.slow) for value in values]
+
+
 def described(cube):
     """``cube`` as a file needs it: every variable has units and a meaning."""
     cube = cube.copy(deep=True)
@@ -121,7 +126,14 @@ def test_what_is_in_a_folder_is_decided_as_in_memory(folder, sound):
     assert entries["fig-3-orders"]["verdict"] == "not decided here"
 
 
-@pytest.mark.parametrize("methods", [["ruth"], ["ruth", "yoshida_s7o6a", "babs7o7h"], ["babps9o7h"]])
+@pytest.mark.parametrize(
+    "methods",
+    [
+        pytest.param(["ruth"], marks=pytest.mark.slow),
+        ["ruth", "yoshida_s7o6a", "babs7o7h"],
+        pytest.param(["babps9o7h"], marks=pytest.mark.slow),
+    ],
+)
 def test_results_of_few_methods_are_no_error(methods):
     sound = sound_results()
     for name, cube in sound.cubes.items():
@@ -134,7 +146,7 @@ def test_results_of_few_methods_are_no_error(methods):
     assert verdicts["negative-coefficients"] == "holds"
 
 
-@pytest.mark.parametrize("points", [slice(0, 2), slice(100, 102), slice(160, 161), slice(0, 0)])
+@pytest.mark.parametrize("points", [slice(0, 0), *others(slice(0, 2), slice(100, 102), slice(160, 161))])
 def test_results_of_few_step_sizes_are_no_error(points):
     sound = sound_results()
     for system in ("sho", "henon_heiles", "kepler"):

@@ -248,7 +248,7 @@ def test_results_of_other_configs_compare_on_common_parts(other, capsys):
     [
         (["paper", "copi"], "unknown result 'copi'. Did you mean 'copy'?"),
         (["paper", "copy", "--figure", "both.gif"], "figure = 'both.gif' is not allowed: a file that ends in .pdf"),
-        (["paper", "copy", "--figure", "/proc/none/both.png"], "/proc/none"),
+        pytest.param(["paper", "copy", "--figure", "/proc/none/both.png"], "/proc/none", marks=pytest.mark.slow),
         (["paper"], "the following arguments are required: b"),
     ],
 )

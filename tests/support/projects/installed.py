@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from importlib.metadata import distribution
 
 from packaging.requirements import Requirement
@@ -30,8 +31,14 @@ def belongs(requirement, extra):
 
 def mebibytes_of(names):
     """Size of the files of distributions, compiled Python included."""
-    paths = {file.locate().resolve() for name in names for file in distribution(name).files or ()}
-    return sum(path.stat().st_size for path in paths if path.is_file()) / 2**20
+    return sum(dict(item for name in names for item in _sizes_of(name).items()).values()) / 2**20
+
+
+@cache
+def _sizes_of(name):
+    """Bytes of each file of a distribution."""
+    paths = {file.locate().resolve() for file in distribution(name).files or ()}
+    return {path: path.stat().st_size for path in paths if path.is_file()}
 
 
 def mebibytes_in(folder):
