@@ -36,6 +36,7 @@ def test_a_name_that_never_was_is_no_module():
         import_module("nearharmonic.nothing")
 
 
+@pytest.mark.slow
 def test_a_warning_shows_the_line_that_imports():
     done = subprocess.run(
         [sys.executable, "-W", "always", "-c", "from nearharmonic.output.style import house_style"],

@@ -150,11 +150,19 @@ def test_a_run_in_two_parts_has_the_bits_of_one(system, method, tau, members, ho
 
 
 @pytest.mark.parametrize(
-    "kind", ["kepler {}", "ten sites", *(f"henon_heiles {EXACT} {how}" for how in ({}, PLAIN, EXTENDED))]
+    "kind",
+    [
+        "kepler {}",
+        f"henon_heiles {EXACT} {{}}",
+        *(
+            pytest.param(kind, marks=pytest.mark.slow)
+            for kind in ("ten sites", *(f"henon_heiles {EXACT} {how}" for how in (PLAIN, EXTENDED)))
+        ),
+    ],
 )
 def test_the_energy_is_measured_when_it_was_asked_for(kind):
     """Far above rounding, that of ten sites is measured in doubles at every step."""
-    system, method, tau, _, how = KINDS[kind]
+    system, method, tau, _, how = (KINDS | LONGER)[kind]
     each, few, none = (
         nh.integrate(system, method, tau, t_end=80 * tau, samples=9, energy=energy, **how)
         for energy in ("every", "samples", "none")

@@ -126,14 +126,7 @@ def test_what_is_in_a_folder_is_decided_as_in_memory(folder, sound):
     assert entries["fig-3-orders"]["verdict"] == "not decided here"
 
 
-@pytest.mark.parametrize(
-    "methods",
-    [
-        pytest.param(["ruth"], marks=pytest.mark.slow),
-        ["ruth", "yoshida_s7o6a", "babs7o7h"],
-        pytest.param(["babps9o7h"], marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize("methods", [["ruth", "yoshida_s7o6a", "babs7o7h"], *others(["ruth"], ["babps9o7h"])])
 def test_results_of_few_methods_are_no_error(methods):
     sound = sound_results()
     for name, cube in sound.cubes.items():

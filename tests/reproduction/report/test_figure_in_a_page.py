@@ -22,6 +22,7 @@ def test_page_names_each_page_of_a_figure():
     assert named == declared
 
 
+@pytest.mark.slow
 def test_figure_is_one_file_that_links_to_report_alone(results):
     found = Reader(page(folder=results)["figure_3"])
     assert {told["href"].partition("#")[0] for told, _ in found.all("a")} == {"report.html"}

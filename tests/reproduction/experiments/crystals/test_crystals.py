@@ -29,6 +29,7 @@ def ring(q):
     return sum((1 - exp(-(q[(i + 1) % n] - q[i]))) ** 2 for i in range(n))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["leapfrog", "babs7o7h", "bcss_s4"])
 def test_a_run_is_that_of_the_package(name):
     """Both round about ten times a force; 200 forces of a stable run lose three digits at most."""

@@ -43,6 +43,7 @@ def test_matrix_of_a_trajectory_is_that_of_leapfrog():
     assert found == pytest.approx(np.array([leapfrog_matrix(h, 13) for h in angles]), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_gaussian_acceptance_and_jumps_are_those_of_random_proposals():
     """2e5 proposals of 30 modes: 5 standard errors of the means."""
     angles, random = np.linspace(0.3, 1.7, 30), np.random.default_rng(1)
@@ -66,6 +67,7 @@ def test_acceptance_of_many_modes_is_that_of_normal_errors():
     assert acceptance == pytest.approx(float(mpmath.erfc(mpmath.sqrt(modes * g / 2 / 4))), rel=5 * g)
 
 
+@pytest.mark.slow
 def test_gaussian_gradients_are_those_of_a_chain():
     """A chain of the package on the Gaussian, b = 0, at the step and length of the exact result: 5 standard errors."""
     target = quartic(100, strength=0.0)
@@ -108,6 +110,7 @@ def test_student_is_that_of_the_table():
     assert (student(23), student(15), student(16)) == (2.069, 2.131, 2.131)
 
 
+@pytest.mark.slow
 def test_energy_errors_of_a_proposal_are_those_of_the_package():
     """A trajectory of 6 steps by ``nh.integrate``; both round about ten times a force."""
     n, tau = 3, 0.9
@@ -127,7 +130,9 @@ def test_energy_errors_of_a_proposal_are_those_of_the_package():
         assert chain.gradients == 6 * nh.integrators[name].stages
 
 
-@pytest.mark.parametrize("name", ["leapfrog", "bcss_s4", "babs7o7h"])
+@pytest.mark.parametrize(
+    "name", ["leapfrog", *(pytest.param(name, marks=pytest.mark.slow) for name in ("bcss_s4", "babs7o7h"))]
+)
 def test_chains_leave_the_moments_of_the_quartic_right(name):
     """<x^2> and <x^4> of exp(-x^2/2 - x^4/4) by quadrature, from means of 8 chains: 5 standard errors."""
     with mpmath.workdps(20):
@@ -159,7 +164,8 @@ def test_starts_have_the_quantiles_of_the_quartic():
         assert float(below / all_) == pytest.approx(0.83, abs=1e-5)
 
 
-@pytest.mark.parametrize("name", ["bcss_s4", "predescu_s3"])  # a drift first, and a kick
+# A drift first, and a kick.
+@pytest.mark.parametrize("name", ["bcss_s4", pytest.param("predescu_s3", marks=pytest.mark.slow)])
 def test_squared_errors_of_the_search_are_those_of_gaussian_starts(name):
     """For b = 0: <dH^2> = g + 3 g^2/4 with |M|^2 = 2 + g. 40000 even starts with weights err by 3 % at most."""
     proposals, method, tau = Proposals(1, 40_000, (0.0,)), nh.integrators[name], 0.5

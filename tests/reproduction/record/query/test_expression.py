@@ -159,6 +159,7 @@ def test_an_unknown_column_gets_its_nearest_match():
         rows_where("errr < 1", COLUMNS)
 
 
+@pytest.mark.slow
 def test_a_million_rows_take_as_many_calls_as_ten():
     def columns(rows):
         seed = np.random.default_rng(1)
