@@ -127,7 +127,7 @@ def test_configs_that_snakemake_cannot_read_end_with_one_sentence(trials, projec
         end(project, "a target is written before --configfile", "-n", "--configfile", "config/smoke.yaml", "fig3")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_workflow_refuses_each_target_before_any_work(trials, project):
     bad = trials(KIND)
     for target, says in TARGETS.items():

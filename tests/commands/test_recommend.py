@@ -76,7 +76,7 @@ def test_help_explains_every_column(capsys):
     assert told == capsys.readouterr().out.splitlines()[1].split()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_other_libraries_are_left_out_if_methods_are_named(capsys):
     with_all, _ = told(capsys, "sho", "--error", "1e-2", "--budget", "2000", "--results", "/nowhere")
     assert "other libraries: not timed (/nowhere" in with_all["basis"]

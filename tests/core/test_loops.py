@@ -92,9 +92,8 @@ SYSTEMS = {
     "driven": (driven, 24, {"parameters": {"strength": "0.5"}, "time_dependent": True}),
 }
 #: Systems whose sums are patterns that others have as well, or take seconds.
-LONGER = {
-    "uneven", "spread", "mean field", "lattice", "free", "chain of masses", "bodies", "one site", "embedded",
-}  # fmt: skip
+LONGER = {"uneven", "lattice", "bodies", "one site", "embedded"}
+LONGEST = {"spread", "mean field", "free", "chain of masses"}
 
 
 def system_of(name, tau="0.1"):
@@ -133,7 +132,13 @@ def values(system):
     return [parameter.value for parameter in system.parameters.values()]
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONGER)) for name in SYSTEMS])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name in LONGER) + [pytest.mark.long] * (name in LONGEST))
+        for name in SYSTEMS
+    ],
+)
 def test_a_step_is_that_of_multiprecision(name, looped):
     system = system_of(name)
     run = nh.integrate(system, "leapfrog", 0.1, precision="extended", first="kick")
@@ -159,7 +164,7 @@ KICK, DRIFT, NONE = ("compensated", "kick", "every"), ("plain", "drift", "sample
     [
         ("embedded", DRIFT),
         *(
-            pytest.param(name, settings, marks=pytest.mark.slow if settings == KICK else pytest.mark.long)
+            pytest.param(name, settings, marks=pytest.mark.slow if name + settings[1] == "drivenkick" else pytest.mark.long)
             for name in ("driven", "uneven", "embedded") for settings in (KICK, DRIFT, NONE)
             if (name, settings) != ("embedded", DRIFT)
         ),

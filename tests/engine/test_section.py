@@ -14,6 +14,7 @@ from nearharmonic.errors import SettingError
 STARTS = [[0, 0.1, 0.4, 0], [0, -0.2, 0.35, 0.1], [0, 0.3, 0.3, -0.2]]
 
 
+@pytest.mark.slow
 def test_an_oscillator_crosses_zero_at_odd_quarters_of_its_period():
     """To the phase error of the method, which falls with the sixth power of the step."""
     for tau, error in ((0.5, 4e-9), (0.25, 4e-9 / 2**6)):

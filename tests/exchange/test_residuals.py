@@ -56,8 +56,9 @@ def test_no_rounding_of_a_registered_method_refutes_what_it_declares(name, digit
         assert Verdict(file_of(tableau, digits, claimed=claimed)).holds
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", list(integrators))
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name in SOME else pytest.mark.long) for name in integrators]
+)
 def test_every_registered_method_proves_declarations_from_digits(name):
     for digits in (None, 8, 15, 17, 40):
         if digits is None or digits <= integrators[name].digits:

@@ -93,6 +93,7 @@ def test_trajectories_of_one_method_are_told_apart_by_their_steps():
     assert legend(nh.plot(runs)) == ["Ruth, τ = 0.5", "Ruth, τ = 0.25"]
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_the_figure_without_pyplot():
     assert nh.plot(nh.sweep("sho", "ruth", TAUS, t_end=20))._repr_png_().startswith(b"\x89PNG")
     assert "matplotlib.pyplot" not in subprocess.run(

@@ -83,7 +83,7 @@ def shown(*words):
     return out.getvalue()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_chains_and_bodies_take_the_memory_that_the_page_says():
     examples = (ROOT / "examples" / name for name in ("fput_chain.py", "hundred_bodies.py"))
     taken = [nh.problem(str(path), "leapfrog").memory for path in examples]

@@ -202,10 +202,11 @@ MADE = {
 }  # fmt: skip
 
 
-@pytest.fixture
-def made(request, monkeypatch, tmp_path):
-    """Results of the function of a page."""
-    return MADE[request.param](monkeypatch, tmp_path)
+@pytest.fixture(scope="module")
+def made(request, tmp_path_factory):
+    """Results of the function of a page, for reading alone."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        return MADE[request.param](monkeypatch, tmp_path_factory.mktemp("made"))
 
 
 def test_there_is_a_generator_of_every_page_with_marks():

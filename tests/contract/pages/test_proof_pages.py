@@ -210,7 +210,7 @@ def test_numbers_of_complex_solutions_are_products_of_weights():
             assert (len(found.eliminant) - 1, found.simple) == (int(solutions), True)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_boxes_of_proofs_are_as_wide_as_the_page_says():
     found = solve(Equations(3, 4), RandomStarts(20, 1, box=2.5, bound=20.0))
     assert [root.proved for root in found.roots] == [True]

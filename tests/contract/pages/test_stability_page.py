@@ -66,7 +66,7 @@ def test_yoshidas_plain_sums_alone_grow_almost_linearly():
     assert float(largest) > 0.8
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_step_sizes_at_which_orbits_stay_are_those_run(tmp_path):
     place = tmp_path / "run.h5"
     job.write(run.measure("ruth", SETTINGS)["run"], [str(place)], {})

@@ -112,7 +112,7 @@ def test_example_is_what_command_prints_but_for_time(capsys):
         )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_row_of_gains_is_found_again():
     number = made.SYSTEMS.index("kepler")
     (stated,) = GAIN.findall(rows("gains")[number][-1])

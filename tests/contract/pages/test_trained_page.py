@@ -72,7 +72,7 @@ def test_settings_of_the_comparison_are_those_of_the_page(wanted, words):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("label", ["Morse", "Hénon-Heiles"])
+@pytest.mark.parametrize("label", [pytest.param("Morse", marks=pytest.mark.long), "Hénon-Heiles"])
 def test_gains_on_named_systems_are_those_of_runs(label):
     settings, names = ProofSettings(), contestants()
     taus = [float(tau) for tau in settings.tau_per_stage]

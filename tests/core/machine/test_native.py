@@ -184,7 +184,8 @@ def bits(numbers):
 @pytest.mark.parametrize(
     ("processor", "computed"),
     [
-        *(pytest.param("generic", one, marks=pytest.mark.slow) for one in (oscillator, doubles, double_doubles, loops)),
+        *(pytest.param("generic", one, marks=pytest.mark.slow) for one in (oscillator, doubles)),
+        *(pytest.param("generic", one, marks=pytest.mark.long) for one in (double_doubles, loops)),
         *(
             pytest.param(name, one, marks=pytest.mark.long)
             for name in ("x86-64-v3", "znver2") for one in (oscillator, doubles, double_doubles, loops)

@@ -39,7 +39,7 @@ def filled(rows, power, tau, flags=None):
     return found.reshape(len(rows), COLUMNS)
 
 
-@pytest.mark.parametrize("draws", [1, pytest.param(5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("draws", [1, pytest.param(5, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", plain_integrators)
 def test_moves_have_the_bits_of_rational_arithmetic(name, draws):
     tableau = nh.integrators[name]

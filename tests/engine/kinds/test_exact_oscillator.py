@@ -91,7 +91,7 @@ def test_exact_rotation_prevents_energy_drift_of_rounded_one():
     assert long < 6 * short
 
 
-@pytest.mark.parametrize("how", HOW, ids=IDS)
+@pytest.mark.parametrize("how", [HOW[0], *(pytest.param(how, marks=pytest.mark.slow) for how in HOW[1:])], ids=IDS)
 @pytest.mark.parametrize("method", ["ruth", "babps9o7h"])
 def test_free_coordinates_have_bits_of_split_into_t_and_v(how, method):
     """A rotation of frequency 0 is a drift, and the rest of V is V: every product, and what it leaves out, is equal."""

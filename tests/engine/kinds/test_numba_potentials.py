@@ -111,6 +111,7 @@ def single(q, k):
     return float(np.float32(k) * np.float32(q[0]) * np.float32(q[0]) / np.float32(2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("system", "size"), [(SPRING, 1e-16), (springs(V=single), 1e-8)], ids=["double", "single"])
 def test_the_floor_is_the_least_error_that_runs_show(system, size):
     run = nh.integrate(system, "s15odr8", 0.05, q0=["0.7"])

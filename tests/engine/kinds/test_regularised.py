@@ -155,6 +155,7 @@ def test_maps_are_inverse_and_conserve_energy_in_plane_and_space():
             assert abs(x[-1] + H) < mpf(10) ** -45
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("t", ["100", "1000", "-777.5"])
 def test_samples_land_on_their_times_and_positions_converge_to_ellipse(t):
     exact = nh.systems["kepler"].exact_position(nh.systems["kepler"], mpf(t))

@@ -41,7 +41,8 @@ KINDS = {
     },
     "regularised": ("kepler_regularised", "babs7o7h", 256.0, BOUND, {}),
 }  # fmt: skip
-#: More methods with a modified potential, systems of other kinds, and oscillators solved exactly.
+#: More methods with a modified potential, systems of other kinds, and oscillators solved exactly; long in other
+#: arithmetics, whose code all kinds share.
 LONGER = {
     "ten sites": (sites(10), "aba864", 0.25, {"q0": [mode(10, k) for k in (1, 2, 5)]}, {}),
     **{
@@ -72,9 +73,15 @@ LONGER = {
 }  # fmt: skip
 
 
+def is_longest(name):
+    return name in LONGER and not LONGER[name][-1].items() <= EXACT.items()
+
+
 def every(*left_out):
     kinds = [
-        pytest.param(*kind, id=name, marks=[pytest.mark.slow] * (name in LONGER))
+        pytest.param(
+            *kind, id=name, marks=[pytest.mark.slow] * (name in LONGER) + [pytest.mark.long] * is_longest(name)
+        )
         for name, kind in (KINDS | LONGER).items()
         if kind[0] not in left_out
     ]

@@ -64,7 +64,7 @@ def test_energy_of_chain_of_1024_sites_is_measured_to_rounding():
     assert run.energy_error.values == pytest.approx(np.array(errors, float), abs=1e-15, rel=1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_hundred_bodies_conserve_momentum_and_angular_momentum_to_rounding(bodies):
     run = nh.integrate(bodies, "aba864", 0.005, samples=3)
     q, p = (run[name].values.reshape(-1, BODIES, 3) for name in ("q", "p"))
@@ -215,7 +215,7 @@ def test_ten_bodies_conserve_invariants_with_accurate_energy():
     assert np.log2(worst[0] / worst[1]) == pytest.approx(4, abs=0.3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ten_body_energy_is_as_accurate_as_double_double():
     for tau in (0.05, 0.01):
         double, extended = (nh.integrate(TEN_BODIES, "leapfrog", tau, precision=x) for x in ("double", "extended"))

@@ -84,7 +84,7 @@ def test_step_of_every_method_has_bits_of_run(name, summation, methods):
     ("system", "method", "summation"),
     [
         ("kepler", "ruth", "plain"),
-        pytest.param(CHAIN, "leapfrog", "compensated", marks=pytest.mark.slow),
+        pytest.param(CHAIN, "leapfrog", "compensated", marks=pytest.mark.long),
         pytest.param("kepler", "chin_4a", "compensated", marks=pytest.mark.slow),
         pytest.param(CHAIN, "leapfrog", "plain", marks=pytest.mark.slow),
     ],
@@ -130,7 +130,7 @@ def states_of(many, taus):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("options", [{"fastmath": True}, pytest.param({"parallel": True}, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("options", [{"fastmath": True}, pytest.param({"parallel": True}, marks=pytest.mark.long)])
 def test_options_of_the_caller_do_not_change_bits(step, options):
     taus = RNG.choice(RNG.uniform(-0.1, 0.1, 200), (16, 500))
     called = many_steps(step, **options)

@@ -20,7 +20,7 @@ from nearharmonic.integrators.theory.linear_stability import (
 )
 from nearharmonic.integrators.theory.oscillator import harmonic_energy_error
 from nearharmonic.reproduction.experiments.stability.linear.run import KNOWN_LIMITS
-from support.methods.ten_methods import EVERY_METHOD
+from support.methods.ten_methods import EVERY_METHOD, TEN_METHODS
 from support.oracles.reference_solutions import oscillator_step
 
 
@@ -151,7 +151,9 @@ def test_the_growth_is_the_logarithm_of_the_larger_eigenvalue(name):
         assert near is None or growth_rate(name, start - near) == 0
 
 
-@EVERY_METHOD
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.long] * (name not in TEN_METHODS)) for name in integrators]
+)
 def test_no_growth_in_a_gap_exceeds_the_largest(name):
     for gap in stability_gaps(name):
         found, (start, end) = largest_growth(name, gap), gap

@@ -13,7 +13,7 @@ import xarray as xr
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output.store import write_dataset
 from nearharmonic.reproduction.claims.pages.summary import KINDS
-from nearharmonic.reproduction.claims.results import Results, short
+from nearharmonic.reproduction.claims.results import short
 from nearharmonic.reproduction.claims.table import CLAIMS, FILES, KEYS, decide, decided
 from nearharmonic.reproduction.tasks.experiment import experiments
 from nearharmonic.reproduction.tasks.job import write
@@ -51,6 +51,12 @@ def sound():
     return decide(sound_results())
 
 
+@pytest.fixture(scope="module")
+def undecided(tmp_path_factory):
+    """The entries of all statements on an empty folder, for reading alone."""
+    return json.loads(decided(tmp_path_factory.mktemp("empty"))["document"], parse_constant=refused)
+
+
 @pytest.fixture
 def folder(tmp_path):
     """A folder with cubes of two systems and nothing else."""
@@ -59,11 +65,9 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_entry_has_agreed_keys_and_no_number_that_json_lacks(tmp_path):
-    text = decided(tmp_path)["document"]
-    entries = json.loads(text, parse_constant=refused)
-    assert len(entries) >= 25
-    for entry in entries:
+def test_entry_has_agreed_keys_and_no_number_that_json_lacks(undecided):
+    assert len(undecided) >= 25
+    for entry in undecided:
         assert list(entry) == list(KEYS)
         assert set(entry) == {
             "id", "paper", "statement", "kind", "verdict", "value", "threshold", "margin", "needs",
@@ -75,7 +79,7 @@ def test_entry_has_agreed_keys_and_no_number_that_json_lacks(tmp_path):
         assert all(isinstance(text, str) and text for text in (*texts, *entry["paper"].values()))
         assert bool(entry["margin"]) == (entry["verdict"] != "not decided here")
         assert isinstance(entry["needs"], list)
-    assert len({entry["id"] for entry in entries}) == len(entries)
+    assert len({entry["id"] for entry in undecided}) == len(undecided)
 
 
 def test_no_value_holds_a_number_that_is_none(sound):
@@ -101,9 +105,9 @@ def test_files_have_verdicts_and_same_bytes_each_time(folder):
     )
 
 
-def test_empty_folder_leaves_undecided_what_needs_file_and_names_target(tmp_path):
+def test_empty_folder_leaves_undecided_what_needs_file_and_names_target(undecided):
     times = {one.cubes_target: one.cubes_duration for one in experiments().values()}
-    for one, entry in zip(CLAIMS, decide(Results(tmp_path)), strict=True):
+    for one, entry in zip(CLAIMS, undecided, strict=True):
         assert (entry["verdict"] == "not decided here") == bool(one.needs), one.id
         if one.needs:
             assert entry["value"] == f"{one.needs[0]} is not there: target {one.target}, {times[one.target]}"
@@ -148,6 +152,7 @@ def test_results_of_few_step_sizes_are_no_error(points):
     assert verdicts["fig-1-sixth-order"] == verdicts["fig-4-coincide"] == "not decided here"
 
 
+@pytest.mark.slow
 def test_runs_that_all_diverged_are_no_error():
     sound = sound_results()
     for system in ("sho", "henon_heiles", "kepler"):

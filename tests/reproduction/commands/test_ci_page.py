@@ -101,7 +101,7 @@ def test_statuses_of_the_table_are_those_of_the_commands():
     assert INTERRUPTED == 130
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_refused_target_or_config_has_status_2(tmp_path):
     (tmp_path / "mine.yaml").write_text("name: mine\n", encoding="utf-8")
     assert run("nearharmonic reproduce --config mine.yaml", tmp_path).returncode == 2

@@ -36,7 +36,7 @@ def test_the_figure_shows_the_first_solid_and_the_second_dashed(other, project):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("suffix", ["png", *(pytest.param(one, marks=pytest.mark.slow) for one in ("svg", "pdf"))])
+@pytest.mark.parametrize("suffix", ["png", *(pytest.param(one, marks=pytest.mark.long) for one in ("svg", "pdf"))])
 def test_the_figure_is_written(copy, tmp_path, suffix, capsys):
     place = tmp_path / f"sub/both.{suffix}"
     assert main(["compare", "paper", "copy", "--figure", str(place), "--format", "json"]) == 0

@@ -72,6 +72,7 @@ def test_versions_are_those_that_the_libraries_say_themselves():
     assert found["python"] == ".".join(map(str, sys.version_info[:3]))
 
 
+@pytest.mark.slow
 def test_code_anywhere_in_the_package_counts_and_comments_do_not(package):
     before = package_digest(package)
     for name in ("reproduction/record/history/lines.py", "systems/kepler.py", "__init__.py", "commands/new.py"):

@@ -140,6 +140,7 @@ def test_a_gradient_costs_a_force_beside_modified_kicks(held_out):
         assert found.best_error[i] == pytest.approx(10 ** np.log10(many.max_energy_error.values).mean(), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_registered_methods_that_fit_are_compared_and_other_authors_apart():
     found = tailored(question("sho", window=(0.1, 0.2), trials=20))
     means = {

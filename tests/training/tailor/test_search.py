@@ -39,6 +39,7 @@ def searched(problems, trials, seed=0, stages=(6,), **more):
     )
 
 
+@pytest.mark.slow
 def test_a_seed_gives_the_same_method_and_another_one_another(problems):
     one, two, other = (searched(problems, 400, seed).run().best for seed in (1, 1, 2))
     assert (one.value, one.unknowns.tolist(), one.trials) == (two.value, two.unknowns.tolist(), two.trials)

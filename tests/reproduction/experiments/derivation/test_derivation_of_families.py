@@ -104,7 +104,7 @@ def test_the_simplex_descends_on_the_largest_of_the_errors(stages, order, first)
     assert abs(found - max(map(abs, equations.errors(x, order)))) < Fraction(1, 2**176)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_promising_random_start_leads_simplex_to_root(five):
     """One in a few hundred random points; nothing of a root is known to the simplex."""
     (start, *_) = promising_starts(five.equations, starts=200, seed=1)

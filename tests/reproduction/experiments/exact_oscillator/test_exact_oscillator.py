@@ -179,7 +179,7 @@ def test_times_are_measured_and_charged(small, tmp_path, monkeypatch):
         assert row["energy"] == times.crossing_at(cube, "aba864", row["tau_per_stage"], row["charge"])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_tables_of_the_page_are_those_of_the_papers_config(tmp_path):
     config = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
     asked = load({key: config[key] for key in ("name", "integrators", "systems", "exact_oscillator")})

@@ -153,6 +153,7 @@ def test_chains_leave_the_moments_of_the_quartic_right(name):
     assert (np.abs(np.mean(means, axis=0) - exact) < 5 * error).all()
 
 
+@pytest.mark.slow
 def test_starts_have_the_quantiles_of_the_quartic():
     for strength, temperature in ((0.0, 1.0), (1.0, 1.0), (2.0, 4.0)):
         (x,) = quantiles(strength, np.array([0.83]), temperature)
