@@ -157,6 +157,8 @@ def test_a_step_is_that_of_multiprecision(name, looped):
 
 
 KICK, DRIFT, NONE = ("compensated", "kick", "every"), ("plain", "drift", "samples"), ("compensated", "drift", "none")
+#: The other case of .ci/run, beside that of README's command.
+SECOND = ("driven", KICK)
 
 
 @pytest.mark.parametrize(
@@ -164,7 +166,7 @@ KICK, DRIFT, NONE = ("compensated", "kick", "every"), ("plain", "drift", "sample
     [
         ("embedded", DRIFT),
         *(
-            pytest.param(name, settings, marks=pytest.mark.slow if name + settings[1] == "drivenkick" else pytest.mark.long)
+            pytest.param(name, settings, marks=pytest.mark.slow if (name, settings) == SECOND else pytest.mark.long)
             for name in ("driven", "uneven", "embedded") for settings in (KICK, DRIFT, NONE)
             if (name, settings) != ("embedded", DRIFT)
         ),

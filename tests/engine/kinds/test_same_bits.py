@@ -73,8 +73,10 @@ LONGER = {
 }  # fmt: skip
 
 
-def is_longest(name):
-    return name in LONGER and not LONGER[name][-1].items() <= EXACT.items()
+def marks_of(name):
+    if name in KINDS:
+        return []
+    return [pytest.mark.slow if LONGER[name][-1].items() <= EXACT.items() else pytest.mark.long]
 
 
 def every(*left_out):

@@ -8,7 +8,7 @@ import pytest
 from mpmath import eig, inf, linspace, log, matrix, mpf, nstr, pi, sin, sqrt
 
 import nearharmonic as nh
-from nearharmonic.integrators import BENCHMARKED, integrators
+from nearharmonic.integrators import BENCHMARKED, integrators, plain_integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.theory.linear_stability import (
     growth_rate,
@@ -152,7 +152,7 @@ def test_the_growth_is_the_logarithm_of_the_larger_eigenvalue(name):
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.long] * (name not in TEN_METHODS)) for name in integrators]
+    "name", [pytest.param(name, marks=[pytest.mark.long] * (name not in TEN_METHODS)) for name in plain_integrators]
 )
 def test_no_growth_in_a_gap_exceeds_the_largest(name):
     for gap in stability_gaps(name):
