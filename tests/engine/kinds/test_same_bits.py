@@ -81,9 +81,7 @@ def marks_of(name):
 
 def every(*left_out):
     kinds = [
-        pytest.param(
-            *kind, id=name, marks=[pytest.mark.slow] * (name in LONGER) + [pytest.mark.long] * is_longest(name)
-        )
+        pytest.param(*kind, id=name, marks=marks_of(name))
         for name, kind in (KINDS | LONGER).items()
         if kind[0] not in left_out
     ]
