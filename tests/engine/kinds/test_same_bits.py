@@ -42,7 +42,7 @@ KINDS = {
     "regularised": ("kepler_regularised", "babs7o7h", 256.0, BOUND, {}),
 }  # fmt: skip
 #: More methods with a modified potential, systems of other kinds, and oscillators solved exactly; long in other
-#: arithmetics, whose code all kinds share.
+#: precisions, whose code all kinds share.
 LONGER = {
     "ten sites": (sites(10), "aba864", 0.25, {"q0": [mode(10, k) for k in (1, 2, 5)]}, {}),
     **{

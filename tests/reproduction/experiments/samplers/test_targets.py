@@ -82,7 +82,6 @@ def test_tuning_finds_the_least_of_the_grid():
     assert place.length in target.lengths
 
 
-@pytest.mark.long
 def test_trajectories_and_means_are_those_of_mici():
     """Ends of a trajectory to rounding; mean U of its own sampler within 5 standard errors of 8 chains each."""
     mici = pytest.importorskip("mici", reason="the oracle is the extra [mici]")
