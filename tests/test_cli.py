@@ -173,7 +173,10 @@ def unread(*arguments):
     return done.stderr, done.returncode
 
 
-@pytest.mark.parametrize("arguments", ["list", "--help", "--version", "list --help", "list --format json"])
+@pytest.mark.parametrize(
+    "arguments",
+    ["list", "--help", "--version", "list --help", pytest.param("list --format json", marks=pytest.mark.slow)],
+)
 def test_a_reader_that_has_seen_enough_is_no_error(arguments):
     assert unread("-m", "nearharmonic.cli", *arguments.split()) == ("", 0)
 

@@ -205,6 +205,7 @@ def test_loops_and_unrolled_kernels_have_the_same_bits(precision, monkeypatch):
     assert looped.max_energy_error.item() == pytest.approx(unrolled.max_energy_error.item(), rel=1e-4, abs=1e-30)
 
 
+@pytest.mark.slow
 def test_parameters_of_loops_are_given_at_run_time(looped):
     system = system_of("ring with a parameter", "1")
     problem = nh.problem(system, "leapfrog", precision="extended")

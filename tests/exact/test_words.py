@@ -79,6 +79,7 @@ def test_slopes_in_sixty_digits_are_the_exact_derivatives(step):
             assert difference(sums[word], values[word]) < mpf(10) ** -50
 
 
+@pytest.mark.slow
 def test_slopes_of_arrays_are_those_of_each_column():
     random = np.random.default_rng(3)
     names, numbers = "ABCABBACBA", random.normal(size=(10, 4))

@@ -51,6 +51,7 @@ def test_runs_of_morse_oscillator_end_where_closed_form_says():
     assert float(end.q[-1, 0]) == pytest.approx(float(exact(system, mpmath.mpf(100))[0]), abs=1e-13)
 
 
+@pytest.mark.slow
 def test_pendulum_is_back_after_period_that_arithmetic_geometric_mean_gives():
     system = module("pendulum").SYSTEM
     period = 2 * mpmath.pi * mpmath.sqrt(1 / mpmath.mpf("9.80665")) / mpmath.agm(1, mpmath.cos(mpmath.mpf("0.25")))
@@ -141,6 +142,7 @@ def test_mode_energies_add_up_to_energy_without_cubic_terms():
     assert fput.mode_energies(q, p).sum() == pytest.approx(energy, rel=1e-13)
 
 
+@pytest.mark.slow
 def test_half_of_plummer_stars_are_within_half_mass_radius():
     star = module("plummer_sphere").star
     stars = np.array([star() for _ in range(8000)])

@@ -44,7 +44,7 @@ def anharmonic(q, t):
     return q[0] ** 4 / 4 * (1 + math.cos(t) / 2) + q[0] ** 2 / 2 + q[0] * t * t
 
 
-@pytest.mark.parametrize("precision", ["double", "extended"])
+@pytest.mark.parametrize("precision", ["double", pytest.param("extended", marks=pytest.mark.slow)])
 def test_a_driven_oscillator_follows_its_closed_form(precision):
     """The method's error at this step size is 2e-14; double-double adds the digits below."""
     tau, close = (0.02, 2e-13) if precision == "double" else (0.01, mpf("1e-15"))

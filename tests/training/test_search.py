@@ -137,6 +137,7 @@ def test_equal_minimum_elsewhere_and_worse_one_here_are_different():
     assert findings.best is findings.found[0]
 
 
+@pytest.mark.slow
 def test_one_seed_gives_the_same_bits_and_another_seed_others():
     target = members(FAMILY, 1)[0]
 

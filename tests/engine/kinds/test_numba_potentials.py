@@ -138,6 +138,7 @@ def test_a_recommendation_marks_errors_near_the_floor():
         assert any("the rounding of V" in note for note in found.notes) == near
 
 
+@pytest.mark.slow
 def test_positions_are_compared_with_fine_runs_in_double():
     fast = springs(parameters={"k": 400})  # 64 periods, for which the first reference is too coarse
     found = nh.recommend(fast, 1e-6, measure="position", methods=["ruth"])

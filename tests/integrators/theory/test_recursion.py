@@ -72,6 +72,7 @@ def test_each_recursion_row_is_product_of_matrices(tableau):
         assert row == merged(*product[0], lambda_max(tableau) + 1)
 
 
+@pytest.mark.slow
 @given(tableaus())
 def test_momentum_of_recursion_is_that_of_whole_step(tableau):
     assume(all(map(Fraction, tableau.drift)))
@@ -79,6 +80,7 @@ def test_momentum_of_recursion_is_that_of_whole_step(tableau):
     assert momentum_row(tableau) == merged(*step[1], lambda_max(tableau, variable="momentum") + 1)
 
 
+@pytest.mark.slow
 @given(tableaus())
 def test_zeta_is_step_from_one_and_minus_one_by_order(tableau):
     _, step = matrices_after_each_drift(tableau)

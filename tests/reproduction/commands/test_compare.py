@@ -192,7 +192,7 @@ def test_columns_that_the_manifest_lists_as_volatile_are_left_out(copy, capsys):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("folder", ["paper", "copy"])
+@pytest.mark.parametrize("folder", ["paper", pytest.param("copy", marks=pytest.mark.slow)])
 def test_variables_and_files_listed_as_volatile_are_skipped(copy, folder, capsys):
     change(copy / "cubes/kepler.h5", "tau", (0, 0), 1.0)
     change(copy / "cubes/sho.h5", "tau", (0, 0, 0), 1.0)

@@ -59,7 +59,7 @@ def tried(command):
     return status
 
 
-@pytest.mark.parametrize("kind", ["integrators", "systems"])
+@pytest.mark.parametrize("kind", ["integrators", pytest.param("systems", marks=pytest.mark.slow)])
 def test_no_command_runs_definition_of_manifest(project, evil, kind, capsys):
     told = {"file": str(evil)} | ({"written": "evil.py"} if kind == "integrators" else {})
     resealed(project, definitions={kind: {"mine": told}}, **{kind: ["mine"]})
@@ -69,7 +69,7 @@ def test_no_command_runs_definition_of_manifest(project, evil, kind, capsys):
     assert not Path("ran").exists()
 
 
-@pytest.mark.parametrize("kind", ["integrators", "systems"])
+@pytest.mark.parametrize("kind", [pytest.param("integrators", marks=pytest.mark.slow), "systems"])
 def test_no_command_runs_path_in_place_of_name(project, evil, kind):
     resealed(project, **{kind: [str(evil)]})
     for command in COMMANDS:

@@ -52,14 +52,16 @@ def digests(root):
         ("systems/kepler.py", {"kepler", "kepler_regularised"}),
         pytest.param("systems/relativistic_oscillator.py", {"relativistic_oscillator"}, marks=pytest.mark.slow),
         ("core/loops/kernel.py", {*systems, "cubes"}),  # reductions take logarithms, which are compiled
-        ("integrators/nielsen_2015.py", set()),  # coefficients have a digest of their own
+        pytest.param(
+            "integrators/nielsen_2015.py", set(), marks=pytest.mark.slow
+        ),  # coefficients have a digest of their own
         ("reproduction/experiments/paper/reduce.py", {"cubes"}),
         pytest.param("reproduction/experiments/paper/reductions.py", {"cubes"}, marks=pytest.mark.slow),
-        ("plotting/style.py", {"fig1"}),
+        pytest.param("plotting/style.py", {"fig1"}, marks=pytest.mark.slow),
         pytest.param("reproduction/experiments/paper/figures/fig2_decomposition.py", set(), marks=pytest.mark.slow),
         pytest.param("output/store/reader.py", {"cubes"}, marks=pytest.mark.slow),
         pytest.param("config.py", set(), marks=pytest.mark.slow),
-        ("__init__.py", set()),
+        pytest.param("__init__.py", set(), marks=pytest.mark.slow),
     ],
 )
 def test_edit_changes_only_digests_of_dependents(package, module, changes):

@@ -62,7 +62,11 @@ def planned(asked):
 
 
 @pytest.mark.parametrize(
-    ("asked", "function"), [(SHO, KEEPING), (KEPLER, KEEPING), (replace(SHO, samples=0), REDUCING)]
+    ("asked", "function"),
+    [
+        (SHO, KEEPING),
+        *(pytest.param(*of, marks=pytest.mark.slow) for of in ((KEPLER, KEEPING), (replace(SHO, samples=0), REDUCING))),
+    ],
 )
 def test_twice_as_fine_a_grid_integrates_exactly_the_new_half(tmp_path, integrated, asked, function):
     fine = replace(asked, points_per_decade=80)
@@ -95,6 +99,7 @@ def test_other_shards_and_smaller_grids_integrate_nothing(tmp_path, integrated, 
     assert made == make(tmp_path / "other", other)
 
 
+@pytest.mark.slow
 def test_another_precision_integrates_its_runs_alone(tmp_path, integrated):
     asked = replace(SHO, precision=("double",), points_per_decade=10)
     make(tmp_path / "one", asked)
