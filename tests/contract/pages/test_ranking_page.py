@@ -41,7 +41,7 @@ def by_label(label):
 
 @pytest.mark.parametrize(
     ("number", "error"),
-    [(0, "1e-06"), *(pytest.param(*row, marks=pytest.mark.slow) for row in [(2, "1e-09"), (4, "1e-06")])],
+    [(0, "1e-06"), pytest.param(4, "1e-06", marks=pytest.mark.slow), pytest.param(2, "1e-09", marks=pytest.mark.long)],
 )
 def test_evaluations_are_those_of_runs(number, error):
     contest = ranking.contests()[number]

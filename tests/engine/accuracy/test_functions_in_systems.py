@@ -48,7 +48,7 @@ SYSTEMS = [
 
 @pytest.mark.parametrize(
     "system",
-    [SYSTEMS[0], *(pytest.param(system, marks=pytest.mark.slow) for system in SYSTEMS[1:])],
+    [SYSTEMS[0], *(pytest.param(system, marks=pytest.mark.long) for system in SYSTEMS[1:])],
     ids=lambda system: system.name,
 )
 def test_kernels_of_both_precisions_make_the_steps_of_mpmath(system):

@@ -29,9 +29,7 @@ IDS = ["carry", "plain", "dd"]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name not in ("sho", "henon_heiles"))) for name in SYSTEMS]
-)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.long] * (name == "chain")) for name in SYSTEMS])
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("first", ["drift", "kick"])
 def test_runs_are_those_of_rotations_by_cosine_and_sine(name, method, first):

@@ -74,7 +74,7 @@ def found(run, name, sample=-1):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("A", [pytest.param("0", marks=pytest.mark.slow), "2e-3"])
+@pytest.mark.parametrize("A", [pytest.param("0", marks=pytest.mark.long), "2e-3"])
 @pytest.mark.parametrize("method", ["aba864", "babs7o7h", "srkn_b6"])
 def test_a_run_is_that_of_the_same_method_by_hand(method, A):
     """To the rounding of double-doubles, 2^-104 times the growth over 60 steps."""
@@ -105,7 +105,7 @@ def test_dense_samples_of_a_near_collision_are_those_by_hand():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("A", ["0", "2"])
+@pytest.mark.parametrize("A", [pytest.param("0", marks=pytest.mark.long), "2"])
 def test_errors_over_three_steps_match_hand_calculation(A):
     """Two whole steps, and one that lands."""
     tableau, tau, (q0, p0) = nh.integrators["ruth"], 200, orbit("0.4")

@@ -120,7 +120,7 @@ def exact_error(run, sample):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", ["kick", "drift"])
+@pytest.mark.parametrize("first", ["kick", pytest.param("drift", marks=pytest.mark.long)])
 @pytest.mark.parametrize(("method", "tau"), [("leapfrog", 0.2), ("aba864", 0.2), ("s9odr6a", 0.1)])
 def test_energy_error_is_that_of_states_to_four_digits(method, tau, first):
     """Errors from 1e-3 to 1e-14."""

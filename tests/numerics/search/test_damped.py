@@ -59,7 +59,7 @@ def ended(damping, start, bound=np.inf, step_of=levenberg_step, radius=3.0):
 
 
 @pytest.mark.slow
-@STEPS
+@pytest.mark.parametrize("step_of", [pytest.param(levenberg_step, marks=pytest.mark.long), marquardt_step])
 def test_the_iteration_comes_to_a_solution_from_near_and_far(step_of):
     for start in np.random.default_rng(1).uniform(-20, 20, (20, 3)):
         solved, x = ended(DAMPED, start, step_of=step_of)

@@ -169,7 +169,7 @@ def test_eliminant_has_real_roots_that_root_finder_sees():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", ["kick", "drift"])
+@pytest.mark.parametrize("first", [pytest.param("kick", marks=pytest.mark.long), "drift"])
 def test_elimination_and_search_find_the_same_solutions_for_both_roles(first):
     equations = Equations(6, 7, first)
     # The drift-first case has eight real solutions; rarely hit ones need some thousand starts.
