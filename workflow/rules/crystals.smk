@@ -48,9 +48,7 @@ rule crystals_averages:
     log:
         LOG("crystals/averages"),
     params:
-        task=task(
-            "reproduction.experiments.crystals.drift:averages", names=AVERAGED, settings=CONFIG.crystals
-        ),
+        task=task("reproduction.experiments.crystals.drift:averages", names=AVERAGED, settings=CONFIG.crystals),
     script:
         "../scripts/task.py"
 

@@ -14,7 +14,9 @@ rule samplers_search:
         family="|".join(CONFIG.samplers.families),
     params:
         task=lambda wildcards: task(
-            "reproduction.experiments.samplers.search.training:train", family=wildcards.family, settings=CONFIG.samplers
+            "reproduction.experiments.samplers.search.training:train",
+            family=wildcards.family,
+            settings=CONFIG.samplers,
         ),
     script:
         "../scripts/task.py"
