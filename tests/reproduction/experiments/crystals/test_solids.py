@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from itertools import product
 
-import mpmath
 import numpy as np
 import pytest
 
 from nearharmonic.reproduction.experiments.crystals.run import SOLIDS
 from nearharmonic.reproduction.experiments.crystals.solids import argon, chain, copper, silicon
-from nearharmonic.reproduction.experiments.crystals.solids.lattice import FCC, cubic, exponential
+from nearharmonic.reproduction.experiments.crystals.solids.lattice import FCC, cubic
 
 pytestmark = pytest.mark.slow  # numba compiles each force
 
@@ -123,14 +122,6 @@ def test_phonons_of_the_chain_are_those_of_the_closed_form():
     root = np.sqrt(total**2 - 4 * np.sin(wave / 2) ** 2 / product_)
     squares = np.sort(np.concatenate([k * (total - root), k * (total + root)]))
     assert chain.chain(cells).frequencies == pytest.approx(np.sqrt(np.maximum(squares, 0)), rel=6e-6, abs=1e-6)
-
-
-def test_exponential_is_correct_to_one_ulp():
-    for x in (*np.linspace(-699.5, 699.5, 401), 1e-300, 0.34657, -0.34658):
-        exact = mpmath.exp(mpmath.mpf(float(x)))
-        assert abs(mpmath.mpf(exponential(float(x))) / exact - 1) < 1.5 * 2.0**-52
-    assert exponential(-1e4) == 0
-    assert exponential(1e4) == np.inf
 
 
 def test_logarithm_is_the_inverse_of_the_exponential():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,6 @@ from nearharmonic.numerics.compiled import Normal
 from nearharmonic.reproduction.experiments.samplers.chains.loops import Chance, chance, loop_for, run
 from nearharmonic.reproduction.experiments.samplers.run import MADE, tuned
 from nearharmonic.reproduction.experiments.samplers.settings import TARGETS, SamplersSettings
-from nearharmonic.reproduction.experiments.samplers.targets.functions import exponential, logarithm
 from nearharmonic.reproduction.experiments.samplers.targets.lattice import COUPLING, MASS
 from nearharmonic.reproduction.experiments.samplers.targets.posteriors import REFERENCES
 
@@ -63,14 +60,6 @@ def test_posteriors_have_the_published_means_and_squares(name):
     values, errors = np.array(published).T
     own = np.std(means, axis=0, ddof=1) / 8**0.5
     assert (np.abs(np.mean(means, axis=0) - values) < 5 * np.hypot(own, errors)).all()
-
-
-def test_functions_of_gradients_are_those_of_the_standard_library():
-    for x in (*np.linspace(-699, 699, 101), 1e-300, 0.3466):
-        assert exponential(float(x)) == pytest.approx(math.exp(x), rel=1e-15)
-    for x in (*np.geomspace(1e-300, 1e300, 101), 0.99, 1.0, 1.01):
-        assert logarithm(float(x)) == pytest.approx(math.log(x), rel=4e-16, abs=1e-17)
-    assert (exponential(-1e4), exponential(1e4), logarithm(-1.0)) == (0, np.inf, np.inf)
 
 
 def test_tuning_finds_the_least_of_the_grid():

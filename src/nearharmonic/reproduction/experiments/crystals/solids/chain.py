@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.numerics.compiled import compiled
-from nearharmonic.reproduction.experiments.crystals.solids.lattice import exponential
+from nearharmonic.numerics.compiled import compiled, exponential
 from nearharmonic.reproduction.experiments.crystals.solids.solid import Solid
 
 #: Masses in turns, and the inverse width of the bond; its depth is 1.

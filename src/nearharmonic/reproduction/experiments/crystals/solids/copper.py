@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.numerics.compiled import compiled
-from nearharmonic.reproduction.experiments.crystals.solids.lattice import FCC, Pairs, cubic, exponential, pairs_within
+from nearharmonic.numerics.compiled import compiled, exponential
+from nearharmonic.reproduction.experiments.crystals.solids.lattice import FCC, Pairs, cubic, pairs_within
 from nearharmonic.reproduction.experiments.crystals.solids.solid import BOLTZMANN, FEMTOSECONDS, Solid
 
 BOHR = 0.529177210903

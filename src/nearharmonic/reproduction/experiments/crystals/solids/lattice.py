@@ -7,12 +7,10 @@ difference of their displacements. The lists are made once, because atoms of a c
 from __future__ import annotations
 
 from itertools import product
-from math import factorial, ldexp
 from typing import NamedTuple
 
 import numpy as np
 
-from nearharmonic.numerics.compiled import compiled
 from nearharmonic.numerics.types import Floats
 
 FCC = ((0.0, 0.0, 0.0), (0.0, 0.5, 0.5), (0.5, 0.0, 0.5), (0.5, 0.5, 0.0))
@@ -52,26 +50,3 @@ def pairs_within(sites: Floats, edge: float, reach: float, *, both: bool = False
     # Unsigned, or each access would first ask whether an index counts from the end.
     first, second = (rows[:, c].astype(np.uint64) for c in (0, 1))
     return Pairs(first, second, np.ascontiguousarray(rows[:, 2:]))
-
-
-#: ln 2 in two parts; a multiple below 2^20 of the first is exact. Powers of two from 2^-1023 on.
-_LN2 = (0.6931471803691238, 1.9082149292705877e-10)
-_POWERS = np.array([ldexp(1.0, k) for k in range(-1023, 1024)])
-_F = tuple(1 / factorial(k) for k in range(14))
-
-
-@compiled
-def exponential(x):  # type: ignore[no-untyped-def]
-    """Return exp(x) to about 1 ulp, 0 or infinity beyond 700; its bits, unlike those of libm, are equal everywhere."""
-    if not -700.0 <= x <= 700.0:  # or no number
-        return 0.0 if x < 0.0 else np.inf
-    whole = np.floor(x * 1.4426950408889634 + 0.5)
-    r = (x - whole * _LN2[0]) - whole * _LN2[1]
-    square = r * r
-    total = _F[12] + r * _F[13]
-    total = _F[10] + r * _F[11] + square * total
-    total = _F[8] + r * _F[9] + square * total
-    total = _F[6] + r * _F[7] + square * total
-    total = _F[4] + r * _F[5] + square * total
-    total = _F[2] + r * _F[3] + square * total
-    return (1.0 + (r + square * total)) * _POWERS[int(whole) + 1023]

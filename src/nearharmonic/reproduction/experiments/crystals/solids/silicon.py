@@ -7,14 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.numerics.compiled import compiled
-from nearharmonic.reproduction.experiments.crystals.solids.lattice import (
-    DIAMOND,
-    Pairs,
-    cubic,
-    exponential,
-    pairs_within,
-)
+from nearharmonic.numerics.compiled import compiled, exponential
+from nearharmonic.reproduction.experiments.crystals.solids.lattice import DIAMOND, Pairs, cubic, pairs_within
 from nearharmonic.reproduction.experiments.crystals.solids.solid import BOLTZMANN, FEMTOSECONDS, Solid
 
 #: Depth in eV and length in Angstrom; cut-off, and coefficients of pairs and triplets, in these units.

@@ -13,9 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from nearharmonic.math import log
-from nearharmonic.numerics.compiled import Normal, compiled
+from nearharmonic.numerics.compiled import Normal, compiled, exponential, logarithm
 from nearharmonic.numerics.types import Floats
-from nearharmonic.reproduction.experiments.samplers.targets.functions import exponential, logarithm
 from nearharmonic.reproduction.experiments.samplers.targets.target import Target
 
 #: Proposals from a start near the mean.
