@@ -10,6 +10,20 @@ SOURCE = "Blanes, Casas & Sanz-Serna (2014), SIAM J. Sci. Comput. 36, A1556, doi
 
 TABLEAUS = (
     Tableau(
+        name="bcss_s2",
+        label="BCSS 2",
+        order=2,
+        first="kick",
+        kick=palindrome(
+            "0.21132486540518711774542560974902127217619912436494",
+            centre="0.57735026918962576450914878050195745564760175127013",
+        ),
+        drift=palindrome("0.5"),
+        source=SOURCE,
+        digits=50,
+        note="Eq. (6.4): the first kick is (3 - sqrt 3)/6",
+    ),
+    Tableau(
         name="bcss_s3",
         label="BCSS 3",
         order=2,

@@ -101,12 +101,27 @@ def of_trials(module, text):
     return {kind: {"tried": int(tried), "failed": int(failed)} for kind, tried, _, failed in table}
 
 
+def of_samplers_in_libraries(module, text):
+    (table,) = tables(text)
+    targets = {label: name for name, label in module.TARGETS.items()}
+    kinds = {label: kind for kind, (label, _) in module.SAMPLERS.items()}
+    return {
+        (targets[target], kinds[sampler]): {"gradients": number(gradients)}
+        | {
+            name: tuple(map(float, re.findall(r"[\d.]+", cell)))
+            for name, cell in zip(module.METHODS[1:], cells, strict=True)
+        }
+        for target, sampler, gradients, *cells in table
+    }
+
+
 #: Command and part of its page -> function that reads the numbers back.
 READ = {
     ("beyond_double", "extended"): of_beyond_double, ("kernels", "kernels"): of_kernels,
     ("larger_systems", "steps"): of_larger_systems, ("stepper", "steps"): of_stepper,
     ("functions", "costs"): of_functions, ("large_grids", "grids"): of_large_grids,
     ("trials", "quick"): of_trials, ("trials", "campaigns"): of_trials,
+    ("samplers_in_libraries", "libraries"): of_samplers_in_libraries,
 }  # fmt: skip
 
 
@@ -118,7 +133,7 @@ def test_tables_of_all_commands_are_read_back():
 def test_a_command_writes_tables_in_the_form_of_pages(command, name, monkeypatch):
     module = benchmark(command, monkeypatch)
     text = part(module.PAGE, name)
-    machine = text.rpartition("Machine: ")[2].removesuffix(".")
+    machine = re.split("Machine: |Versions: ", text)[-1].removesuffix(".")
     given = name == "quick" if command == "trials" else machine
     assert module.parts(READ[command, name](module, text), given) == {name: text}
 

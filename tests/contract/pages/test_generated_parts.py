@@ -180,7 +180,8 @@ def of_crystals(monkeypatch, tmp_path):
 def of_samplers(monkeypatch, tmp_path):
     path = tmp_path / "samplers.h5"
     write_samplers(path)
-    return samplers.page(str(PAGES["samplers"]), str(path), (), ())
+    text = samplers.page(str(PAGES["samplers"]), str(path), (), ())["page"]
+    return {"page": filled_by(["samplers_in_libraries"], text, monkeypatch, tmp_path)}
 
 
 def of_methods(monkeypatch, tmp_path):

@@ -15,6 +15,7 @@ from nearharmonic.numerics.compiled import Normal
 from nearharmonic.reproduction.experiments.samplers.chains.effective import (
     costs,
     covariances,
+    enough,
     error_of,
     student,
     time_of,
@@ -96,6 +97,16 @@ def test_autocorrelation_time_is_that_of_an_autoregressive_chain(correlation):
     chains = autoregressive(np.random.default_rng(4), correlation, (40, 2000))
     found = time_of(covariances(chains).mean(axis=0))
     assert found == pytest.approx((1 + correlation) / (1 - correlation), rel=0.06)
+
+
+def test_as_many_lags_are_formed_as_the_sums_need():
+    """With and without each chain the time is that of all lags, to rounding."""
+    for correlation, fewer in ((0.3, True), (0.995, False)):
+        chains = autoregressive(np.random.default_rng(6), correlation, (6, 3000))
+        found, every = enough(chains), covariances(chains)
+        assert (found.shape[1] < every.shape[1]) == fewer
+        for kept in (slice(None), slice(1, None), slice(0, -1)):
+            assert time_of(found[kept].mean(axis=0)) == pytest.approx(time_of(every[kept].mean(axis=0)), rel=1e-12)
 
 
 def test_standard_error_is_the_spread_of_repeated_measurements():

@@ -30,8 +30,8 @@ class SamplersSettings:
         "a list of at least two integrators, each named once",
         each="the name of an integrator, or the path of a Python file that defines TABLEAU or TABLEAUS",
         default=(
-            "leapfrog", "bcss_s3", "bcss_s4", "predescu_s3", "omelyan_v5", "abas5o6h", "babs7o7h", "trained_light",
-            "trained_coarse",
+            "leapfrog", "bcss_s2", "bcss_s3", "bcss_s4", "predescu_s3", "omelyan_v5", "abas5o6h", "babs7o7h",
+            "trained_light", "trained_coarse",
         ),
         min_length=2,
     )  # fmt: skip

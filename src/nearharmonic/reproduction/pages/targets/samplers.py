@@ -9,6 +9,7 @@ import xarray as xr
 
 from nearharmonic.output.page import filled_page
 from nearharmonic.output.store import read
+from nearharmonic.reproduction.experiments.samplers.run import LEAST, MOST
 from nearharmonic.reproduction.pages.trained import table
 
 #: Beginning of the names of the methods that the experiment trains.
@@ -98,6 +99,21 @@ def verdict(cube: xr.Dataset) -> str:
     )
 
 
+def ends(cube: xr.Dataset) -> str:
+    """Return a sentence on the best step sizes that lie at an end of their grid."""
+    found = []
+    for name in cube["integrator"].values:
+        one = cube.sel(integrator=name)
+        steps = [*zip(_labels(one), one["tau"].values, strict=True)]
+        steps += [
+            (f"Gaussian, n = {n:g}", one["gaussian_tau"].sel(dimension=n).item()) for n in one["dimension"].values
+        ]
+        outside = [where for where, tau in steps if not 1.001 * LEAST < tau < 0.999 * MOST]
+        found += [f"{where} ({one['label'].item()})" for where in outside]
+    text = f"The grid is {LEAST} to {MOST} per stage, over the highest frequency. "
+    return text + (f"Best steps at its ends: {', '.join(found)}." if found else "No best step lies at its ends.")
+
+
 def _labels(cube: xr.Dataset) -> list[str]:
     """Names of the targets, without the mathematics of figures."""
     found = map(str, cube["target_label"].values)
@@ -105,7 +121,14 @@ def _labels(cube: xr.Dataset) -> list[str]:
 
 
 #: Marks of the page, and what stands between them.
-PARTS = {"gaussians": gaussians, "targets": targets, "trained": trained, "alone": alone, "verdict": verdict}
+PARTS = {
+    "gaussians": gaussians,
+    "targets": targets,
+    "trained": trained,
+    "alone": alone,
+    "verdict": verdict,
+    "ends": ends,
+}
 
 
 def page(page: str, cube: str, systems: Sequence[str], integrators: Sequence[str]) -> dict[str, str]:

@@ -10,17 +10,36 @@ import numpy as np
 from nearharmonic.math import log
 from nearharmonic.numerics.types import Floats
 
-#: Autocovariances are formed up to this lag at most, and up to a quarter of a chain.
-LAGS = 400
+#: Autocovariances are formed up to this lag at most, and up to a quarter of a chain; the number that is tried first.
+LAGS, FIRST = 400, 32
 #: Student's t for a probability of 0.975, by degrees of freedom: Abramowitz & Stegun (1964), Table 26.10.
 STUDENT = {1: 12.706, 2: 4.303, 3: 3.182, 5: 2.571, 7: 2.365, 11: 2.201, 15: 2.131, 23: 2.069, 31: 2.040}
 
 
-def covariances(chains: Floats) -> Floats:
-    """Return the autocovariances (chains, lags) of chains (chains, c) around their common mean, up to LAGS or c/4."""
+def covariances(chains: Floats, lags: int = LAGS) -> Floats:
+    """Return the autocovariances (chains, lags) of chains (chains, c) around their common mean, up to c/4."""
     y = chains - chains.mean()
     c = y.shape[1]
-    return np.array([[(row[: c - lag] * row[lag:]).sum() / c for lag in range(min(c // 4, LAGS))] for row in y])
+    return np.array([[(row[: c - lag] * row[lag:]).sum() / c for lag in range(min(c // 4, lags))] for row in y])
+
+
+def enough(chains: Floats) -> Floats:
+    """Return autocovariances up to LAGS, or fewer if the sums of :func:`time_of` end before, without any one chain."""
+    lags, most = FIRST, min(LAGS, chains.shape[1] // 4)
+    while True:
+        found = covariances(chains, min(lags, most))
+        if lags >= most or all(_ends(np.delete(found, k, axis=0).mean(axis=0)) for k in range(len(found))):
+            return found
+        lags *= 4
+
+
+def _pairs(covariance: Floats) -> Floats:
+    found: Floats = covariance[: len(covariance) // 2 * 2].reshape(-1, 2).sum(axis=1)
+    return found
+
+
+def _ends(covariance: Floats) -> bool:
+    return not covariance[0] > 0 or bool((_pairs(covariance) <= 0).any())
 
 
 def time_of(covariance: Floats) -> float:
@@ -30,16 +49,10 @@ def time_of(covariance: Floats) -> float:
     """
     if not covariance[0] > 0:
         return np.inf
-    pairs = covariance[0 : len(covariance) // 2 * 2].reshape(-1, 2).sum(axis=1) / covariance[0]
+    pairs = _pairs(covariance) / covariance[0]
     positive = np.flatnonzero(pairs <= 0)
     kept = np.minimum.accumulate(pairs[: positive[0] if positive.size else len(pairs)])
     return float(max(2 * kept.sum() - 1, 1e-3))
-
-
-def slowest(chains: Floats, of_each: list[Floats] | None = None) -> float:
-    """Return the largest autocorrelation time of the observables of chains (chains, c, observables)."""
-    found = of_each or [covariances(chains[..., k]) for k in range(chains.shape[-1])]
-    return max(time_of(one.mean(axis=0)) for one in found)
 
 
 def costs(chains: Floats, gradients: Floats) -> Floats:
@@ -57,11 +70,11 @@ def costs(chains: Floats, gradients: Floats) -> Floats:
     (chains + 1,) array
         Values from which :func:`error_of` has the standard error.
     """
-    of_each = [covariances(chains[..., k]) for k in range(chains.shape[-1])]
+    of_each = [enough(chains[..., k]) for k in range(chains.shape[-1])]
     every = np.arange(len(chains))
 
     def cost(kept: np.ndarray) -> float:
-        time = slowest(chains, [one[kept] for one in of_each])
+        time = max(time_of(one[kept].mean(axis=0)) for one in of_each)
         return float(log(gradients[kept].mean() / chains.shape[1] * time))
 
     return np.array([cost(every >= 0), *(cost(every != k) for k in every)])

@@ -50,9 +50,9 @@ REFERENCES = {
 }  # fmt: skip
 
 #: D. B. Rubin, J. Educ. Stat. 6, 377 (1981), doi:10.3102/10769986006004377: effects of eight schools, their errors.
-_EFFECTS, _ERRORS = np.array([28, 8, -3, 7, -1, 1, 18, 12.0]), np.array([15, 10, 16, 11, 9, 11, 10, 18.0])
+EFFECTS, ERRORS = np.array([28, 8, -3, 7, -1, 1, 18, 12.0]), np.array([15, 10, 16, 11, 9, 11, 10, 18.0])
 #: Simulated data of posteriordb, at -10, -8 and so on to 10.
-_Y = np.array([4.75906, 1.59423, 2.99548, 5.27501, 1.66472, 2.24347, 2.8914, 4.08681, 4.60588, 0.802364, 3.92136])
+Y = np.array([4.75906, 1.59423, 2.99548, 5.27501, 1.66472, 2.24347, 2.8914, 4.08681, 4.60588, 0.802364, 3.92136])
 #: Mesquite bushes (Gelman & Hill 2006, Ch. 4): diameters, height of the canopy, weight of the leaves.
 _LONG = (
     1.8, 1.7, 2.8, 1.3, 3.3, 1.4, 1.5, 3.9, 1.8, 2.1, 0.8, 1.3, 1.2, 1.5, 2.8, 1.4, 1.5, 2.4, 1.9, 2.3, 2.1, 2.4, 1,
@@ -71,12 +71,17 @@ _WEIGHT = (
     1020.8, 635.7, 621.8, 579.8, 326.8, 66.7, 68, 153.1, 256.4, 723, 4052, 345, 330.9, 163.5, 1160, 386.6, 693.5, 674.4,
     217.5, 771.3, 341.7, 125.7, 462.5, 64.5, 850.6, 226, 1745.1, 908, 213.5,
 )  # fmt: skip
+#: Shifts and scales of the coordinates: mu and log tau; the logarithms of rho, alpha and sigma; beta and log sigma.
+COORDINATES = {
+    "eight_schools": (np.array([4.4, 0.8]), np.array([3.3, 1.1])),
+    "gp_regr": (np.array([log(6.76), log(2.3), log(1.75)]), np.array([0.19, 0.32, 0.29])),
+    "mesquite": (np.array([5.17, 0.722, log(0.42)]), np.array([0.083, 0.055, 0.107])),
+}
 
 
 def eight_schools() -> Target:
     """Return the model of eight schools with normalised effects: theta = mu + tau z."""
-    shift, scale, log_scale = 4.4, 3.3, 1.1
-    log_shift = 0.8
+    (shift, log_shift), (scale, log_scale) = COORDINATES["eight_schools"]
 
     @compiled
     def gradient(q, out):  # type: ignore[no-untyped-def]
@@ -85,11 +90,11 @@ def eight_schools() -> Target:
         total, of_mu, of_tau = mu * mu / 50, mu / 25, 2 * tau * tau / (25 + tau * tau) - 1
         total += logarithm(1 + tau * tau / 25) - logarithm_tau
         for k in range(8):
-            pull = (q[k] * tau + mu - _EFFECTS[k]) / _ERRORS[k]
+            pull = (q[k] * tau + mu - EFFECTS[k]) / ERRORS[k]
             total += (pull * pull + q[k] * q[k]) / 2
-            out[k] = q[k] + pull * tau / _ERRORS[k]
-            of_mu += pull / _ERRORS[k]
-            of_tau += pull * q[k] * tau / _ERRORS[k]
+            out[k] = q[k] + pull * tau / ERRORS[k]
+            of_mu += pull / ERRORS[k]
+            of_tau += pull * q[k] * tau / ERRORS[k]
         out[8], out[9] = of_mu * scale, of_tau * log_scale
         return total
 
@@ -98,16 +103,16 @@ def eight_schools() -> Target:
         out[0], out[1] = shift + scale * q[8], exponential(log_shift + log_scale * q[9])
         out[2], out[3] = out[0] * out[0], out[1] * out[1]
 
-    return _posterior("eight_schools", "eight schools, 10 parameters", 10, gradient, observe)
+    return _posterior("eight_schools", "eight schools, 10 parameters", 10, gradient, observe, highest=2.0)
 
 
 def gp_regr() -> Target:
     """Return the regression of eleven points by a Gaussian process with length rho, size alpha and variance sigma."""
-    shift, scale = np.array([log(6.76), log(2.3), log(1.75)]), np.array([0.19, 0.32, 0.29])
+    shift, scale = COORDINATES["gp_regr"]
 
     @compiled
     def gradient(q, out):  # type: ignore[no-untyped-def]
-        n = len(_Y)
+        n = len(Y)
         rho, alpha, sigma = (
             exponential(shift[0] + scale[0] * q[0]), exponential(shift[1] + scale[1] * q[1]),
             exponential(shift[2] + scale[2] * q[2]),
@@ -136,9 +141,9 @@ def gp_regr() -> Target:
         weights = np.zeros(n)
         for i in range(n):
             for j in range(n):
-                weights[i] += inverse[i, j] * _Y[j]
+                weights[i] += inverse[i, j] * Y[j]
         for i in range(n):
-            total += weights[i] * _Y[i] / 2
+            total += weights[i] * Y[i] / 2
             of_sigma += (inverse[i, i] - weights[i] * weights[i]) / 2 * sigma
             for j in range(n):
                 part = (inverse[i, j] - weights[i] * weights[j]) / 2 * kernel[abs(i - j)]
@@ -161,11 +166,15 @@ def gp_regr() -> Target:
     return _posterior("gp_regr", "Gaussian process, 3 parameters", 3, gradient, observe)
 
 
+def mesquite_logarithms() -> tuple[Floats, Floats]:
+    """Return the logarithms of the volumes of the canopies and of the weights of the leaves."""
+    return log(np.array(_LONG) * np.array(_SHORT) * np.array(_HEIGHT)), log(np.array(_WEIGHT))
+
+
 def mesquite() -> Target:
     """Return the regression of the logarithm of the weight of leaves on that of the volume of the canopy."""
-    volume = log(np.array(_LONG) * np.array(_SHORT) * np.array(_HEIGHT))
-    weight = log(np.array(_WEIGHT))
-    shift, scale = np.array([5.17, 0.722, log(0.42)]), np.array([0.083, 0.055, 0.107])
+    volume, weight = mesquite_logarithms()
+    shift, scale = COORDINATES["mesquite"]
 
     @compiled
     def gradient(q, out):  # type: ignore[no-untyped-def]
@@ -193,7 +202,7 @@ def mesquite() -> Target:
     return _posterior("mesquite", "regression, 3 parameters", 3, gradient, observe)
 
 
-def _posterior(name: str, label: str, n: int, gradient: Any, observe: Any) -> Target:
+def _posterior(name: str, label: str, n: int, gradient: Any, observe: Any, highest: float = 1.0) -> Target:
     parameters = list(REFERENCES[name].mean)
 
     def start(normal: Normal) -> Floats:
@@ -201,8 +210,9 @@ def _posterior(name: str, label: str, n: int, gradient: Any, observe: Any) -> Ta
         return found
 
     return Target(
-        name=name, label=label, dimension=n, highest=2.0, lengths=(1.0, 2.0, 4.0), gradient=gradient, observe=observe,
-        observables=(*parameters, *(f"{one}^2" for one in parameters)), start=start, warm=WARM,
+        name=name, label=label, dimension=n, highest=highest, lengths=(1.0, 2.0, 4.0), gradient=gradient,
+        observe=observe, observables=(*parameters, *(f"{one}^2" for one in parameters)), start=start,
+        warm=WARM,
     )  # fmt: skip
 
 
