@@ -30,7 +30,7 @@ jax.config.update("jax_enable_x64", True)
 #: Strength of the quartic term and dimensions of the products.
 PRODUCTS = {"gaussian": (0.0, 1000), "quartic": (STRENGTH, 256)}
 #: The mean length of trajectories of Hamiltonian Monte Carlo, over the highest frequency, and the range of the jitter.
-LENGTHS = {"gaussian": 16.0, "quartic": 8.0, "eight_schools": 4.0, "gp_regr": 2.0, "mesquite": 2.0}
+LENGTHS = {"gaussian": 8.0, "quartic": 8.0, "eight_schools": 4.0, "gp_regr": 2.0, "mesquite": 2.0}
 JITTER = (0.8, 1.2)
 
 

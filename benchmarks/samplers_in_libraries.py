@@ -17,7 +17,7 @@ from nearharmonic.output.page import pipes
 from nearharmonic.reproduction.experiments.samplers.chains.effective import costs, error_of, student
 
 PAGE = "docs/results/samplers.md"
-METHODS = ("leapfrog", "bcss_s2", "bcss_s3", "bcss_s4", "predescu_s3", "babs7o7h", "trained_light")
+METHODS = ("leapfrog", "bcss_s2", "bcss_s3", "bcss_s4", "predescu_s3", "babs7o7h")
 TARGETS = {
     "gaussian": "Gaussian, 1000 dimensions",
     "quartic": "quartic posterior, 256 dimensions",
@@ -35,11 +35,11 @@ SAMPLERS = {
 }
 #: Proposals of a block and blocks on products of many modes and on posteriors; of MCLMC gradients in place of blocks.
 SIZES = {
-    "Nuts": ((25, 8), (100, 20)), "Mclmc": ((200, 4000), (200, 16000)),
-    "Metropolis": ((30, 5), (60, 10)), "Dynamic": ((20, 5), (40, 10)),
+    "Nuts": ((15, 8), (100, 20)), "Mclmc": ((200, 4000), (200, 12000)),
+    "Metropolis": ((30, 5), (60, 10)), "Dynamic": ((8, 10), (15, 16)),
 }  # fmt: skip
 #: Chains, halvings of the range of steps.
-CHAINS, HALVINGS = 12, 8
+CHAINS, HALVINGS = 12, 7
 MISSING = "the samplers need BlackJAX and mici: pip install 'nearharmonic[blackjax,mici]'"
 
 
@@ -51,24 +51,28 @@ def measured(short):
         raise SystemExit(f"{MISSING} ({error})") from None
     found = {}
     for target in TARGETS:
-        problem = chains.Problem(target, CHAINS)
-        for kind, (_, level) in SAMPLERS.items():
-            count, blocks = SIZES[kind][target not in chains.PRODUCTS]
-            values = {}
-            for name in METHODS:
-                method = nh.integrators[name]
-                sampler = getattr(chains, kind)(problem, method if method.first == "kick" else method.role("kick"), 1)
-                tau = chains.with_level(sampler, level, count, HALVINGS)
-                size = -(-blocks // (count * method.stages)) if kind == "Mclmc" else blocks
-                block = chains.measured_with(sampler, tau, count, 2 if short else size)
-                values[name] = costs(block.observed, block.gradients)
-                print(
-                    f"{target} {kind} {name}: step {tau:.3f}, level {block.level:.3g}, "
-                    f"gradients {exp(values[name][0]):.3g}", flush=True,
-                )  # fmt: skip
-            found[target, kind] = gains(values)
+        found |= on_target(chains, target, short)
     names = {"BlackJAX": "blackjax", "JAX": "jax", "mici": "mici"}
     return found, ", ".join(f"{name} {version(package)}" for name, package in names.items())
+
+
+def on_target(chains, target, short):
+    """Gradients of leapfrog and gains on one target, by target and sampler."""
+    problem, found = chains.Problem(target, CHAINS), {}
+    for kind, (_, level) in SAMPLERS.items():
+        count, blocks = SIZES[kind][target not in chains.PRODUCTS]
+        values = {}
+        for name in METHODS:
+            method = nh.integrators[name]
+            sampler = getattr(chains, kind)(problem, method if method.first == "kick" else method.role("kick"), 1)
+            tau = chains.with_level(sampler, level, count, HALVINGS)
+            size = -(-blocks // (count * method.stages)) if kind == "Mclmc" else blocks
+            block = chains.measured_with(sampler, tau, count, 2 if short else size)
+            values[name] = costs(block.observed, block.gradients)
+            text = f"{target} {kind} {name}: step {tau:.3f}, level {block.level:.3g}"
+            print(f"{text}, gradients {exp(values[name][0]):.3g}", flush=True)
+        found[target, kind] = gains(values)
+    return found
 
 
 def gains(values):

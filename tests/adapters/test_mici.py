@@ -11,7 +11,12 @@ import pytest
 pytest.importorskip("mici", reason="mici is not installed")
 
 import mici
-from mici.integrators import BCSSFourStageIntegrator, BCSSThreeStageIntegrator, LeapfrogIntegrator
+from mici.integrators import (
+    BCSSFourStageIntegrator,
+    BCSSThreeStageIntegrator,
+    BCSSTwoStageIntegrator,
+    LeapfrogIntegrator,
+)
 from mici.states import ChainState
 from mici.systems import EuclideanMetricSystem, GaussianEuclideanMetricSystem
 
@@ -109,10 +114,11 @@ def test_step_backwards_undoes_step_forwards(method, system):
     ("method", "own"),
     [
         ("leapfrog", LeapfrogIntegrator),
+        ("bcss_s2", BCSSTwoStageIntegrator),
         (nh.integrators["bcss_s3"].role("kick"), BCSSThreeStageIntegrator),
         (nh.integrators["bcss_s4"].role("kick"), BCSSFourStageIntegrator),
     ],
-    ids=("leapfrog", "bcss_s3", "bcss_s4"),
+    ids=("leapfrog", "bcss_s2", "bcss_s3", "bcss_s4"),
 )
 def test_integrator_of_mici_takes_the_same_steps(method, own):
     system = henon_heiles().system()

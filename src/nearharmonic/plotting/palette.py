@@ -65,7 +65,7 @@ _OTHERS = (
     ("#991ab3", "*Xh", "sofspa_s11o6 sofspa_s19o8 sofspa_s35o10"),
     ("#800080", "8", "morales_s17o8"),
     ("#b38000", "<>8", "mclachlan_atela_3 mclachlan_atela_4 mclachlan_atela_5"),
-    ("#334d80", "X>h", "bcss_s3 bcss_s4 predescu_s3"),
+    ("#334d80", "X>hd", "bcss_s3 bcss_s4 predescu_s3 bcss_s2"),
     ("#668080", ">", "omelyan_g5o6"),
     ("#998000", "P", "rowlands"),
     ("#e64d1a", "h*", "leapfrog ruth_s3o3"),

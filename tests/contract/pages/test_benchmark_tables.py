@@ -6,6 +6,7 @@ import ast
 import re
 import sys
 
+import numpy as np
 import pytest
 
 from support.results.stated_numbers import ROOT, flat, states
@@ -158,6 +159,23 @@ def test_a_page_keeps_its_tables_where_no_case_was_counted(monkeypatch, tmp_path
     monkeypatch.setitem(MEASURED, "trials", {})
     text = "<!-- quick -->\nold\n<!-- end -->"
     assert filled_by(["trials --quick"], text, monkeypatch, tmp_path) == text
+
+
+def test_missing_libraries_of_samplers_are_named(monkeypatch):
+    module = benchmark("samplers_in_libraries", monkeypatch)
+    monkeypatch.setitem(sys.modules, "chains_of_libraries", None)
+    with pytest.raises(SystemExit, match=r"pip install 'nearharmonic\[blackjax,mici\]'"):
+        module.measured(short=True)
+
+
+def test_gains_in_libraries_are_ratios_with_paired_intervals(monkeypatch):
+    """Equal scatter of two methods on the same chains leaves their ratio without error."""
+    module, scatter = benchmark("samplers_in_libraries", monkeypatch), np.array([0.0, 0.1, -0.1])
+    found = module.gains({name: 4 - k + (k + 1) * scatter for k, name in enumerate(module.METHODS)})
+    assert found["gradients"] == pytest.approx(np.exp(4))
+    for k, name in enumerate(module.METHODS[1:], 1):
+        half = 12.706 * k * 0.1  # the jackknife of two chains, Student's t with one degree of freedom
+        assert np.log(found[name]) == pytest.approx(np.clip([k, k - half, k + half], -9, 9))
 
 
 def test_page_of_releases_lists_the_commands_and_their_pages():
