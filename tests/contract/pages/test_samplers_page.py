@@ -52,7 +52,7 @@ def test_leapfrog_is_enough_where_the_page_says_so():
 
 def test_bcss_4_leads_leapfrog_with_mclmc_and_not_nuts():
     header, *rows = rows_of("libraries")
-    for row in rows:
+    for row in (row for row in rows if len(row) == len(header)):  # versions follow the table
         cells = dict(zip(header, row, strict=True))
         if cells["sampler"].startswith("MCLMC"):
             assert first(cells["BCSS 4"].partition("(")[2]) > 1
