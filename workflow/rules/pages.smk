@@ -59,6 +59,11 @@ _PAGES = {
         {"figure": "tabulated_potentials"},
         lambda: task("reproduction.pages.how_to.tabulated:page", **on("how_to/tabulated_potentials", _EVERY)),
     ),
+    "how_to/adapters": (
+        {},
+        {"figure": "adapters"},
+        lambda: task("reproduction.pages.how_to.adapters:page", **on("how_to/adapters", {})),
+    ),
     "how_to/tailor": (
         _EXAMPLES,
         {},
