@@ -69,7 +69,7 @@ def order_of(
 
     Methods with modified potentials need a quadratic T, so that their order is the order for quadratic T. With a
     ``potential_degree`` it is the order for every H with quadratic T and a polynomial V of at most this degree:
-    brackets with higher derivatives of V vanish, and fewer conditions are left (:mod:`nearharmonic.exact.lie.trees`).
+    brackets with higher derivatives of V vanish, and fewer conditions are left.
 
     Parameters
     ----------
