@@ -42,7 +42,7 @@ def exponential(x):  # type: ignore[no-untyped-def]
 
 @compiled
 def logarithm(x):  # type: ignore[no-untyped-def]
-    """Return log(x) of a positive number to about 1 ulp, by the series of artanh; infinite without one."""
+    """Return log(x) of a positive number to about 1 ulp, by the series of artanh; infinite for any other."""
     if not 0.0 < x < np.inf:
         return np.inf
     m, e = frexp(x)

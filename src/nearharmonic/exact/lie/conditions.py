@@ -20,7 +20,7 @@ from math import gcd
 from operator import mul
 from typing import NamedTuple
 
-from nearharmonic.exact.lie.trees import hamiltonian, surviving_rows
+from nearharmonic.exact.lie.trees import KINETIC, POTENTIAL, Hamiltonian, poisson_bracket, surviving_rows
 from nearharmonic.exact.words import LETTERS
 
 #: An element of the free Lie algebra, as coefficients of words.
@@ -63,6 +63,15 @@ def factors(word: str) -> tuple[str, str]:
     return word[:split], word[split:]
 
 
+@cache
+def hamiltonian(word: str) -> Hamiltonian:
+    """The element of the Lyndon basis for quadratic kinetic energy, as Poisson brackets of T (A) and V (B)."""
+    if len(word) == 1:
+        return KINETIC if word == "A" else POTENTIAL
+    left, right = factors(word)
+    return poisson_bracket(hamiltonian(left), hamiltonian(right))
+
+
 def bracket(x: Element, y: Element) -> Element:
     """The commutator xy - yx."""
     result: Element = {}
@@ -85,7 +94,7 @@ def conditions(degree: int, *, quadratic: bool, potential_degree: int | None = N
         vanishing = [_on_lyndon_words(x, degree) for x in _ideal(degree)] if quadratic else []
         normals = _orthogonal_complement([[_dot(row, x) for row in to_basis] for x in vanishing], len(to_basis))
     else:
-        elements = [hamiltonian(word, factors) for word in lyndon_words(degree)]
+        elements = [hamiltonian(word) for word in lyndon_words(degree)]
         normals = _orthogonal([], surviving_rows(elements, potential_degree))
     found = []
     for normal in normals:

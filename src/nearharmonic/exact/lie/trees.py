@@ -12,7 +12,7 @@ others stay independent. Fewer conditions for cubic and quartic V: Escorihuela-T
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 
 #: A tree seen from one of its vertices: the momenta there, and the branches in ascending order.
@@ -22,16 +22,9 @@ Hamiltonian = Mapping[Tree | None, int]
 #: Momenta of each vertex, and its neighbours.
 Graph = tuple[list[int], list[list[int]]]
 
-POTENTIAL: Tree = (0, ())
-
-
-@cache
-def hamiltonian(word: str, factors: Callable[[str], tuple[str, str]]) -> Hamiltonian:
-    """Return the bracketing of a word of A (T) and B (V), whose longer words are brackets of two ``factors``."""
-    if len(word) == 1:
-        return {None if word == "A" else POTENTIAL: 1}
-    left, right = factors(word)
-    return poisson_bracket(hamiltonian(left, factors), hamiltonian(right, factors))
+#: T and V.
+KINETIC: Hamiltonian = {None: 1}
+POTENTIAL: Hamiltonian = {(0, ()): 1}
 
 
 def poisson_bracket(f: Hamiltonian, g: Hamiltonian) -> Hamiltonian:
