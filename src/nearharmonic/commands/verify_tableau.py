@@ -57,12 +57,9 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
 def checked_degree(text: str) -> int:
     """Return the degree of a potential, from 2."""
-    from nearharmonic.engine.settings import whole_number
-
-    degree = whole_number(text, "degree")
-    if degree < 2:
-        raise bad_setting("degree", degree, "an integer from 2, the degree of a polynomial V")
-    return degree
+    if not text.isdecimal() or int(text) < 2:
+        raise bad_setting("degree", text, "an integer from 2, the degree of a polynomial V")
+    return int(text)
 
 
 def _of(found: Verdict, degree: int | None) -> Answer:
