@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from nearharmonic.engine.runs.trajectory import sweep as sweep
     from nearharmonic.engine.section import section as section
     from nearharmonic.engine.stepper import stepper as stepper
+    from nearharmonic.integrators import implicit_integrators as implicit_integrators
     from nearharmonic.integrators import integrators as integrators
     from nearharmonic.integrators import modified_integrators as modified_integrators
     from nearharmonic.integrators.tableau import Tableau as Tableau
@@ -56,6 +57,7 @@ _MODULES = {
     "animate": "plotting.animate",
     "ensemble": "engine.runs.ensemble",
     "harmonic_order": "integrators.theory.order",
+    "implicit_integrators": "integrators",
     "integrate": "engine.runs.trajectory",
     "integrators": "integrators",
     "kappa": "integrators.theory.oscillator",
@@ -78,9 +80,9 @@ _FORMER = {"ModifiedTableau": "Tableau"}
 
 __all__ = [
     "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "adapters", "animate",
-    "ensemble",
-    "harmonic_order", "integrate", "integrators", "kappa", "modified_integrators", "order_of", "palindrome", "plot",
-    "problem", "recommend", "section", "stability_limit", "stepper", "sweep", "systems", "tailor",
+    "ensemble", "harmonic_order", "implicit_integrators", "integrate", "integrators", "kappa", "modified_integrators",
+    "order_of", "palindrome", "plot", "problem",
+    "recommend", "section", "stability_limit", "stepper", "sweep", "systems", "tailor",
 ]  # fmt: skip
 
 
