@@ -61,7 +61,7 @@ It prints `{printed}`.
 
 #: What the page of an implicit method has in place of coefficients of kicks and drifts.
 NODES = """In units of the step size τ: the first half of the nodes c and of the weights b. Nodes of the second half are
-1 - c, weights are equal. [The page on Gauss](../../../explanation/gauss.md) has the equations.
+1 - c, weights are equal. [The page on Gauss](../../../how_to/gauss.md) has the equations.
 
 ```python
 {rows}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
+from itertools import pairwise
 from math import comb, factorial
 
 import mpmath
@@ -86,6 +87,7 @@ def test_a_step_is_that_of_the_equations_in_forty_digits(case):
                 assert max(abs(x - y) for x, y in zip(found, numbers, strict=True)) < most
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", ["henon_heiles", "kepler"])
 def test_energy_errors_fall_with_the_sixteenth_power_of_the_step(system):
     tau, t_end = {"henon_heiles": (0.25, 8), "kepler": (100, 8000)}[system]
@@ -120,6 +122,7 @@ def test_rounded_coefficients_fulfil_the_conditions_of_symplecticity():
         assert all(Fraction(x[half]) == (1 - half) - c[i] for i, x in enumerate(table.rest))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", ["henon_heiles", "relativistic_oscillator"])
 def test_differences_of_a_step_form_a_symplectic_matrix(system):
     given = nh.systems[system]
@@ -160,6 +163,7 @@ def test_lanes_do_not_change_a_bit():
         assert np.array_equal(batch.filled.states[:, 1, :2], together.q.values[:, -1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("summation", ["compensated", "plain"])
 def test_a_continued_run_has_the_bits_of_one_long_run(summation):
     settings = {"summation": summation, "t_end": 20000}
@@ -170,6 +174,7 @@ def test_a_continued_run_has_the_bits_of_one_long_run(summation):
     assert first.evaluations.item() + second.evaluations.item() == whole.evaluations.item()
 
 
+@pytest.mark.slow
 def test_a_run_backwards_returns_to_its_start():
     forth = nh.integrate("henon_heiles", GAUSS, 0.5, t_end=50, samples=2)
     back = nh.integrate("henon_heiles", GAUSS, 0.5, t_end=-50, samples=2, q0=forth.q.values[-1], p0=forth.p.values[-1])
@@ -190,6 +195,7 @@ def test_a_step_that_does_not_converge_has_its_own_status():
     assert np.array_equal(far.q.values[0, -1], alone.q.values[-1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("amplitude", [1.0, 0.1, 0.03])
 def test_oscillators_inside_the_equations_give_the_same_run(amplitude):
     start = {"q0": [0.3 * amplitude, 0.0], "p0": [0.0, 0.4 * amplitude]}
@@ -204,6 +210,7 @@ def test_oscillators_inside_the_equations_give_the_same_run(amplitude):
     assert np.abs(inside.q.values[-1] - exact.q.values[-1]).max() < 100 * 100 * 2.0**-53 * amplitude
 
 
+@pytest.mark.slow
 def test_energy_drifts_by_rounding_alone_with_both_equations():
     for split in ("kinetic_potential", "exact_oscillator"):
         run = nh.integrate(
@@ -213,6 +220,7 @@ def test_energy_drifts_by_rounding_alone_with_both_equations():
         assert run.max_energy_error.item() < 2e-13
 
 
+@pytest.mark.slow
 def test_forced_motion_is_that_of_the_closed_form():
     driven = nh.System(
         name="driven", V=lambda q, t: q[0] ** 2 / 2 + q[0] * nh.math.cos(t), q0=("1",), p0=("0",), t_end="10",
@@ -223,6 +231,7 @@ def test_forced_motion_is_that_of_the_closed_form():
     assert abs(run.q.values[-1, 0] - (np.cos(10) - 5 * np.sin(10))) < 20 * 2.0**-51
 
 
+@pytest.mark.slow
 def test_a_regularised_orbit_passes_near_the_centre():
     # e = 0.9: a step in the regular time is no shorter at the centre.
     run = nh.integrate("kepler_regularised", GAUSS, 2000.0)
@@ -231,6 +240,7 @@ def test_a_regularised_orbit_passes_near_the_centre():
     assert run.evaluations.item() > 8 * run.steps.item()
 
 
+@pytest.mark.slow
 def test_steps_of_a_stepper_are_those_of_runs():
     step = nh.stepper("henon_heiles", GAUSS)
     q, p = np.array([0.3, 0.0]), np.array([0.0, 0.4])
@@ -240,6 +250,7 @@ def test_steps_of_a_stepper_are_those_of_runs():
     assert np.array_equal(p, run.p.values[-1])
 
 
+@pytest.mark.slow
 def test_a_potential_of_numba_is_called_for_each_stage():
     import numba
 
@@ -277,3 +288,32 @@ def test_stages_of_a_method_are_a_small_integer():
     assert nh.order_of(four) == 8
     assert nh.order_of(GAUSS) == nh.harmonic_order(GAUSS) == 16
     assert nh.integrate("sho", four, 0.5, t_end=10).max_energy_error.item() < 1e-14
+
+
+def chain(count, T=None):
+    """Masses between walls, joined by springs that are not linear; with more than 50, states are in memory."""
+
+    def V(q):
+        ends = [0, *q, 0]
+        stretched = [b - a for a, b in pairwise(ends)]
+        return sum(x**2 / 2 + x**3 / 12 + x**4 / 40 for x in stretched)
+
+    at = [f"{0.5 * np.sin(np.pi * (k + 1) / (count + 1)):.6f}" for k in range(count)]
+    given = {} if T is None else {"T": T}
+    return nh.System(name=f"chain_of_{count}", V=V, q0=tuple(at), p0=("0",) * count, t_end="10", **given)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("masses", [None, lambda p: sum(x * x * (1 + k / 60) / 2 for k, x in enumerate(p))])
+def test_a_chain_in_memory_moves_as_by_splitting(masses):
+    system = chain(60, masses)
+    run = nh.integrate(system, GAUSS, 1.0, samples=2)
+    fine = nh.integrate(system, "sofspa_s35o10" if masses else "srkn_a14", 0.1, samples=2)
+    # Both errors are below the roundings of a hundred steps.
+    assert np.abs(run.q.values[-1] - fine.q.values[-1]).max() < 100 * 2.0**-52
+    assert np.abs(run.p.values[-1] - fine.p.values[-1]).max() < 100 * 2.0**-52
+    half = nh.integrate(system, GAUSS, 1.0, t_end=5)
+    rest = nh.integrate(system, GAUSS, 1.0, t_end=5, start=half)
+    assert np.array_equal(rest.q.values[-1], run.q.values[-1])
+    with pytest.raises(SettingError, match="compiled as loops"):
+        nh.integrate(system, GAUSS, 1.0, precision="extended")

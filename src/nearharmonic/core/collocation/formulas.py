@@ -28,9 +28,9 @@ def write(module: ir.Module, rules: Rules, kinds: Kinds, needed: Container[str])
     """Write the functions of stages that are ``needed`` into a module."""
     table = rules.physics.stages
     assert table is not None
-    stages, point = kinds.of("S"), kinds.of("P")
+    stages, point = kinds.of("S"), kinds.of("R" if kinds.block else "P")
     both = ir.ArrayType(stages, 2)
-    extended, d = rules.extended, kinds.dimension
+    extended, d = rules.extended, len(stages.elements)
 
     def define(name: str, letters: str, result: ir.Type, body: Body) -> None:
         if name in needed:

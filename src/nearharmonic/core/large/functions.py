@@ -11,18 +11,24 @@ from typing import Any
 
 from llvmlite import ir
 
+from nearharmonic.core.collocation import formulas as stages
+from nearharmonic.core.formulas.physics import Physics
 from nearharmonic.core.formulas.rules import Rules, rounding_of
 from nearharmonic.core.large.emission import Emission
 from nearharmonic.core.large.energy import LoopedEnergy
 from nearharmonic.core.large.memory import ConditionedDoubles, DoubleDoubles, Doubles, Index, LoopWriter, Planes
 from nearharmonic.core.large.tables import BLOCK
-from nearharmonic.core.layout import TALLY, running_at, running_rows
+from nearharmonic.core.layout import COUNTERS, TALLY, running_at, running_rows
 from nearharmonic.core.machine.operations import DOUBLE, INDEX, PREFIX, Kinds, declare, packed, write_numbers
 
 
-def room(V: LoopedEnergy, T: LoopedEnergy, extended: bool) -> int:
+def room(physics: Physics, extended: bool) -> int:
     """Return the number of doubles behind the running state that the loops of a kernel store results in."""
-    return BLOCK + _planes(V, T, extended) * (V.room + T.room)
+    assert physics.loops is not None
+    V, T = physics.loops
+    stages = 0 if physics.stages is None else physics.stages.stages
+    scratch = physics.dimension * (stages + 2) + BLOCK if stages else 0
+    return BLOCK + _planes(V, T, extended) * (V.room + T.room) + scratch
 
 
 def _planes(V: LoopedEnergy, T: LoopedEnergy, extended: bool) -> int:
@@ -40,6 +46,11 @@ def module_of(rules: Rules, kinds: Kinds, needed: Container[str]) -> ir.Module:
         "velocity_at": written.velocity_at, "velocity_plane": written.T.room,
     })  # fmt: skip
     written.write()
+    if rules.physics.stages is not None:
+        write_numbers(written.module, {
+            "counters": written.end - COUNTERS, "scratch": written.scratch, "stages": written.stages,
+        })  # fmt: skip
+        stages.write(written.module, rules, kinds, needed)
     return written.module
 
 
@@ -51,8 +62,12 @@ class _Functions:
         assert physics.loops is not None
         self.rules, self.kinds, self.needed, (self.V, self.T) = rules, kinds, needed, physics.loops
         self.running = running_at(d, physics.parameters)
-        self.force_at = -(-(self.running + running_rows(d)) // BLOCK) * BLOCK
-        self.velocity_at = self.force_at + _planes(self.V, self.T, rules.extended) * self.V.room
+        self.stages = 0 if physics.stages is None else physics.stages.stages
+        self.end = self.running + running_rows(d, self.stages)
+        planes = _planes(self.V, self.T, rules.extended)
+        self.force_at = -(-self.end // BLOCK) * BLOCK
+        self.velocity_at = self.force_at + planes * self.V.room
+        self.scratch = -(-(self.velocity_at + planes * self.T.room) // BLOCK) * BLOCK
         self.number: Doubles = DoubleDoubles() if rules.extended else Doubles()
         self.module = ir.Module("formulas")
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from nearharmonic.core import points
 from nearharmonic.core.arithmetic import two_sum
+from nearharmonic.core.collocation import in_memory as collocation_in_memory
 from nearharmonic.core.collocation import motion as collocation
 from nearharmonic.core.large import state as in_memory
 from nearharmonic.core.layout import (
@@ -107,7 +108,9 @@ def _measure(form: Form, given: Measured) -> Any:
 def advance(form: Form) -> Callable[..., Any]:
     """Return the function of :data:`nearharmonic.core.layout.ADVANCE`, to be compiled."""
     room = in_memory if form.large else points
-    motion = collocation.motion if form.stages else room.motion
+    motion = room.motion
+    if form.stages:
+        motion = (collocation_in_memory if form.large else collocation).motion
     load, first, move, behind, last, closed, save = motion(form)
     row_of, measure = points.row_loader(form), _measure(form, room.measured())
     quick = form.quick

@@ -164,7 +164,7 @@ def room(physics: Physics, *, extended: bool) -> int:
         return 0
     from nearharmonic.core.large import functions
 
-    return functions.room(*physics.loops, extended=extended)
+    return functions.room(physics, extended=extended)
 
 
 def stages_of(physics: Physics) -> int:

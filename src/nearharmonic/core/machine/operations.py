@@ -97,10 +97,11 @@ class Kinds:
 
     def of(self, letter: str) -> ir.Type:
         """Type for a letter."""
+        if letter == "S":  # of one coordinate where states are in memory
+            count = 1 if self.block else self.dimension
+            return ir.LiteralStructType([ir.VectorType(DOUBLE, self.stages * self.lanes)] * count)
         if letter == "P" and self.block:
             return ir.LiteralStructType([ir.VectorType(DOUBLE, self.block)])
-        if letter == "S":
-            return ir.LiteralStructType([ir.VectorType(DOUBLE, self.stages * self.lanes)] * self.dimension)
         points = {"P": self.dimension, "C": self.parameters, "R": 1}
         if letter in points:
             return ir.LiteralStructType([self.real] * points[letter])
@@ -132,7 +133,9 @@ def define(module: ir.Module, symbol: str, kinds: Kinds, result: str) -> None:
             found = folded(builder, found, kinds, ELEMENTWISE["larger"])
         builder.ret(packed(builder, [found], kinds.of("R")))
     elif name.startswith("load"):
-        stages = [i * kinds.stages for i in range(kinds.dimension)] if result == "S" else None
+        stages = None
+        if result == "S":
+            stages = [i * kinds.stages for i in range(len(kinds.of("S").elements))]
         write_load(builder, values[0], values[1], kinds, kinds.of(result), stages)
     elif name.startswith("store"):
         apart = kinds.stages if letters[2] == "S" else 1

@@ -104,6 +104,9 @@ class Setup:
             energy = "samples"
         self.numerics = Numerics(precision=precision, summation=summation, energy=energy, split=split)
         check_precision(self.system, [precision])
+        if self.tableau.implicit and precision == "extended" and self.system.formulas().are_loops:
+            what = f"{self.tableau.name} has double precision for formulas that are compiled as loops, as those of"
+            raise bad_setting("precision", precision, f"{what} {self.system.name}")
         if self.numerics.exact_oscillator:
             check_oscillator(self.system)
         self.scale = checked_scale(self.system.energy_scale if energy_scale is None else energy_scale)
