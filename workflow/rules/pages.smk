@@ -64,6 +64,11 @@ _PAGES = {
         {"figure": "adapters"},
         lambda: task("reproduction.pages.how_to.adapters:page", **on("how_to/adapters", {})),
     ),
+    "how_to/gauss": (
+        {},
+        {"figure": "gauss"},
+        lambda: task("reproduction.pages.how_to.gauss:page", **on("how_to/gauss", _EVERY)),
+    ),
     "how_to/tailor": (
         _EXAMPLES,
         {},

@@ -16,7 +16,7 @@ from nearharmonic.output.dataset import variable
 from nearharmonic.recommendation.timings import variables
 from nearharmonic.reproduction.pages import examples, gallery, methods, ranking, trained, training
 from nearharmonic.reproduction.pages.anharmonicity import NEW, Result, others
-from nearharmonic.reproduction.pages.how_to import tabulated, tailor
+from nearharmonic.reproduction.pages.how_to import gauss, tabulated, tailor
 from nearharmonic.reproduction.pages.how_to import variables as of_variables
 from nearharmonic.reproduction.pages.targets import (
     crystals,
@@ -84,6 +84,12 @@ def of_gallery(monkeypatch, tmp_path):
 def of_ranking(monkeypatch, tmp_path):
     monkeypatch.setattr(ranking, "table", lambda contest: ["| error |", "|---|", f"| {contest.t_end} |"])
     return ranking.page(str(PAGES["ranking"]), (), ())
+
+
+def of_gauss(monkeypatch, tmp_path):
+    for name, few in {"AMPLITUDES": (0.1,), "TIMES": (4, 8, 16), "ORBITS": 2}.items():
+        monkeypatch.setattr(gauss, name, few)
+    return gauss.page(str(PAGES["gauss"]), (), ())
 
 
 def of_tabulated_potentials(monkeypatch, tmp_path):
@@ -185,7 +191,7 @@ def of_samplers(monkeypatch, tmp_path):
 
 
 def of_methods(monkeypatch, tmp_path):
-    monkeypatch.setattr(methods, "parts", lambda: dict.fromkeys(("methods", "modified", "errors"), "| a |"))
+    monkeypatch.setattr(methods, "parts", lambda: dict.fromkeys(("methods", "modified", "implicit", "errors"), "| a |"))
     return methods.page(str(PAGES["methods"]), (), ())
 
 
@@ -195,7 +201,7 @@ MADE = {
     "exact_oscillator": of_exact_oscillator, "examples": of_examples, "files": of_files, "gallery": of_gallery,
     "methods": of_methods, "ranking": of_ranking, "regularised": of_regularised, "samplers": of_samplers,
     "tailor": of_tailor,
-    "tabulated_potentials": of_tabulated_potentials, "timings": of_timings, "trained": of_trained,
+    "gauss": of_gauss, "tabulated_potentials": of_tabulated_potentials, "timings": of_timings, "trained": of_trained,
     "training": of_training, "variables": of_all_variables, "stepper": of_benchmarks("stepper", "stepper"),
     "formulas": of_benchmarks("formulas", "functions"), "large_grids": of_benchmarks("large_grids", "large_grids"),
     "larger_systems": of_benchmarks("larger_systems", "larger_systems"),
