@@ -95,6 +95,8 @@ def _choice(asked: Question, name: str, exact: Reference | None) -> Choice:
         evaluations=tableau.evaluations(steps),
     )
     careful, plain = (_measured(asked, choice, exact, summation) for summation in ("compensated", "plain"))
+    if careful.evaluations > asked.budget:  # of an implicit method, whose iterations are known afterwards
+        return replace(careful, status="missed")
     return plain if met and plain.error <= bound and _loses_nothing(plain, careful) else careful
 
 
@@ -104,6 +106,7 @@ def _measured(asked: Question, choice: Choice, exact: Reference | None, summatio
     return replace(
         choice,
         summation=summation,
+        evaluations=int(run.evaluations[0]),
         error=_errors(asked, run, exact)[0],
         max_energy_error=float(run.max_energy_error[0]),
         mean_energy_error=float(run.mean_energy_error[0]),
