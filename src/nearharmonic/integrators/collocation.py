@@ -135,7 +135,7 @@ class Collocation(Composition):
         return [(tau, Fraction(0), Fraction(0))] * 3
 
     def evaluations(self, steps: Steps) -> Steps:
-        """Return the least force evaluations of a run, an iteration in each step; results count those that were made."""
+        """Return the least force evaluations of a run, an iteration a step; results count those that were made."""
         return steps * self.stages
 
     def digest(self) -> str:

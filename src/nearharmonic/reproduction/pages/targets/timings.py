@@ -1,15 +1,15 @@
 """The tables of times in docs/results/timings.md, from the cube of times against errors.
 
-First the times of the fastest method over those of heyoka as a user gets it. Then for each system two tables: one
-trajectory, and each of an ensemble. A cell is the time in ms to reach a maximum energy error, and in brackets its ratio
-to the smallest of its column. Rows: the fastest of the paper's methods and of those beyond it, at each error, and every
-other library.
+First the times of the fastest method over those of heyoka as a user gets it, and those of the implicit method over
+those of the fastest splitting and of heyoka. Then for each system two tables: one trajectory, and each of an ensemble.
+A cell is the time in ms to reach a maximum energy error, and in brackets its ratio to the smallest of its column. Rows:
+the fastest of the paper's methods and of those beyond it, at each error, and every other library.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf, isfinite, log10
+from math import inf, isfinite, log10, nan
 
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.output.page import filled_page, pipes
@@ -20,6 +20,8 @@ from nearharmonic.reproduction.tasks.receipts import measures_time
 
 HEADS = {"trajectory": "one trajectory", "lanes": "each of an ensemble"}
 SYSTEMS = ("sho", "henon_heiles", "kepler")
+#: The implicit method, and the errors at which it is compared.
+IMPLICIT, IMPLICIT_ERRORS = "gauss16", (1e-6, 1e-9, 1e-12, 1e-14)
 
 
 @measures_time
@@ -37,7 +39,8 @@ def parts(measured: Sequence[Pair]) -> dict[str, str]:
         each += [f"### {pair.label}, t = {pair.t_end}", ""]
         for mode in HEADS:
             each += [*table([*pair.own, *pair.others], mode), ""]
-    return {"ratios": "\n".join(ratios(measured)), "times": "\n".join(each[:-1])}
+    found = {"ratios": ratios(measured), "implicit": implicit(measured), "times": each[:-1]}
+    return {name: "\n".join(lines) for name, lines in found.items()}
 
 
 def power(error: float) -> str:
@@ -54,6 +57,34 @@ def ratios(measured: Sequence[Pair]) -> list[str]:
             shown = (f"**{digits(x)}**" if x > 1 else digits(x) for x in cells)
             rows.append([f"{pair.label}, {head}", *shown])
     return pipes(["system", *map(power, ERRORS)], rows, align="lr")
+
+
+def implicit(measured: Sequence[Pair]) -> list[str]:
+    """Lines of the table of times of the implicit method over the fastest splitting's, and over heyoka's in brackets.
+
+    A ratio is bold where the implicit method is the fastest; a dash stands where a method does not reach the error.
+    """
+    rows = []
+    for mode, head in HEADS.items():
+        for pair in measured:
+            cells = []
+            for error in IMPLICIT_ERRORS:
+                times = {curve.method: crossing(curve, pair.measure, error, mode).time for curve in pair.own}
+                own = times.pop(IMPLICIT, nan)
+                ratio = own / min(filter(isfinite, times.values()), default=nan)
+                cells.append(f"{emphasised(ratio)} ({shown_ratio(own / pair.standard(error, mode))})")
+            rows.append([f"{pair.label}, {head}", *cells])
+    return pipes(["system", *map(power, IMPLICIT_ERRORS)], rows, align="lr")
+
+
+def emphasised(ratio: float) -> str:
+    """A ratio with two digits, bold below one."""
+    return f"**{shown_ratio(ratio)}**" if ratio < 1 else shown_ratio(ratio)
+
+
+def shown_ratio(ratio: float) -> str:
+    """A ratio with two digits, a dash if it is not known."""
+    return digits(ratio) if isfinite(ratio) else "–"
 
 
 def table(curves: Sequence[Curve], mode: str) -> list[str]:
