@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from nearharmonic.engine.runs.trajectory import sweep as sweep
     from nearharmonic.engine.section import section as section
     from nearharmonic.engine.stepper import stepper as stepper
+    from nearharmonic.engine.tangent.gradient import gradient as gradient
+    from nearharmonic.engine.tangent.tangent import tangent as tangent
     from nearharmonic.integrators import integrators as integrators
     from nearharmonic.integrators import modified_integrators as modified_integrators
     from nearharmonic.integrators.tableau import Tableau as Tableau
@@ -55,6 +57,7 @@ _MODULES = {
     "adapters": "adapters",
     "animate": "plotting.animate",
     "ensemble": "engine.runs.ensemble",
+    "gradient": "engine.tangent.gradient",
     "harmonic_order": "integrators.theory.order",
     "integrate": "engine.runs.trajectory",
     "integrators": "integrators",
@@ -71,6 +74,7 @@ _MODULES = {
     "sweep": "engine.runs.trajectory",
     "systems": "systems",
     "tailor": "training.tailor.tailoring",
+    "tangent": "engine.tangent.tangent",
 }
 
 #: Former names, which warn at their first use, and their present names.
@@ -78,9 +82,10 @@ _FORMER = {"ModifiedTableau": "Tableau"}
 
 __all__ = [
     "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "adapters", "animate",
-    "ensemble",
+    "ensemble", "gradient",
     "harmonic_order", "integrate", "integrators", "kappa", "modified_integrators", "order_of", "palindrome", "plot",
     "problem", "recommend", "section", "stability_limit", "stepper", "sweep", "systems", "tailor",
+    "tangent",
 ]  # fmt: skip
 
 
