@@ -65,8 +65,8 @@ def deviations_dataset(
         over_sample["gali"] = ("order",), found.gali, described("volume of so many deviations of length 1")
     variables: Variables = {}
     for name, (dimensions, values, notes) in over_sample.items():
-        values = np.where(gone.reshape(*gone.shape, *(1,) * len(dimensions)), np.nan, values)
-        variables[name] = ("member", "sample", *dimensions), values[:, 1:] if only_end else values, notes
+        kept_values = np.where(gone.reshape(*gone.shape, *(1,) * len(dimensions)), np.nan, values)[:, int(only_end) :]
+        variables[name] = ("member", "sample", *dimensions), kept_values, notes
     over_member = end_variables(found, exponent[:, -1], left_at, float(problem.end), rate)
     lost = left_at > 0
     worst = np.where(lost, inf, np.fmax.reduce(np.abs(error), axis=1))
@@ -79,7 +79,7 @@ def deviations_dataset(
     variables |= over_member
     lanes = len(runs.initial)
     variables |= {
-        "t": (("sample",), times[1:] if only_end else times, described("time", unit)),
+        "t": (("sample",), times[int(only_end) :], described("time", unit)),
         "tau": ((), problem.taus(np.array([steps]))[0], described("step size as used, t_end / steps", unit)),
         "steps": ((), steps, described("steps that cover [0, t_end]")),
         "evaluations": ((), lanes * problem.tableau.evaluations(steps), described("evaluations for each orbit")),

@@ -20,7 +20,7 @@ from nearharmonic.numerics.types import Floats, Integers
 #: ten between them, of the hundreds that a double has, and the vectors of a frame remain apart.
 PART = 100
 #: Readings of a length in a run, at least, for the time integral of MEGNO, unless the run has fewer steps.
-READINGS = 1000
+READINGS = 500
 #: Blocks of equal length for the interval of the exponent.
 BLOCKS = 10
 #: Lanes that a thread integrates at a time, and bytes of their readings.
@@ -139,9 +139,9 @@ class Deviations:
 
         def compute(i: int) -> None:
             block = slice(i * size, min((i + 1) * size, self.members))
-            rows = (given[block] if len(given) > 1 else given for given in (self.start, self.parameters))
+            start, parameters = (given[block] if len(given) > 1 else given for given in (self.start, self.parameters))
             with np.errstate(all="ignore"):  # a diverged orbit is a result
-                _Block(self, schedule, found, block, *rows).follow()
+                _Block(self, schedule, found, block, start, parameters).follow()
 
         steps = self.members * k * schedule.steps
         execution.Blocks(compute, count, steps=steps, cost=self.problem.cost).execute(threads)
@@ -177,10 +177,10 @@ class _Block:
             filled = batch.filled
             states = filled.states.reshape(members, k, len(part), 4, 2 * D)
             self._note_left(filled.left_at.reshape(members, k), step)
-            first = self._extract(states[:, 0, 1:])
-            megno.read(step, part, frame.growth[0] + log(np.sqrt((first * first).sum(axis=0))).T)
-            rows = states[:, :, -1].copy()
-            frame.advance(self._extract(rows).transpose(0, 2, 1))
+            megno.read(step, part, frame.growth[0] + log(self._lengths(states[:, 0, 1:])).T)
+            rows = states[:, :, 1].copy()  # the end of all lanes but the first
+            rows[:, 0] = states[:, 0, -1]
+            frame.advance(self._vectors(rows))
             step += part[-1]
             if step == kept[sample]:
                 self._keep(sample, rows, frame, megno.mean)
@@ -198,8 +198,11 @@ class _Block:
         shared = self.parameters
         parameters = shared if len(shared) == 1 else np.repeat(shared, len(self.runs.initial), axis=0)
         numerics = with_lanes(problem.numerics, np.full(lanes, part[-1]), problem.system)
+        marks = np.full((lanes, len(part)), -1)
+        marks[:, :2] = 0, part[-1]
+        marks[:: len(self.runs.initial)] = part  # MEGNO reads the first deviation alone
         batch = problem.batch(
-            moves.copy(), np.tile(np.array(part), (lanes, 1)), np.zeros(lanes, np.int64), start.copy(),
+            moves.copy(), marks, np.zeros(lanes, np.int64), start.copy(),
             parameters.copy(), numerics,
         )  # fmt: skip
         self.batches[part] = batch
@@ -211,11 +214,20 @@ class _Block:
         rows[:, :, :2, D:] = rows[:, :, 2:, :D] = 0.0
         rows[:, :, 0, D : D + d], rows[:, :, 2, :d] = basis[:d].T, basis[d:].T
 
-    def _extract(self, rows: Floats) -> Floats:
-        """Return the deviations (n, ...) in rows (..., 4, 2 D), with their last axes in the order M, others."""
+    def _vectors(self, rows: Floats) -> Floats:
+        """Return the deviations (n, k, M) in rows (M, k, 4, 2 D)."""
         d, D = self.runs.dimension, rows.shape[-1] // 2
-        u, w = rows[..., :2, D : D + d].sum(axis=-2), rows[..., 2:, :d].sum(axis=-2)
-        return np.moveaxis(np.concatenate([u, w], axis=-1), -1, 0)
+        high = np.concatenate([rows[:, :, 0, D : D + d], rows[:, :, 2, :d]], axis=-1)
+        low = np.concatenate([rows[:, :, 1, D : D + d], rows[:, :, 3, :d]], axis=-1)
+        return np.ascontiguousarray((high + low).T)
+
+    def _lengths(self, rows: Floats) -> Floats:
+        """Return the lengths (...) of the deviations in rows (..., 4, 2 D), summed in a fixed order."""
+        d, D = self.runs.dimension, rows.shape[-1] // 2
+        total = np.zeros(rows.shape[:-2])
+        for part, column in [(0, D + i) for i in range(d)] + [(2, i) for i in range(d)]:
+            total += rows[..., part, column] * rows[..., part, column]
+        return np.sqrt(total)
 
     def _note_left(self, left_at: Integers, step: int) -> None:
         lanes = np.where(left_at > 0, left_at, np.iinfo(np.int64).max).min(axis=1)

@@ -52,17 +52,22 @@ def initial_deviations(given: object, dimension: int) -> Floats:
             rows = None
     if rows is None or rows.dtype.kind not in "fiu":
         raise bad_setting("deviations", given, allowed)
-    rows = np.atleast_2d(rows).astype(float)
+    shape, rows = rows.shape, np.atleast_2d(rows).astype(float)
     if rows.ndim != 2 or rows.shape[1] != n or not 1 <= len(rows) <= n:
-        raise bad_setting("deviations", f"array of shape {np.shape(given)}", allowed)
+        raise bad_setting("deviations", f"array of shape {shape}", allowed)
     if not np.isfinite(rows).all():
-        raise bad_setting("deviations", f"array of shape {np.shape(given)} with NaN or inf", allowed)
+        raise bad_setting("deviations", f"array of shape {shape} with NaN or inf", allowed)
     with np.errstate(all="ignore"):
-        lengths = np.sqrt((rows * rows).sum(axis=1))
-        triangle = orthonormal((rows / lengths[:, None]).T[:, :, None])[1]
+        triangle = orthonormal(unit_rows(rows).T[:, :, None])[1]
     if not (np.diagonal(triangle[..., 0]) > INDEPENDENT).all():
         raise bad_setting("deviations", f"rows of rank below {len(rows)}", "linearly independent rows")
     return rows
+
+
+def unit_rows(rows: Floats) -> Floats:
+    """Return rows (k, n) scaled to length 1; the squares of numbers of any size do not overflow."""
+    scaled = rows / np.abs(rows).max(axis=1, keepdims=True)
+    return scaled / _lengths(scaled.T)[:, None]
 
 
 def orthonormal(vectors: Floats) -> tuple[Floats, Floats]:
@@ -103,8 +108,8 @@ class Frame:
 
     def __init__(self, deviations: Floats, members: int) -> None:
         k = len(deviations)
-        units = deviations / np.sqrt((deviations * deviations).sum(axis=1))[:, None]
-        self.basis, self._columns = orthonormal(np.repeat(units.T[:, :, None], members, axis=2))
+        units = np.repeat(unit_rows(deviations).T[:, :, None], members, axis=2)
+        self.basis, self._columns = orthonormal(units)
         self.growth, self.stretching = np.zeros((k, members)), np.zeros((k, members))
 
     def advance(self, moved: Floats) -> None:

@@ -104,12 +104,13 @@ def gradient(
     backward = backward_problem(problem)
     function = DifferentiableObservable(observable, subject)
     start, given = initial_rows(problem, q0, p0, parameters)
-    start, given = np.broadcast_arrays(start, given[:, :1])[0] if len(given) > 1 else start, given
-    steps = [problem.steps_of(tau)] * len(start)
+    members = max(len(start), len(given))
+    start = np.broadcast_to(start, (members, start.shape[1]))
+    steps = [problem.steps_of(tau)] * members
     paths = problem.run(steps, 2, start=start, parameters=given)
     end = np.stack([paths.q[:, -1], paths.q_low[:, -1], paths.p[:, -1], paths.p_low[:, -1]], axis=1)
     slopes = function.derivatives(problem, end[..., : subject.dimension], given)
-    back = backward.run(steps, 2, start=_behind(subject, end, slopes, given)).take(np.arange(len(steps)))
+    back = backward.run(steps, 2, start=_behind(subject, end, slopes, given))
     variables = _derivatives(problem, slopes, back) | _round_trip(problem, start, back)
     d, units = subject.dimension, subject.units
     variables |= {
@@ -158,8 +159,8 @@ def backward_problem(problem: Setup) -> Setup:
         what = "a formula decides by its parameters, and has no derivative with respect to them"
         raise bad_setting("system", system.name, what)
     if not tableau.symmetric:
-        rows = {key: tuple(reversed(getattr(tableau, key))) for key in ("kick", "drift", "square")}
-        tableau = replace(tableau, **rows)
+        kick, drift, square = (row[::-1] for row in (tableau.kick, tableau.drift, tableau.square))
+        tableau = replace(tableau, kick=kick, drift=drift, square=square)
     t_end = problem.t_end.removeprefix("-") if problem.t_end.startswith("-") else f"-{problem.t_end}"
     numerics = problem.numerics
     return Setup(
