@@ -67,7 +67,8 @@ def initial_deviations(given: object, dimension: int) -> Floats:
 def unit_rows(rows: Floats) -> Floats:
     """Return rows (k, n) scaled to length 1; the squares of numbers of any size do not overflow."""
     scaled = rows / np.abs(rows).max(axis=1, keepdims=True)
-    return scaled / _lengths(scaled.T)[:, None]
+    found: Floats = scaled / _lengths(scaled.T)[:, None]
+    return found
 
 
 def orthonormal(vectors: Floats) -> tuple[Floats, Floats]:

@@ -54,7 +54,10 @@ class DifferentiableObservable:
             raise bad_setting("observable", self.name, f"{allowed}; this function takes other arguments")
 
         def formula(x: Vector) -> Any:
-            value = function(x[:d], x[d : 2 * d], *x[2 * d : 2 * d + given])
+            try:
+                value = function(x[:d], x[d : 2 * d], *x[2 * d : 2 * d + given])
+            except IndexError as error:
+                raise IndexError(f"{error}: q and p have {d} component{'s' * (d > 1)}") from error
             return value[0] if isinstance(value, tuple | list) and len(value) == 1 else value
 
         self._energy = Energy(system.name, "observable", formula, 2 * d + count, ())
