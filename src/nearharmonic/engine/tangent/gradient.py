@@ -70,9 +70,9 @@ def gradient(
         over component, and ``parameters`` over parameter, in units of the observable over those of the argument;
         ``q`` and ``p`` at the end. ``round_trip_error`` is the largest component of the difference between the start
         and where the run backwards ends, and ``digits_lost`` the logarithm to base 10 of its ratio to the rounding
-        error of the largest component of the start. About as many digits of the derivatives are lost: a chaotic run
-        loses its growth, and with 16 in double precision or 31 in extended precision none is left.
-        ``max_energy_error`` over start and end, ``steps``, ``evaluations`` of both runs, ``status`` and
+        error of the largest component of the start. The derivatives lose as many digits, and in chaotic runs one to
+        three more, because the curvature of the map multiplies the error of the orbit. A double has 16, a double-double
+        31. ``max_energy_error`` over start and end, ``steps``, ``evaluations`` of both runs, ``status`` and
         ``diverged_at``. The derivatives of a diverged run are NaN.
 
     Raises
