@@ -44,7 +44,7 @@ def initial_deviations(given: object, dimension: int) -> Floats:
             raise bad_setting("deviations", given, allowed)
         return orthonormal(quasi_random(n, n, 0).T[:, :, None] - 0.5)[0][:, : int(given), 0].T.copy()
     rows = array_of("deviations", given)
-    if rows is None and is_list(given):
+    if rows is None and is_list(given) and not hasattr(given, "__array__"):
         check_mask("deviations", given)
         try:
             rows = np.array(given, dtype=float)

@@ -111,7 +111,7 @@ def tangent(
     -----
     Spectrum and frames: Benettin, Galgani, Giorgilli & Strelcyn (1980), Meccanica 15, 9. SALI: Skokos (2001), J. Phys.
     A 34, 10029. GALI: Skokos, Bountis & Antonopoulos (2007), Physica D 231, 30. MEGNO: Cincotta & Simo (2000), Astron.
-    Astrophys. Suppl. Ser. 147, 205; Cincotta, Giordano & Simo (2003), Physica D 182, 151. Derivative of a step as a
+    Astrophys. Suppl. 147, 205; Cincotta, Giordano & Simo (2003), Physica D 182, 151. Derivative of a step as a
     step: Skokos & Gerlach (2010), Phys. Rev. E 82, 036704.
 
     Examples
