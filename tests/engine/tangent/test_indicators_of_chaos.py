@@ -100,6 +100,7 @@ def test_spectrum_of_a_hamiltonian_system_is_symmetric():
     """Volumes of a symplectic map do not change: 2000 steps of roundings. Sums of pairs vanish like 1/t."""
     run = nh.tangent("henon_heiles", "babps8o7h", 0.5, t_end=1000, deviations=4, **CHAOTIC)
     rates = run.lyapunov_spectrum.values[-1]
+    assert rates[0] == pytest.approx(run.lyapunov_exponent.values[-1], rel=1e-12)
     assert abs(rates.sum()) * 1000 < 2000 * 4 * 2.0**-52
     assert abs(rates[0] + rates[3]) < 10 / 1000
     assert abs(rates[1] + rates[2]) < 10 / 1000
@@ -152,6 +153,15 @@ def test_diverged_member_ends_and_others_go_on():
         assert np.isnan(run[name].values[1, -1]).all(), name
         assert np.isfinite(run[name].values[0, -1]).all(), name
     assert np.isnan(run.lyapunov_low.values).tolist() == [False, True]
+
+
+def test_divergence_between_samples_is_seen():
+    """Deviations grow with the orbit, and are infinite a few steps apart from it."""
+    starts = {"q0": [3, 3], "p0": [1, 1], "t_end": 100, "samples": 2}
+    found = nh.tangent("henon_heiles", "babps8o7h", 0.5, **starts)
+    alone = nh.integrate("henon_heiles", "babps8o7h", 0.5, energy="none", **starts)
+    assert abs(found.diverged_at.item() - alone.diverged_at.item()) <= 2
+    assert 0 < alone.diverged_at < 100
 
 
 def test_one_sample_is_the_end():
