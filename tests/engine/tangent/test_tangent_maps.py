@@ -73,7 +73,7 @@ def differences(system, method, tau, t_end, **settings):
 
 
 @pytest.mark.parametrize("method", ["ruth", "babps8o7h", "mclachlan_atela_3", "chin_4a"])
-def test_tangent_map_of_the_oscillator_is_a_power_of_its_step(method):
+def test_oscillators_tangent_map_is_a_power_of_its_step(method):
     """The step is a product of shears; a kick of the modified potential of q^2/2 has k tau - 2 m tau^3."""
     method = {**integrators, **nh.modified_integrators}[method]
     tau, steps = 0.25, 40
