@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from itertools import pairwise
 
 import mpmath as mp
 import numpy as np
@@ -160,7 +161,7 @@ def test_conserved_quantity_has_the_gradient_of_its_start():
 def chain(q, a):
     """Springs with a cubic term between two walls."""
     sites = [0, *q, 0]
-    stretches = [right - left for left, right in zip(sites, sites[1:], strict=False)]
+    stretches = [right - left for left, right in pairwise(sites)]
     return sum(x * x / 2 + a * x * x * x / 3 for x in stretches)
 
 
