@@ -79,25 +79,27 @@ def tangent(
     Returns
     -------
     xarray.Dataset
-        Over sample, and over member if there are several:
+        Over sample, and over member if there are several. At t = 0 ratios over the time are NaN. What follows
+        divergence is NaN. Lengths are those of (q, p) as numbers in the units of the system:
 
-        ``lyapunov_exponent``, ln|delta|/t of the first deviation up to the time, in units of 1/t;
-        ``lyapunov_spectrum`` over deviation, mean logarithmic growth of the axes of the frame, in descending order for
-        long times; ``growth`` over deviation, the logarithms ln(|delta|/|delta(0)|) themselves; ``sali``, the smaller
-        alignment index of the first two deviations; ``gali`` over ``order`` k, the volume of k deviations of length 1;
-        ``megno``, the mean over time of the mean exponential growth of nearby orbits, 2 for a quasi-periodic orbit, 0
-        for a harmonic oscillator, and half the exponent times t for a chaotic orbit; ``q``, ``p`` and ``energy_error``.
-        At t = 0 the ratios by t are NaN.
+        - ``q`` and ``p`` over component, and ``energy_error`` in double precision.
+        - ``growth`` over deviation: logarithm of the length of a deviation over its initial length.
+        - ``lyapunov_exponent``: growth of the first deviation over the time, the largest exponent for long times.
+        - ``lyapunov_spectrum`` over deviation: mean growth of the axes of the frame, descending for long times.
+        - ``sali``: smaller length of the sum and the difference of the first two deviations of length 1.
+        - ``gali`` over order: volume of the parallelepiped of so many deviations of length 1.
+        - ``megno``: mean over time of the mean exponential growth of nearby orbits. It tends to 2 for a quasi-periodic
+          orbit, to 0 for a harmonic oscillator, and grows like half the exponent times t for a chaotic orbit.
 
-        At the end: ``lyapunov_low`` and ``lyapunov_high``, a 95 % interval of Student's t from ten blocks of time. It
-        covers the exponent of the orbit's chaotic region if the blocks are longer than the memory of the orbit. It does
-        not cover the 0 of a regular orbit, whose ln|delta|/t falls like (ln t)/t. ``deviation_q`` and ``deviation_p``,
-        the final deviations scaled to length 1: times exp(growth) and the initial length, they are the tangent map
-        times the initial deviation.
+        At the end, over member if there are several:
 
-        ``max_energy_error`` over the samples, in double precision; ``status``, ``diverged_at``, ``steps``,
-        ``evaluations`` of the gradient by all lanes, ``initial_energy`` and ``tau``. What follows divergence is NaN.
-        Lengths are those of (q, p) as numbers in the units of the system.
+        - ``lyapunov_low``, ``lyapunov_high``: 95 % interval of Student's t from ten blocks of time. It covers the
+          exponent of the chaotic region of the orbit if a block is longer than the memory of the orbit. It does not
+          cover the 0 of a regular orbit, for which growth over time falls like (ln t)/t.
+        - ``deviation_q``, ``deviation_p`` over (deviation, component): final deviations, scaled to length 1. Times
+          exp(growth) and the initial length, they are the tangent map times the initial deviation.
+        - ``max_energy_error`` over the samples, ``initial_energy``, ``status``, ``diverged_at``; and for all members
+          ``steps``, ``evaluations`` of the gradient by all lanes of an orbit, and ``tau``.
 
     Raises
     ------
