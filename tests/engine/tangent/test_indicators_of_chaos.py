@@ -172,6 +172,12 @@ def test_one_sample_is_the_end():
     assert last.sizes["sample"] == 1
 
 
+def test_evaluations_are_those_of_all_lanes_and_parts():
+    """Leapfrog kicks first: a force a step, and one more at the start of each of two parts of 75 steps."""
+    run = nh.tangent("henon_heiles", "leapfrog", 0.1, t_end=15, samples=2, deviations=3)
+    assert run.evaluations.item() == 3 * (150 + 2)
+
+
 def test_samples_do_not_change_the_exponent_or_megno():
     """Rescaling rounds each length; MEGNO is read at the same times but for a few."""
     runs = [nh.tangent("henon_heiles", "babps8o7h", 0.5, t_end=400, samples=n, **REGULAR) for n in (2, 5, 41)]

@@ -78,11 +78,12 @@ def deviations_dataset(
     }
     variables |= over_member
     lanes = len(runs.initial)
+    evaluations = lanes * sum(problem.tableau.evaluations(part[-1]) for part in found.schedule.parts)
     variables |= {
         "t": (("sample",), times[int(only_end) :], described("time", unit)),
         "tau": ((), problem.taus(np.array([steps]))[0], described("step size as used, t_end / steps", unit)),
         "steps": ((), steps, described("steps that cover [0, t_end]")),
-        "evaluations": ((), lanes * problem.tableau.evaluations(steps), described("evaluations for each orbit")),
+        "evaluations": ((), evaluations, described("evaluations of the gradient by all lanes of an orbit")),
     }
     if several:
         variables |= parameter_variables(problem, runs.parameters)

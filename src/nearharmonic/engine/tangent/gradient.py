@@ -66,14 +66,17 @@ def gradient(
     Returns
     -------
     xarray.Dataset
-        Over member, if there are several: ``value`` of the observable at the end; its derivatives ``q0`` and ``p0``
-        over component, and ``parameters`` over parameter, in units of the observable over those of the argument;
-        ``q`` and ``p`` at the end. ``round_trip_error`` is the largest component of the difference between the start
-        and where the run backwards ends, and ``digits_lost`` the logarithm to base 10 of its ratio to the rounding
-        error of the largest component of the start. The derivatives lose as many digits, and in chaotic runs one to
-        three more, because the curvature of the map multiplies the error of the orbit. A double has 16, a double-double
-        31. ``max_energy_error`` over start and end, ``steps``, ``evaluations`` of both runs, ``status`` and
-        ``diverged_at``. The derivatives of a diverged run are NaN.
+        Over member, if there are several:
+
+        - ``value``: the observable at the end.
+        - ``q0`` and ``p0`` over component, ``parameters`` over parameter: its derivatives, in its unit over that of the
+          argument. Those of a diverged run are NaN.
+        - ``round_trip_error``: largest component of the difference between the start and the end of the run backwards.
+        - ``digits_lost``: logarithm to base 10 of its ratio to the rounding error of the largest component of the
+          start. A double has 16 digits, a double-double 31. The derivatives lose as many, and in chaotic runs one to
+          three more, because the curvature of the map multiplies the error of the orbit.
+        - ``q`` and ``p`` at the end, ``max_energy_error`` over start and end, ``steps``, ``evaluations`` of both runs,
+          ``status``, ``diverged_at`` and ``tau``.
 
     Raises
     ------
