@@ -77,7 +77,7 @@ def test_an_answer_with_a_short_row_is_refused():
         (["recomend"], "unknown command 'recomend'. Did you mean 'recommend'?"),
         (
             ["list", "system"],
-            "kind = 'system' is not allowed: one of integrators, modified_integrators, systems. "
+            "kind = 'system' is not allowed: one of integrators, modified_integrators, implicit_integrators, systems. "
             "Did you mean 'systems'?",
         ),
         (["list", "--formt", "json"], "unrecognized arguments: --formt. Did you mean '--format'?"),

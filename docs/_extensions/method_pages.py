@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from decimal import ROUND_DOWN, Context
+from decimal import ROUND_DOWN, Context, Decimal
+from fractions import Fraction
 
 from bibtex_entries import bibtex_of, linked
+from mpmath import isinf
 
 from nearharmonic.engine.runs.problem import Problem
 from nearharmonic.exact.decimals import BigFloat
 from nearharmonic.integrators import integrators
+from nearharmonic.integrators.collocation import Collocation, gauss
 from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.theory.linear_stability import stability_limit
@@ -39,14 +42,7 @@ The orders are proved from the digits below in exact arithmetic. The [glossary](
 
 ## Coefficients
 
-In units of the step size τ{square}, in the order of application{processor}.
-
-```python
-{rows}
-```
-
-As JSON: `nearharmonic export {name} --to json`. [Coefficients from and to other programs](../../../how_to/exchange.md)
-has the other targets.
+{coefficients}
 
 ## Example
 
@@ -63,6 +59,24 @@ It prints `{printed}`.
 ```
 """
 
+#: What the page of an implicit method has in place of coefficients of kicks and drifts.
+NODES = """In units of the step size τ: the first half of the nodes c and of the weights b. Nodes of the second half are
+1 - c, weights are equal. [The page on Gauss](../../../explanation/gauss.md) has the equations.
+
+```python
+{rows}
+```"""
+COEFFICIENTS = """In units of the step size τ{square}, in the order of application{processor}.
+
+```python
+{rows}
+```
+
+As JSON: `nearharmonic export {name} --to json`. [Coefficients from and to other programs](../../../how_to/exchange.md)
+has the other targets."""
+#: Digits of a node on the page.
+DIGITS = 40
+
 
 def pages() -> dict[str, str]:
     """Return the page of each registered method, and the part of the index, by their paths."""
@@ -70,21 +84,38 @@ def pages() -> dict[str, str]:
     return {**found, "parts/integrators.md": index()}
 
 
-def page_of(one: Tableau) -> str:
+def page_of(one: Tableau | Collocation) -> str:
     """Return the page of a method."""
     example, printed = _example(one)
     return PAGE.format(
         label=one.label,
         source=linked(one.source),
         facts="\n".join(pipes(("property", "value"), _facts(one))),
-        square=", and `square` in units of τ³" if one.modified else "",
-        processor="; the processor is applied at the samples alone" if one.processed else "",
-        rows="\n".join(_rows(one)),
+        coefficients=_coefficients(one),
         name=one.name,
         example=example,
         printed=printed,
         bibtex=bibtex_of(one.name, one.source),
     )
+
+
+def _coefficients(one: Tableau | Collocation) -> str:
+    if isinstance(one, Collocation):
+        lines = []
+        for letter, numbers in zip("cb", gauss(one.stages), strict=True):
+            half = numbers[: (one.stages + 1) // 2]
+            lines += [f"{letter} = (", *(f'    "{_decimal(x)}",' for x in half), ")"]
+        return NODES.format(rows="\n".join(lines))
+    return COEFFICIENTS.format(
+        square=", and `square` in units of τ³" if one.modified else "",
+        processor="; the processor is applied at the samples alone" if one.processed else "",
+        rows="\n".join(_rows(one)),
+        name=one.name,
+    )
+
+
+def _decimal(x: Fraction) -> str:
+    return f"{Context(prec=DIGITS).divide(Decimal(x.numerator), Decimal(x.denominator)):f}"
 
 
 def index() -> str:
@@ -94,7 +125,8 @@ def index() -> str:
         one, limit = integrators[name], stability_limit(name)
         link = f"[`{name}`](generated/integrators/{name}.md)"
         limits = shown(limit), shown(limit / one.stages)
-        rows.append([link, one.label, COMPOSITION[one.first], one.stages, _orders(one), harmonic_order(one), *limits])
+        scheme = "implicit" if one.implicit else COMPOSITION[one.first]
+        rows.append([link, one.label, scheme, one.stages, _orders(one), harmonic_order(one), *limits])
     return "\n".join(pipes(HEADS, rows, align="lllr")) + "\n"
 
 
@@ -107,15 +139,20 @@ def _orders(one: Tableau) -> str:
 
 def shown(limit: BigFloat) -> str:
     """Return a limit of the step size with five significant digits, rounded down: the step is then stable."""
+    if isinf(limit):
+        return "∞"
     return str(Context(prec=5, rounding=ROUND_DOWN).create_decimal(f"{float(limit):.15f}"))
 
 
-def _facts(one: Tableau) -> Iterable[tuple[str, str]]:
+def _facts(one: Tableau | Collocation) -> Iterable[tuple[str, str]]:
     limit = stability_limit(one)
     yield "name", f"`{one.name}`"
     if one.other_names[1:]:
         yield "other names", ", ".join(f"`{name}`" for name in one.other_names[1:])
-    yield "scheme", f"{COMPOSITION[one.first]}: a step begins and ends with a {one.first}"
+    if one.implicit:
+        yield "scheme", "implicit: a step solves equations for all stages"
+    else:
+        yield "scheme", f"{COMPOSITION[one.first]}: a step begins and ends with a {one.first}"
     yield "stages s", str(one.stages)
     if one.modified:
         yield "forces with a gradient", f"{one.gradients} a step"
@@ -129,7 +166,7 @@ def _facts(one: Tableau) -> Iterable[tuple[str, str]]:
     yield "linear stability limit", f"τ = {shown(limit)} for H = (p² + q²)/2, τ/s = {shown(limit / one.stages)}"
     yield "symmetric", "yes" if one.symmetric else "no: a step of -τ does not reverse a step of τ"
     yield "needs", _needs(one)
-    yield "digits", f"{one.digits} decimals that the source guarantees"
+    yield "digits", f"{one.digits} decimals that {'are computed' if one.implicit else 'the source guarantees'}"
     if one.note:
         yield "note", one.note
     yield "declared in", f"`{integrators.module_of(one.name)}`"

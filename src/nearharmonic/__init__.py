@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from nearharmonic.engine.stepper import stepper as stepper
     from nearharmonic.engine.tangent.gradient import gradient as gradient
     from nearharmonic.engine.tangent.tangent import tangent as tangent
+    from nearharmonic.integrators import implicit_integrators as implicit_integrators
     from nearharmonic.integrators import integrators as integrators
     from nearharmonic.integrators import modified_integrators as modified_integrators
     from nearharmonic.integrators.tableau import Tableau as Tableau
@@ -59,6 +60,7 @@ _MODULES = {
     "ensemble": "engine.runs.ensemble",
     "gradient": "engine.tangent.gradient",
     "harmonic_order": "integrators.theory.order",
+    "implicit_integrators": "integrators",
     "integrate": "engine.runs.trajectory",
     "integrators": "integrators",
     "kappa": "integrators.theory.oscillator",
@@ -82,10 +84,9 @@ _FORMER = {"ModifiedTableau": "Tableau"}
 
 __all__ = [
     "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "adapters", "animate",
-    "ensemble", "gradient",
-    "harmonic_order", "integrate", "integrators", "kappa", "modified_integrators", "order_of", "palindrome", "plot",
-    "problem", "recommend", "section", "stability_limit", "stepper", "sweep", "systems", "tailor",
-    "tangent",
+    "ensemble", "gradient", "harmonic_order", "implicit_integrators", "integrate", "integrators", "kappa",
+    "modified_integrators", "order_of", "palindrome", "plot", "problem",
+    "recommend", "section", "stability_limit", "stepper", "sweep", "systems", "tailor", "tangent",
 ]  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""``nearharmonic list``: lists of the integrators, of those with kicks of a modified potential, and of the systems."""
+"""``nearharmonic list``: lists of the integrators, of two kinds of them, and of the systems."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from nearharmonic.integrators.tableau import Tableau
 
 HELP = "list the integrators or the systems"
-KINDS = ("integrators", "modified_integrators", "systems")
+KINDS = ("integrators", "modified_integrators", "implicit_integrators", "systems")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,7 +23,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each integrator or system, in the order of the registries."""
     from nearharmonic.engine.settings import one_of
 
-    kinds = (KINDS[0], KINDS[2]) if chosen.kind is None else (one_of("kind", chosen.kind, KINDS),)
+    kinds = (KINDS[0], KINDS[-1]) if chosen.kind is None else (one_of("kind", chosen.kind, KINDS),)
     found = [described for kind in kinds for described in _described(kind)]
     names = dict.fromkeys(name for described in found for name in described if name != "source")
     header = [*(name for name in names if name != "kind" or len(kinds) > 1), "source"]
@@ -32,11 +32,12 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
 def _described(kind: str) -> list[dict[str, Any]]:
     """Return the facts of all members of one of :data:`KINDS`."""
-    from nearharmonic.integrators import integrators, modified_integrators
+    from nearharmonic import integrators
     from nearharmonic.systems import systems
 
     if kind != "systems":
-        return [_method(t) for t in (integrators if kind == "integrators" else modified_integrators).values()]
+        chosen = integrators if kind == "integrators" else getattr(integrators, kind)
+        return [_method(t) for t in chosen.values()]
     return [
         {
             "kind": "system",
@@ -55,13 +56,13 @@ def _method(t: Tableau) -> dict[str, Any]:
     from nearharmonic.integrators.theory.order import harmonic_order
 
     return {
-        "kind": "modified integrator" if t.modified else "integrator",
+        "kind": "implicit integrator" if t.implicit else "modified integrator" if t.modified else "integrator",
         "name": t.name,
         "label": t.label,
         "stages": t.stages,
-        "gradients": t.gradients,
+        "gradients": 0 if t.implicit else t.gradients,
         "order": t.order,
         "harmonic order": harmonic_order(t),
-        "first": t.first,
+        "first": "" if t.implicit else t.first,
         "source": f"{t.source}; requires a {t.requires}" if t.requires else t.source,
     }

@@ -34,6 +34,11 @@ SQUARE = 2
 #: moves, and of the move that closes a step.
 OPENING, MERGED, INNER = range(3)
 
+#: Last rows of the running state of a collocation method, COUNTERS in number: 1 if the rows before them hold the forces
+#: of a step, iterations made, and a number other than 0 if those of a step failed.
+READY, ITERATIONS, FAILED = range(3)
+COUNTERS = 3
+
 #: Times of energy measurements: at every step, after a fixed number of steps, only at the samples, never.
 EVERY_STEP, LOOKS, SAMPLES, NEVER = range(4)
 #: Entries of a control array: STOP, where a number other than 0 stops a queue of runs, and PROGRESS, the steps done.
@@ -200,14 +205,26 @@ def columns(frequencies: int) -> int:
     return TURN + TURNS * frequencies if frequencies else COLUMNS
 
 
+def collocation_columns(stages: int, frequencies: int) -> int:
+    """Number of doubles in a row for a collocation method: the step size as a pair, and more for each frequency.
+
+    For oscillators of a frequency w inside the equations these are w^2 as a pair, ``stages`` factors of q and of v, and
+    the matrix of the other forces, column by column (:mod:`nearharmonic.core.collocation.motion`).
+    """
+    return COLUMNS + frequencies * (2 + 2 * stages + stages * stages)
+
+
 def modified_columns(parts: int) -> int:
     """Number of doubles in a row for kicks of a modified potential: three numbers of ``parts`` doubles, and a flag."""
     return (SQUARE + 1) * parts + 1
 
 
-def running_rows(dimension: int) -> int:
-    """Number of rows of a running state: 4 d of the state, and d of the rest, which the next move adds."""
-    return 5 * dimension
+def running_rows(dimension: int, stages: int = 0) -> int:
+    """Number of rows of a running state: 4 d of the state, and d of the rest, which the next move adds.
+
+    For a collocation method of so many ``stages``, the forces at the stages and :data:`COUNTERS` numbers follow.
+    """
+    return 5 * dimension + (stages * dimension + COUNTERS if stages else 0)
 
 
 def running_at(dimension: int, parameters: int) -> int:
@@ -216,14 +233,15 @@ def running_at(dimension: int, parameters: int) -> int:
 
 
 def workspace(
-    dimension: int, stages: int, *, parameters: int, width: int, room: int = 0, columns: int = COLUMNS
+    dimension: int, moves: int, *, parameters: int, width: int, room: int = 0, columns: int = COLUMNS, stages: int = 0
 ) -> tuple[NDArray[Any], ...]:
     """The flat arrays of ``run``: two row blocks, coefficients, and for each lane its run, step and sample.
 
-    Each row block ends with ``room`` doubles of working memory.
+    Each row block ends with ``room`` doubles of working memory. ``moves`` is their number in a step, ``stages`` that of
+    a collocation method.
     """
-    rows = (running_at(dimension, parameters) + running_rows(dimension)) * width + room
-    coefficients = (stages + 2) * columns * width
+    rows = (running_at(dimension, parameters) + running_rows(dimension, stages)) * width + room
+    coefficients = (moves + 2) * columns * width
     doubles = tuple(aligned_zeros(n) for n in (rows, rows, coefficients))
     return (*doubles, *(np.zeros(width, np.int64) for _ in range(3)))
 

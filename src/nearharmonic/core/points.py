@@ -44,7 +44,7 @@ def load_state(rows, at):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _store_state(rows, at, q, q_low, p, p_low):  # type: ignore[no-untyped-def]
+def store_state(rows, at, q, q_low, p, p_low):  # type: ignore[no-untyped-def]
     d = _dimension()
     store(rows, at, q)
     store(rows, at + d, q_low)
@@ -59,6 +59,8 @@ def _pair(moves, at):  # type: ignore[no-untyped-def]
 
 def row_loader(form: Form) -> Any:
     """Return ``load(moves, row)``, the coefficients of a move for :mod:`nearharmonic.core.step`."""
+    if form.stages:
+        return compiled(lambda moves, at: (load_real(moves, at), load_real(moves, at + 1), moves, at))
     if form.turning:
         return rotation.row_loader(extended=form.extended)
     load, parts = _pair if form.extended else load_real, form.parts
@@ -221,10 +223,10 @@ def motion(form: Form) -> Motion:
     @compiled
     def save(rows, state, seen):  # type: ignore[no-untyped-def]
         q, q_low, p, p_low, late = state
-        _store_state(rows, _running(), q, q_low, p, p_low)
+        store_state(rows, _running(), q, q_low, p, p_low)
         store(rows, _running() + 4 * _dimension(), late)
         q, q_low, p, p_low = seen
-        _store_state(rows, 0, q, q_low, p, p_low)
+        store_state(rows, 0, q, q_low, p, p_low)
 
     return Motion(load, first, move, behind, last, _closed(form, move), save)
 

@@ -87,6 +87,8 @@ def misfit(system: System, tableau: Tableau, split: str = KINETIC_POTENTIAL) -> 
     """
     if tableau.requires == QUADRATIC_KINETIC_ENERGY and not system.quadratic_kinetic_energy:
         return f"it requires a {tableau.requires}", f", which {system.name} does not have"
+    if tableau.implicit and system.formulas().are_loops:
+        return "it is implicit", f", and cannot be used with {system.name}, whose formulas are compiled as loops"
     if not tableau.modified:
         return "", ""
     reasons = {

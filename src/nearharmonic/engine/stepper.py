@@ -83,22 +83,22 @@ def stepper(
 
 def step_of(problem: Setup, parameters: Mapping[str, Any] | None = None) -> Step:
     """Return the machine code and the coefficients of a step of ``problem``."""
-    from nearharmonic.core.loops.kernel import build_step, room
+    from nearharmonic.core.loops.kernel import build_step, room, stages_of
     from nearharmonic.core.stepper.call import Step
     from nearharmonic.core.stepper.products import table_of
 
     system, tableau = problem.system, problem.tableau
     numerics = replace(problem.numerics, width=1)
     given = parameters_at_run_time(system, numerics, start_of(problem, parameters=parameters).parameters)
-    rows, flags = tableau.moves(), np.zeros(tableau.stages + 2)
+    rows, flags = tableau.moves(), np.zeros(tableau.moves_per_step + 2)
     if tableau.modified:
         power, flags = 3, np.ascontiguousarray(moves(tableau, [Fraction(1)], 1)[0, :, -1])
     else:
         power, rows = 2, [(k, e, k * e) for k, e, _ in rows]
-    physics = physics_of(system, modified=tableau.modified)
-    in_memory = physics.loops is not None
+    physics = physics_of(system, **tableau.kernel_options)
+    in_memory = physics.loops is not None or tableau.implicit
     if in_memory:
-        function = kernel_of(system, numerics.compiled, modified=tableau.modified).advance
+        function = kernel_of(system, numerics.compiled, **tableau.kernel_options).advance
     else:
         function = build_step(physics, compensated=numerics.compensated)
     return Step(
@@ -107,6 +107,7 @@ def step_of(problem: Setup, parameters: Mapping[str, Any] | None = None) -> Step
         signature=ADVANCE if in_memory else STEP,
         dimension=physics.dimension,
         room=room(physics, extended=False),
+        stages=stages_of(physics),
         compensated=numerics.compensated,
         kick_first=tableau.first == "kick",
         table=table_of(rows, (1, 1, power)),

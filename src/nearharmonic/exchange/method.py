@@ -7,6 +7,7 @@ from typing import Literal
 
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import integrators
+from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.tableau import First, Tableau
 
 Flow = Literal["kick", "drift"]
@@ -68,7 +69,11 @@ def method_for(library: str, method: str | Tableau) -> Method:
     SettingError
         The method has modified potentials or a processor.
     """
-    tableau = method if isinstance(method, Tableau) else integrators[method]
+    tableau = method if isinstance(method, Composition) else integrators[method]
+    if tableau.implicit:
+        raise SettingError(
+            f"{tableau.name} cannot run in {library}: it is implicit, and no sequence of kicks and drifts"
+        )
     if tableau.modified:
         reason = f"its modified potentials need the gradient of |grad V|^2, for which {library} has no hook"
         raise SettingError(f"{tableau.name} cannot run in {library}: {reason}")

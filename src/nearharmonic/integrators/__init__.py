@@ -1,7 +1,8 @@
 """The integrators, one file per source; ``integrators["aba864"]`` is a :class:`~nearharmonic.Tableau`.
 
 This package is the mapping ``integrators`` (``nearharmonic.registry.registry``). A key is the name, the label or
-another name of an integrator, or the path of a Python file. Two views select methods by the type of their kicks.
+another name of an integrator, or the path of a Python file. Three views select methods: those whose kicks are of V
+alone, those with kicks of a modified potential, and the implicit ones, which have no kicks.
 
 Examples
 --------
@@ -10,12 +11,16 @@ Examples
 <Tableau leapfrog: label Leapfrog, stages 1, order 2, first kick>
 """
 
+from nearharmonic.integrators.collocation import Collocation
 from nearharmonic.integrators.file import tableau_at
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.registry.registry import Registry, make_registry
 from nearharmonic.registry.selection import Selection
 
-__all__ = ["BENCHMARKED", "Tableau", "integrators", "modified_integrators", "plain_integrators"]
+__all__ = [
+    "BENCHMARKED", "Collocation", "Tableau", "implicit_integrators", "integrators", "modified_integrators",
+    "plain_integrators",
+]  # fmt: skip
 
 #: The ten methods of Nielsen's figures in the paper's order, which is the order of every legend.
 BENCHMARKED = (
@@ -40,8 +45,10 @@ integrators: Registry[Tableau] = make_registry(
     lambda tableau: tableau.other_names,
 )
 
-#: Integrators without and with modified potentials.
-plain_integrators = Selection(integrators, "plain_integrators", lambda tableau: not tableau.modified)
+#: Splitting methods without and with modified potentials, and methods that are no splitting.
+plain_integrators = Selection(
+    integrators, "plain_integrators", lambda tableau: not (tableau.modified or tableau.implicit)
+)
 modified_integrators = Selection(
     integrators,
     "modified_integrators",
@@ -53,5 +60,19 @@ modified_integrators = Selection(
     >>> import nearharmonic as nh
     >>> "chin_4a" in nh.modified_integrators, "ruth" in nh.modified_integrators
     (True, False)
+    """,
+)
+implicit_integrators = Selection(
+    integrators,
+    "implicit_integrators",
+    lambda tableau: tableau.implicit,
+    """The implicit integrators, a view of :mod:`nearharmonic.integrators`; each is a
+    :class:`~nearharmonic.integrators.collocation.Collocation`.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> [(name, one.order) for name, one in nh.implicit_integrators.items()]
+    [('gauss16', 16)]
     """,
 )

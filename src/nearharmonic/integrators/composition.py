@@ -123,9 +123,24 @@ class Composition:
         return self.first == "kick"
 
     @property
+    def moves_per_step(self) -> int:
+        """Moves of a kernel in a step, apart from the one that opens or closes it."""
+        return self.stages
+
+    @property
     def modified(self) -> bool:
         """True if the method has modified potentials."""
         return bool(self.square)
+
+    @property
+    def implicit(self) -> bool:
+        """True if a step solves equations, and is no sequence of kicks and drifts."""
+        return False
+
+    @property
+    def kernel_options(self) -> dict[str, Any]:
+        """What the compiled code depends on."""
+        return {"modified": self.modified}
 
     @property
     def compositions(self) -> tuple[Composition, ...]:

@@ -9,6 +9,7 @@ import os
 import re
 from decimal import Decimal, localcontext
 
+import numpy as np
 import pytest
 
 import nearharmonic as nh
@@ -23,7 +24,7 @@ WITHOUT_AUTHORS = {"na7", "rnia12", "nystrom_6a8"}
 #: Values of the variables in the formulas of the systems, for a state of each dimension.
 STATES = {1: ((0.7,), (-0.4,)), 2: ((0.3, -0.5), (0.6, 0.2))}
 
-each_method = pytest.mark.parametrize("name", [*nh.integrators])
+each_method = pytest.mark.parametrize("name", [name for name, one in nh.integrators.items() if not one.implicit])
 
 
 @pytest.fixture(scope="module")
@@ -117,6 +118,20 @@ def test_example_of_a_page_prints_what_it_says(pages, name):
     with contextlib.redirect_stdout(io.StringIO()) as out:
         exec(blocks(page, "python")[1], {})
     assert re.findall(r"It prints `(.*?)`", page) == [out.getvalue().strip()]
+
+
+@pytest.mark.parametrize("name", [*nh.implicit_integrators])
+def test_page_of_an_implicit_method_has_nodes_and_weights(pages, name):
+    page, one, rows = pages[f"integrators/{name}.md"], nh.integrators[name], {}
+    exec(blocks(page, "python")[0], rows)
+    nodes, weights = np.polynomial.legendre.leggauss(one.stages)
+    half = (one.stages + 1) // 2
+    # The nodes of numpy are exact to about an ulp.
+    assert np.abs(np.array(rows["c"], float) - (1 + nodes[:half]) / 2).max() < 1e-15
+    assert np.abs(np.array(rows["b"], float) - weights[:half] / 2).max() < 1e-15
+    assert all(len(digits) >= 40 for digits in (*rows["c"], *rows["b"]))
+    assert f"| order | {one.order} |" in page
+    assert "τ = ∞" in page
 
 
 @each_method

@@ -167,8 +167,9 @@ def test_a_batch_without_a_kernel_names_its_argument(system, numerics, words):
         )
 
 
-def test_the_registry_has_all_methods_and_two_views_share_them():
-    assert {*plain_integrators, *nh.modified_integrators} == set(nh.integrators)
+def test_the_registry_has_all_methods_and_three_views_share_them():
+    assert {*plain_integrators, *nh.modified_integrators, *nh.implicit_integrators} == set(nh.integrators)
+    assert not {*plain_integrators, *nh.modified_integrators} & set(nh.implicit_integrators)
     assert not set(plain_integrators) & set(nh.modified_integrators)
     assert all(nh.integrators[name] is one for name, one in nh.modified_integrators.items())
     assert all(one.square for one in nh.modified_integrators.values())

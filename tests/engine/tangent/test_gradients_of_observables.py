@@ -54,6 +54,7 @@ DRIVEN = nh.System(
 CASES = {
     "henon_heiles": ("henon_heiles", "babps8o7h", 0.5, 30, torque),
     "asymmetric": ("henon_heiles", "ruth", 0.1, 30, torque),
+    "implicit": (SPRING, "gauss16", 0.5, 8, product),
     "kepler": ("kepler", "aba864", 30, 3000, torque),
     "modified": (SPRING, "chin_4a", 0.2, 8, product),
     "oscillator": ("sho", "mclachlan_atela_3", 0.2, 10, product),

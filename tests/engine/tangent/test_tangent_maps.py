@@ -133,6 +133,18 @@ def test_tangent_map_of_a_driven_pendulum_is_that_of_mpmath():
     np.testing.assert_allclose(found, expected, rtol=0, atol=steps * EPS * np.abs(expected).max())
 
 
+def test_tangent_map_of_an_implicit_method_is_symplectic():
+    """A step of Gauss collocation errs by the rounding of its sums over 16 forces; iterations err by less."""
+    M, run = whole_map("henon_heiles", "gauss16", 0.5, 20)
+    fine, _ = whole_map("henon_heiles", "babps8o7h", 0.05, 20)
+    form, size = symplectic_form(2), np.abs(M).T @ np.abs(symplectic_form(2)) @ np.abs(M)
+    assert (np.abs(M.T @ form @ M - form) <= 16 * run.steps.item() * EPS * size).all()
+    # The error of the splitting method, of order 8 and at most 1e-7 at ten times the step.
+    np.testing.assert_allclose(M, fine, rtol=0, atol=1e-9)
+    assert run.evaluations.item() > 4 * 16 * run.steps.item()
+    assert run.attrs["integrator"] == "gauss16"
+
+
 def test_rescaling_does_not_change_the_tangent_map():
     often, once = (whole_map("henon_heiles", "babps8o7h", 0.5, 45, samples=n)[0] for n in (91, 2))
     np.testing.assert_allclose(often, once, rtol=0, atol=100 * EPS * np.abs(once).max())

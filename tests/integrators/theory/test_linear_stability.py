@@ -79,9 +79,9 @@ def test_each_edge_is_crossing_of_two_to_twelve_digits(name):
 
 
 def test_stability_edges_are_distinguished_in_30_digits():
-    gaps = {name: stability_gaps(name)[:-1] for name in integrators}
+    gaps = {name: stability_gaps(name)[:-1] for name in integrators if not integrators[name].implicit}
     assert [name for name in gaps if not all(beside(name, end) for _, end in gaps[name])] == ["sofspa_s35o10"]
-    assert all(beside(name, stability_limit(name)) for name in integrators)
+    assert all(beside(name, stability_limit(name)) for name in gaps)
 
 
 @pytest.mark.long

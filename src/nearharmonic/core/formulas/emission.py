@@ -14,7 +14,7 @@ from nearharmonic.core.formulas.rules import Entries, Rules
 from nearharmonic.core.formulas.tracing import DoubleDouble, LLVMValue
 from nearharmonic.core.large.memory import LoopWriter
 from nearharmonic.core.large.tables import BLOCK
-from nearharmonic.core.layout import TALLY, TURN, TURNS, parameter_rows, running_at
+from nearharmonic.core.layout import COUNTERS, TALLY, TURN, TURNS, parameter_rows, running_at, running_rows
 from nearharmonic.core.machine.operations import (
     DOUBLE,
     INDEX,
@@ -64,11 +64,17 @@ def module_of(rules: Rules, lanes: int, needed: Container[str]) -> ir.Module:
 
         return functions.module_of(rules, kinds_of(rules, lanes), needed)
     written = _Formulas(rules, kinds_of(rules, lanes), needed)
+    running = running_at(d, physics.parameters)
     write_numbers(written.module, {
-        "dimension": d, "columns": rules.columns, "tally": 4 * d, "parameters": 4 * d + TALLY,
-        "running": running_at(d, physics.parameters),
+        "dimension": d, "columns": rules.columns, "tally": 4 * d, "parameters": 4 * d + TALLY, "running": running,
     })  # fmt: skip
     written.write()
+    if physics.stages is not None:
+        from nearharmonic.core.collocation import formulas
+
+        counters = running + running_rows(d, physics.stages.stages) - COUNTERS
+        write_numbers(written.module, {"counters": counters, "lanes": lanes})
+        formulas.write(written.module, rules, written.kinds, needed)
     if physics.turning is not None:
         for column in range(6 if rules.extended else TURNS):
             if f"turn{column}" in needed:
@@ -79,7 +85,8 @@ def module_of(rules: Rules, lanes: int, needed: Container[str]) -> ir.Module:
 def kinds_of(rules: Rules, lanes: int) -> Kinds:
     """Types of the numbers of a kernel."""
     block = 0 if rules.physics.loops is None else BLOCK
-    return Kinds(rules.physics.dimension, parameter_rows(rules.physics.parameters), lanes, block)
+    stages = 1 if rules.physics.stages is None else rules.physics.stages.stages
+    return Kinds(rules.physics.dimension, parameter_rows(rules.physics.parameters), lanes, block, stages)
 
 
 class _Formulas:
@@ -183,7 +190,9 @@ def maps_module(rules: Rules, maps: Any) -> ir.Module:
     """
     physics, d, D = rules.physics, maps.dimension, rules.physics.dimension
     written = _Formulas(rules, kinds_of(rules, 1), ())
-    write_numbers(written.module, {"dimension": D, "running": running_at(D, physics.parameters)})
+    running, stages = running_at(D, physics.parameters), 0 if physics.stages is None else physics.stages.stages
+    counters = running + running_rows(D, stages) - COUNTERS
+    write_numbers(written.module, {"dimension": D, "running": running, "counters": counters})
 
     def departed(writer: LoopWriter, start: ir.Value, first: ir.Value, rows: ir.Value, to: ir.Value) -> None:
         pairs = (_pairs(writer, rows, 4 * D + TALLY + 2 * k, 1)[0] for k in range(physics.parameters))

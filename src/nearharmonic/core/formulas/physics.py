@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from nearharmonic.core.formulas.number import Constant
 
 if TYPE_CHECKING:
+    from nearharmonic.core.collocation.table import StageTable
     from nearharmonic.core.large.energy import LoopedEnergy
     from nearharmonic.core.machine.numba_functions import NumbaCode
 
@@ -69,6 +70,8 @@ class Physics(Hamiltonian):
         ``f(q, *parameters)``, the gradient of the square of grad_V, if kicks use a modified potential.
     numba : NumbaCode, or None
         Code of V and grad_V that are functions of numba, for one lane.
+    stages : StageTable, or None
+        Coefficients of a collocation method, whose stages are solved together.
     """
 
     parameters: int
@@ -79,3 +82,4 @@ class Physics(Hamiltonian):
     turning: tuple[int, ...] | None = None
     modified: Callable[..., Any] | None = None
     numba: NumbaCode | None = None
+    stages: StageTable | None = None

@@ -9,7 +9,7 @@ from nearharmonic.core.formulas.condition import Conditioned
 from nearharmonic.core.formulas.number import Constant, Number, call, constant, scalar, vector
 from nearharmonic.core.formulas.physics import Physics
 from nearharmonic.core.formulas.tracing import Double, DoubleDouble, LLVMValue
-from nearharmonic.core.layout import columns, modified_columns
+from nearharmonic.core.layout import collocation_columns, columns, modified_columns
 
 Entries = list[LLVMValue]
 
@@ -52,6 +52,9 @@ class Rules:
         """Doubles in a row of coefficients."""
         if self.physics.modified is not None:
             return modified_columns(self.parts)
+        if self.physics.stages is not None:
+            frequencies = 0 if self.physics.turning is None else 1 + max(self.physics.turning)
+            return collocation_columns(self.physics.stages.stages, frequencies)
         return columns(0 if self.physics.turning is None else 1 + max(self.physics.turning))
 
     @property

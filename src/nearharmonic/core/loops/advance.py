@@ -12,6 +12,7 @@ from typing import Any
 
 from nearharmonic.core import points
 from nearharmonic.core.arithmetic import two_sum
+from nearharmonic.core.collocation import motion as collocation
 from nearharmonic.core.large import state as in_memory
 from nearharmonic.core.layout import (
     CONDITION,
@@ -106,7 +107,8 @@ def _measure(form: Form, given: Measured) -> Any:
 def advance(form: Form) -> Callable[..., Any]:
     """Return the function of :data:`nearharmonic.core.layout.ADVANCE`, to be compiled."""
     room = in_memory if form.large else points
-    load, first, move, behind, last, closed, save = room.motion(form)
+    motion = collocation.motion if form.stages else room.motion
+    load, first, move, behind, last, closed, save = motion(form)
     row_of, measure = points.row_loader(form), _measure(form, room.measured())
     quick = form.quick
 

@@ -85,8 +85,9 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
     def space(stages: int) -> tuple[NDArray[Any], ...]:
         more = room(physics, extended=extended)
         return workspace(
-            physics.dimension, stages, parameters=physics.parameters, width=width, room=more, columns=rules.columns
-        )
+            physics.dimension, stages, parameters=physics.parameters, width=width, room=more, columns=rules.columns,
+            stages=stages_of(physics),
+        )  # fmt: skip
 
     advance, begin = _advance(rules, width, energy), _begin(rules, width, energy)
     run, place = native(f"run-{code_key()}", RUN, make), _place_of_stages(RUN)
@@ -137,7 +138,9 @@ def build_landing(
     land = native(f"land-{code_key(str(module), f'{extended} {compensated}')}", LAND, make)
 
     def prepared(*given: Any) -> PreparedCall:
-        rows, trial, lanes, *_ = workspace(physics.dimension, given[place - 3], parameters=physics.parameters, width=1)
+        rows, trial, lanes, *_ = workspace(
+            physics.dimension, given[place - 3], parameters=physics.parameters, width=1, stages=stages_of(physics)
+        )
         return land.prepared(main, look, begin, *given, rows, lanes, trial, lanes.copy())
 
     return prepared
@@ -164,6 +167,11 @@ def room(physics: Physics, *, extended: bool) -> int:
     return functions.room(*physics.loops, extended=extended)
 
 
+def stages_of(physics: Physics) -> int:
+    """Return the stages of a collocation method that are solved together; 0 for any other method."""
+    return 0 if physics.stages is None else physics.stages.stages
+
+
 def cost(physics: Physics, *, extended: bool) -> int:
     """Return the time of a force in units of at most a few nanoseconds; without loops, that of all pairs."""
     if physics.loops is None:
@@ -176,7 +184,7 @@ def cost(physics: Physics, *, extended: bool) -> int:
 
 
 def _key(rules: Rules, width: int, *more: str) -> str:
-    return code_key(fingerprint(rules), f"{rules.extended} {rules.compensated} {width}", *more)
+    return code_key(fingerprint(rules), f"{rules.extended} {rules.compensated} {width} {rules.physics.stages}", *more)
 
 
 def _advance(rules: Rules, width: int, energy: str) -> NativeFunction:
@@ -203,7 +211,7 @@ def _form(rules: Rules, energy: str) -> Form:
         ahead=rules.looks_ahead and (physics.unit_masses or not large), modified=physics.modified is not None,
         turning=physics.turning is not None, resting=not large and not all(moving(rules)),
         quick=rules.quick_energy and energy == "every", large=large,
-        unit_masses=large and physics.unit_masses,
+        unit_masses=large and physics.unit_masses, stages=physics.stages is not None,
     )  # fmt: skip
 
 

@@ -20,6 +20,7 @@ from nearharmonic.core.layout import (
     ADVANCE,
     BEGIN,
     COLUMNS,
+    COUNTERS,
     ENERGY,
     ENERGY_LOW,
     LATEST,
@@ -49,8 +50,8 @@ PIECES = 6
 MANY = 2.0**52
 
 _advance_at, _begin_at = at_address(ADVANCE), at_address(BEGIN)
-#: Number of coordinates of the regularised system, and the first row of its running state.
-_dimension, _running = linked_number("dimension"), linked_number("running")
+#: Number of coordinates of the regularised system, the first row of its running state, and that of its counters.
+_dimension, _running, _counters = map(linked_number, ("dimension", "running", "counters"))
 #: ``_departed(start, first, rows, to)`` computes the state x, y of a physical start, the scale of its steps as a pair,
 #: and the largest |dt/ds| times a step of scale 1. ``_physical(state, to, first)``: the physical state.
 _departed, _physical = linked("departed", types.void), linked("physical", types.void)
@@ -150,6 +151,15 @@ def _approach(advance, form, target, tau, reach, look, control, rows, lanes, tri
     return at, made, False
 
 
+@compiled
+def _conclude(ends, first, count, state, at, made, rows):  # type: ignore[no-untyped-def]
+    """Record the steps of a run, and the counters of an implicit method, which follow a state of so many rows."""
+    ends[first], ends[first + 1] = at, made
+    if count > state:
+        for k in range(COUNTERS):
+            ends[first + count - COUNTERS + k] = rows[_counters() + k]
+
+
 def _landing(coefficients: Any) -> Any:
     """``land(...)``: one step from ``rows`` to the target, into ``trial``; return the number of trial steps."""
 
@@ -236,6 +246,6 @@ def land(*, extended: bool, compensated: bool) -> Callable[..., None]:
                     states[sample * size + d + k] *= keep
                     states[sample * size + 3 * d + k] *= keep
                 record_errors(rows, 0, 1, tally, sample, trial[tally + LATEST], energy_error, worst, total)
-            ends[r * running_rows], ends[r * running_rows + 1] = at, made
+            _conclude(ends, r * running_rows, running_rows, 5 * d, at, made, rows)
 
     return land

@@ -28,6 +28,8 @@ class Form:
         True if states are in memory.
     unit_masses : bool
         True if T = p.p / 2, for states in memory.
+    stages : bool
+        True for a collocation method, one move of which is a step.
     """
 
     extended: bool = False
@@ -39,6 +41,7 @@ class Form:
     quick: bool = False
     large: bool = False
     unit_masses: bool = False
+    stages: bool = False
 
     @property
     def parts(self) -> int:

@@ -1,15 +1,17 @@
 """LLVM operations on reals and points, for given numbers of coordinates and lanes.
 
 Compiled loops (:mod:`nearharmonic.core.machine.reals`) call them by names that tell their operands, as in
-``nearharmonic.fma.RPP``: R is a real, P a point, D a double that is the same in every lane, C the parameters, I an
-integer, A an array of doubles. A result may also be B, a truth value, or V, none. An operation is one instruction per
-coordinate, rounded once, for any number of lanes.
+``nearharmonic.fma.RPP``: R is a real, P a point, S the points of the stages of an implicit method, D a double that is
+the same in every lane, C the parameters, I an integer, A an array of doubles. A result may also be B, a truth value, or
+V, none. An operation is one instruction per coordinate, rounded once, for any number of lanes.
+
+A coordinate of S is one vector of ``stages * lanes`` doubles: all lanes of the first stage, of the second, and so on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from llvmlite import ir
@@ -18,9 +20,9 @@ from nearharmonic.core.layout import Signature
 
 PREFIX = "nearharmonic."
 DOUBLE, INDEX, TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
-#: Address spaces of pointers that replace a real, a point and the parameters until loops are linked. LLVM does not
-#: change such pointers, as they point to nothing.
-PLACEHOLDERS = {"R": 1001, "P": 1002, "C": 1003}
+#: Address spaces of pointers that replace a real, a point, the parameters and the points of stages until loops are
+#: linked. LLVM does not change such pointers, as they point to nothing.
+PLACEHOLDERS = {"R": 1001, "P": 1002, "C": 1003, "S": 1004}
 #: LLVM types of the numbers of a :class:`nearharmonic.core.layout.Signature`.
 SCALARS: dict[str, ir.Type] = {"int64": INDEX, "float64": DOUBLE, "bool": ir.IntType(8)}
 
@@ -87,6 +89,7 @@ class Kinds:
     parameters: int
     lanes: int
     block: int = 0  # coordinates of a point that are neighbours in memory; 0: all coordinates, one by one
+    stages: int = 1  # of an implicit method
 
     @property
     def real(self) -> ir.Type:
@@ -96,6 +99,8 @@ class Kinds:
         """Type for a letter."""
         if letter == "P" and self.block:
             return ir.LiteralStructType([ir.VectorType(DOUBLE, self.block)])
+        if letter == "S":
+            return ir.LiteralStructType([ir.VectorType(DOUBLE, self.stages * self.lanes)] * self.dimension)
         points = {"P": self.dimension, "C": self.parameters, "R": 1}
         if letter in points:
             return ir.LiteralStructType([self.real] * points[letter])
@@ -119,14 +124,19 @@ def define(module: ir.Module, symbol: str, kinds: Kinds, result: str) -> None:
             found = builder.icmp_unsigned("==", bits, ir.Constant(bits.type, (1 << kinds.lanes) - 1))
         builder.ret(found)
     elif name == "largest_modulus":
-        found = _zero(kinds.real)
-        for x in _coordinates(builder, function.args[0], kinds.of("P")):
+        kind = kinds.of(letters)
+        found = _zero(kind.elements[0])
+        for x in _coordinates(builder, function.args[0], kind):
             found = ELEMENTWISE["larger"](builder, ELEMENTWISE["absolute"](builder, x), found)
+        if letters == "S":
+            found = folded(builder, found, kinds, ELEMENTWISE["larger"])
         builder.ret(packed(builder, [found], kinds.of("R")))
     elif name.startswith("load"):
-        write_load(builder, values[0], values[1], kinds, kinds.of(result))
+        stages = [i * kinds.stages for i in range(kinds.dimension)] if result == "S" else None
+        write_load(builder, values[0], values[1], kinds, kinds.of(result), stages)
     elif name.startswith("store"):
-        _write_store(builder, values[0], values[1], values[2], kinds, rest=name == "store_rest")
+        apart = kinds.stages if letters[2] == "S" else 1
+        _write_store(builder, values[0], values[1], values[2], kinds, apart, rest=name == "store_rest")
 
 
 def declare(module: ir.Module, symbol: str, kinds: Sequence[ir.Type], result: ir.Type) -> ir.Function:
@@ -147,12 +157,37 @@ def _coordinates(builder: ir.IRBuilder, value: ir.Value, kind: ir.Type) -> list[
     return found * len(kind.elements) if len(found) == 1 else found
 
 
-def _in_every_lane(builder: ir.IRBuilder, double: ir.Value, vector: ir.Type) -> ir.Value:
-    index = ir.IntType(32)
-    first = builder.insert_element(ir.Constant(vector, ir.Undefined), double, index(0))
-    return builder.shuffle_vector(
-        first, ir.Constant(vector, ir.Undefined), ir.Constant(ir.VectorType(index, vector.count), [0] * vector.count)
-    )
+def _in_every_lane(builder: ir.IRBuilder, x: ir.Value, vector: ir.Type) -> ir.Value:
+    """A double in every lane, or a number of each lane in every stage."""
+    if isinstance(x.type, ir.VectorType):
+        return shuffled(builder, x, [i % x.type.count for i in range(vector.count)])
+    first = builder.insert_element(ir.Constant(vector, ir.Undefined), x, ir.IntType(32)(0))
+    return shuffled(builder, first, [0] * vector.count)
+
+
+def shuffled(builder: ir.IRBuilder, x: ir.Value, places: Sequence[int]) -> ir.Value:
+    """A vector of the elements of ``x`` at these places."""
+    mask = ir.Constant(ir.VectorType(ir.IntType(32), len(places)), list(places))
+    return builder.shuffle_vector(x, ir.Constant(x.type, ir.Undefined), mask)
+
+
+def stage(builder: ir.IRBuilder, x: ir.Value, j: int, kinds: Kinds) -> ir.Value:
+    """The number in each lane of stage ``j``."""
+    if kinds.lanes == 1:
+        return builder.extract_element(x, ir.IntType(32)(j))
+    return shuffled(builder, x, range(j * kinds.lanes, (j + 1) * kinds.lanes))
+
+
+def folded(builder: ir.IRBuilder, x: ir.Value, kinds: Kinds, combine: Callable[..., ir.Value]) -> ir.Value:
+    """The numbers of all stages combined, in each lane: halves with halves, or one stage after the other."""
+    if kinds.stages % 2 == 0 and kinds.stages > 2:
+        middle = kinds.stages // 2 * kinds.lanes
+        halves = (shuffled(builder, x, range(at, at + middle)) for at in (0, middle))
+        return folded(builder, combine(builder, *halves), replace(kinds, stages=kinds.stages // 2), combine)
+    found = stage(builder, x, 0, kinds)
+    for j in range(1, kinds.stages):
+        found = combine(builder, found, stage(builder, x, j, kinds))
+    return found
 
 
 def packed(builder: ir.IRBuilder, numbers: Any, kind: ir.Type) -> ir.Value:
@@ -184,20 +219,26 @@ def write_load(
     """Return the numbers in the rows from ``row`` on, or in the rows ``row`` + ``rows``."""
     found = []
     for behind, element in zip(range(len(kind.elements)) if rows is None else rows, kind.elements, strict=True):
-        found.append(builder.load(_place(builder, array, row, behind, kinds, element)))
-        found[-1].align = 8
+        found.append(loaded(builder, array, builder.add(row, INDEX(behind)), kinds, element))
     builder.ret(packed(builder, found, kind))
 
 
+def loaded(builder: ir.IRBuilder, array: ir.Value, row: ir.Value, kinds: Kinds, element: ir.Type) -> ir.Value:
+    """A number of this type that begins at a row."""
+    found = builder.load(_place(builder, array, row, 0, kinds, element))
+    found.align = 8
+    return found
+
+
 def _write_store(
-    builder: ir.IRBuilder, array: ir.Value, row: ir.Value, value: ir.Value, kinds: Kinds, *, rest: bool
+    builder: ir.IRBuilder, array: ir.Value, row: ir.Value, value: ir.Value, kinds: Kinds, apart: int, *, rest: bool
 ) -> None:
-    """Store a value in rows, or only the coordinates behind the last full block."""
+    """Store a value in rows, coordinates so many rows ``apart``, or only the coordinates behind the last full block."""
     numbers = [builder.extract_value(value, i) for i in range(len(value.type.elements))]
     if rest:
         numbers = [builder.extract_element(numbers[0], ir.IntType(32)(i)) for i in range(kinds.dimension % kinds.block)]
     for i, x in enumerate(numbers):
-        builder.store(x, _place(builder, array, row, i, kinds, x.type)).align = 8
+        builder.store(x, _place(builder, array, row, i * apart, kinds, x.type)).align = 8
     builder.ret_void()
 
 

@@ -1,5 +1,7 @@
 """Numba types of the core: a real is a number, or one per lane; a point is one real per coordinate.
 
+Stages are points of the stages of an implicit method, side by side.
+
 Code that numba compiles does not depend on the number of coordinates, the number of lanes, or the system. An operation
 on reals and points is a call of a function (:mod:`nearharmonic.core.machine.operations`), and so is a formula of a
 system. These functions are linked to the compiled loops, and inlined, for a system and a number of lanes.
@@ -40,8 +42,8 @@ class Numbers(numba_types.Type):
         super().__init__(name=f"Numbers({letter})")
 
 
-REAL, POINT, PARAMETERS = (Numbers(letter) for letter in "RPC")
-LETTERS = {REAL: "R", POINT: "P", PARAMETERS: "C", types.float64: "D", types.int64: "I"}
+REAL, POINT, PARAMETERS, STAGES = (Numbers(letter) for letter in "RPCS")
+LETTERS = {REAL: "R", POINT: "P", PARAMETERS: "C", STAGES: "S", types.float64: "D", types.int64: "I"}
 
 
 @register_model(Numbers)
@@ -70,10 +72,10 @@ def _operation(name: str) -> Any:
 
 
 def _common(*kinds: Any) -> Any:
-    """The type of the result of an operation: a point if an operand is a point; None if no operand is a real."""
-    if not all(kind in (REAL, POINT, types.float64) for kind in kinds):
+    """The type of the result of an operation: stages if an operand is, or a point; None if no operand is a real."""
+    if not all(kind in (REAL, POINT, STAGES, types.float64) for kind in kinds):
         return None
-    return POINT if POINT in kinds else REAL if REAL in kinds else None
+    return next((kind for kind in (STAGES, POINT, REAL) if kind in kinds), None)
 
 
 def _common_of_two(a: Any, b: Any) -> Any:
@@ -186,7 +188,7 @@ def _loader(kind: Numbers) -> Any:
 
 
 #: ``load_...(array, row)`` returns the numbers in the rows from ``row`` on.
-load_real, load_point, load_parameters = map(_loader, (REAL, POINT, PARAMETERS))
+load_real, load_point, load_parameters, load_stages = map(_loader, (REAL, POINT, PARAMETERS, STAGES))
 
 
 @intrinsic

@@ -41,6 +41,8 @@ class Step:
         Number of coordinates d.
     room : int
         Number of doubles behind the rows of ADVANCE.
+    stages : int
+        Stages of a collocation method, whose forces are in these rows; 0 for a splitting method.
     compensated : bool
         True if sums are compensated: arrays then have carries.
     kick_first : bool
@@ -56,6 +58,7 @@ class Step:
     signature: Signature
     dimension: int
     room: int
+    stages: int
     compensated: bool
     kick_first: bool
     table: Floats
@@ -157,7 +160,7 @@ def _in_memory(step: Step) -> Any:
     parameters, compensated = step.parameters, step.compensated
     count, behind = parameters.size, 4 * d + TALLY
     running = running_at(d, count // 2)
-    size = running + running_rows(d) + step.room
+    size = running + running_rows(d, step.stages) + step.room
 
     @numba.njit
     def advanced(moves, q, carry_q, p, carry_p):  # type: ignore[no-untyped-def]

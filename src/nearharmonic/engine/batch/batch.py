@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.core.layout import EVERY_STEP, LOOKS, NEVER, SAMPLES, running_rows
+from nearharmonic.core.layout import COUNTERS, EVERY_STEP, ITERATIONS, LOOKS, NEVER, SAMPLES, running_rows
 from nearharmonic.engine.batch import execution
 from nearharmonic.engine.batch.kernels import STANDARD, cost_of, kernel_of
 from nearharmonic.engine.batch.lanes import with_lanes
@@ -86,24 +86,26 @@ def prepared_batch(
             system, step, numerics, marks=marks, scheme=scheme, moves=moves, start=start, parameters=parameters,
             scale=scale, reference=reference, resumed=resumed,
         )  # fmt: skip
-    cost = step.stages * cost_of(system, numerics.compiled, modified=step.modified)
-    runs, d = len(marks), start.shape[1] // 4
+    cost = step.stages * cost_of(system, numerics.compiled, **step.kernel_options)
+    runs, d, stages = len(marks), start.shape[1] // 4, step.kernel_options.get("stages", 0)
     left_at, control = np.zeros(runs, np.int64), execution.control()
-    results = np.empty((4 * d + 3) * marks.size + (2 + running_rows(d)) * runs)
+    results = np.empty((4 * d + 3) * marks.size + (2 + running_rows(d, stages)) * runs)
     parts = filled(marks, results, left_at, d)
     front = measured(numerics), np.argsort(-marks.max(axis=1), kind="stable"), marks, scheme, start
     behind = (
         surface_limit(system, scale), scale, np.array(reference), numerics.look or execution.stretch(cost),
-        step.stages, step.first_same_as_last, moves, control, parts.states, *parts.blocks, parts.energy, parts.running,
-        left_at,
+        step.moves_per_step, step.first_same_as_last, moves, control, parts.states, *parts.blocks, parts.energy,
+        parts.running, left_at,
     )  # fmt: skip
     call: Callable[[], object]
     if system.regularisation is not None:
-        call = landing_call(system, numerics, parameters, (*front, parameters, *behind))
+        call = landing_call(system, numerics, stages, parameters, (*front, parameters, *behind))
     else:
         parameters = parameters_at_run_time(system, numerics, parameters)
-        resumed = np.empty((0, running_rows(d))) if resumed is None else resumed
-        kernel = kernel_of(system, numerics.compiled, modified=step.modified)
+        resumed = np.empty((0, running_rows(d, stages))) if resumed is None else resumed.copy()
+        if stages:  # iterations count from the start of a run
+            resumed[:, ITERATIONS - COUNTERS] = 0.0
+        kernel = kernel_of(system, numerics.compiled, **step.kernel_options)
         call = kernel.prepared(*front, resumed, parameters, *behind)
     return Batch(
         numerics=numerics, marks=marks, scheme=scheme, start=start, parameters=parameters, moves=moves,
@@ -185,7 +187,7 @@ def integrate_batch(
     first = standard_start(system, not numerics.compensated) if start is None else start
     rows = np.empty((count.size, first.shape[-1]))
     rows[:] = first
-    numerics = with_lanes(numerics, count, system)
+    numerics = with_lanes(numerics, count, system, tableau)
     taus = [t_end / n for n in distinct]
     batch = prepared_batch(
         system, tableau, numerics, marks=sample_marks(count, samples) if marks is None else marks, scheme=scheme,

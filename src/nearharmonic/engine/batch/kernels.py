@@ -10,6 +10,7 @@ from nearharmonic.core.formulas.physics import Hamiltonian, Physics
 from nearharmonic.engine.batch.numba_runs import check_precision
 from nearharmonic.engine.settings import WIDTH, Numerics
 from nearharmonic.errors import bad_setting
+from nearharmonic.integrators.collocation import stage_table
 from nearharmonic.systems.definition.remembered import remembered
 from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.gradients import check_gradients
@@ -26,7 +27,7 @@ STANDARD = Numerics()
 
 
 @remembered
-def kernel_of(system: System, numerics: Numerics = STANDARD, *, modified: bool = False) -> Kernel:
+def kernel_of(system: System, numerics: Numerics = STANDARD, *, modified: bool = False, stages: int = 0) -> Kernel:
     """Return the compiled kernel for ``system``, from the cache on disk if it is there.
 
     Parameters
@@ -38,6 +39,8 @@ def kernel_of(system: System, numerics: Numerics = STANDARD, *, modified: bool =
         one register.
     modified : bool
         True if kicks are of a modified potential.
+    stages : int
+        Stages of a collocation method; 0 for a splitting method.
 
     Raises
     ------
@@ -54,7 +57,7 @@ def kernel_of(system: System, numerics: Numerics = STANDARD, *, modified: bool =
     check_precision(system, [numerics.precision])
     width = _width(system, numerics.width)
     return build(
-        physics_of(system, numerics, modified=modified),
+        physics_of(system, numerics, modified=modified, stages=stages),
         extended=numerics.precision == "extended",
         compensated=numerics.compensated,
         width=width,
@@ -73,11 +76,13 @@ def _width(system: System, width: int | None) -> int:
 
 
 @remembered
-def cost_of(system: System, numerics: Numerics, *, modified: bool = False) -> int:
+def cost_of(system: System, numerics: Numerics, *, modified: bool = False, stages: int = 0) -> int:
     """Return the time of a force evaluation in units of at most a few nanoseconds."""
     from nearharmonic.core.loops.kernel import cost
 
-    return cost(physics_of(system, numerics, modified=modified), extended=numerics.precision == "extended")
+    return cost(
+        physics_of(system, numerics, modified=modified, stages=stages), extended=numerics.precision == "extended"
+    )
 
 
 @remembered
@@ -89,7 +94,7 @@ def formulas_digest(system: System) -> str:
     return fingerprint(Rules(physics_of(system), extended=True, compensated=True))
 
 
-def physics_of(system: System, numerics: Numerics = STANDARD, *, modified: bool = False) -> Physics:
+def physics_of(system: System, numerics: Numerics = STANDARD, *, modified: bool = False, stages: int = 0) -> Physics:
     """Return the description of ``system`` for the compiler; its gradients are compared with its energies first.
 
     Of ``numerics`` only ``split`` is used.
@@ -120,5 +125,6 @@ def physics_of(system: System, numerics: Numerics = STANDARD, *, modified: bool 
         unit_masses=system.T is quadratic_T and not system.time_dependent,
         turning=frequencies_of(system)[1] if exact else None,
         modified=square_gradient(system) if modified else None,
+        stages=stage_table(stages) if stages else None,
         numba=None if numba is None else numba.code,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from nearharmonic.engine.settings import WIDTH, Numerics
+from nearharmonic.integrators.composition import Composition
 from nearharmonic.numerics.types import Integers
 from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.numba.potential import numba_potential
@@ -15,12 +16,17 @@ REGISTERS = 32
 #: register are bound by the same chain of operations; from two registers on the processor's throughput begins to count.
 #: Measured on planar systems: ``python benchmarks/kernels.py``.
 TIMES = {1: 1.0, WIDTH: 1.2, 2 * WIDTH: 2.0, 4 * WIDTH: 3.6}
+#: Members of an ensemble that an implicit method solves together, beside its stages. One is bound by a chain of
+#: operations; four took 0.75 to 0.9 of its time a member, eight 1.1 to 1.2, on a processor with AVX2.
+MEMBERS = 4
 
 
-def most_lanes_of(system: System, numerics: Numerics) -> int:
+def most_lanes_of(system: System, numerics: Numerics, step: Composition) -> int:
     """Return the SIMD lanes for many runs of ``system``: one where V is a function of numba."""
     if numba_potential(system) is not None:
         return 1
+    if step.implicit:
+        return 1 if numerics.precision == "extended" else MEMBERS
     d = system.formulas().dimension
     return most_lanes(d, compensated=numerics.compensated, extended=numerics.precision == "extended")
 
@@ -46,8 +52,9 @@ def lanes_for(steps: Integers, most: int) -> int:
     return min((w for w in TIMES if w <= most), key=lambda w: max(longest, total / w) * TIMES[w])
 
 
-def with_lanes(numerics: Numerics, steps: Integers, system: System) -> Numerics:
+def with_lanes(numerics: Numerics, steps: Integers, system: System, step: Composition) -> Numerics:
     """Return ``numerics`` with the lanes that runs of so many steps are done first with, unless it has its own."""
     if numerics.width is not None:
         return numerics
-    return replace(numerics, width=lanes_for(steps, most_lanes_of(system, numerics)))
+    most = most_lanes_of(system, numerics, step)
+    return replace(numerics, width=most if step.implicit and steps.size >= most else lanes_for(steps, most))

@@ -21,12 +21,15 @@ if TYPE_CHECKING:
 
 
 @remembered
-def landing_of(system: System, numerics: Numerics) -> Callable[..., PreparedCall]:
-    """Return a function that prepares calls of the compiled runs of ``system``, cached on disk."""
+def landing_of(system: System, numerics: Numerics, stages: int = 0) -> Callable[..., PreparedCall]:
+    """Return a function that prepares calls of the compiled runs of ``system``, cached on disk.
+
+    ``stages`` is the number of stages of a collocation method, or 0.
+    """
     from nearharmonic.core.loops.kernel import build_landing
 
     return build_landing(
-        physics_of(system),
+        physics_of(system, stages=stages),
         system.formulas().regularised,
         extended=numerics.precision == "extended",
         compensated=numerics.compensated,
@@ -42,7 +45,7 @@ def unperturbed(system: System) -> System:
 
 
 def landing_call(
-    system: System, numerics: Numerics, parameters: Floats, arguments: tuple[Any, ...]
+    system: System, numerics: Numerics, stages: int, parameters: Floats, arguments: tuple[Any, ...]
 ) -> Callable[[], None]:
     """Return a call of the runs of a regularised system: with the perturbation, or without it if its strength is 0.
 
@@ -50,6 +53,8 @@ def landing_call(
     ----------
     system, numerics
         Regularised system, and arithmetic.
+    stages : int
+        Stages of a collocation method; 0 for a splitting method.
     parameters : (R or 1, 2 P) array of float
         Parameters of the runs, which may change from call to call.
     arguments : tuple
@@ -60,7 +65,7 @@ def landing_call(
 
     @cache
     def prepared(perturbed: bool) -> PreparedCall:
-        return landing_of(system if perturbed else unperturbed(system), numerics.compiled)(*arguments)
+        return landing_of(system if perturbed else unperturbed(system), numerics.compiled, stages)(*arguments)
 
     def call() -> None:
         prepared(place is None or bool(parameters[:, place].any()))()

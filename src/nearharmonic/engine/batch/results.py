@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nearharmonic.core.layout import running_rows
+from nearharmonic.core.layout import COUNTERS, FAILED, ITERATIONS
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.types import Floats, Integers
+from nearharmonic.numerics.types import Bools, Floats, Integers
 from nearharmonic.systems.definition.system import System
 
 #: Samples at which the energy of a processed method is measured if its errors alone are wanted.
@@ -30,8 +30,8 @@ class Trajectories:
     ``mean_energy_error`` (R,): over every step, or over the samples, as :class:`Numerics` says, infinite if the run
     left; maxima over looks have no means. ``steps`` (R,) asked for; ``done`` (R,) taken; ``left_at`` (R,) step at
     which the run left its energy surface, 0 if it did not; ``evaluations`` (R,) of the force; ``energy``,
-    ``energy_low`` (R,): H0. ``running`` (R, 5 d): the states of the last forces, from which the runs may go on, or
-    (R, 0).
+    ``energy_low`` (R,): H0. ``running`` (R, 5 d or more): the states of the last forces, from which the runs may go on,
+    or (R, 0). ``unsolved`` (R,): True where the equations of an implicit step could not be solved at ``left_at``.
     """
 
     marks: Integers
@@ -51,6 +51,7 @@ class Trajectories:
     energy: Floats
     energy_low: Floats
     running: Floats
+    unsolved: Bools
 
     @property
     def ends(self) -> tuple[Floats, Floats]:
@@ -114,7 +115,7 @@ def filled(marks: Integers, results: Floats, left_at: Integers, d: int) -> Fille
         states=results[:states].reshape(runs, samples, 4 * d),
         blocks=results[states : states + blocks].reshape(3, runs, samples),
         energy=results[states + blocks : behind].reshape(runs, 2),
-        running=results[behind:].reshape(runs, running_rows(d)),
+        running=results[behind:].reshape(runs, -1),
         left_at=left_at,
     )
 
@@ -133,10 +134,15 @@ def trajectories_of(
     d = states.shape[-1] // 4
     left = left_at > 0
     done = taken = np.where(left, left_at, steps)
-    weight, landed = steps, system.regularisation is not None
+    weight, landed, counters = steps, system.regularisation is not None, running[:, -COUNTERS:]
     if landed:
         done, taken = np.maximum(running[:, :2], 1).T.astype(np.int64)
         weight, running = done, running[:, :0]
+    evaluations, unsolved = tableau.evaluations(taken), np.zeros(len(left), bool)
+    if tableau.implicit:
+        iterations, failed = counters[:, ITERATIONS], counters[:, FAILED]
+        evaluations = tableau.evaluations(iterations.astype(np.int64))
+        unsolved = left & (failed != 0)
     largest = np.fmax.reduce(worst, axis=1)  # which passes NaN over
     mean = _means(total, weight, marks, numerics)
     if left.any():
@@ -155,10 +161,11 @@ def trajectories_of(
         steps=steps,
         done=done,
         left_at=left_at,
-        evaluations=tableau.evaluations(taken),
+        evaluations=evaluations,
         energy=energy[:, 0],
         energy_low=energy[:, 1],
         running=running,
+        unsolved=unsolved,
     )
 
 

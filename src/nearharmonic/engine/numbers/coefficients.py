@@ -11,6 +11,7 @@ import numpy as np
 
 from nearharmonic.core.arithmetic import two_products
 from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, REST, modified_columns
+from nearharmonic.engine.numbers.equations import equations
 from nearharmonic.engine.numbers.rotations import pair_of, rotations
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.composition import Composition
@@ -55,7 +56,7 @@ def moves(step: Composition, taus: Sequence[Fraction], parts: int, *, rounded: b
         True if coefficients times powers of tau are rounded to doubles before any are added; kicks of V alone have no
         other numbers with one part.
     """
-    array = np.empty((len(taus), step.stages + 2, modified_columns(parts) if step.modified else COLUMNS))
+    array = np.empty((len(taus), step.moves_per_step + 2, modified_columns(parts) if step.modified else COLUMNS))
     for i, tau in enumerate(taus):
         array[i] = _moves(step, tau.numerator, tau.denominator, parts, rounded and (parts == 2 or step.modified))
     return array
@@ -67,7 +68,7 @@ def pieces(tableau: Tableau, taus: Sequence[Fraction]) -> Floats:
     A row has pairs of kick, drift and their product. The rows are those of :func:`moves`, and behind them one that
     begins with tau as a pair.
     """
-    found = np.zeros((len(taus), tableau.stages + 3, 6))
+    found = np.zeros((len(taus), tableau.moves_per_step + 3, 6))
     for rows, tau in zip(found, taus, strict=True):
         powers = tau, tau, tau * tau
         for row, numbers in zip(rows, exact_products(tableau), strict=False):
@@ -81,6 +82,9 @@ def moves_of(system: System, tableau: Tableau, taus: Sequence[Fraction], numeric
     """Return the coefficients of a kernel of ``system`` for these step sizes: moves, or pieces of moves."""
     if system.regularisation is not None:
         return pieces(tableau, taus)
+    if tableau.implicit:
+        frequencies = frequencies_of(system)[0] if numerics.exact_oscillator else ()
+        return np.stack([equations(tableau.stages, tau, frequencies) for tau in taus])
     if numerics.exact_oscillator:
         frequencies, _ = frequencies_of(system)
         rounded = numerics.double_coefficients and numerics.parts == 2
@@ -102,7 +106,7 @@ def _moves(step: Composition, numerator: int, denominator: int, parts: int, roun
 
 
 def _products(step: Composition, numerator: int, denominator: int) -> Floats:
-    array = np.empty((step.stages + 2, COLUMNS))
+    array = np.empty((step.moves_per_step + 2, COLUMNS))
     n, d = numerator * numerator, denominator * denominator
     for row, ((k1, k2), (e1, e2), (p1, p2)) in zip(array, exact_products(step), strict=True):
         row[:2] = k1 * numerator / (k2 * denominator), e1 * numerator / (e2 * denominator)

@@ -105,6 +105,8 @@ def moves_digest(problem: Setup, steps: int) -> str:
     """Return a digest of the moves of a run of so many steps: coefficients, step size and arithmetic."""
     numerics = problem.numerics
     text = f"{numerics.precision} {numerics.compensated} {numerics.double_coefficients}"
+    if problem.tableau.implicit:  # its moves are the step size alone
+        text += f" {problem.tableau.digest()}"
     return sha256(text.encode() + problem.moves([problem.end / steps]).tobytes()).hexdigest()
 
 

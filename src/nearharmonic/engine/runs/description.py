@@ -23,11 +23,16 @@ SINCE = "since the previous sample"
 #: Words for the end of a run. A plan skips runs; no integration returns that word.
 STATUSES = ("ok", "diverged", "skipped")
 STATUS = "ok; diverged: the run left its energy surface; skipped: the plan left the run out (tables/skipped.csv)"
+#: One more for runs of implicit methods, and what it means.
+UNSOLVED, NOT_SOLVED = "not_converged", "not_converged: the iteration of an implicit step did not converge"
 
 
 def error_variables(paths: Trajectories, problem: Setup) -> Variables:
     """Return errors, steps, evaluations and status of runs over tau_per_stage."""
-    status = np.array(STATUSES[:2])[(paths.left_at > 0).astype(int)]
+    words, meaning = list(STATUSES), STATUS
+    if problem.tableau.implicit:
+        words, meaning = [*words, UNSOLVED], f"{meaning}; {NOT_SOLVED}"
+    status = np.where(paths.unsolved, words[-1], np.where(paths.left_at > 0, words[1], words[0]))
     scale, unit = energy_scale(paths, problem)
     over = {"every": "over every step, inf if diverged", "samples": "over the samples, inf if diverged"}
     what = f"|H - H0|{scale} {over.get(problem.numerics.energy, 'was not asked for')}"
@@ -38,7 +43,7 @@ def error_variables(paths: Trajectories, problem: Setup) -> Variables:
         "steps": (made, "steps that cover [0, t_end]", "1"),
         "evaluations": (paths.evaluations, "force evaluations made", "1"),
     }) | {
-        "status": flags("tau_per_stage", status, STATUSES, STATUS),
+        "status": flags("tau_per_stage", status, words, meaning),
     } | over_runs({
         "diverged_at": (paths.left_at, "step at which the run left its energy surface, 0 if it did not", "1"),
     })  # fmt: skip
@@ -196,7 +201,7 @@ def problem_attributes(problem: Setup) -> dict[str, Any]:
         "system": problem.system.name,
         "integrator": problem.tableau.name,
         **({} if problem.tableau.name in integrators else {"label": problem.tableau.label}),
-        "first": problem.tableau.first,
+        **({} if problem.tableau.implicit else {"first": problem.tableau.first}),
         "t_end": problem.t_end,
         "precision": problem.numerics.precision,
         "summation": problem.numerics.summation,
@@ -218,7 +223,7 @@ def kernel_in_words(problem: Setup) -> str:
     return ", ".join((
         "double-double" if numerics.precision == "extended" else "double",
         f"{'compensated' if numerics.compensated else 'plain'} sums",
-        f"{problem.tableau.first} first",
+        "implicit" if problem.tableau.implicit else f"{problem.tableau.first} first",
         *(["oscillator solved exactly"] if numerics.exact_oscillator else []),
         {"every": "energy at every step", "samples": "energy at the samples", "none": "no energy"}[numerics.energy],
     ))  # fmt: skip

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from nearharmonic.core.layout import COUNTERS
 from nearharmonic.engine.batch import execution
 from nearharmonic.engine.batch.batch import sample_marks
 from nearharmonic.engine.batch.lanes import most_lanes_of
@@ -175,12 +176,14 @@ class _Members:
         marks, only_end = sample_marks(np.array([self.steps]), samples), samples == 1
         self._check_size(marks.size)
         kept = marks[0, only_end:]
+        counters = [0, 1] * (problem.system.regularisation is not None)
+        counters += [*range(-COUNTERS, 0)] * problem.tableau.implicit
         arrays = Filled(
             marks=np.broadcast_to(kept, (members, kept.size)),
             states=np.empty((members, kept.size, 4 * d)),
             blocks=np.empty((3, members, kept.size)),
             energy=np.empty((members, 2)),
-            running=np.empty((members, 2 if problem.system.regularisation is not None else 0)),
+            running=np.empty((members, len(counters))),
             left_at=np.empty(members, np.int64),
         )
         free: list[Batch] = []
@@ -192,7 +195,7 @@ class _Members:
             found = batch.filled.without_start(only_end)
             arrays.states[block], arrays.blocks[:, block] = found.states, found.blocks
             arrays.energy[block], arrays.left_at[block] = found.energy, found.left_at
-            arrays.running[block] = found.running[:, : arrays.running.shape[1]]
+            arrays.running[block] = found.running[:, counters]
             if size == BLOCK:
                 free.append(batch)
 
@@ -227,7 +230,7 @@ class _Members:
             return problem.batch(
                 problem.moves([problem.end / self.steps]), np.repeat(marks, size, axis=0), np.zeros(size, np.int64),
                 np.resize(start, (size, start.shape[1])), parameters.copy(),
-                replace(problem.numerics, width=most_lanes_of(problem.system, problem.numerics)),
+                replace(problem.numerics, width=most_lanes_of(problem.system, problem.numerics, problem.tableau)),
             )  # fmt: skip
         batch.start[:] = start
         if batch.parameters.size:  # none if they are compiled in

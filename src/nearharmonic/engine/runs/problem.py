@@ -81,8 +81,8 @@ class Problem(Setup):
     @property
     def memory(self) -> int:
         """Bytes that a trajectory works in, beside the states that are kept."""
-        kernel = kernel_of(self.system, replace(self.numerics, width=1).compiled, modified=self.tableau.modified)
-        return sum(array.nbytes for array in kernel.workspace(self.tableau.stages))
+        kernel = kernel_of(self.system, replace(self.numerics, width=1).compiled, **self.tableau.kernel_options)
+        return sum(array.nbytes for array in kernel.workspace(self.tableau.moves_per_step))
 
     def __call__(
         self, tau: float, q0: object = None, p0: object = None, parameters: Mapping[str, Any] | None = None

@@ -31,6 +31,7 @@ from nearharmonic.engine.settings import (
 )
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
+from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats, Integers
 from nearharmonic.systems import systems
@@ -91,7 +92,7 @@ class Setup:
         samples: int = 2,
     ) -> None:
         self.system = system if isinstance(system, System) else systems[system]
-        tableau = integrator if isinstance(integrator, Tableau) else integrators[integrator]
+        tableau = integrator if isinstance(integrator, Composition) else integrators[integrator]
         role = None if first is None else one_of("first", first, OPERATORS)
         self.tableau = tableau.role(role)  # type: ignore[arg-type]
         check_fit(self.system, self.tableau, split)
@@ -122,7 +123,7 @@ class Setup:
     def cost(self) -> int:
         """Cost of a step, in units of a few nanoseconds at most."""
         tableau = self.tableau
-        return tableau.stages * cost_of(self.system, self.numerics.compiled, modified=tableau.modified)
+        return tableau.stages * cost_of(self.system, self.numerics.compiled, **tableau.kernel_options)
 
     def steps_of(self, tau: object, key: str = "tau") -> int:
         """Return max(1, round(|t_end| / tau))."""

@@ -11,7 +11,7 @@ import numpy as np
 from nearharmonic.engine.batch.queue import Batch
 from nearharmonic.engine.batch.results import Trajectories, filled
 from nearharmonic.engine.runs.continuation import Start, start_of
-from nearharmonic.engine.runs.description import trajectory_dataset
+from nearharmonic.engine.runs.description import UNSOLVED, trajectory_dataset
 from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.numerics.types import Floats, Integers
 
@@ -54,7 +54,9 @@ class Solution:
 
     @property
     def status(self) -> str:
-        """ "ok" or "diverged"."""
+        """ "ok", "diverged", or "not_converged" if an implicit step could not be solved."""
+        if self._diverged_at and self.problem.tableau.implicit and self.trajectories.unsolved[0]:
+            return UNSOLVED
         return "diverged" if self._diverged_at else "ok"
 
     @property

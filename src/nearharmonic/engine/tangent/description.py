@@ -11,7 +11,7 @@ import numpy as np
 from nearharmonic.engine.batch.kernels import formulas_digest
 from nearharmonic.engine.batch.results import energy_unit, surface_limit
 from nearharmonic.engine.runs.continuation import parameter_attributes
-from nearharmonic.engine.runs.description import STATUS, STATUSES, problem_attributes
+from nearharmonic.engine.runs.description import NOT_SOLVED, STATUS, STATUSES, UNSOLVED, problem_attributes
 from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.numerics.statistics import student_975
 from nearharmonic.numerics.types import Floats, Integers
@@ -68,22 +68,23 @@ def deviations_dataset(
         kept_values = np.where(gone.reshape(*gone.shape, *(1,) * len(dimensions)), np.nan, values)[:, int(only_end) :]
         variables[name] = ("member", "sample", *dimensions), kept_values, notes
     over_member = end_variables(found, exponent[:, -1], left_at, float(problem.end), rate)
-    lost = left_at > 0
+    lost, words, meaning = left_at > 0, list(STATUSES), STATUS
+    if problem.tableau.implicit:
+        words, meaning = [*words, UNSOLVED], f"{meaning}; {NOT_SOLVED}"
     worst = np.where(lost, inf, np.fmax.reduce(np.abs(error), axis=1))
     over_member |= {
         "max_energy_error": (("member",), worst, described("maximum of |energy_error| over the samples, inf if lost")),
         "initial_energy": (("member",), H0, described("energy H0 at the start", system.units["energy"])),
-        "status": flags("member", np.array(STATUSES[:2])[lost.astype(int)], STATUSES, STATUS),
+        "status": flags("member", np.where(found.unsolved, words[-1], np.where(lost, *words[1::-1])), words, meaning),
+        "evaluations": (("member",), found.evaluations, described("evaluations of the gradient by all lanes")),
         "diverged_at": (("member",), left_at, described("step at which divergence was seen, 0 if none was")),
     }
     variables |= over_member
     lanes = len(runs.initial)
-    evaluations = lanes * sum(problem.tableau.evaluations(part[-1]) for part in found.schedule.parts)
     variables |= {
         "t": (("sample",), times[int(only_end) :], described("time", unit)),
         "tau": ((), problem.taus(np.array([steps]))[0], described("step size as used, t_end / steps", unit)),
         "steps": ((), steps, described("steps that cover [0, t_end]")),
-        "evaluations": ((), evaluations, described("evaluations of the gradient by all lanes of an orbit")),
     }
     if several:
         variables |= parameter_variables(problem, runs.parameters)

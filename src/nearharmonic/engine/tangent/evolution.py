@@ -7,14 +7,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from nearharmonic.core.layout import COUNTERS, FAILED, ITERATIONS
 from nearharmonic.engine.batch import execution
 from nearharmonic.engine.batch.batch import sample_marks
 from nearharmonic.engine.batch.lanes import with_lanes
 from nearharmonic.engine.batch.queue import Batch
+from nearharmonic.engine.batch.results import Filled
 from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.engine.tangent.frame import Frame
 from nearharmonic.math import log
-from nearharmonic.numerics.types import Floats, Integers
+from nearharmonic.numerics.types import Bools, Floats, Integers
 
 #: Most steps between two rescalings. Methods take some ten steps a period, so that a deviation grows by few powers of
 #: ten between them, of the hundreds that a double has, and the vectors of a frame remain apart.
@@ -75,7 +77,8 @@ class Evolution:
     ``states`` (M, S, 4, D) of the integrated coordinates, as a kernel lays them out; ``growth`` and ``stretching``
     (M, S, k), logarithms as those of :class:`Frame`; ``sali`` (M, S) and ``gali`` (M, S, k - 1), if k > 1; ``megno``
     (M, S); ``blocks`` (M, 10), growth of the first deviation in each block; ``deviations`` (M, k, n) at the end;
-    ``left_at`` (M,), the step at which a state or deviation was not finite, or 0.
+    ``left_at`` (M,), the step at which a state or deviation was not finite, or 0; ``unsolved`` (M,), True where the
+    equations of an implicit step could not be solved there; ``evaluations`` (M,) of the gradient by all lanes.
     """
 
     schedule: Schedule
@@ -88,6 +91,8 @@ class Evolution:
     blocks: Floats
     deviations: Floats
     left_at: Integers
+    unsolved: Bools
+    evaluations: Integers
 
     @classmethod
     def empty(cls, schedule: Schedule, members: int, count: int, dimensions: tuple[int, int]) -> Evolution:
@@ -98,6 +103,7 @@ class Evolution:
             np.full((*shape, count), np.nan), np.full(shape, np.nan), np.full((*shape, count - 1), np.nan),
             np.full(shape, np.nan), np.full((members, len(schedule.bounds) - 1), np.nan),
             np.full((members, count, dimensions[1]), np.nan), np.zeros(members, np.int64),
+            np.zeros(members, bool), np.zeros(members, np.int64),
         )  # fmt: skip
 
 
@@ -176,7 +182,7 @@ class _Block:
             batch.run(members * k * part[-1])
             filled = batch.filled
             states = filled.states.reshape(members, k, len(part), 4, 2 * D)
-            self._note_left(filled.left_at.reshape(members, k), step)
+            self._note_left(filled, step, part[-1])
             megno.read(step, part, frame.growth[0] + log(self._lengths(states[:, 0, 1:])).T)
             rows = states[:, :, 1].copy()  # the end of all lanes but the first
             rows[:, 0] = states[:, 0, -1]
@@ -197,7 +203,7 @@ class _Block:
         problem, lanes = self.runs.problem, len(start)
         shared = self.parameters
         parameters = shared if len(shared) == 1 else np.repeat(shared, len(self.runs.initial), axis=0)
-        numerics = with_lanes(problem.numerics, np.full(lanes, part[-1]), problem.system)
+        numerics = with_lanes(problem.numerics, np.full(lanes, part[-1]), problem.system, problem.tableau)
         marks = np.full((lanes, len(part)), -1)
         marks[:, :2] = 0, part[-1]
         marks[:: len(self.runs.initial)] = part  # MEGNO reads the first deviation alone
@@ -229,11 +235,21 @@ class _Block:
             total += rows[..., part, column] * rows[..., part, column]
         return np.sqrt(total)
 
-    def _note_left(self, left_at: Integers, step: int) -> None:
-        lanes = np.where(left_at > 0, left_at, np.iinfo(np.int64).max).min(axis=1)
+    def _note_left(self, filled: Filled, step: int, steps: int) -> None:
+        """Note where lanes left, and count the evaluations of a part of so many steps."""
+        tableau, k, never = self.runs.problem.tableau, len(self.runs.initial), np.iinfo(np.int64).max
+        left_at = filled.left_at.reshape(-1, k)
+        lanes = np.where(left_at > 0, left_at, never).min(axis=1)
         known = self.found.left_at[self.block]
-        new = (known == 0) & (lanes < np.iinfo(np.int64).max)
+        new = (known == 0) & (lanes < never)
         known[new] = step + lanes[new]
+        if tableau.implicit:
+            counters = filled.running[:, -COUNTERS:].reshape(-1, k, COUNTERS)
+            made = tableau.evaluations(counters[..., ITERATIONS].astype(np.int64)).sum(axis=1)
+            self.found.unsolved[self.block] |= new & (counters[..., FAILED] != 0).any(axis=1)
+        else:
+            made = k * tableau.evaluations(steps)
+        self.found.evaluations[self.block] += made
 
     def _keep(self, sample: int, rows: Floats, frame: Frame, megno: Floats) -> None:
         found, D = self.found, rows.shape[-1] // 2

@@ -98,8 +98,8 @@ def tangent(
           cover the 0 of a regular orbit, for which growth over time falls like (ln t)/t.
         - ``deviation_q``, ``deviation_p`` over (deviation, component): final deviations, scaled to length 1. Times
           exp(growth) and the initial length, they are the tangent map times the initial deviation.
-        - ``max_energy_error`` over the samples, ``initial_energy``, ``status``, ``diverged_at``; and for all members
-          ``steps``, ``evaluations`` of the gradient by all lanes of an orbit, and ``tau``.
+        - ``max_energy_error`` over the samples, ``initial_energy``, ``status``, ``diverged_at``, ``evaluations`` of the
+          gradient by all lanes of the orbit; and for all members ``steps`` and ``tau``.
 
     Raises
     ------

@@ -19,7 +19,13 @@ from nearharmonic.exact.decimals import BigFloat, as_mpf
 from nearharmonic.exact.polynomials import by_parity, common_divisor, derivative, positive_roots, product, whole
 from nearharmonic.exact.step import StepPolynomials
 from nearharmonic.integrators.tableau import First, Tableau
-from nearharmonic.integrators.theory.oscillator import CLOSED_FORM_DIGITS, stability_trace, step_polynomials, tableau_of
+from nearharmonic.integrators.theory.oscillator import (
+    CLOSED_FORM_DIGITS,
+    method_of,
+    stability_trace,
+    step_polynomials,
+    tableau_of,
+)
 
 #: Digits of the edges that are returned.
 EDGE_DIGITS = 30
@@ -103,7 +109,7 @@ def stability_limit(integrator: str | Tableau, *, first: First | None = None) ->
     Returns
     -------
     mpf
-        To 30 digits, in units with m = k = 1.
+        To 30 digits, in units with m = k = 1; infinite for a Gauss method, whose iteration ends earlier.
 
     Raises
     ------
@@ -118,6 +124,9 @@ def stability_limit(integrator: str | Tableau, *, first: First | None = None) ->
     >>> print(f"{float(nh.stability_limit('leapfrog')):.3f}")
     2.000
     """
+    if (method := method_of(integrator)).implicit:
+        method.role(first)
+        return inf
     return limit_of(stability_gaps(integrator, first=first), tableau_of(integrator).digits)
 
 

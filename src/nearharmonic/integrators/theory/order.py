@@ -19,8 +19,8 @@ from nearharmonic.exact.lie.conditions import conditions, lyndon_words
 from nearharmonic.exact.step import oscillator_errors
 from nearharmonic.exact.words import logarithm, words
 from nearharmonic.integrators.order_conditions import errors_of, highest_of, proved_order, step_of, tolerance, weighted
-from nearharmonic.integrators.tableau import First, Tableau
-from nearharmonic.integrators.theory.oscillator import tableau_of
+from nearharmonic.integrators.tableau import HIGHEST_ORDER, First, Tableau
+from nearharmonic.integrators.theory.oscillator import method_of, tableau_of
 
 #: Length of the words that are examined first for a generalised order: most methods fail at these.
 _SHORT = 7
@@ -69,7 +69,8 @@ def order_of(
 
     Methods with modified potentials need a quadratic T, so that their order is the order for quadratic T. With a
     ``potential_degree`` it is the order for every H with quadratic T and a polynomial V of at most this degree:
-    brackets with higher derivatives of V vanish, and fewer conditions are left.
+    brackets with higher derivatives of V vanish, and fewer conditions are left. A collocation method has the order of
+    its quadrature (Hairer, Lubich & Wanner 2006, Theorem II.1.5).
 
     Parameters
     ----------
@@ -102,6 +103,8 @@ def order_of(
     >>> nh.order_of("abas5o6h"), nh.order_of("abas5o6h", potential_degree=2)
     (4, 6)
     """
+    if (method := method_of(integrator)).implicit:
+        return int(min(method.role(first).proved_order, highest or HIGHEST_ORDER))
     tableau = tableau_of(integrator, first)
     if potential_degree is not None and _integer("potential_degree", potential_degree) < 2:
         raise bad_setting("potential_degree", potential_degree, "an integer from 2, the degree of a polynomial V")
@@ -153,6 +156,8 @@ def harmonic_order(integrator: str | Tableau, *, first: First | None = None) -> 
     >>> nh.order_of("babps8o7h"), nh.harmonic_order("babps8o7h")
     (4, 7)
     """
+    if (method := method_of(integrator)).implicit:  # its step is the diagonal Pade approximant of the rotation
+        return int(method.role(first).proved_order)
     return harmonic_orders_of(integrator, first=first).position
 
 

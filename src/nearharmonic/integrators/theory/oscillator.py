@@ -20,6 +20,8 @@ from nearharmonic.errors import bad_setting
 from nearharmonic.exact.decimals import BigFloat, as_mpf
 from nearharmonic.exact.step import StepPolynomials, oscillator
 from nearharmonic.integrators import integrators
+from nearharmonic.integrators.collocation import Method
+from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.order_conditions import step_of
 from nearharmonic.integrators.tableau import First, Tableau
 
@@ -222,7 +224,16 @@ def tableau_of(integrator: str | Tableau, first: First | None = None) -> Tableau
 
     Arguments and errors are those of :func:`kappa`.
     """
-    return (integrator if isinstance(integrator, Tableau) else integrators[integrator]).role(first)
+    found = method_of(integrator)
+    if found.implicit:
+        raise bad_setting("integrator", found.name, "a splitting method: an implicit one has no kicks and drifts")
+    tableau: Tableau = found.role(first)
+    return tableau
+
+
+def method_of(integrator: str | Method) -> Method:
+    """Return the method, given or of this name."""
+    return integrator if isinstance(integrator, Composition) else integrators[integrator]
 
 
 def _step_size(tau: BigFloat) -> BigFloat:

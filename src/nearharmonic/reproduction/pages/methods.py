@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from nearharmonic.engine.runs.trajectory import sweep
+from nearharmonic.integrators import implicit_integrators, modified_integrators, plain_integrators
 from nearharmonic.integrators import integrators as registered
-from nearharmonic.integrators import modified_integrators, plain_integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.theory.order import harmonic_order, order_of
 from nearharmonic.numerics.types import Floats
@@ -41,6 +41,13 @@ def modified_table() -> str:
     return "\n".join(pipes(header, rows, align="lllr"))
 
 
+def implicit_table() -> str:
+    """Return a row for each implicit method."""
+    found = [registered[name] for name in implicit_integrators.registered]
+    rows = [[f"`{one.name}`", one.label, "implicit", one.stages, order_of(one), harmonic_order(one)] for one in found]
+    return "\n".join(pipes(("name", "label", "composition", "stages", "order", "harmonic order"), rows, align="lllr"))
+
+
 def _first_cells(one: Tableau) -> list[str | int]:
     return [f"`{one.name}`", one.label, {"drift": "ABA", "kick": "BAB"}[one.first], one.stages]
 
@@ -67,7 +74,12 @@ def errors_table() -> str:
 
 def parts() -> dict[str, str]:
     """Return the tables by their marks on the page."""
-    return {"methods": methods_table(), "modified": modified_table(), "errors": errors_table()}
+    return {
+        "methods": methods_table(),
+        "modified": modified_table(),
+        "implicit": implicit_table(),
+        "errors": errors_table(),
+    }
 
 
 def page(page: str, systems: Sequence[str], integrators: Sequence[str]) -> dict[str, str]:

@@ -36,12 +36,12 @@ RATIO, FEWEST = 1.26, 3
 
 
 def registered(system: System) -> list[Tableau]:
-    """Return the registered methods that fit a system, except processed ones.
+    """Return the registered splitting methods that fit a system, except processed ones.
 
     The energy of a processed method is not measured at every step.
     """
     found = [integrators[name] for name in integrators.registered]
-    return [one for one in found if not (one.processed or misfit(system, one)[0])]
+    return [one for one in found if not (one.processed or one.implicit or misfit(system, one)[0])]
 
 
 def published(methods: Iterable[Tableau]) -> list[Tableau]:

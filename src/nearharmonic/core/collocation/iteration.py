@@ -1,0 +1,84 @@
+"""Fixed-point iteration on the forces at the stages of a step, to the rounding of the arithmetic.
+
+Changes shrink by about the same factor from iteration to iteration, so that the next one is known before it is made. A
+lane stops when that is below the rounding of the forces, or when the changes no longer shrink. What a lane computes is
+independent of the other lanes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from nearharmonic.core.loops.shape import Form
+from nearharmonic.core.machine.reals import (
+    all_zero,
+    compiled,
+    largest_modulus,
+    linked_number,
+    where_greater,
+    where_zero,
+    zero_like,
+)
+
+_lanes = linked_number("lanes")
+
+#: Most iterations of a step.
+MOST_ITERATIONS = 100
+#: Iterations after which a change that does not shrink is rounding.
+FEW = 3
+#: Largest next change of the forces, relative to the largest force, that needs no iteration, in double and in
+#: double-double: half of the rounding of a force. Energies drift no more than if every step goes on to the rounding.
+NEGLIGIBLE = {False: 2.0**-54, True: 2.0**-106}
+#: Largest last change with which a step counts as solved.
+SOLVED = {False: 2.0**-34, True: 2.0**-70}
+
+
+def iteration(form: Form, forces_behind: Any) -> Any:
+    """Return ``solve(f, step, parameters)``: the forces at the stages, the iterations, and 1 where they failed, else 0.
+
+    ``forces_behind(f, step, parameters)`` are the forces at the positions that follow from forces ``f``.
+    """
+    extended = form.extended
+    negligible, solved = NEGLIGIBLE[extended], SOLVED[extended]
+
+    @compiled
+    def largest(f):  # type: ignore[no-untyped-def]
+        return largest_modulus(f[0] if extended else f)
+
+    @compiled
+    def apart(f, g):  # type: ignore[no-untyped-def]
+        if extended:
+            return largest_modulus((f[0] - g[0]) + (f[1] - g[1]))
+        return largest_modulus(f - g)
+
+    @compiled
+    def kept(active, f, g):  # type: ignore[no-untyped-def]
+        if extended:
+            return where_zero(active, f[0], g[0]), where_zero(active, f[1], g[1])
+        return where_zero(active, f, g)
+
+    @compiled
+    def solve(f, step, parameters):  # type: ignore[no-untyped-def]
+        size = largest(f)
+        nothing = zero_like(size)
+        active, made, change = nothing + 1.0, nothing, nothing
+        count, several = 0, _lanes() > 1
+        while True:
+            found = forces_behind(f, step, parameters)
+            latest = apart(found, f)
+            # A single lane is active until the loop ends; to ask would be longer than the chain of an iteration.
+            f = kept(active, f, found) if several else found
+            made = made + active
+            going = where_greater(latest, negligible * size, active, nothing)
+            if count > 0:  # the next change is about latest^2 / change
+                going = where_greater(latest * latest, negligible * size * change, going, nothing)
+            if count >= FEW:
+                going = where_greater(change, latest, going, nothing)
+            change = where_zero(active, change, latest) if several else latest
+            active = going
+            count += 1
+            if count >= MOST_ITERATIONS or all_zero(active):
+                break
+        return f, made, where_greater(change, solved * size, nothing + 1.0, nothing)
+
+    return solve

@@ -1,0 +1,263 @@
+"""Steps of a collocation method for the loops of :mod:`nearharmonic.core.loops.advance`: one move is a whole step.
+
+A state is (q, q_low, p, p_low, f, ready, iterations, failed): with f, the forces at the stages of the last step, which
+are extrapolated to those of the next one where ``ready`` is 1. Coefficients and conditions of symplecticity are those
+of :mod:`nearharmonic.core.collocation.table`.
+
+For f = -w^2 q - n(q) with declared frequencies w, the oscillator can be part of the equations, so that only n is
+iterated. With A the matrix of the method, G = (I + (h w A)^2)^-1 and B = G A A, the stages are Q = G (q + h c v) - h^2
+B n(Q). One iteration on all forces follows: it removes the rounding of G and B, which would not be symplectic.
+"""
+
+from __future__ import annotations
+
+from math import nan
+from typing import Any
+
+from nearharmonic.core.arithmetic import dd_add, dd_mul, fma
+from nearharmonic.core.collocation.iteration import iteration
+from nearharmonic.core.layout import FAILED, ITERATIONS, READY
+from nearharmonic.core.loops.shape import Form, Motion
+from nearharmonic.core.machine.reals import (
+    POINT,
+    STAGES,
+    all_greater,
+    compiled,
+    linked,
+    linked_number,
+    load_real,
+    load_stages,
+    store,
+    types,
+    where_zero,
+    zero_like,
+)
+from nearharmonic.core.points import load_state, store_state
+from nearharmonic.core.step import compensated, plain
+
+_dimension, _running, _counters = (linked_number(name) for name in ("dimension", "running", "counters"))
+_at_stages, _summed = linked("at_stages", STAGES), linked("summed", POINT)
+_weights, _times_nodes, _times_rest = (linked(name, STAGES) for name in ("weights", "times_nodes", "times_rest"))
+_by_position, _by_momentum, _by_guess = (linked(f"by_{name}", STAGES) for name in ("position", "momentum", "guess"))
+_PAIR, _PAIRS = types.UniTuple(POINT, 2), types.UniTuple(STAGES, 2)
+
+
+def _by_accelerations(form: Form) -> tuple[Any, Any, Any]:
+    """The three functions of a step for T of degree 2, where positions follow from forces alone.
+
+    ``begun(q, p, row, parameters)`` returns what the iterations of a step share, ``forces_behind`` is that of
+    :func:`iteration`, and ``ended(state, f, step, parameters)`` the state (q, q_low, p, p_low) at the end.
+    """
+    velocity, acceleration = linked("velocity", POINT), linked("stage_acceleration", STAGES)
+    force, add = linked("stage_force", STAGES), compensated if form.compensated else plain
+
+    @compiled
+    def begun(state, row, parameters):  # type: ignore[no-untyped-def]
+        h, v = row[0], velocity(state[2], parameters)
+        return _weights(-h), h, v, fma(h, _times_nodes(_at_stages(v)), _at_stages(state[0]))
+
+    @compiled
+    def forces_behind(f, step, parameters):  # type: ignore[no-untyped-def]
+        weights, h, _, ahead = step
+        Q = fma(h, _by_position(acceleration(weights * f, parameters)), ahead)
+        return force(Q, Q, parameters)
+
+    @compiled
+    def ended(state, f, step, parameters):  # type: ignore[no-untyped-def]
+        (q, q_low, p, p_low), (weights, h, v, _) = state, step
+        increments = weights * f
+        p, p_low = add(p, p_low, 1.0, _summed(increments))
+        q, q_low = add(q, q_low, h, v + _summed(_times_rest(acceleration(increments, parameters))))
+        return q, q_low, p, p_low
+
+    return begun, forces_behind, ended
+
+
+def _by_oscillators(form: Form) -> tuple[Any, Any, Any]:
+    """The three functions of a step for T = p.p / 2 and exactly known oscillators; forces are those beside them.
+
+    ``ended`` makes the last iteration, on all forces.
+    """
+    force, add = linked("stage_force", STAGES), compensated if form.compensated else plain
+    turned, by_oscillators, with_oscillators = (
+        linked(name, STAGES) for name in ("turned", "by_oscillators", "with_oscillators")
+    )
+
+    @compiled
+    def begun(state, row, parameters):  # type: ignore[no-untyped-def]
+        (q, _, p, _), (h, _, moves, at) = state, row
+        return _weights(-h), h, p, moves, at, turned(moves, at, _at_stages(q), _at_stages(h * p))
+
+    @compiled
+    def forces_behind(n, step, parameters):  # type: ignore[no-untyped-def]
+        _, _, _, moves, at, ahead = step
+        Q = ahead - by_oscillators(moves, at, n)
+        return force(Q, Q, parameters)
+
+    @compiled
+    def ended(state, n, step, parameters):  # type: ignore[no-untyped-def]
+        (q, q_low, p, p_low), (weights, h, v, moves, at, ahead) = state, step
+        f = with_oscillators(moves, at, ahead - by_oscillators(moves, at, n), n)
+        free = fma(h, _times_nodes(_at_stages(v)), _at_stages(q))
+        Q = fma(h, _by_position(weights * f), free)
+        increments = weights * with_oscillators(moves, at, Q, force(Q, Q, parameters))
+        p, p_low = add(p, p_low, 1.0, _summed(increments))
+        q, q_low = add(q, q_low, h, v + _summed(_times_rest(increments)))
+        return q, q_low, p, p_low
+
+    return begun, forces_behind, ended
+
+
+def _by_momenta(form: Form) -> tuple[Any, Any, Any]:
+    """The three functions of a step for any T: positions follow from momenta, and these from forces."""
+    velocity, force = linked("stage_velocity", STAGES), linked("stage_force", STAGES)
+    add = compensated if form.compensated else plain
+
+    @compiled
+    def begun(state, row, parameters):  # type: ignore[no-untyped-def]
+        h = row[0]
+        return _weights(-h), _weights(h), _at_stages(state[0]), _at_stages(state[2])
+
+    @compiled
+    def moved(f, step, parameters):  # type: ignore[no-untyped-def]
+        kicks, drifts, _, p = step
+        P = p + _by_momentum(kicks * f)
+        return drifts * velocity(P, P, parameters)
+
+    @compiled
+    def forces_behind(f, step, parameters):  # type: ignore[no-untyped-def]
+        Q = step[2] + _by_momentum(moved(f, step, parameters))
+        return force(Q, Q, parameters)
+
+    @compiled
+    def ended(state, f, step, parameters):  # type: ignore[no-untyped-def]
+        q, q_low, p, p_low = state
+        p, p_low = add(p, p_low, 1.0, _summed(step[0] * f))
+        q, q_low = add(q, q_low, 1.0, _summed(moved(f, step, parameters)))
+        return q, q_low, p, p_low
+
+    return begun, forces_behind, ended
+
+
+def _in_pairs(form: Form) -> tuple[Any, Any, Any]:
+    """The three functions of a step in double-double, for any T."""
+    velocity, pull = linked("stage_velocity", _PAIRS), linked("stage_force", _PAIRS)
+    with_oscillators, turning = linked("with_oscillators_pairs", _PAIRS), form.turning
+    weights, by_momentum = linked("weights_pairs", _PAIRS), linked("by_momentum_pairs", _PAIRS)
+    summed = linked("summed_pairs", _PAIR)
+
+    @compiled
+    def begun(state, row, parameters):  # type: ignore[no-untyped-def]
+        (q, q_low, p, p_low), (h, h_low, moves, at) = state, row
+        x, y = (_at_stages(q), _at_stages(q_low)), (_at_stages(p), _at_stages(p_low))
+        return weights(-h, -h_low), weights(h, h_low), x, y, moves, at
+
+    @compiled
+    def force(Q, step, parameters):  # type: ignore[no-untyped-def]
+        found = pull(Q[0], Q[1], parameters)
+        if turning:
+            found = with_oscillators(step[4], step[5], Q[0], Q[1], found[0], found[1])
+        return found
+
+    @compiled
+    def moved(f, step, parameters):  # type: ignore[no-untyped-def]
+        kicks, drifts, _, p, _, _ = step
+        increments = dd_mul(kicks, f)
+        P = dd_add(p, by_momentum(increments[0], increments[1]))
+        return dd_mul(drifts, velocity(P[0], P[1], parameters))
+
+    @compiled
+    def forces_behind(f, step, parameters):  # type: ignore[no-untyped-def]
+        increments = moved(f, step, parameters)
+        Q = dd_add(step[2], by_momentum(increments[0], increments[1]))
+        return force(Q, step, parameters)
+
+    @compiled
+    def ended(state, f, step, parameters):  # type: ignore[no-untyped-def]
+        q, q_low, p, p_low = state
+        kicks, drifts = dd_mul(step[0], f), moved(f, step, parameters)
+        p, p_low = dd_add((p, p_low), summed(kicks[0], kicks[1]))
+        q, q_low = dd_add((q, q_low), summed(drifts[0], drifts[1]))
+        return q, q_low, p, p_low
+
+    return begun, forces_behind, ended
+
+
+def _step(form: Form) -> Any:
+    """``step(state, row, parameters)``: the next state."""
+    extended, more = form.extended, 0.0
+    if extended:
+        functions = _in_pairs
+    elif form.turning:
+        functions, more = _by_oscillators, 1.0
+    else:
+        functions = _by_accelerations if form.ahead else _by_momenta
+    begun, forces_behind, ended = functions(form)
+    solve = iteration(form, forces_behind)
+    force = linked("force", _PAIR if extended else POINT)
+
+    @compiled
+    def at_start(q, q_low, parameters):  # type: ignore[no-untyped-def]
+        found = force(q, q_low, parameters)
+        return _at_stages(found[0] if extended else found)
+
+    @compiled
+    def step(state, row, parameters):  # type: ignore[no-untyped-def]
+        q, q_low, p, p_low, f, ready, iterations, failed = state
+        f = _by_guess(f)
+        if not all_greater(ready, zero_like(ready)):
+            f = where_zero(ready, at_start(q, q_low, parameters), f)
+        given = begun((q, q_low, p, p_low), row, parameters)
+        found, made, missed = solve((f, zero_like(f)) if extended else f, given, parameters)
+        q, q_low, p, p_low = ended((q, q_low, p, p_low), found, given, parameters)
+        q = where_zero(missed, q, nan)
+        f, ready, iterations = found[0] if extended else found, zero_like(ready) + 1.0, iterations + (made + more)
+        return q, q_low, p, p_low, f, ready, iterations, failed + missed
+
+    return step
+
+
+def motion(form: Form) -> Motion:
+    """Return the functions that the loops call."""
+    step = _step(form)
+
+    @compiled
+    def load(rows, moves, parameters):  # type: ignore[no-untyped-def]
+        q, q_low, p, p_low = load_state(rows, _running())
+        f, at = load_stages(rows, _running() + 5 * _dimension()), _counters()
+        counters = load_real(rows, at + READY), load_real(rows, at + ITERATIONS), load_real(rows, at + FAILED)
+        return (q, q_low, p, p_low, f, *counters), load_state(rows, 0)
+
+    @compiled
+    def first(state, moves, parameters):  # type: ignore[no-untyped-def]
+        return zero_like(state[5])
+
+    @compiled
+    def move(state, row, f, parameters):  # type: ignore[no-untyped-def]
+        return step(state, row, parameters)
+
+    @compiled
+    def behind(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+        return zero_like(state[5])
+
+    @compiled
+    def last(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+        return zero_like(state[5]), zero_like(state[5])
+
+    @compiled
+    def closed(state, row, f, parameters):  # type: ignore[no-untyped-def]
+        return state[0], state[1], state[2], state[3]
+
+    @compiled
+    def save(rows, state, seen):  # type: ignore[no-untyped-def]
+        q, q_low, p, p_low, f, ready, iterations, failed = state
+        store_state(rows, _running(), q, q_low, p, p_low)
+        store(rows, _running() + 5 * _dimension(), f)
+        at = _counters()
+        store(rows, at + READY, ready)
+        store(rows, at + ITERATIONS, iterations)
+        store(rows, at + FAILED, failed)
+        q, q_low, p, p_low = seen
+        store_state(rows, 0, q, q_low, p, p_low)
+
+    return Motion(load, first, move, behind, last, closed, save)
