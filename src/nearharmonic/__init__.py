@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from nearharmonic.engine.runs.trajectory import sweep as sweep
     from nearharmonic.engine.section import section as section
     from nearharmonic.engine.stepper import stepper as stepper
+    from nearharmonic.engine.tangent.gradient import gradient as gradient
+    from nearharmonic.engine.tangent.tangent import tangent as tangent
     from nearharmonic.integrators import implicit_integrators as implicit_integrators
     from nearharmonic.integrators import integrators as integrators
     from nearharmonic.integrators import modified_integrators as modified_integrators
@@ -56,6 +58,7 @@ _MODULES = {
     "adapters": "adapters",
     "animate": "plotting.animate",
     "ensemble": "engine.runs.ensemble",
+    "gradient": "engine.tangent.gradient",
     "harmonic_order": "integrators.theory.order",
     "implicit_integrators": "integrators",
     "integrate": "engine.runs.trajectory",
@@ -73,6 +76,7 @@ _MODULES = {
     "sweep": "engine.runs.trajectory",
     "systems": "systems",
     "tailor": "training.tailor.tailoring",
+    "tangent": "engine.tangent.tangent",
 }
 
 #: Former names, which warn at their first use, and their present names.
@@ -80,9 +84,9 @@ _FORMER = {"ModifiedTableau": "Tableau"}
 
 __all__ = [
     "NearharmonicError", "Observable", "Parameter", "System", "Tableau", "__version__", "adapters", "animate",
-    "ensemble", "harmonic_order", "implicit_integrators", "integrate", "integrators", "kappa", "modified_integrators",
-    "order_of", "palindrome", "plot", "problem",
-    "recommend", "section", "stability_limit", "stepper", "sweep", "systems", "tailor",
+    "ensemble", "gradient", "harmonic_order", "implicit_integrators", "integrate", "integrators", "kappa",
+    "modified_integrators", "order_of", "palindrome", "plot", "problem",
+    "recommend", "section", "stability_limit", "stepper", "sweep", "systems", "tailor", "tangent",
 ]  # fmt: skip
 
 

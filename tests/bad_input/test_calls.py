@@ -74,6 +74,21 @@ CALLS = {
     "error": (partial(nh.recommend, "sho"), [0, -1, "nan", "1e999999999", None, True, [1]]),
     "measure": (lambda x: nh.recommend("sho", 1e-6, measure=x), ["mx", None, 5, b"max"]),
     "budget": (lambda x: nh.recommend("sho", 1e-6, budget=x), [x for x in NO_INTEGERS if x != 10**9]),
+    "deviations": (
+        lambda x: nh.tangent("sho", "ruth", 0.1, deviations=x),
+        [x for x in [*NO_NUMBERS, *NO_LISTS] if x is not None] + [
+            None, 0, 3, -1, 1.5, [1], [[1, 2, 3]], [[1, 0], [2, 0]], [0, 0], [float("nan"), 1], np.zeros((1, 2, 2)),
+        ],
+    ),
+    "samples of deviations": (lambda x: nh.tangent("sho", "ruth", 0.1, samples=x), NO_INTEGERS),
+    "split of deviations": (lambda x: nh.tangent("sho", "ruth", 0.1, split=x), [*NO_NAMES, "exact_oscillator"]),
+    "q0 of deviations": (lambda x: nh.tangent("kepler", "ruth", 10, t_end=100, q0=x), [*NO_LISTS, [1], [[1], [2]]]),
+    "observable": (
+        lambda x: nh.gradient("sho", "ruth", 0.1, x),
+        [*NO_NUMBERS, *NO_NAMES, len, lambda q: q[0], lambda q, p: (q[0], p[0]), lambda q, p: q[3], lambda q, p: None],
+    ),
+    "split of a gradient": (lambda x: nh.gradient("sho", "ruth", 0.1, lambda q, p: q[0], split=x), NO_NAMES),
+    "p0 of a gradient": (lambda x: nh.gradient("sho", "ruth", 0.1, lambda q, p: q[0], p0=x), [*NO_LISTS, [[]]]),
     "methods": (lambda x: nh.recommend("sho", 1e-6, methods=x), [["ruht"], [], [5], "ruht", 5]),
     "path": (store.read, [None, 5, "", "nothing.h5", "a\0b", b"x", "/", "/dev/null", ["x"], "x" * 5000]),
 }  # fmt: skip

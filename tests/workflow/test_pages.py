@@ -131,7 +131,7 @@ def test_an_edit_of_an_example_makes_pages_again(jobs):
 
 def test_pages_that_integrate_compile_one_at_a_time(jobs):
     alone = {rule for rule, job in jobs.items() if job.compiler}
-    names = ("examples", "methods", "tabulated_potentials", "tailor")
+    names = ("examples", "methods", "tabulated_potentials", "tailor", "tangent_maps")
     assert alone == {f"page_of_{name}" for name in names}
 
 

@@ -59,6 +59,11 @@ _PAGES = {
         {"figure": "tabulated_potentials"},
         lambda: task("reproduction.pages.how_to.tabulated:page", **on("how_to/tabulated_potentials", _EVERY)),
     ),
+    "how_to/tangent_maps": (
+        {},
+        {"figure": "tangent_maps"},
+        lambda: task("reproduction.pages.how_to.tangent_maps:page", **on("how_to/tangent_maps", _EVERY)),
+    ),
     "how_to/adapters": (
         {},
         {"figure": "adapters"},
@@ -142,7 +147,7 @@ for _page, (_inputs, _pictures, _made) in _PAGES.items():
             LOG(f"pages/{_name}"),
         threads: ALL_CORES if _name == "ranking" else 1  # nothing runs beside what is timed
         resources:
-            compiler=int(_name in ("examples", "methods", "tabulated_potentials", "tailor")),
+            compiler=int(_name in ("examples", "methods", "tabulated_potentials", "tailor", "tangent_maps")),
         params:
             task=lambda wildcards, made=_made: made(),
         script:

@@ -19,6 +19,8 @@ DATASETS = {
     "integrate": lambda: nh.integrate("sho", "ruth", 0.3, t_end=3),
     "sweep": lambda: nh.sweep("sho", "ruth", [0.3, 0.2], t_end=3),
     "ensemble": lambda: nh.ensemble("sho", "ruth", 0.3, t_end=3, q0=[[1], [2]]),
+    "tangent": lambda: nh.tangent("sho", "ruth", 0.3, t_end=3, q0=[[1], [2]]),
+    "gradient": lambda: nh.gradient("kepler", "ruth", 10, "angular_momentum", t_end=30, q0=[[80, 0], [90, 0]]),
     "recommend": lambda: nh.recommend("sho", 1e-2, methods=["ruth"], t_end=10),
 }
 

@@ -16,7 +16,7 @@ from nearharmonic.output.dataset import variable
 from nearharmonic.recommendation.timings import variables
 from nearharmonic.reproduction.pages import examples, gallery, methods, ranking, trained, training
 from nearharmonic.reproduction.pages.anharmonicity import NEW, Result, others
-from nearharmonic.reproduction.pages.how_to import gauss, tabulated, tailor
+from nearharmonic.reproduction.pages.how_to import gauss, tabulated, tailor, tangent_maps
 from nearharmonic.reproduction.pages.how_to import variables as of_variables
 from nearharmonic.reproduction.pages.targets import (
     crystals,
@@ -101,6 +101,13 @@ def of_tabulated_potentials(monkeypatch, tmp_path):
     monkeypatch.setattr(tabulated, "errors", lambda: found)
     monkeypatch.setattr(tabulated, "DEGREES", (3, 5))
     return tabulated.page(str(PAGES["tabulated_potentials"]), (), ())
+
+
+def of_tangent_maps(monkeypatch, tmp_path):
+    """Few starts and a short time."""
+    monkeypatch.setattr(tangent_maps, "SIZE", 12)
+    monkeypatch.setattr(tangent_maps, "T_END", 100)
+    return tangent_maps.page(str(PAGES["tangent_maps"]), (), ())
 
 
 def of_tailor(monkeypatch, tmp_path):
@@ -200,8 +207,8 @@ MADE = {
     "stability": of_tables(stability, "stability"),
     "exact_oscillator": of_exact_oscillator, "examples": of_examples, "files": of_files, "gallery": of_gallery,
     "methods": of_methods, "ranking": of_ranking, "regularised": of_regularised, "samplers": of_samplers,
-    "tailor": of_tailor,
-    "gauss": of_gauss, "tabulated_potentials": of_tabulated_potentials, "timings": of_timings, "trained": of_trained,
+    "tailor": of_tailor, "tangent_maps": of_tangent_maps, "gauss": of_gauss,
+    "tabulated_potentials": of_tabulated_potentials, "timings": of_timings, "trained": of_trained,
     "training": of_training, "variables": of_all_variables, "stepper": of_benchmarks("stepper", "stepper"),
     "formulas": of_benchmarks("formulas", "functions"), "large_grids": of_benchmarks("large_grids", "large_grids"),
     "larger_systems": of_benchmarks("larger_systems", "larger_systems"),

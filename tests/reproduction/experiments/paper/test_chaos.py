@@ -9,8 +9,9 @@ import pytest
 from scipy.stats import t as student
 
 from nearharmonic.engine.runs.problem import Problem
+from nearharmonic.engine.tangent.linearised import tangent_system
 from nearharmonic.reproduction.experiments.paper.orbits import chaos
-from nearharmonic.reproduction.experiments.paper.orbits.tangent import follow, tangent_system
+from nearharmonic.reproduction.experiments.paper.orbits.tangent import follow
 from nearharmonic.systems import systems
 
 

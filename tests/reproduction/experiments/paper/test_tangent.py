@@ -7,7 +7,8 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.engine.runs.problem import Problem
-from nearharmonic.reproduction.experiments.paper.orbits.tangent import follow, tangent_system
+from nearharmonic.engine.tangent.linearised import tangent_system
+from nearharmonic.reproduction.experiments.paper.orbits.tangent import follow
 from nearharmonic.systems import System, systems
 
 

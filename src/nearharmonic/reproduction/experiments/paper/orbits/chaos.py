@@ -7,12 +7,13 @@ from math import sqrt
 import numpy as np
 
 from nearharmonic.engine.runs.problem import Problem
+from nearharmonic.engine.tangent.linearised import tangent_system
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.portable import dot
 from nearharmonic.numerics.statistics import mean, student_975
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Contents, Variables, coordinate, variable
-from nearharmonic.reproduction.experiments.paper.orbits.tangent import follow, tangent_system
+from nearharmonic.reproduction.experiments.paper.orbits.tangent import follow
 from nearharmonic.systems import System, henon_heiles
 
 #: Initial q and p, decimal strings.

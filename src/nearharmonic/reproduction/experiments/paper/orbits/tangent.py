@@ -1,14 +1,12 @@
-"""Tangent map of a splitting method: the linear map of deviations from an orbit for each step.
+"""Growth of a deviation along one long orbit, by runs of the tangent system of the library.
 
-The derivative of a step is the same step applied to a separable Hamiltonian of twice as many coordinates, K = grad
-T(p).w + grad V(q).u, with coordinates (q, u) and momenta (w, p): q and p follow the orbit, u and w the linearised
-equations. Deviations therefore use the kernels of ordinary systems.
+Each run ends at a rescaling, and the next begins with the doubles where it ends, without the carries. The files of the
+paper's orbit have these bits, which :func:`nearharmonic.tangent` does not repeat: it keeps the carries of the orbit.
 """
 
 from __future__ import annotations
 
 from math import sqrt
-from typing import Any
 
 import numpy as np
 
@@ -17,32 +15,6 @@ from nearharmonic.math import log
 from nearharmonic.numerics.portable import dot
 from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.definition.quantities import Vector
-from nearharmonic.systems.definition.system import System
-
-
-def tangent_system(system: System) -> System:
-    """Return the system K, of 2 d coordinates, of an autonomous ``system`` of d coordinates and no parameters.
-
-    Its initial deviation has length 1, along the first coordinate.
-    """
-    d, formulas = system.dimension, system.formulas()
-
-    def V(x: Vector) -> Any:
-        return _product(formulas.grad_V(x[:d]), x[d:])
-
-    def T(x: Vector) -> Any:
-        return _product(formulas.grad_T(x[d:]), x[:d])
-
-    rest = ("0",) * d
-    return System(
-        name=f"{system.name}_tangent", V=V, T=T, q0=(*system.q0, "1", *rest[1:]), p0=(*rest, *system.p0),
-        t_end=system.t_end, source=system.source,
-    )  # fmt: skip
-
-
-def _product(one: Vector, other: Vector) -> Any:
-    terms = [a * b for a, b in zip(one, other, strict=True)]
-    return sum(terms[1:], terms[0])
 
 
 def follow(problem: Problem, tau: float, orbit: tuple[Vector, Vector], runs: int) -> tuple[Floats, Floats]:
@@ -51,7 +23,8 @@ def follow(problem: Problem, tau: float, orbit: tuple[Vector, Vector], runs: int
     Parameters
     ----------
     problem : Problem
-        Runs of :func:`tangent_system` of d coordinates, without energy, over the time between two rescalings.
+        Runs of a :func:`~nearharmonic.engine.tangent.linearised.tangent_system` of d coordinates, without energy, over
+        the time between two rescalings.
     tau : float
         Step size.
     orbit : (q, p), tuples of d numbers or strings

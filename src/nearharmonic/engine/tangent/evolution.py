@@ -1,0 +1,294 @@
+"""Evolution of orbits with their deviations: short parts of a run, after each of which the deviations are rescaled."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from nearharmonic.core.layout import COUNTERS, FAILED, ITERATIONS
+from nearharmonic.engine.batch import execution
+from nearharmonic.engine.batch.batch import sample_marks
+from nearharmonic.engine.batch.lanes import with_lanes
+from nearharmonic.engine.batch.queue import Batch
+from nearharmonic.engine.batch.results import Filled
+from nearharmonic.engine.runs.setup import Setup
+from nearharmonic.engine.tangent.frame import Frame
+from nearharmonic.math import log
+from nearharmonic.numerics.types import Bools, Floats, Integers
+
+#: Most steps between two rescalings. Methods take some ten steps a period, so that a deviation grows by few powers of
+#: ten between them, of the hundreds that a double has, and the vectors of a frame remain apart.
+PART = 100
+#: Readings of a length in a run, at least, for the time integral of MEGNO, unless the run has fewer steps.
+READINGS = 500
+#: Blocks of equal length for the interval of the exponent.
+BLOCKS = 10
+#: Lanes that a thread integrates at a time, and bytes of their readings.
+LANES, BYTES = 2048, 64_000_000
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """Times of a run of ``steps`` steps at which deviations are rescaled, read and kept.
+
+    ``kept`` (S,) are the steps of the samples, first 0; ``parts`` the marks of each part of the run from its own start.
+    """
+
+    steps: int
+    kept: Integers
+    parts: tuple[tuple[int, ...], ...]
+
+    @property
+    def readings(self) -> int:
+        """Most readings of a part."""
+        return max(map(len, self.parts))
+
+    @property
+    def bounds(self) -> list[int]:
+        """Steps (11,) of the ends of the blocks: the readings nearest to tenths of the run, fewer for short runs."""
+        ends = np.cumsum([part[-1] for part in self.parts])
+        begins = [0, *ends[:-1].tolist()]
+        times = [begin + mark for begin, part in zip(begins, self.parts, strict=True) for mark in part[1:]]
+        marks = np.array([0, *times])
+        wanted = self.steps * np.arange(BLOCKS + 1) / BLOCKS
+        return sorted({int(marks[np.abs(marks - x).argmin()]) for x in wanted})
+
+
+def schedule_of(steps: int, samples: int) -> Schedule:
+    """Return the schedule of a run of ``steps`` steps with at most so many ``samples``."""
+    kept = sample_marks(np.array([steps]), samples)[0]
+    parts: list[tuple[int, ...]] = []
+    apart = max(1, steps // READINGS)
+    for begin, end in zip(kept[:-1].tolist(), kept[1:].tolist(), strict=True):
+        count = -(-(end - begin) // PART)
+        edges = [(end - begin) * i // count for i in range(count + 1)]
+        for size in np.diff(edges).tolist():
+            readings = max(1, size // apart)
+            parts.append(tuple(size * i // readings for i in range(readings + 1)))
+    return Schedule(steps, kept, tuple(parts))
+
+
+@dataclass(frozen=True)
+class Evolution:
+    """Orbits (M) at samples (S) with k deviations of n = 2 d components.
+
+    ``states`` (M, S, 4, D) of the integrated coordinates, as a kernel lays them out; ``growth`` and ``stretching``
+    (M, S, k), logarithms as those of :class:`Frame`; ``sali`` (M, S) and ``gali`` (M, S, k - 1), if k > 1; ``megno``
+    (M, S); ``blocks`` (M, 10), growth of the first deviation in each block; ``deviations`` (M, k, n) at the end;
+    ``left_at`` (M,), the step at which a state or deviation was not finite, or 0; ``unsolved`` (M,), True where the
+    equations of an implicit step could not be solved there; ``evaluations`` (M,) of the gradient by all lanes.
+    """
+
+    schedule: Schedule
+    states: Floats
+    growth: Floats
+    stretching: Floats
+    sali: Floats
+    gali: Floats
+    megno: Floats
+    blocks: Floats
+    deviations: Floats
+    left_at: Integers
+    unsolved: Bools
+    evaluations: Integers
+
+    @classmethod
+    def empty(cls, schedule: Schedule, members: int, count: int, dimensions: tuple[int, int]) -> Evolution:
+        """Return arrays for ``members`` orbits with ``count`` deviations; ``dimensions`` are D and n."""
+        shape = members, schedule.kept.size
+        return cls(
+            schedule, np.full((*shape, 4, dimensions[0]), np.nan), np.full((*shape, count), np.nan),
+            np.full((*shape, count), np.nan), np.full(shape, np.nan), np.full((*shape, count - 1), np.nan),
+            np.full(shape, np.nan), np.full((members, len(schedule.bounds) - 1), np.nan),
+            np.full((members, count, dimensions[1]), np.nan), np.zeros(members, np.int64),
+            np.zeros(members, bool), np.zeros(members, np.int64),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Deviations:
+    """Runs of a tangent system with deviations.
+
+    Attributes
+    ----------
+    problem : Setup
+        Runs of the tangent system of 2 D coordinates, without energies.
+    dimension : int
+        Coordinates d of the deviations: D, without the time if V depends on it.
+    start : (M or 1, 4 D) array of float
+        Initial states of the orbits.
+    parameters : (M or 1, 2 P) array of float
+        Parameters of each orbit, or of all.
+    initial : (k, 2 d) array of float
+        Initial deviations.
+    """
+
+    problem: Setup
+    dimension: int
+    start: Floats
+    parameters: Floats
+    initial: Floats
+
+    @property
+    def members(self) -> int:
+        """Number of orbits."""
+        return max(len(self.start), len(self.parameters))
+
+    def follow(self, schedule: Schedule, threads: int) -> Evolution:
+        """Return the orbits and their indicators at the samples of a schedule."""
+        k, D = len(self.initial), self.start.shape[1] // 4
+        found = Evolution.empty(schedule, self.members, k, (D, self.initial.shape[1]))
+        size = max(1, min(LANES, BYTES // (8 * schedule.readings * (8 * D + 3))) // k)
+        count = -(-self.members // size)
+
+        def compute(i: int) -> None:
+            block = slice(i * size, min((i + 1) * size, self.members))
+            start, parameters = (given[block] if len(given) > 1 else given for given in (self.start, self.parameters))
+            with np.errstate(all="ignore"):  # a diverged orbit is a result
+                _Block(self, schedule, found, block, start, parameters).follow()
+
+        steps = self.members * k * schedule.steps
+        execution.Blocks(compute, count, steps=steps, cost=self.problem.cost).execute(threads)
+        return found
+
+
+@dataclass
+class _Block:
+    """A block of orbits, with a lane for each deviation of each orbit."""
+
+    runs: Deviations
+    schedule: Schedule
+    found: Evolution
+    block: slice
+    start: Floats
+    parameters: Floats
+    batches: dict[tuple[int, ...], Batch] = field(default_factory=dict)
+
+    def follow(self) -> None:
+        """Fill the rows of the results that belong to this block."""
+        members, k, kept = self.block.stop - self.block.start, len(self.runs.initial), self.schedule.kept.tolist()
+        frame, D = Frame(self.runs.initial, members), self.start.shape[1] // 4
+        rows = np.zeros((members, k, 4, 2 * D))
+        rows[:, :, :2, :D] = (orbit := self.start.reshape(-1, 1, 4, D))[:, :, :2]
+        rows[:, :, 2:, D:] = orbit[:, :, 2:]
+        megno, step, sample = _Megno(members, self.schedule.bounds), 0, 1
+        self._keep(0, rows, frame, np.full(members, np.nan))
+        moves = self.runs.problem.moves([self.runs.problem.end / self.schedule.steps])
+        for part in self.schedule.parts:
+            self._insert(rows, frame.basis)
+            batch = self._batch(part, rows.reshape(members * k, -1), moves)
+            batch.run(members * k * part[-1])
+            filled = batch.filled
+            states = filled.states.reshape(members, k, len(part), 4, 2 * D)
+            self._note_left(filled, step, part[-1])
+            megno.read(step, part, frame.growth[0] + log(self._lengths(states[:, 0, 1:])).T)
+            rows = states[:, :, 1].copy()  # the end of all lanes but the first
+            rows[:, 0] = states[:, 0, -1]
+            frame.advance(self._vectors(rows))
+            step += part[-1]
+            if step == kept[sample]:
+                self._keep(sample, rows, frame, megno.mean)
+                sample += 1
+        self.found.blocks[self.block] = np.diff(megno.at_bounds, axis=0).T
+        self.found.deviations[self.block] = frame.deviations.transpose(2, 1, 0)
+
+    def _batch(self, part: tuple[int, ...], start: Floats, moves: Floats) -> Batch:
+        """Return a batch for a part of the run that starts at these rows."""
+        batch = self.batches.get(part)
+        if batch is not None:
+            batch.start[:] = start
+            return batch
+        problem, lanes = self.runs.problem, len(start)
+        shared = self.parameters
+        parameters = shared if len(shared) == 1 else np.repeat(shared, len(self.runs.initial), axis=0)
+        numerics = with_lanes(problem.numerics, np.full(lanes, part[-1]), problem.system, problem.tableau)
+        marks = np.full((lanes, len(part)), -1)
+        marks[:, :2] = 0, part[-1]
+        marks[:: len(self.runs.initial)] = part  # MEGNO reads the first deviation alone
+        batch = problem.batch(
+            moves.copy(), marks, np.zeros(lanes, np.int64), start.copy(),
+            parameters.copy(), numerics,
+        )  # fmt: skip
+        self.batches[part] = batch
+        return batch
+
+    def _insert(self, rows: Floats, basis: Floats) -> None:
+        """Write a basis (n, k, M) into the rows (M, k, 4, 2 D); deviations of the time remain 0."""
+        d, D = self.runs.dimension, rows.shape[-1] // 2
+        rows[:, :, :2, D:] = rows[:, :, 2:, :D] = 0.0
+        rows[:, :, 0, D : D + d], rows[:, :, 2, :d] = basis[:d].T, basis[d:].T
+
+    def _vectors(self, rows: Floats) -> Floats:
+        """Return the deviations (n, k, M) in rows (M, k, 4, 2 D)."""
+        d, D = self.runs.dimension, rows.shape[-1] // 2
+        high = np.concatenate([rows[:, :, 0, D : D + d], rows[:, :, 2, :d]], axis=-1)
+        low = np.concatenate([rows[:, :, 1, D : D + d], rows[:, :, 3, :d]], axis=-1)
+        return np.ascontiguousarray((high + low).T)
+
+    def _lengths(self, rows: Floats) -> Floats:
+        """Return the lengths (...) of the deviations in rows (..., 4, 2 D), summed in a fixed order."""
+        d, D = self.runs.dimension, rows.shape[-1] // 2
+        total = np.zeros(rows.shape[:-2])
+        for part, column in [(0, D + i) for i in range(d)] + [(2, i) for i in range(d)]:
+            total += rows[..., part, column] * rows[..., part, column]
+        return np.sqrt(total)
+
+    def _note_left(self, filled: Filled, step: int, steps: int) -> None:
+        """Note where lanes left, and count the evaluations of a part of so many steps."""
+        tableau, k, never = self.runs.problem.tableau, len(self.runs.initial), np.iinfo(np.int64).max
+        left_at = filled.left_at.reshape(-1, k)
+        lanes = np.where(left_at > 0, left_at, never).min(axis=1)
+        known = self.found.left_at[self.block]
+        new = (known == 0) & (lanes < never)
+        known[new] = step + lanes[new]
+        if tableau.implicit:
+            counters = filled.running[:, -COUNTERS:].reshape(-1, k, COUNTERS)
+            made = tableau.evaluations(counters[..., ITERATIONS].astype(np.int64)).sum(axis=1)
+            self.found.unsolved[self.block] |= new & (counters[..., FAILED] != 0).any(axis=1)
+        else:
+            made = k * tableau.evaluations(steps)
+        self.found.evaluations[self.block] += made
+
+    def _keep(self, sample: int, rows: Floats, frame: Frame, megno: Floats) -> None:
+        found, D = self.found, rows.shape[-1] // 2
+        place = self.block, sample
+        found.states[place][:, :2], found.states[place][:, 2:] = rows[:, 0, :2, :D], rows[:, 0, 2:, D:]
+        found.growth[place], found.stretching[place], found.megno[place] = frame.growth.T, frame.stretching.T, megno
+        if len(frame.growth) > 1:
+            found.sali[place], found.gali[place] = frame.sali, frame.gali.T
+
+
+class _Megno:
+    """Time integrals of the logarithm of the length of a deviation, by the trapezoidal rule on its readings.
+
+    With L = ln|delta|, Y(t) = (2/t) times the integral of s dL(s) = 2 L - (2/t) times the integral of L. Its mean over
+    time is kept. Times are counted in steps, as both are ratios of times.
+    """
+
+    def __init__(self, members: int, bounds: Sequence[int]) -> None:
+        self._time, self._length = 0.0, np.zeros(members)
+        self._integral, self._last, self._total = np.zeros(members), np.zeros(members), np.zeros(members)
+        self._bounds = {bound: i for i, bound in enumerate(bounds)}
+        #: L at the ends of the blocks.
+        self.at_bounds: Floats = np.zeros((len(bounds), members))
+
+    def read(self, step: int, part: Sequence[int], lengths: Floats) -> None:
+        """Take the readings ``lengths`` (n, M) of L at the n later marks of a part that begins at ``step``."""
+        apart = np.diff(np.array(part, float))[:, None] / 2
+        times = step + np.array(part[1:], float)[:, None]
+        before = np.concatenate([self._length[None], lengths[:-1]])
+        integral = np.cumsum(np.concatenate([self._integral[None], apart * (before + lengths)]), axis=0)[1:]
+        values = 2 * (lengths - integral / times)
+        earlier = np.concatenate([self._last[None], values[:-1]])
+        self._total = np.cumsum(np.concatenate([self._total[None], apart * (earlier + values)]), axis=0)[-1]
+        self._time, self._length, self._integral, self._last = times[-1, 0], lengths[-1], integral[-1], values[-1]
+        for mark, length in zip(part[1:], lengths, strict=True):
+            if (place := self._bounds.get(step + mark)) is not None:
+                self.at_bounds[place] = length
+
+    @property
+    def mean(self) -> Floats:
+        """Mean of Y over the time so far (M,)."""
+        return self._total / self._time

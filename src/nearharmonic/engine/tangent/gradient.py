@@ -1,0 +1,225 @@
+"""Gradients of observables at the end of a run, by the tangent map of the run backwards."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nearharmonic.engine.batch.kernels import formulas_digest
+from nearharmonic.engine.runs.continuation import parameter_attributes
+from nearharmonic.engine.runs.description import error_variables, over, problem_attributes
+from nearharmonic.engine.runs.setup import Setup
+from nearharmonic.engine.settings import KINETIC_POTENTIAL
+from nearharmonic.engine.tangent.description import parameter_variables
+from nearharmonic.engine.tangent.linearised import check_differentiable, kinetic_parameters, sensitive_system
+from nearharmonic.engine.tangent.observable import DifferentiableObservable
+from nearharmonic.engine.tangent.tangent import checked_split, initial_rows, members_are_given
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.portable import log10
+from nearharmonic.numerics.types import Floats
+from nearharmonic.output.dataset import Variables, assembled, described
+from nearharmonic.systems.definition.system import System
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Relative rounding error of a number: of doubles, and of double-doubles.
+ROUNDING = {"double": 2.0**-53, "extended": 2.0**-104}
+
+
+def gradient(
+    system: str | System,
+    integrator: str | Tableau,
+    tau: float,
+    observable: Any,
+    *,
+    t_end: float | str | None = None,
+    precision: str = "double",
+    summation: str = "compensated",
+    first: str | None = None,
+    q0: object = None,
+    p0: object = None,
+    parameters: Mapping[str, Any] | None = None,
+    split: str = KINETIC_POTENTIAL,
+) -> xr.Dataset:
+    """Differentiate an observable at the end of a discrete run with respect to initial values and parameters.
+
+    The result is the derivative of what the method computes, not of the exact flow. One run forwards and one backwards
+    with its tangent map give all derivatives, whatever their number, and keep no state in between: the map is
+    symplectic, M^T = J M^-1 J^-1, so that the deviation J^-1 grad g is carried back to the start by the inverse map.
+    The inverse of an asymmetric method is its reversed row of coefficients with a negative step.
+
+    Parameters
+    ----------
+    system, integrator, tau
+        As for :func:`nearharmonic.tangent`. A processed method is refused.
+    observable : str or callable
+        Name of an observable or invariant of the system; or ``g(q, p)`` or ``g(q, p, *parameters)``, a number for
+        tuples q and p of d numbers, of the functions that V may have.
+    t_end, precision, summation, first, q0, p0, parameters, split
+        As for :func:`nearharmonic.tangent`.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over member, if there are several:
+
+        - ``value``: the observable at the end.
+        - ``q0`` and ``p0`` over component, ``parameters`` over parameter: its derivatives, in its unit over that of the
+          argument. Those of a diverged run are NaN.
+        - ``round_trip_error``: largest component of the difference between the start and the end of the run backwards.
+        - ``digits_lost``: logarithm to base 10 of its ratio to the rounding error of the largest component of the
+          start. A double has 16 digits, a double-double 31. The derivatives lose as many, and in chaotic runs one to
+          three more, because the curvature of the map multiplies the error of the orbit.
+        - ``q`` and ``p`` at the end, ``max_energy_error`` over start and end, ``steps``, ``evaluations`` of both runs,
+          ``status``, ``diverged_at`` and ``tau``.
+
+    Raises
+    ------
+    NearharmonicError
+        An unknown name, a setting outside what is allowed, a system that cannot be differentiated twice, or an
+        observable that is no formula, before any work.
+    KeyboardInterrupt
+        Ctrl-C, within a fraction of a second.
+
+    Notes
+    -----
+    Symplectic adjoint: Sanz-Serna (2016), SIAM Review 58, 3. A parameter is a coordinate without kinetic energy, whose
+    momentum collects the derivative. Parameters of T are a second copy, of momenta.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> found = nh.gradient("kepler", "babps8o7h", 20, lambda q, p: q[0], t_end=1000)
+    >>> found.q0.dims, found.parameters.parameter.values.tolist(), found.status.item()
+    (('component',), ['GM'], 'ok')
+    """
+    problem = Setup(
+        system, integrator, t_end=t_end, precision=precision, summation=summation, first=first, energy="samples",
+        split=checked_split(split),
+    )  # fmt: skip
+    subject = problem.system
+    check_differentiable(subject)
+    backward = backward_problem(problem)
+    function = DifferentiableObservable(observable, subject)
+    start, given = initial_rows(problem, q0, p0, parameters)
+    members = max(len(start), len(given))
+    start = np.broadcast_to(start, (members, start.shape[1]))
+    steps = [problem.steps_of(tau)] * members
+    paths = problem.run(steps, 2, start=start, parameters=given)
+    end = np.stack([paths.q[:, -1], paths.q_low[:, -1], paths.p[:, -1], paths.p_low[:, -1]], axis=1)
+    slopes = function.derivatives(problem, end[..., : subject.dimension], given)
+    back = backward.run(steps, 2, start=_behind(subject, end, slopes, given))
+    variables = _derivatives(problem, slopes, back) | _round_trip(problem, start, back)
+    d, units = subject.dimension, subject.units
+    variables |= {
+        "q": (("member", "component"), paths.q[:, -1, :d], described("position at the end", units["q"])),
+        "p": (("member", "component"), paths.p[:, -1, :d], described("momentum at the end", units["p"])),
+    }
+    for name in ("q0", "p0", "parameters"):
+        if name in variables:
+            variables[name][1][paths.left_at > 0] = np.nan
+    variables["value"] = ("member",), slopes[-1, :, 0], described(f"{function.name} at the end", function.unit)
+    errors = over("member", error_variables(paths, problem))
+    errors["evaluations"][1][:] += back.evaluations
+    del errors["mean_energy_error"]
+    variables |= errors
+    if several := members_are_given(q0, p0, parameters):
+        variables |= parameter_variables(problem, given)
+    else:
+        variables = {name: (dims[1:], values[0], notes) for name, (dims, values, notes) in variables.items()}
+    unit = units["t"]
+    variables["tau"] = (), problem.taus(paths.steps[:1])[0], described("step size as used, t_end / steps", unit)
+    if subject.parameters:
+        variables["parameter"] = ("parameter",), np.array(list(subject.parameters)), described("name of the parameter")
+    attributes = problem_attributes(problem) | parameter_attributes(subject, parameters or {})
+    attributes |= {"formulas": formulas_digest(subject), "observable": function.name}
+    coordinates = ["parameter", *(name for name in variables if several and name.startswith("parameter_"))]
+    return assembled(variables, coordinates, attributes)
+
+
+def backward_problem(problem: Setup) -> Setup:
+    """Return the runs of the sensitive system by the inverse of the method of ``problem``.
+
+    Raises
+    ------
+    SettingError
+        A processed method; a method for quadratic T, or with modified potentials, for a T that has parameters; or a
+        system whose formulas decide by parameters.
+    """
+    system, tableau = problem.system, problem.tableau
+    if tableau.processed:
+        what = "it is processed: a negative step has another processor, and does not invert it"
+        raise bad_setting("integrator", tableau.name, what)
+    if tableau.requires is not None and kinetic_parameters(system):
+        what = f"its steps for {system.name}, whose kinetic energy has parameters, are not those of a quadratic one"
+        raise bad_setting("integrator", tableau.name, what)
+    if not system.parameters_at_run_time:
+        what = "a formula decides by its parameters, and has no derivative with respect to them"
+        raise bad_setting("system", system.name, what)
+    if not tableau.symmetric:
+        kick, drift, square = (row[::-1] for row in (tableau.kick, tableau.drift, tableau.square))
+        tableau = replace(tableau, kick=kick, drift=drift, square=square)
+    t_end = problem.t_end.removeprefix("-") if problem.t_end.startswith("-") else f"-{problem.t_end}"
+    numerics = problem.numerics
+    return Setup(
+        sensitive_system(system), tableau, t_end=t_end, precision=numerics.precision, summation=numerics.summation,
+        energy="none",
+    )  # fmt: skip
+
+
+def _behind(system: System, end: Floats, slopes: Floats, parameters: Floats) -> Floats:
+    """Return the states (M, 4 D') of the sensitive system at the end: the orbit with the deviation J^-1 grad g."""
+    d, E, count = system.dimension, end.shape[-1], len(system.parameters)
+    moving = count * kinetic_parameters(system)
+    rows = np.zeros((len(end), 4, 2 * E + count + moving))
+    rows[:, :2, :E], rows[:, 2:, E : 2 * E] = end[:, :2], end[:, 2:]
+    pairs = slopes.transpose(1, 2, 0)
+    rows[:, :2, E : E + d], rows[:, 2:, :d] = -pairs[..., d : 2 * d], pairs[..., :d]
+    values = parameters.reshape(len(parameters), count, 2).transpose(0, 2, 1)
+    rows[:, :2, 2 * E : 2 * E + count] = values
+    rows[:, 2:, 2 * E : 2 * E + count] = pairs[..., 2 * d : 2 * d + count]
+    if moving:
+        rows[:, 2:, 2 * E + count :] = values
+    return rows.reshape(len(end), -1)
+
+
+def _derivatives(problem: Setup, slopes: Floats, back: Any) -> Variables:
+    """Return the derivatives that the end of the run backwards holds: J times its deviation, and pi - chi."""
+    system = problem.system
+    d, E, count = system.dimension, problem.states_dimension, len(system.parameters)
+    q, p = back.q[:, -1] + back.q_low[:, -1], back.p[:, -1] + back.p_low[:, -1]
+    found: Variables = {
+        "q0": (("member", "component"), p[:, :d].copy(), described("derivative with respect to q0", "unknown")),
+        "p0": (("member", "component"), -q[:, E : E + d], described("derivative with respect to p0", "unknown")),
+    }
+    if count:
+        values = p[:, 2 * E : 2 * E + count].copy()
+        if kinetic_parameters(system):
+            values -= q[:, 2 * E + count :]
+        notes = described("derivative with respect to the parameter", "unknown")
+        found["parameters"] = ("member", "parameter"), values, notes
+    return found
+
+
+def _round_trip(problem: Setup, start: Floats, back: Any) -> Variables:
+    """Return the distance between the start and the end of the run backwards, and the digits that it costs."""
+    E, d = problem.states_dimension, problem.system.dimension
+    begin = start.reshape(len(start), 4, E)
+    high = back.q[:, -1, :d] - begin[:, 0, :d], back.p[:, -1, E : E + d] - begin[:, 2, :d]
+    low = back.q_low[:, -1, :d] - begin[:, 1, :d], back.p_low[:, -1, E : E + d] - begin[:, 3, :d]
+    error = np.abs(np.concatenate(high, axis=1) + np.concatenate(low, axis=1)).max(axis=1)
+    size = np.abs(np.concatenate([begin[:, 0, :d], begin[:, 2, :d]], axis=1)).max(axis=1)
+    with np.errstate(all="ignore"):
+        ratio = error / (np.where(size > 0, size, 1.0) * ROUNDING[problem.numerics.precision])
+        digits = np.where(ratio > 1, log10(np.fmax(ratio, 1.0)), np.where(np.isnan(ratio), np.nan, 0.0))
+    what = "largest component of the difference between the start and the end of the run backwards"
+    lost = "decimal digits lost: logarithm of round_trip_error over the rounding error of the start"
+    return {
+        "round_trip_error": (("member",), error, described(what, "unknown")),
+        "digits_lost": (("member",), digits, described(lost)),
+    }

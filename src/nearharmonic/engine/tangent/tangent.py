@@ -1,0 +1,187 @@
+"""Deviations from orbits: Lyapunov exponents and other indicators of chaos, from the derivative of the discrete map."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nearharmonic.engine.batch.regularised import check_bound
+from nearharmonic.engine.numbers.initial_values import (
+    parameter_array,
+    parameters_at_run_time,
+    standard_parameters,
+    start_array,
+)
+from nearharmonic.engine.runs.setup import Setup
+from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_THREADS, checked_count, checked_samples
+from nearharmonic.engine.tangent.description import deviations_dataset
+from nearharmonic.engine.tangent.evolution import Deviations, schedule_of
+from nearharmonic.engine.tangent.frame import initial_deviations
+from nearharmonic.engine.tangent.linearised import check_differentiable, tangent_system
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.types import Floats
+from nearharmonic.systems.definition.system import System
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Bytes of results that one call keeps at most.
+MOST_BYTES = 8_000_000_000
+
+
+def tangent(
+    system: str | System,
+    integrator: str | Tableau,
+    tau: float,
+    *,
+    t_end: float | str | None = None,
+    precision: str = "double",
+    summation: str = "compensated",
+    first: str | None = None,
+    samples: int = 100,
+    q0: object = None,
+    p0: object = None,
+    parameters: Mapping[str, Any] | None = None,
+    deviations: object = 2,
+    split: str = KINETIC_POTENTIAL,
+    threads: int = 1,
+) -> xr.Dataset:
+    """Follow small deviations from orbits by the exact derivative of the discrete map, for indicators of chaos.
+
+    The derivative of a step is the same step of a separable system of twice as many coordinates, whose formulas are
+    derived from those of ``system``. It is symplectic to rounding. A deviation is integrated in a SIMD lane of its own.
+    Deviations are orthonormalised after at most a hundred steps, so that none overflows.
+
+    Parameters
+    ----------
+    system, integrator : str, or System and Tableau
+        Problem and method, or their names. V must be a formula, as it is differentiated twice.
+    tau, t_end, precision, summation, first
+        As for :func:`nearharmonic.integrate`. In extended precision the orbit has about 32 digits, and deviations are
+        rounded to doubles after each part of a run.
+    samples : int
+        Most samples, first t = 0, as evenly spaced as whole steps allow; 1 keeps the end alone.
+    q0, p0 : (d,) or (M, d) array of float, optional
+        Initial values; rows are for M members, with a dimension ``member``. Rows of decimal strings are exact.
+    parameters : mapping, optional
+        Values by name: one for all members, or (M,) arrays of float.
+    deviations : int or (k, 2 d) array of float
+        Initial deviations from each orbit, d q-parts and then d p-parts a row; or their number k, from 1 to 2 d, for k
+        orthonormal ones in fixed directions, the same in each call. An exponent needs one, SALI two, the spectrum 2 d.
+    split : {"kinetic_potential"}
+        As for :func:`nearharmonic.integrate`; no other split has deviations.
+    threads : int
+        Threads that share the members; bits do not depend on it.
+
+    Returns
+    -------
+    xarray.Dataset
+        Over sample, and over member if there are several. At t = 0 ratios over the time are NaN. What follows
+        divergence is NaN. Lengths are those of (q, p) as numbers in the units of the system:
+
+        - ``q`` and ``p`` over component, and ``energy_error`` in double precision.
+        - ``growth`` over deviation: logarithm of the length of a deviation over its initial length.
+        - ``lyapunov_exponent``: growth of the first deviation over the time, the largest exponent for long times.
+        - ``lyapunov_spectrum`` over deviation: mean growth of the axes of the frame, descending for long times.
+        - ``sali``: smaller length of the sum and the difference of the first two deviations of length 1.
+        - ``gali`` over order: volume of the parallelepiped of so many deviations of length 1.
+        - ``megno``: mean over time of the mean exponential growth of nearby orbits. It tends to 2 for a quasi-periodic
+          orbit, to 0 for a harmonic oscillator, and grows like half the exponent times t for a chaotic orbit.
+
+        At the end, over member if there are several:
+
+        - ``lyapunov_low``, ``lyapunov_high``: 95 % interval of Student's t from ten blocks of time. It covers the
+          exponent of the chaotic region of the orbit if a block is longer than the memory of the orbit. It does not
+          cover the 0 of a regular orbit, for which growth over time falls like (ln t)/t.
+        - ``deviation_q``, ``deviation_p`` over (deviation, component): final deviations, scaled to length 1. Times
+          exp(growth) and the initial length, they are the tangent map times the initial deviation.
+        - ``max_energy_error`` over the samples, ``initial_energy``, ``status``, ``diverged_at``, ``evaluations`` of the
+          gradient by all lanes of the orbit; and for all members ``steps`` and ``tau``.
+
+    Raises
+    ------
+    NearharmonicError
+        An unknown name, a setting outside what is allowed, or a system that cannot be differentiated twice, before any
+        work.
+    KeyboardInterrupt
+        Ctrl-C.
+
+    Notes
+    -----
+    Spectrum and frames: Benettin, Galgani, Giorgilli & Strelcyn (1980), Meccanica 15, 9. SALI: Skokos (2001), J. Phys.
+    A 34, 10029. GALI: Skokos, Bountis & Antonopoulos (2007), Physica D 231, 30. MEGNO: Cincotta & Simo (2000), Astron.
+    Astrophys. Suppl. 147, 205; Cincotta, Giordano & Simo (2003), Physica D 182, 151. Derivative of a step as a
+    step: Skokos & Gerlach (2010), Phys. Rev. E 82, 036704.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> starts = {"q0": [[0, 0.1], [0, -0.15]], "p0": [[0.4, 0.1], [0.49, 0]]}
+    >>> orbits = nh.tangent("henon_heiles", "babps8o7h", 0.5, t_end=2000, **starts)
+    >>> (orbits.megno.isel(sample=-1) > 4).values.tolist()
+    [False, True]
+    """
+    problem = Setup(
+        system, integrator, t_end=t_end, precision=precision, summation=summation, first=first, energy="none",
+        split=checked_split(split),
+    )  # fmt: skip
+    subject = problem.system
+    check_differentiable(subject)
+    start, given = initial_rows(problem, q0, p0, parameters)
+    rows = initial_deviations(deviations, subject.dimension)
+    kept, steps = checked_samples(samples), problem.steps_of(tau)
+    threads = checked_count("threads", threads, MOST_THREADS)
+    schedule = schedule_of(steps, max(kept, 2))
+    extended = Setup(
+        tangent_system(subject), problem.tableau, t_end=problem.t_end, precision=precision, summation=summation,
+        energy="none",
+    )  # fmt: skip
+    runs = Deviations(extended, subject.dimension, start, given, rows)
+    size = runs.members * schedule.kept.size * (4 * problem.states_dimension + 3 * len(rows) + 2) * 8
+    if size > MOST_BYTES:
+        what = f"the samples of {runs.members} members would take {size:.1e} bytes"
+        raise bad_setting("samples", samples, f"{what}, and a call keeps {MOST_BYTES:.0e}")
+    found = runs.follow(schedule, threads)
+    several = members_are_given(q0, p0, parameters)
+    return deviations_dataset(problem, runs, found, only_end=kept == 1, several=several, asked=parameters or {})
+
+
+def checked_split(split: object) -> str:
+    """Return ``split``, if a derivative is implemented for it.
+
+    Raises
+    ------
+    SettingError
+        It is another split, or none.
+    """
+    if split != KINETIC_POTENTIAL:
+        raise bad_setting("split", split, f"{KINETIC_POTENTIAL}: derivatives are of kicks and drifts alone")
+    return KINETIC_POTENTIAL
+
+
+def initial_rows(problem: Setup, q0: object, p0: object, parameters: Mapping[str, Any] | None) -> tuple[Floats, Floats]:
+    """Return initial states (M or 1, 4 D) and parameters (M or 1, 2 P); arguments as for :func:`tangent`.
+
+    Raises
+    ------
+    NearharmonicError
+        A value outside what is allowed, or numbers of rows that do not fit.
+    """
+    system = problem.system
+    start = start_array(system, q0, p0, plain=problem.plain)
+    given = standard_parameters(system)[None, :] if parameters is None else parameter_array(system, parameters)
+    members = max(len(start), len(given))
+    for key, rows in (("q0 and p0", start), ("parameters", given)):
+        if len(rows) not in (1, members):
+            raise bad_setting(key, f"{len(rows)} rows", f"one row, or one for each of {members} members")
+    check_bound(system, start, given)
+    parameters_at_run_time(system, problem.numerics, given)
+    return start, given
+
+
+def members_are_given(q0: Any, p0: Any, parameters: Mapping[str, Any] | None) -> bool:
+    """Return True if initial values have rows, or a parameter has several values: results then have members."""
+    return any(np.ndim(x) == 2 for x in (q0, p0) if x is not None) or any(map(np.ndim, (parameters or {}).values()))
