@@ -191,7 +191,8 @@ def test_projection_of_point_is_bitwise_independent_of_others(family):
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"order": 5}, "order = 5 is not allowed: one of 4, 6"),
+        ({"order": 5}, "order = 5 is not allowed: one of 4, 6, 8"),
+        ({"potential_degree": 2}, "potential_degree = 2 is not allowed: one of None, 3, 4"),
         ({"harmonic_order": 9}, "harmonic_order = 9 is not allowed: one of 4, 5, 6, 7, 8"),
         ({"first": "push"}, "first = 'push' is not allowed: one of drift, kick"),
         ({"stages": 6, "order": 6}, "stages = 6 is not allowed: at least 6 free coefficients .* there are 5"),

@@ -55,8 +55,10 @@ class Family(ConditionedSteps):
         Stages s of a step.
     first : {"drift", "kick"}
         Operator of the outer row.
-    order : {4, 6}
-        Order for quadratic T. Without squares, methods of both orders have order 4 for any separable H.
+    order : {4, 6, 8}
+        Order for quadratic T. Without squares, all methods have order 4 for any separable H.
+    potential_degree : int, optional
+        Degree of V up to which the methods have this order, from 3; any V, if None.
     harmonic_order : int
         Order lambda_H on the harmonic oscillator, 4 to 8.
     squares : tuple of int
@@ -74,12 +76,14 @@ class Family(ConditionedSteps):
     order: int = 4
     harmonic_order: int = 4
     squares: tuple[int, ...] = ()
+    potential_degree: int | None = None
 
     def __post_init__(self) -> None:
         for key, value, known in (
-            ("order", self.order, (4, 6)),
+            ("order", self.order, (4, 6, 8)),
             ("harmonic_order", self.harmonic_order, HARMONIC_ORDERS),
             ("first", self.first, ("drift", "kick")),
+            ("potential_degree", self.potential_degree, (None, *range(3, 9))),
         ):
             if value not in known:
                 raise bad_setting(key, value, f"one of {', '.join(map(str, known))}")

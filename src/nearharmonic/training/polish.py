@@ -90,8 +90,9 @@ def tableau_of(
         given: dict[str, Any] = {"first": family.first, "digits": digits, **rows, **about}
         if family.squares:
             given["square"] = _texts(squares, digits)
-    needs = QUADRATIC_KINETIC_ENERGY if family.order > 4 else None
-    return Tableau(**given, order=family.order, requires=needs)
+    # What has a higher order for some V alone has order 4 for others.
+    order = family.order if family.potential_degree is None else 4
+    return Tableau(**given, order=order, requires=QUADRATIC_KINETIC_ENERGY if order > 4 else None)
 
 
 def _texts(row: Sequence[BigFloat], digits: int) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from nearharmonic.integrators.tableau import Tableau
 #: Prefix of the names of trained methods.
 TRAINED = "trained_"
 #: Modules of this project's own methods: found by order conditions, and trained.
-OURS = ("nearharmonic_2026", "nearharmonic_2026_modified", "trained")
+OURS = ("nearharmonic_2026", "nearharmonic_2026_cubic", "nearharmonic_2026_modified", "trained")
 
 
 def module_of(name: str) -> str:

@@ -67,9 +67,9 @@ def test_example_of_the_page_is_accurate(capsys):
 def test_iterations_of_the_page_are_those_of_a_plain_loop(row):
     amplitude, steps, outside, inside = map(float, row[:4])
     found = [iterations_of_a_plain_loop(amplitude, int(steps), made.T_END, way) for way in (False, True)]
-    # The plain loop has no prediction, which saves up to one and a half iterations, and no closing iteration.
-    assert -0.3 < found[0] - outside < 1.6
-    assert -1.3 < found[1] - inside < 1.6
+    # The plain loop has no prediction, which saves up to two iterations, and no closing iteration.
+    assert -0.3 < found[0] - outside < 2
+    assert -1.3 < found[1] - inside < 2
 
 
 @pytest.mark.slow

@@ -27,8 +27,8 @@ MOST_ITERATIONS = 100
 #: Iterations after which a change that does not shrink is rounding.
 FEW = 3
 #: Largest next change of the forces, relative to the largest force, that needs no iteration, in double and in
-#: double-double: half of the rounding of a force. Energies drift no more than if every step goes on to the rounding.
-NEGLIGIBLE = {False: 2.0**-54, True: 2.0**-106}
+#: double-double: the rounding of a force. Energies drift no more than if every step went on until nothing changes.
+NEGLIGIBLE = {False: 2.0**-53, True: 2.0**-106}
 #: Largest last change with which a step counts as solved.
 SOLVED = {False: 2.0**-34, True: 2.0**-70}
 

@@ -91,10 +91,15 @@ class SymmetricSteps:
 
 
 class ConditionedSteps(SymmetricSteps):
-    """Symmetric steps with a given order for quadratic T and a given order on the harmonic oscillator."""
+    """Symmetric steps with a given order for quadratic T and a given order on the harmonic oscillator.
+
+    With a ``potential_degree`` they have the order for every V that is a polynomial of at most this degree, which
+    takes fewer equations from order six on.
+    """
 
     order: int
     harmonic_order: int
+    potential_degree: int | None = None
 
     @cached_property
     def equations(self) -> tuple[Equation, ...]:
@@ -102,7 +107,7 @@ class ConditionedSteps(SymmetricSteps):
         found: list[Equation] = []
         for degree in range(3, self.order, 2):
             n, words = factorial(degree), lyndon_words(degree)
-            for row in conditions(degree, quadratic=True):
+            for row in conditions(degree, quadratic=True, potential_degree=self.potential_degree):
                 left = {word: n * w for word, w in zip(words, row.weights, strict=True) if w}
                 found.append((left, sum(row.weights, Fraction(0))))
         powers = range(self.order + 1, self.harmonic_order + 1)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import pi
 
 from nearharmonic.integrators.tableau import First
+from nearharmonic.reproduction.experiments.trained.problems.cubic_potentials import cubic_ensemble
 from nearharmonic.reproduction.experiments.trained.problems.orbits import orbit_ensemble
 from nearharmonic.reproduction.experiments.trained.problems.random_potentials import random_ensemble
 from nearharmonic.reproduction.experiments.trained.problems.rings import SITES, ring_ensemble
@@ -18,6 +19,8 @@ from nearharmonic.training.published import modified_names, published_names
 STRONG, WEAK = (0.01, 0.5), (0.001, 0.03)
 #: Range of the rms change of a bond in model crystals: the Hessian varies by 0.02 to 0.2, as in crystals below melting.
 THERMAL = (0.01, 0.1)
+#: Range of the energy of cubic potentials over the lowest barrier; Henon-Heiles at H = 1/8 has 0.75.
+BOUND = (0.05, 0.75)
 #: Bounds of the eccentricity of orbits.
 ECCENTRICITIES = (0.02, 0.35)
 #: Cost of the gradient of the square of grad V, in forces, for polynomials and for Kepler: docs/reference/methods.md.
@@ -33,13 +36,14 @@ class Chain:
     order: int = 4
     harmonic_order: int = 4
     squares: tuple[int, ...] = ()
+    potential_degree: int | None = None
 
     def families(self) -> Iterator[Family]:
         """Yield the families."""
         for stages in self.stages:
             yield Family(
                 stages=stages, first=self.first, order=self.order, harmonic_order=self.harmonic_order,
-                squares=self.squares,
+                squares=self.squares, potential_degree=self.potential_degree,
             )  # fmt: skip
 
 
@@ -137,6 +141,29 @@ class CrystalPurpose(Purpose):
         return [ring_ensemble(systems, seed, band=self.band or THERMAL, t_end=self.t_end * longer)]
 
 
+class CubicPurpose(Purpose):
+    """Purpose of a method for cubic potentials; ``band`` bounds the energy over the lowest barrier.
+
+    Its method is registered in a module of its own: it has order six for potentials of degree three alone.
+    """
+
+    @property
+    def registered(self) -> bool:
+        """False: the module of trained methods does not have it."""
+        return False
+
+    @property
+    def problems(self) -> str:
+        """The ensemble in words."""
+        low, high = self.band or BOUND
+        return f"cubic potentials, d = 2 and 3, {low:g} to {high:g} of the barrier"
+
+    def ensembles(self, systems: int, seed: int, longer: float = 1.0) -> list[Ensemble]:
+        """Return the problems; the intervals are ``longer`` by a factor."""
+        t_end, band = self.t_end * longer, self.band or BOUND
+        return [cubic_ensemble(d, -(-systems // 2), seed, band=band, t_end=t_end) for d in (2, 3)]
+
+
 def evaluations_an_orbit(*counts: int) -> tuple[float, ...]:
     """Return step sizes over the cost of a step for numbers of force evaluations in 2 pi."""
     return tuple(2 * pi / count for count in counts)
@@ -177,6 +204,10 @@ _ALL = (
     CrystalPurpose(
         name="crystal_coarse", what="crystals, few evaluations", tau_per_stage=(0.33, 0.4, 0.5), t_end=60.0,
         band=THERMAL, chains=(Chain(first="kick", stages=(5, 6)),),
+    ),
+    CubicPurpose(
+        name="cubic", what="cubic potentials, high accuracy", tau_per_stage=(0.035, 0.042, 0.05), t_end=40.0,
+        band=BOUND, chains=(Chain(first="kick", stages=(11,), order=6, potential_degree=3),),
     ),
     Purpose(
         name="orbits", what="planetary orbits", tau_per_stage=evaluations_an_orbit(480, 340, 240), t_end=8 * pi,
