@@ -92,7 +92,7 @@ class Collocation(Composition):
 
     @property
     def kernel_options(self) -> dict[str, Any]:
-        """What the compiled code depends on."""
+        """Settings that the compiled code depends on."""
         return {"stages": self.stages}
 
     @property

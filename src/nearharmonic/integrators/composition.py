@@ -139,7 +139,7 @@ class Composition:
 
     @property
     def kernel_options(self) -> dict[str, Any]:
-        """What the compiled code depends on."""
+        """Settings that the compiled code depends on."""
         return {"modified": self.modified}
 
     @property

@@ -77,6 +77,7 @@ LINES = {
     },
     "timings": {
         "ratios": "| simple harmonic oscillator, one trajectory | 0.4 | 0.8 | **1.8** |",
+        "implicit": "| simple harmonic oscillator, one trajectory | – (–) | – (–) | – (–) | – (–) |",
         "times": "### simple harmonic oscillator, t = 20", "extended": "| b, order 8 | **9.4** | 128 | not reached |",
         "kernels": "| Sun-Mercury system, one trajectory, plain | 12.3 | 0.50 | 1.0 |",
     },

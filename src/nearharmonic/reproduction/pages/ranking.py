@@ -20,8 +20,8 @@ import numpy as np
 from nearharmonic.engine.grid import check_fit, steps_of
 from nearharmonic.engine.runs.trajectory import sweep
 from nearharmonic.errors import SettingError
+from nearharmonic.integrators import implicit_integrators, plain_integrators
 from nearharmonic.integrators import integrators as registered
-from nearharmonic.integrators import plain_integrators
 from nearharmonic.math import cos
 from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor
 from nearharmonic.output.page import filled_page, pipes
@@ -34,7 +34,7 @@ from nearharmonic.training.published import published_names
 ERRORS = (1e-3, 1e-6, 1e-9, 1e-12)
 #: Evaluations of the runs of a curve: 15 % more from one to the next.
 RATIO, FEWEST, MOST = 1.15, 150, 1_500_000
-#: Methods in a row, those that are timed for it, and repeats.
+#: Methods in a row, those that are timed for it besides implicit ones, and repeats.
 PLACES, CANDIDATES = 3, 12
 REPEATS = Patience(least=7, most=15, seconds=0.05)
 
@@ -123,7 +123,8 @@ def curve(contest: Contest, name: str) -> Curve | None:
 
 def curves(contest: Contest) -> list[Curve]:
     """The curves of all methods that fit."""
-    return [found for name in plain_integrators.registered if (found := curve(contest, name)) is not None]
+    names = (*plain_integrators.registered, *implicit_integrators.registered)
+    return [found for name in names if (found := curve(contest, name)) is not None]
 
 
 def by_evaluations(found: list[Curve], error: float) -> list[tuple[float, int, Curve]]:
@@ -133,9 +134,10 @@ def by_evaluations(found: list[Curve], error: float) -> list[tuple[float, int, C
 
 
 def by_time(contest: Contest, rows: list[tuple[float, int, Curve]]) -> list[tuple[float, Curve]]:
-    """Seconds of the methods that lead by evaluations, the fastest first."""
+    """Seconds of the methods that lead by evaluations, and of implicit ones, the fastest first."""
     calls = []
-    for _, steps, one in rows[:CANDIDATES]:
+    rows = [*rows[:CANDIDATES], *(row for row in rows[CANDIDATES:] if registered[row[-1].method].implicit)]
+    for _, steps, one in rows:
         tableau = registered[one.method]
         made = prepared_calls(
             contest.system, tableau, contest.t_end, steps_of(contest.t_end, float(contest.t_end) / steps),
@@ -143,7 +145,7 @@ def by_time(contest: Contest, rows: list[tuple[float, int, Curve]]) -> list[tupl
         )  # fmt: skip
         calls.append(made["trajectory"])
     times = [min(each, default=inf) for each in interleaved(calls, REPEATS)]
-    return sorted(((time, one) for time, (_, _, one) in zip(times, rows, strict=False)), key=lambda row: row[0])
+    return sorted(((time, one) for time, (_, _, one) in zip(times, rows, strict=True)), key=lambda row: row[0])
 
 
 def counted(rows: Iterable[tuple[float, int, Curve]]) -> str:
