@@ -71,6 +71,7 @@ _OTHERS = (
     ("#e64d1a", "h*", "leapfrog ruth_s3o3"),
     ("#1a00e6", "X", "chin_4a"),
     ("#3300e6", ">", "na7"),
+    ("#cc4d99", "<", "gauss16"),
     ("#66004d", "<", "rnia12"),
 )
 #: Methods of this package: trained ones from large to small errors, those for other problems, and methods of order six.
@@ -83,6 +84,7 @@ _OWN = (
     ("#66004d", "d", "trained_finest"),
     ("#b36600", "P", "trained_precise"),
     ("#99804d", "X", "trained_weak"),
+    ("#1a66b3", "<", "trained_cubic"),
     ("#990080", "v", "trained_orbits"),
     ("#1a4d33", "p", "trained_orbits_coarse"),
     ("#331a99", "^", "trained_modified"),
