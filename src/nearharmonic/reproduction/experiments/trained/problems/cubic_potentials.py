@@ -92,7 +92,7 @@ def _scale(n: Floats, squares: Floats, terms: Any, cubic: Floats, q: Floats, fra
     lowest = float((product(n * n, squares[:, None])[:, 0] ** 3 / (54 * along**2)).min())
     own = abs(float((cubic * q[terms].prod(axis=-1)).sum()))
     # (1/2 + own s) s^2 = fraction * lowest; Newton's method from above, where the function is convex.
-    s = (2 * fraction * lowest) ** 0.5
+    s: float = (2 * fraction * lowest) ** 0.5
     for _ in range(30):
         s -= ((0.5 + own * s) * s * s - fraction * lowest) / (s + 3 * own * s * s)
     return s
