@@ -90,3 +90,20 @@ def test_error_falls_as_the_page_says_with_shorter_steps():
     assert 0.5 < errors.max() / errors.min() / factor < 2
     least = nh.integrate("henon_heiles", "gauss16", 0.05, t_end=2, precision="extended").max_energy_error.item()
     assert least < 1e-30
+
+
+def test_page_says_where_the_tables_of_times_have_the_method_ahead():
+    text = (Path(__file__).parents[3] / "docs/results/timings.md").read_text(encoding="utf-8")
+    part = re.search(r"<!-- implicit -->\n(.*?)<!-- end -->", text, flags=re.DOTALL)[1]
+    ratios = {
+        tuple(name.rsplit(", ", 1)): [float(cell.split()[0].strip("*")) for cell in cells.split(" | ")]
+        for name, cells in re.findall(r"^\| ([^|]*?, [^|]*?) \| (.*) \|$", part, flags=re.MULTILINE)
+    }
+    assert len(ratios) == 6
+    for (system, mode), row in ratios.items():  # at 1e-6, 1e-9, 1e-12 and 1e-14
+        if mode == "one trajectory":
+            assert row[2] <= 1, system
+            assert row[3] < 0.5, system
+        else:
+            assert row[2] > 1 > row[3], system
+    assert "Not for many trajectories at once at 10⁻¹² or worse" in FLAT
