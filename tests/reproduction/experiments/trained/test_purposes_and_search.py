@@ -50,7 +50,7 @@ def tableau_of(document):
 @pytest.mark.parametrize("name", list(PURPOSES))
 def test_windows_are_wide_and_families_can_be_built(name):
     low, high = PURPOSES[name].window
-    # What leads by a cancellation leads in a narrow window. The lead of the method for cubic potentials is tested over a
+    # What leads by a cancellation leads in a narrow window. The lead of the one for cubic potentials is tested over a
     # factor of three in test_cubic_potentials.py.
     assert high / low >= (1.4 if name == "cubic" else 1.5)
     assert PURPOSES[name].tau_per_stage == tuple(sorted(PURPOSES[name].tau_per_stage))
