@@ -92,7 +92,7 @@ def test_error_falls_as_the_page_says_with_shorter_steps():
     assert least < 1e-30
 
 
-def test_page_says_where_the_tables_of_times_have_the_method_ahead():
+def test_page_says_where_tables_of_times_have_the_method_ahead():
     text = (Path(__file__).parents[3] / "docs/results/timings.md").read_text(encoding="utf-8")
     part = re.search(r"<!-- implicit -->\n(.*?)<!-- end -->", text, flags=re.DOTALL)[1]
     ratios = {

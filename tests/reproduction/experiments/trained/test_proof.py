@@ -128,7 +128,7 @@ def test_without_trained_methods_page_names_best_published_one():
 
 def test_every_unprocessed_method_is_compared_and_has_one_kind():
     names = contestants()
-    assert set(names) == {*nh.integrators.registered, *nh.modified_integrators.registered} - {"rowlands"}
+    assert set(names) == {*nh.integrators.registered} - {"rowlands", *nh.implicit_integrators.registered}
     kinds = {name: kind_of(name) for name in names}
     own = {name for name, kind in kinds.items() if kind == "own"}
     found_here = {name for name in names if integrators[name].source.startswith("found by")}
