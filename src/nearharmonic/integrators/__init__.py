@@ -67,7 +67,7 @@ implicit_integrators = Selection(
     "implicit_integrators",
     lambda tableau: tableau.implicit,
     """The implicit integrators, a view of :mod:`nearharmonic.integrators`; each is a
-    :class:`~nearharmonic.integrators.collocation.Collocation`.
+    ``nearharmonic.integrators.collocation.Collocation``.
 
     Examples
     --------
