@@ -63,7 +63,11 @@ CASES = {
     "kinetic": (KINETIC, "ruth", 0.1, -8, weighted),
     "driven": (DRIVEN, "ruth", 0.1, 8, product),
 }
-each_case = pytest.mark.parametrize("case", CASES)
+#: Those whose kernels take longest to compile are slow.
+SLOW = ("implicit", "modified")
+each_case = pytest.mark.parametrize(
+    "case", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in CASES]
+)
 
 
 def all_of(found):

@@ -29,6 +29,7 @@ def test_barrier_of_henon_and_heiles_is_a_sixth():
         assert (0.5 + own * scale) * scale**2 == pytest.approx(0.5 / 6, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_no_orbit_has_the_energy_to_escape(ensemble):
     system, d = ensemble.system, ensemble.system.dimension
     random = np.random.default_rng(2)
