@@ -66,7 +66,8 @@ def test_each_page_with_marks_has_a_rule(jobs):
     by_benchmarks = {page for text in texts for page in re.findall(r'^PAGE = "docs/(.*)"', text, re.MULTILINE)}
     assert len(by_benchmarks) > 5
     pages = {name for name in made if name.endswith(".md")}
-    assert pages | by_benchmarks == MARKED - {"results/regularised.md"}
+    # Of the page of adapters only the picture is made, from a table that is written by hand.
+    assert (pages - {"how_to/adapters.md"}) | by_benchmarks == MARKED - {"results/regularised.md"}
     assert pages & by_benchmarks == {"results/samplers.md", "results/timings.md"}  # have tables of both kinds
     assert all((ROOT / "docs" / name).is_file() for name in made)
 
@@ -99,7 +100,8 @@ def test_the_function_of_a_page_takes_its_rules_inputs(jobs):
         function = function_of(task)
         signature(function).bind(**task["settings"], **job.inputs)
         assert task["settings"]["page"] == f"docs/{job.outputs['page'][0].rpartition('docs/')[2]}"
-        assert len(task["integrators"]) >= 80
+        if job.rule != "page_of_adapters":  # whose picture depends on no method
+            assert len(task["integrators"]) >= 80
 
 
 def test_pages_show_pictures_of_figures_made_by_one_function(made):
