@@ -14,9 +14,21 @@ from llvmlite import ir
 
 from nearharmonic.core.arithmetic import dd_add, dd_mul
 from nearharmonic.core.collocation.table import Vector
+from nearharmonic.core.formulas.emission import values_of
 from nearharmonic.core.formulas.rules import Entries, Rules
 from nearharmonic.core.layout import collocation_columns
-from nearharmonic.core.machine.operations import INDEX, PREFIX, Kinds, declare, folded, loaded, packed, shuffled, stage
+from nearharmonic.core.machine.operations import (
+    INDEX,
+    PREFIX,
+    Kinds,
+    declare,
+    folded,
+    in_every_lane,
+    loaded,
+    packed,
+    shuffled,
+    stage,
+)
 from nearharmonic.core.machine.values import LLVMValue
 
 #: Function of the builder and of the entries of each argument.
@@ -88,7 +100,7 @@ def _define(module: ir.Module, name: str, given: Sequence[ir.Type], result: ir.T
         else x
         for x in function.args
     ]
-    builder.ret(packed(builder, _values(body(builder, *entries)), result))
+    builder.ret(packed(builder, values_of(body(builder, *entries)), result))
 
 
 def _write_oscillators(define: Callable[..., None], kinds: Kinds, turning: Sequence[int]) -> None:
@@ -137,10 +149,6 @@ def _write_oscillators(define: Callable[..., None], kinds: Kinds, turning: Seque
     define("with_oscillators_pairs", "AISSSS", ir.ArrayType(stages, 2), with_pairs)
 
 
-def _values(numbers: Any) -> Any:
-    return numbers.value if isinstance(numbers, LLVMValue) else [_values(number) for number in numbers]
-
-
 def _constant(builder: ir.IRBuilder, numbers: Vector, kinds: Kinds, half: int = 0) -> LLVMValue:
     """The high or low half of one number for each stage, in every lane."""
     kind = kinds.of("S").elements[0]
@@ -157,11 +165,7 @@ def _column(matrix: Matrix, j: int) -> Vector:
 
 def _of_every_stage(builder: ir.IRBuilder, x: LLVMValue, kinds: Kinds) -> LLVMValue:
     """A number of each lane in every stage."""
-    vector, count = x.value, kinds.stages * kinds.lanes
-    if kinds.lanes == 1:
-        nothing = ir.Constant(ir.VectorType(x.value.type, 1), ir.Undefined)
-        vector = builder.insert_element(nothing, vector, ir.IntType(32)(0))
-    return LLVMValue(builder, shuffled(builder, vector, [i % kinds.lanes for i in range(count)]))
+    return LLVMValue(builder, in_every_lane(builder, x.value, kinds.of("S").elements[0]))
 
 
 def _from_stage(x: LLVMValue, j: int, kinds: Kinds) -> LLVMValue:

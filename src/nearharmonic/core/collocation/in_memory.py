@@ -11,13 +11,16 @@ from math import nan
 from typing import Any
 
 from nearharmonic.core.arithmetic import fma
-from nearharmonic.core.collocation.iteration import FEW, MOST_ITERATIONS, NEGLIGIBLE, SOLVED
+from nearharmonic.core.collocation.iteration import MOST_ITERATIONS, continuing, missing
 from nearharmonic.core.layout import FAILED, ITERATIONS, READY
 from nearharmonic.core.loops.shape import Form, Motion
 from nearharmonic.core.machine.reals import (
     REAL,
     STAGES,
+    absolute,
+    all_zero,
     compiled,
+    larger,
     linked,
     linked_number,
     load_real,
@@ -152,31 +155,28 @@ def _of_masses(form: Form) -> tuple[Any, Any]:
 
 def _solver(positions: Any) -> Any:
     """``solve(rows, h, at, places, start)``: the number of iterations, and False if they failed."""
-    negligible, solved = NEGLIGIBLE[False], SOLVED[False]
+    going, missed = continuing(extended=False), missing(extended=False)
 
     @compiled
     def solve(rows, h, at, places, start):  # type: ignore[no-untyped-def]
         d, s = _dimension(), _stages()
-        size = change = 0.0
+        nothing = zero_like(h)
+        size, change, failed, active, made = nothing, nothing, nothing, nothing + 1.0, 0
         for i in range(d * s):
-            size = max(size, abs(rows[at + i]))
-        made, going = 0, True
-        while going and made < MOST_ITERATIONS:
+            size = larger(absolute(load_real(rows, at + i)), size)
+        while not all_zero(active) and made < MOST_ITERATIONS:
             positions(rows, h, at, places, start)
-            latest = 0.0
+            latest = nothing
             for j in range(s):
                 _from_stage(rows, places, j, _running())
                 _force(rows)
                 for k in range(d):
-                    latest = max(latest, abs(rows[_force_at() + k] - rows[at + k * s + j]))
-                    rows[at + k * s + j] = rows[_force_at() + k]
-            going = latest > negligible * size
-            if made > 0:
-                going = going and latest * latest > negligible * size * change
-            if made >= FEW:
-                going = going and change > latest
+                    f = load_real(rows, _force_at() + k)
+                    latest = larger(absolute(f - load_real(rows, at + k * s + j)), latest)
+                    store(rows, at + k * s + j, f)
+            active, failed = going(active, size, change, latest, made), missed(size, change, latest, made)
             made, change = made + 1, latest
-        return made, change <= solved * size
+        return made, all_zero(failed)
 
     return solve
 

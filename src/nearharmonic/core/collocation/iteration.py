@@ -29,8 +29,47 @@ FEW = 3
 #: Largest next change of the forces, relative to the largest force, that needs no iteration, in double and in
 #: double-double: the rounding of a force. Energies drift no more than if every step went on until nothing changes.
 NEGLIGIBLE = {False: 2.0**-53, True: 2.0**-106}
-#: Largest last change with which a step counts as solved.
+#: Largest last change with which a step counts as solved, unless the next one is known to be negligible.
 SOLVED = {False: 2.0**-34, True: 2.0**-70}
+
+
+def continuing(*, extended: bool) -> Any:
+    """Return ``going(active, size, change, latest, count)``: ``active`` where one more iteration is of use, else 0.
+
+    ``size`` is the largest force, ``change`` and ``latest`` the largest changes in the last two of ``count`` + 1
+    iterations.
+    """
+    negligible = NEGLIGIBLE[extended]
+
+    @compiled
+    def going(active, size, change, latest, count):  # type: ignore[no-untyped-def]
+        nothing = zero_like(active)
+        found = where_greater(latest, negligible * size, active, nothing)
+        if count > 0:  # the next change is about latest^2 / change
+            found = where_greater(latest * latest, negligible * size * change, found, nothing)
+        if count >= FEW:
+            found = where_greater(change, latest, found, nothing)
+        return found
+
+    return going
+
+
+def missing(*, extended: bool) -> Any:
+    """Return ``missed(size, change, latest, count)``: 1 where an iteration that ends here has not solved it, else 0.
+
+    Arguments are those of :func:`continuing`.
+    """
+    negligible, solved = NEGLIGIBLE[extended], SOLVED[extended]
+
+    @compiled
+    def missed(size, change, latest, count):  # type: ignore[no-untyped-def]
+        nothing = zero_like(size)
+        found = where_greater(latest, solved * size, nothing + 1.0, nothing)
+        if count > 0:
+            found = where_greater(latest * latest, negligible * size * change, found, nothing)
+        return found
+
+    return missed
 
 
 def iteration(form: Form, forces_behind: Any) -> Any:
@@ -39,7 +78,7 @@ def iteration(form: Form, forces_behind: Any) -> Any:
     ``forces_behind(f, step, parameters)`` are the forces at the positions that follow from forces ``f``.
     """
     extended = form.extended
-    negligible, solved = NEGLIGIBLE[extended], SOLVED[extended]
+    going, missed = continuing(extended=extended), missing(extended=extended)
 
     @compiled
     def largest(f):  # type: ignore[no-untyped-def]
@@ -61,7 +100,7 @@ def iteration(form: Form, forces_behind: Any) -> Any:
     def solve(f, step, parameters):  # type: ignore[no-untyped-def]
         size = largest(f)
         nothing = zero_like(size)
-        active, made, change = nothing + 1.0, nothing, nothing
+        active, made, change, failed = nothing + 1.0, nothing, nothing, nothing
         count, several = 0, _lanes() > 1
         while True:
             found = forces_behind(f, step, parameters)
@@ -69,16 +108,13 @@ def iteration(form: Form, forces_behind: Any) -> Any:
             # A single lane is active until the loop ends; to ask would be longer than the chain of an iteration.
             f = kept(active, f, found) if several else found
             made = made + active
-            going = where_greater(latest, negligible * size, active, nothing)
-            if count > 0:  # the next change is about latest^2 / change
-                going = where_greater(latest * latest, negligible * size * change, going, nothing)
-            if count >= FEW:
-                going = where_greater(change, latest, going, nothing)
+            still, over = going(active, size, change, latest, count), missed(size, change, latest, count)
+            failed = where_zero(active, failed, over) if several else over
             change = where_zero(active, change, latest) if several else latest
-            active = going
+            active = still
             count += 1
             if count >= MOST_ITERATIONS or all_zero(active):
                 break
-        return f, made, where_greater(change, solved * size, nothing + 1.0, nothing)
+        return f, made, failed
 
     return solve

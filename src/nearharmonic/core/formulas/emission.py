@@ -146,7 +146,7 @@ class _Formulas:
                 for x in function.args
             )
         )
-        builder.ret(packed(builder, _values(found), result))
+        builder.ret(packed(builder, values_of(found), result))
 
     def coefficient(self, column: int) -> None:
         """A function that loads one coefficient for each coordinate, for an oscillator that is solved exactly."""
@@ -173,8 +173,9 @@ def _split(entries: Entries) -> list[Entries]:
     return [entries[:-1], entries[-1:]]
 
 
-def _values(numbers: Any) -> Any:
-    return numbers.value if isinstance(numbers, LLVMValue) else [_values(number) for number in numbers]
+def values_of(numbers: Any) -> Any:
+    """Return the values of LLVM of numbers, in the same nesting."""
+    return numbers.value if isinstance(numbers, LLVMValue) else [values_of(number) for number in numbers]
 
 
 def maps_module(rules: Rules, maps: Any) -> ir.Module:

@@ -156,11 +156,11 @@ def _coordinates(builder: ir.IRBuilder, value: ir.Value, kind: ir.Type) -> list[
         [value] if value.type == DOUBLE else [builder.extract_value(value, i) for i in range(len(value.type.elements))]
     )
     element = kind.elements[0]
-    found = [x if x.type == element else _in_every_lane(builder, x, element) for x in numbers]
+    found = [x if x.type == element else in_every_lane(builder, x, element) for x in numbers]
     return found * len(kind.elements) if len(found) == 1 else found
 
 
-def _in_every_lane(builder: ir.IRBuilder, x: ir.Value, vector: ir.Type) -> ir.Value:
+def in_every_lane(builder: ir.IRBuilder, x: ir.Value, vector: ir.Type) -> ir.Value:
     """A double in every lane, or a number of each lane in every stage."""
     if isinstance(x.type, ir.VectorType):
         return shuffled(builder, x, [i % x.type.count for i in range(vector.count)])

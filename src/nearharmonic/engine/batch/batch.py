@@ -87,7 +87,7 @@ def prepared_batch(
             scale=scale, reference=reference, resumed=resumed,
         )  # fmt: skip
     cost = step.stages * cost_of(system, numerics.compiled, **step.kernel_options)
-    runs, d, stages = len(marks), start.shape[1] // 4, step.kernel_options.get("stages", 0)
+    runs, d, stages = len(marks), start.shape[1] // 4, step.stages if step.implicit else 0
     left_at, control = np.zeros(runs, np.int64), execution.control()
     results = np.empty((4 * d + 3) * marks.size + (2 + running_rows(d, stages)) * runs)
     parts = filled(marks, results, left_at, d)

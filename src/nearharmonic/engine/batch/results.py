@@ -134,15 +134,11 @@ def trajectories_of(
     d = states.shape[-1] // 4
     left = left_at > 0
     done = taken = np.where(left, left_at, steps)
-    weight, landed, counters = steps, system.regularisation is not None, running[:, -COUNTERS:]
+    weight, landed, counters = steps, system.regularisation is not None, running
     if landed:
         done, taken = np.maximum(running[:, :2], 1).T.astype(np.int64)
         weight, running = done, running[:, :0]
-    evaluations, unsolved = tableau.evaluations(taken), np.zeros(len(left), bool)
-    if tableau.implicit:
-        iterations, failed = counters[:, ITERATIONS], counters[:, FAILED]
-        evaluations = tableau.evaluations(iterations.astype(np.int64))
-        unsolved = left & (failed != 0)
+    evaluations, failed = evaluations_of(tableau, taken, counters)
     largest = np.fmax.reduce(worst, axis=1)  # which passes NaN over
     mean = _means(total, weight, marks, numerics)
     if left.any():
@@ -165,8 +161,19 @@ def trajectories_of(
         energy=energy[:, 0],
         energy_low=energy[:, 1],
         running=running,
-        unsolved=unsolved,
+        unsolved=left & failed,
     )
+
+
+def evaluations_of(tableau: Tableau, steps: Integers, running: Floats) -> tuple[Integers, Bools]:
+    """Return the force evaluations (R,) of runs, and where an implicit step was not solved.
+
+    ``steps`` (R,) were made; those of implicit methods have their iterations among the counters that end ``running``.
+    """
+    if not tableau.implicit:
+        return tableau.evaluations(steps), np.zeros(len(steps), bool)
+    counters = running[:, -COUNTERS:]
+    return tableau.evaluations(counters[:, ITERATIONS].astype(np.int64)), counters[:, FAILED] != 0
 
 
 def _means(total: Floats, steps: Integers, marks: Integers, numerics: Numerics) -> Floats:

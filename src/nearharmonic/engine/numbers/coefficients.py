@@ -56,7 +56,7 @@ def moves(step: Composition, taus: Sequence[Fraction], parts: int, *, rounded: b
         True if coefficients times powers of tau are rounded to doubles before any are added; kicks of V alone have no
         other numbers with one part.
     """
-    array = np.empty((len(taus), step.moves_per_step + 2, modified_columns(parts) if step.modified else COLUMNS))
+    array = np.empty((len(taus), step.stages + 2, modified_columns(parts) if step.modified else COLUMNS))
     for i, tau in enumerate(taus):
         array[i] = _moves(step, tau.numerator, tau.denominator, parts, rounded and (parts == 2 or step.modified))
     return array
@@ -106,7 +106,7 @@ def _moves(step: Composition, numerator: int, denominator: int, parts: int, roun
 
 
 def _products(step: Composition, numerator: int, denominator: int) -> Floats:
-    array = np.empty((step.moves_per_step + 2, COLUMNS))
+    array = np.empty((step.stages + 2, COLUMNS))
     n, d = numerator * numerator, denominator * denominator
     for row, ((k1, k2), (e1, e2), (p1, p2)) in zip(array, exact_products(step), strict=True):
         row[:2] = k1 * numerator / (k2 * denominator), e1 * numerator / (e2 * denominator)

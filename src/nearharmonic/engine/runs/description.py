@@ -12,8 +12,8 @@ from nearharmonic.engine.runs import invariants
 from nearharmonic.engine.runs.continuation import Start, end_digest, moves_digest
 from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.integrators import integrators
-from nearharmonic.numerics.types import Floats
-from nearharmonic.output.dataset import Variables, assembled, described, flags
+from nearharmonic.numerics.types import Bools, Floats, Integers
+from nearharmonic.output.dataset import Variable, Variables, assembled, described, flags
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,10 +29,6 @@ UNSOLVED, NOT_SOLVED = "not_converged", "not_converged: the iteration of an impl
 
 def error_variables(paths: Trajectories, problem: Setup) -> Variables:
     """Return errors, steps, evaluations and status of runs over tau_per_stage."""
-    words, meaning = list(STATUSES), STATUS
-    if problem.tableau.implicit:
-        words, meaning = [*words, UNSOLVED], f"{meaning}; {NOT_SOLVED}"
-    status = np.where(paths.unsolved, words[-1], np.where(paths.left_at > 0, words[1], words[0]))
     scale, unit = energy_scale(paths, problem)
     over = {"every": "over every step, inf if diverged", "samples": "over the samples, inf if diverged"}
     what = f"|H - H0|{scale} {over.get(problem.numerics.energy, 'was not asked for')}"
@@ -43,10 +39,19 @@ def error_variables(paths: Trajectories, problem: Setup) -> Variables:
         "steps": (made, "steps that cover [0, t_end]", "1"),
         "evaluations": (paths.evaluations, "force evaluations made", "1"),
     }) | {
-        "status": flags("tau_per_stage", status, words, meaning),
+        "status": status_variable("tau_per_stage", problem, paths.left_at, paths.unsolved),
     } | over_runs({
         "diverged_at": (paths.left_at, "step at which the run left its energy surface, 0 if it did not", "1"),
     })  # fmt: skip
+
+
+def status_variable(dimension: str, problem: Setup, left_at: Integers, unsolved: Bools) -> Variable:
+    """Return how runs ended, from the steps at which they left, or 0, and where an implicit step was not solved."""
+    words, meaning = list(STATUSES), STATUS
+    if problem.tableau.implicit:
+        words, meaning = [*words, UNSOLVED], f"{meaning}; {NOT_SOLVED}"
+    ended = np.where(unsolved, words[-1], np.where(left_at > 0, words[1], words[0]))
+    return flags(dimension, ended, words, meaning)
 
 
 def energy_scale(paths: Trajectories, problem: Setup) -> tuple[str, str]:

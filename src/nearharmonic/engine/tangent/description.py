@@ -11,11 +11,11 @@ import numpy as np
 from nearharmonic.engine.batch.kernels import formulas_digest
 from nearharmonic.engine.batch.results import energy_unit, surface_limit
 from nearharmonic.engine.runs.continuation import parameter_attributes
-from nearharmonic.engine.runs.description import NOT_SOLVED, STATUS, STATUSES, UNSOLVED, problem_attributes
+from nearharmonic.engine.runs.description import problem_attributes, status_variable
 from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.numerics.statistics import student_975
 from nearharmonic.numerics.types import Floats, Integers
-from nearharmonic.output.dataset import Variables, assembled, described, flags
+from nearharmonic.output.dataset import Variables, assembled, described
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -68,14 +68,11 @@ def deviations_dataset(
         kept_values = np.where(gone.reshape(*gone.shape, *(1,) * len(dimensions)), np.nan, values)[:, int(only_end) :]
         variables[name] = ("member", "sample", *dimensions), kept_values, notes
     over_member = end_variables(found, exponent[:, -1], left_at, float(problem.end), rate)
-    lost, words, meaning = left_at > 0, list(STATUSES), STATUS
-    if problem.tableau.implicit:
-        words, meaning = [*words, UNSOLVED], f"{meaning}; {NOT_SOLVED}"
-    worst = np.where(lost, inf, np.fmax.reduce(np.abs(error), axis=1))
+    worst = np.where(left_at > 0, inf, np.fmax.reduce(np.abs(error), axis=1))
     over_member |= {
         "max_energy_error": (("member",), worst, described("maximum of |energy_error| over the samples, inf if lost")),
         "initial_energy": (("member",), H0, described("energy H0 at the start", system.units["energy"])),
-        "status": flags("member", np.where(found.unsolved, words[-1], np.where(lost, *words[1::-1])), words, meaning),
+        "status": status_variable("member", problem, left_at, found.unsolved),
         "evaluations": (("member",), found.evaluations, described("evaluations of the gradient by all lanes")),
         "diverged_at": (("member",), left_at, described("step at which divergence was seen, 0 if none was")),
     }

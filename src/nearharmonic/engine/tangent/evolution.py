@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from nearharmonic.core.layout import COUNTERS, FAILED, ITERATIONS
 from nearharmonic.engine.batch import execution
 from nearharmonic.engine.batch.batch import sample_marks
 from nearharmonic.engine.batch.lanes import with_lanes
 from nearharmonic.engine.batch.queue import Batch
-from nearharmonic.engine.batch.results import Filled
+from nearharmonic.engine.batch.results import Filled, evaluations_of
 from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.engine.tangent.frame import Frame
 from nearharmonic.math import log
@@ -243,13 +242,9 @@ class _Block:
         known = self.found.left_at[self.block]
         new = (known == 0) & (lanes < never)
         known[new] = step + lanes[new]
-        if tableau.implicit:
-            counters = filled.running[:, -COUNTERS:].reshape(-1, k, COUNTERS)
-            made = tableau.evaluations(counters[..., ITERATIONS].astype(np.int64)).sum(axis=1)
-            self.found.unsolved[self.block] |= new & (counters[..., FAILED] != 0).any(axis=1)
-        else:
-            made = k * tableau.evaluations(steps)
-        self.found.evaluations[self.block] += made
+        made, failed = evaluations_of(tableau, np.full(left_at.size, steps), filled.running)
+        self.found.unsolved[self.block] |= new & failed.reshape(-1, k).any(axis=1)
+        self.found.evaluations[self.block] += made.reshape(-1, k).sum(axis=1)
 
     def _keep(self, sample: int, rows: Floats, frame: Frame, megno: Floats) -> None:
         found, D = self.found, rows.shape[-1] // 2
