@@ -161,7 +161,7 @@ def _solver(positions: Any) -> Any:
     def solve(rows, h, at, places, start):  # type: ignore[no-untyped-def]
         d, s = _dimension(), _stages()
         nothing = zero_like(h)
-        size, change, failed, active, made = nothing, nothing, nothing, nothing + 1.0, 0
+        size, before, change, failed, active, made = nothing, nothing, nothing, nothing, nothing + 1.0, 0
         for i in range(d * s):
             size = larger(absolute(load_real(rows, at + i)), size)
         while not all_zero(active) and made < MOST_ITERATIONS:
@@ -174,8 +174,9 @@ def _solver(positions: Any) -> Any:
                     f = load_real(rows, _force_at() + k)
                     latest = larger(absolute(f - load_real(rows, at + k * s + j)), latest)
                     store(rows, at + k * s + j, f)
-            active, failed = going(active, size, change, latest, made), missed(size, change, latest, made)
-            made, change = made + 1, latest
+            failed = missed(size, before, change, latest, made)
+            active = going(active, size, before, change, latest, made)
+            made, before, change = made + 1, change, latest
         return made, all_zero(failed)
 
     return solve

@@ -34,19 +34,21 @@ SOLVED = {False: 2.0**-34, True: 2.0**-70}
 
 
 def continuing(*, extended: bool) -> Any:
-    """Return ``going(active, size, change, latest, count)``: ``active`` where one more iteration is of use, else 0.
+    """Return ``going(active, size, before, change, latest, count)``: ``active`` where one more iteration helps, else 0.
 
-    ``size`` is the largest force, ``change`` and ``latest`` the largest changes in the last two of ``count`` + 1
-    iterations.
+    ``size`` is the largest force, ``before``, ``change`` and ``latest`` the largest changes in the last three of
+    ``count`` + 1 iterations. The larger of their two ratios tells the next one: a guess may be so good in the part that
+    shrinks slowest that the last ratio alone promises too much.
     """
     negligible = NEGLIGIBLE[extended]
 
     @compiled
-    def going(active, size, change, latest, count):  # type: ignore[no-untyped-def]
+    def going(active, size, before, change, latest, count):  # type: ignore[no-untyped-def]
         nothing = zero_like(active)
         found = where_greater(latest, negligible * size, active, nothing)
-        if count > 0:  # the next change is about latest^2 / change
-            found = where_greater(latest * latest, negligible * size * change, found, nothing)
+        if count > 1:
+            by_last = where_greater(latest * latest, negligible * size * change, found, nothing)
+            found = where_greater(latest * change, negligible * size * before, found, by_last)
         if count >= FEW:
             found = where_greater(change, latest, found, nothing)
         return found
@@ -55,18 +57,19 @@ def continuing(*, extended: bool) -> Any:
 
 
 def missing(*, extended: bool) -> Any:
-    """Return ``missed(size, change, latest, count)``: 1 where an iteration that ends here has not solved it, else 0.
+    """Return ``missed(size, before, change, latest, count)``: 1 where a step that ends here is not solved, else 0.
 
     Arguments are those of :func:`continuing`.
     """
     negligible, solved = NEGLIGIBLE[extended], SOLVED[extended]
 
     @compiled
-    def missed(size, change, latest, count):  # type: ignore[no-untyped-def]
+    def missed(size, before, change, latest, count):  # type: ignore[no-untyped-def]
         nothing = zero_like(size)
         found = where_greater(latest, solved * size, nothing + 1.0, nothing)
-        if count > 0:
-            found = where_greater(latest * latest, negligible * size * change, found, nothing)
+        if count > 1:
+            by_last = where_greater(latest * latest, negligible * size * change, found, nothing)
+            found = where_greater(latest * change, negligible * size * before, found, by_last)
         return found
 
     return missed
@@ -100,7 +103,7 @@ def iteration(form: Form, forces_behind: Any) -> Any:
     def solve(f, step, parameters):  # type: ignore[no-untyped-def]
         size = largest(f)
         nothing = zero_like(size)
-        active, made, change, failed = nothing + 1.0, nothing, nothing, nothing
+        active, made, before, change, failed = nothing + 1.0, nothing, nothing, nothing, nothing
         count, several = 0, _lanes() > 1
         while True:
             found = forces_behind(f, step, parameters)
@@ -108,8 +111,10 @@ def iteration(form: Form, forces_behind: Any) -> Any:
             # A single lane is active until the loop ends; to ask would be longer than the chain of an iteration.
             f = kept(active, f, found) if several else found
             made = made + active
-            still, over = going(active, size, change, latest, count), missed(size, change, latest, count)
+            still = going(active, size, before, change, latest, count)
+            over = missed(size, before, change, latest, count)
             failed = where_zero(active, failed, over) if several else over
+            before = where_zero(active, before, change) if several else change
             change = where_zero(active, change, latest) if several else latest
             active = still
             count += 1
