@@ -14,7 +14,6 @@ from llvmlite import ir
 
 from nearharmonic.core.arithmetic import dd_add, dd_mul
 from nearharmonic.core.collocation.table import Vector
-from nearharmonic.core.formulas.emission import values_of
 from nearharmonic.core.formulas.rules import Entries, Rules
 from nearharmonic.core.layout import collocation_columns
 from nearharmonic.core.machine.operations import (
@@ -29,7 +28,7 @@ from nearharmonic.core.machine.operations import (
     shuffled,
     stage,
 )
-from nearharmonic.core.machine.values import LLVMValue
+from nearharmonic.core.machine.values import LLVMValue, values_of
 
 #: Function of the builder and of the entries of each argument.
 Body = Callable[..., Any]

@@ -25,6 +25,7 @@ from nearharmonic.core.machine.operations import (
     write_load,
     write_numbers,
 )
+from nearharmonic.core.machine.values import values_of
 
 #: Formulas that a system may lack, with the functions that they are made of.
 _OPTIONAL = {"square": "modified", "acceleration": "acceleration"}
@@ -171,11 +172,6 @@ def _each(numbers: Sequence[LLVMValue]) -> list[Entries]:
 
 def _split(entries: Entries) -> list[Entries]:
     return [entries[:-1], entries[-1:]]
-
-
-def values_of(numbers: Any) -> Any:
-    """Return the values of LLVM of numbers, in the same nesting."""
-    return numbers.value if isinstance(numbers, LLVMValue) else [values_of(number) for number in numbers]
 
 
 def maps_module(rules: Rules, maps: Any) -> ir.Module:

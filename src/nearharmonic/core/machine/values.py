@@ -203,3 +203,8 @@ class LLVMValue(_Emitted):
     def larger(self, other: LLVMValue) -> LLVMValue:
         """self where self > other, else other: a NaN in self is lost, so finiteness needs a separate test."""
         return self.greater(other).choose(self, other)
+
+
+def values_of(numbers: Any) -> Any:
+    """Return the values of LLVM of numbers, in the same nesting."""
+    return numbers.value if isinstance(numbers, LLVMValue) else [values_of(number) for number in numbers]
