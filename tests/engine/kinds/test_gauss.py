@@ -204,7 +204,7 @@ def test_oscillators_inside_the_equations_give_the_same_run(amplitude):
     inside = nh.integrate("henon_heiles", GAUSS, split="exact_oscillator", **settings)
     # Both solve the same equations to rounding, which a hundred steps amplify by about a hundred.
     assert np.abs(inside.q.values[-1] - plain.q.values[-1]).max() < 100 * 100 * 2.0**-53 * amplitude
-    # What is iterated is smaller by the amplitude; one iteration more removes the rounding of the coefficients, and takes
+    # What is iterated is smaller by the amplitude; one iteration more removes the rounding of coefficients, and takes
     # at the full amplitude what is gained.
     assert inside.evaluations.item() < plain.evaluations.item() * (1.05 if amplitude == 1 else 0.9)
     exact = nh.integrate("henon_heiles", GAUSS, split="exact_oscillator", precision="extended", **settings)
