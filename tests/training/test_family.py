@@ -14,7 +14,9 @@ from scipy.optimize import minimize
 
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
+from nearharmonic.integrators.theory.order import generalised_order_of
 from nearharmonic.training.family import Family
+from nearharmonic.training.polish import tableau_of
 from support.methods.family_members import FAMILIES, members
 from support.oracles import modified_steps
 
@@ -118,7 +120,8 @@ def test_residuals_and_slopes_of_arrays_are_those_of_each_point(family):
     ("name", "conditions"),
     [
         ("babs7o7h", {"harmonic_order": 7}),
-        ("aba864", {}),
+        ("aba864", {"generalised_order": (8, 6, 4)}),
+        ("aba1064", {"generalised_order": (10, 6, 4)}),
         ("srkn_b11", {"order": 6}),
         ("srkn_a14", {"order": 6}),
         ("babs8o6_7h", {"order": 6, "harmonic_order": 7}),
@@ -136,6 +139,14 @@ def test_published_methods_meet_the_equations(name, conditions):
     assert drifts == pytest.approx([float(c) for c in tableau.drift], abs=1e-14)
     assert squares == pytest.approx([float(m) for m in tableau.square or ["0"] * len(kicks)], abs=1e-14)
     assert np.abs(family.residuals(x)).max() < 1e-11
+
+
+@pytest.mark.parametrize("wanted", [(6, 4), (8, 4), (8, 6, 4)])
+@pytest.mark.parametrize("first", ["drift", "kick"])
+def test_members_have_the_generalised_order_of_their_family(first, wanted):
+    family = Family(stages=9, first=first, generalised_order=wanted)
+    for x in members(family, 2):
+        assert generalised_order_of(tableau_of(family, x, digits=20, name="one", source="here")) == wanted
 
 
 @pytest.mark.parametrize("family", FAMILIES, ids=str)
@@ -196,6 +207,10 @@ def test_projection_of_point_is_bitwise_independent_of_others(family):
         ({"harmonic_order": 9}, "harmonic_order = 9 is not allowed: one of 4, 5, 6, 7, 8"),
         ({"first": "push"}, "first = 'push' is not allowed: one of drift, kick"),
         ({"stages": 6, "order": 6}, "stages = 6 is not allowed: at least 6 free coefficients .* there are 5"),
+        ({"generalised_order": (8, 5)}, r"generalised_order = \(8, 5\) is not allowed: even orders that do not"),
+        ({"generalised_order": (6, 8)}, "even orders that do not increase, from 10 to the order 4"),
+        ({"generalised_order": (12, 4)}, "even orders that do not increase, from 10"),
+        ({"generalised_order": (8, 6, 4)}, "at least 6 free coefficients"),
         ({"squares": (3,)}, r"squares = \(3,\) is not allowed: different numbers of kicks, from 0 to 2"),
         ({"squares": (-1,)}, "different numbers of kicks, from 0 to 2"),
         ({"squares": (1, 1)}, "different numbers of kicks, from 0 to 2"),

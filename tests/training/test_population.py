@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.reproduction.experiments.trained.problems.random_potentials import random_ensemble
+from nearharmonic.reproduction.experiments.trained.problems.random_potentials import (
+    random_ensemble,
+    with_exact_oscillators,
+)
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import errors_of
 from nearharmonic.training.population import LEAST, LOST, Ensemble, Population, mean_log
@@ -108,6 +111,74 @@ def test_problems_have_parameters_of_their_own(dimension):
             assert found[c, 0, m] == pytest.approx(wanted, rel=1e-8, abs=ROUNDING)
 
 
+def rotated_error(kicks, drifts, first, tau, steps, w, force, energy, q, p):
+    """Largest |dH/H0| of a plain loop over kicks by a force and rotations with the frequencies w."""
+    start, worst = energy(q, p), 0.0
+    for _ in range(steps):
+        for i in range(max(len(kicks), len(drifts))):
+            for operator in ("kick", "drift") if first == "kick" else ("drift", "kick"):
+                if operator == "kick" and i < len(kicks):
+                    p = p + kicks[i] * tau * force(q)
+                elif operator == "drift" and i < len(drifts):
+                    x = w * drifts[i] * tau
+                    q, p = q * np.cos(x) + p * np.sin(x) / w, p * np.cos(x) - q * w * np.sin(x)
+        worst = max(worst, abs((energy(q, p) - start) / start))
+    return worst
+
+
+@pytest.mark.parametrize("first", ["drift", "kick"])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_exactly_solved_oscillators_have_the_frequencies_of_each_problem(dimension, first):
+    plain = random_ensemble(dimension, 4, 3, band=(0.1, 0.5), t_end=10.0)
+    family = Family(stages=5, first=first)
+    kicks, drifts, _ = rows_of(family, 2)
+    found = Population(with_exact_oscillators(plain), family.shape(), [0.05, 0.09], 2).errors(kicks, drifts)
+    for m in range(4):
+        values, start = plain.parameters[m].reshape(-1, 2)[:, 0], plain.start[m].reshape(4, dimension)
+        w = np.sqrt(values[:dimension])
+
+        def V(q, values=values):
+            return plain.system.V(tuple(q), *values)
+
+        def force(q, V=V, w=w):
+            return np.array([-V(q + 1e-40j * e).imag / 1e-40 for e in np.eye(dimension)]) + w * w * q
+
+        for c in range(2):
+            for t, each in enumerate((0.05, 0.09)):
+                steps = round(10 / (5 * each))
+                wanted = rotated_error(
+                    kicks[c], drifts[c], first, 10 / steps, steps, w, force, lambda q, p, V=V: p @ p / 2 + V(q),
+                    start[0], start[2],
+                )  # fmt: skip
+                assert wanted > 1e-7
+                assert found[c, t, m] == pytest.approx(wanted, rel=1e-8, abs=ROUNDING)
+
+
+@pytest.mark.parametrize("exact", [False, True])
+def test_signed_energies_at_every_step_have_the_largest_error(exact):
+    ensemble = random_ensemble(2, 4, 3, band=(0.1, 0.5), t_end=10.0)
+    ensemble = with_exact_oscillators(ensemble) if exact else ensemble
+    family = Family(stages=5, first="kick")
+    rows = rows_of(family, 3)[:2]
+    largest = Population(ensemble, family.shape(), [0.05, 0.1], 3).errors(*rows)
+    signed = Population(ensemble, family.shape(), [0.05, 0.1], 3, samples=100).energies(*rows)
+    assert signed.shape == (3, 2, 4, 40)
+    assert (signed[:, 1, :, 20:] == 0).all()
+    assert (signed < 0).any()
+    assert (signed > 0).any()
+    assert np.abs(signed).max(axis=-1) == pytest.approx(largest, rel=1e-12)
+
+
+def test_diverged_runs_have_infinite_energies():
+    starts = [*STARTS[:2], (0.9, 1.4, 0.2, 0.5)]  # the third escapes
+    family = Family(stages=3, first="drift")
+    kicks, drifts, _ = rows_of(family, 1)
+    ensemble = henon_heiles(t_end=200.0, starts=starts)
+    found = Population(ensemble, family.shape(), [0.1], 1, samples=9).energies(kicks, drifts)[0, 0]
+    assert np.isinf(found[2]).all()
+    assert np.isfinite(found[:2]).all()
+
+
 @pytest.mark.parametrize("name", ["babs7o7h", "srkn_a14", "omelyan_g5o6", "chin_4a"])
 def test_errors_of_a_method_are_those_of_integrate(name):
     tableau = nh.integrators[name]
@@ -177,6 +248,8 @@ def test_part_of_an_ensemble_has_the_parameters_of_its_problems():
     which = np.array([4, 1])
     part = ensemble.part(which)
     assert part.size == 2
+    exact = with_exact_oscillators(ensemble)
+    assert (exact.part(which).frequencies == exact.frequencies[which]).all()
     for name in ("start", "parameters", "strength"):
         assert (getattr(part, name) == getattr(ensemble, name)[which]).all()
     assert (part.t_end, part.unit, part.name) == (ensemble.t_end, ensemble.unit, ensemble.name)

@@ -61,6 +61,9 @@ class Family(ConditionedSteps):
         Degree of V up to which the methods have this order, from 3; any V, if None.
     harmonic_order : int
         Order lambda_H on the harmonic oscillator, 4 to 8.
+    generalised_order : tuple of int
+        Orders (r1, r2, ...) for H = T + epsilon V in the powers of epsilon, even, from ``order`` on and not increasing;
+        T may be an oscillator that is solved exactly.
     squares : tuple of int
         Indices of the kicks with a modified potential, counted from the outermost kick.
 
@@ -77,6 +80,7 @@ class Family(ConditionedSteps):
     harmonic_order: int = 4
     squares: tuple[int, ...] = ()
     potential_degree: int | None = None
+    generalised_order: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         for key, value, known in (
@@ -87,6 +91,10 @@ class Family(ConditionedSteps):
         ):
             if value not in known:
                 raise bad_setting(key, value, f"one of {', '.join(map(str, known))}")
+        ladder = (*self.generalised_order, self.order)
+        if any(r % 2 or r > 10 for r in ladder) or sorted(ladder, reverse=True) != list(ladder):
+            what = f"even orders that do not increase, from 10 to the order {self.order}"
+            raise bad_setting("generalised_order", self.generalised_order, what)
         half = (self.stages + (self.first == "kick") + 1) // 2
         if set(self.squares) - set(range(half)) or len(set(self.squares)) < len(self.squares):
             raise bad_setting("squares", self.squares, f"different numbers of kicks, from 0 to {half - 1}")
@@ -128,7 +136,7 @@ class Family(ConditionedSteps):
         """
         x = np.array(points, dtype=float)
         with np.errstate(all="ignore"):
-            moving = np.flatnonzero(~self._met(x, settings))
+            moving = np.flatnonzero(~self.met(x, settings))
             for _ in range(settings.steps):
                 if not moving.size:
                     break
@@ -139,9 +147,9 @@ class Family(ConditionedSteps):
                 step = (J.transpose(0, 2, 1) @ np.linalg.solve(square, values.T[..., None]))[..., 0]
                 x[moving] -= np.clip(np.nan_to_num(step), -settings.longest, settings.longest)
                 moving = moving[~(np.abs(values).max(axis=0) < settings.near)]
-            return x, self._met(x, settings)
+            return x, self.met(x, settings)
 
-    def _met(self, x: Floats, settings: Projection) -> NDArray[np.bool_]:
+    def met(self, x: Floats, settings: Projection = Projection()) -> NDArray[np.bool_]:
         """Return the mask of the points (C, n) that fulfil the equations."""
         found: NDArray[np.bool_] = np.abs(np.stack(self.residuals(x.T))).max(axis=0) < settings.met
         return found

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
@@ -80,18 +81,16 @@ class Objective:
         largest_sum: float = LARGEST_SUM,
     ) -> None:
         self.family, self.size, self.largest_sum = family, size, largest_sum
-        cost = family.stages + charge * family.gradients
-        shape = family.shape()
-        self._populations = [Population(one, shape, tau_per_stage, size, cost) for one in ensembles]
-        self._references = [np.asarray(reference) for reference in references]
+        self.references = [np.asarray(reference) for reference in references]
         self.trials = 0
+        self._runs = tuple(ensembles), family.shape(), tuple(tau_per_stage), family.stages + charge * family.gradients
+        self._populations = self.populations(size)
 
     def __call__(self, points: Floats) -> Floats:
         """Return the objective (C,) of the members nearest to ``points`` (C, n)."""
         x, inside = self.family.project(points)
-        with np.errstate(all="ignore"):  # points with NaN count as outside
-            kicks, drifts, squares = self._rows(x)
-            total = np.abs(kicks).sum(axis=1) + np.abs(drifts).sum(axis=1)
+        kicks, drifts, squares = self.rows(x)
+        total = self._sums(kicks, drifts)
         inside &= total < self.largest_sum
         found: Floats = OUTSIDE + SLOPE * np.minimum(np.nan_to_num(total, nan=np.inf), 100.0)
         if inside.any():
@@ -101,9 +100,26 @@ class Objective:
 
     def gains(self, x: Floats) -> Floats:
         """Return by how many decades the errors of members (C, n) are below the reference (ensembles, C, T)."""
-        return -self._differences(*self._rows(x))
+        return -self._differences(*self.rows(x))
 
-    def _rows(self, x: Floats) -> tuple[Floats, Floats, Floats]:
+    def inside(self, x: Floats) -> NDArray[np.bool_]:
+        """Return the mask of points (C, n) that fulfil the equations and have coefficients within the bound."""
+        kicks, drifts, _ = self.rows(x)
+        return self.family.met(x) & (self._sums(kicks, drifts) < self.largest_sum)
+
+    def _sums(self, kicks: Floats, drifts: Floats) -> Floats:
+        """Return the sums (C,) of the absolute values of all coefficients; NaN, which is not small, for NaN."""
+        with np.errstate(all="ignore"):
+            found: Floats = np.abs(kicks).sum(axis=1) + np.abs(drifts).sum(axis=1)
+        return found
+
+    def populations(self, size: int, samples: int = 2) -> list[Population]:
+        """Return the runs of at most ``size`` members on each ensemble, with so many samples."""
+        ensembles, shape, tau_per_stage, cost = self._runs
+        return [Population(one, shape, tau_per_stage, size, cost, samples) for one in ensembles]
+
+    def rows(self, x: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return kicks, drifts and squares (C, ...) of the points (C, n)."""
         kicks, drifts, squares = (np.stack(row).T for row in self.family.rows(x.T))
         return kicks, drifts, squares
 
@@ -119,5 +135,5 @@ class Objective:
             np.concatenate([
                 mean_log(population.errors(kicks[part], drifts[part], squares[part])) - reference for part in parts
             ])
-            for population, reference in zip(self._populations, self._references, strict=True)
+            for population, reference in zip(self._populations, self.references, strict=True)
         ])  # fmt: skip

@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, SQUARE, modified_columns
-from nearharmonic.engine.batch.batch import prepared_batch
+from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, SQUARE, columns, modified_columns
+from nearharmonic.engine.batch.batch import prepared_batch, sample_marks
 from nearharmonic.engine.batch.queue import Batch
 from nearharmonic.engine.batch.results import energy_unit
 from nearharmonic.engine.numbers.coefficients import moves_behind
-from nearharmonic.engine.settings import Numerics
+from nearharmonic.engine.numbers.rotations import rounded_rotations
+from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Numerics
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.definition.system import System
@@ -46,6 +47,9 @@ class Ensemble:
         Anharmonicity of each problem.
     scale : float
         Reference energy of relative errors; 0 for |H0| of each problem.
+    frequencies : (M, F) array of float, optional
+        Distinct frequencies of each problem, in the order of the system's coordinates. The oscillators of these
+        frequencies are solved exactly; without them steps have T and V.
     """
 
     name: str
@@ -56,6 +60,7 @@ class Ensemble:
     unit: float = 1.0
     strength: Floats | None = None
     scale: float = 0.0
+    frequencies: Floats | None = None
 
     @property
     def size(self) -> int:
@@ -65,8 +70,8 @@ class Ensemble:
     def part(self, which: slice | NDArray[np.int64]) -> Ensemble:
         """Return the ensemble of some of the problems."""
         parameters = self.parameters if len(self.parameters) == 1 else self.parameters[which]
-        strength = None if self.strength is None else self.strength[which]
-        return replace(self, start=self.start[which], parameters=parameters, strength=strength)
+        strength, frequencies = (None if x is None else x[which] for x in (self.strength, self.frequencies))
+        return replace(self, start=self.start[which], parameters=parameters, strength=strength, frequencies=frequencies)
 
 
 class Population:
@@ -82,19 +87,22 @@ class Population:
         Maximum number of methods per batch.
     cost : float, optional
         Cost of a step in force evaluations; the stages if None.
+    samples : int
+        Maximum number of samples of a run, from the start to the end.
     """
 
     def __init__(
-        self, ensemble: Ensemble, shape: Tableau, tau_per_stage: Sequence[float], size: int, cost: float | None = None
-    ) -> None:
+        self, ensemble: Ensemble, shape: Tableau, tau_per_stage: Sequence[float], size: int,
+        cost: float | None = None, samples: int = 2,
+    ) -> None:  # fmt: skip
         self.ensemble, self.stages, self.modified = ensemble, shape.stages, shape.modified
         self.kick_first = shape.first == "kick"
         each = ensemble.unit * (shape.stages if cost is None else cost)
         self.steps = np.array([shape.steps(tau, ensemble.t_end, each) for tau in tau_per_stage])
         self.taus = ensemble.t_end / self.steps
         self.shape = size, len(self.steps), ensemble.size
-        columns = modified_columns(1) if self.modified else COLUMNS
-        self._moves = np.zeros((size * len(self.steps), shape.stages + 2, columns))
+        self._marks = sample_marks(self.steps, samples)
+        self._moves = np.zeros((size * len(self.steps) * self._rows_a_run, shape.stages + 2, self._columns))
         self._batch = self._prepared(shape)
 
     def errors(self, kicks: Floats, drifts: Floats, squares: Floats | None = None) -> Floats:
@@ -107,45 +115,76 @@ class Population:
         squares : array of float, optional
             Coefficients of the squares, one for each kick.
         """
+        self._run(kicks, drifts, squares)
+        errors = self._relative(self._batch.filled.blocks[1, :, 1:].max(axis=1)[:, None])[..., 0]
+        lost = self._batch.left_at.reshape(self.shape) != 0
+        return np.where(lost | ~(errors < LOST), LOST, errors)[: len(kicks)]
+
+    def energies(self, kicks: Floats, drifts: Floats, squares: Floats | None = None) -> Floats:
+        """Return dH/H0 (C, T, M, S) at S samples of each run without its start; 0 where a run has fewer.
+
+        All of those of a diverged run are infinite. Arguments are those of :meth:`errors`.
+        """
+        self._run(kicks, drifts, squares)
+        found = self._relative(self._batch.filled.blocks[0, :, 1:])
+        found[:, self._marks[:, None, 1:].repeat(self.shape[2], axis=1) < 0] = 0.0
+        found[self._batch.left_at.reshape(self.shape) != 0] = np.inf
+        return found[: len(kicks)]
+
+    def _run(self, kicks: Floats, drifts: Floats, squares: Floats | None) -> None:
+        """Run all methods; the lanes of missing ones repeat the first."""
         count = len(kicks)
-        moves = self._moves.reshape(self.shape[0], len(self.steps), *self._moves.shape[1:])
+        moves = self._moves.reshape(self.shape[0], len(self.steps), self._rows_a_run, *self._moves.shape[1:])
         rows = _in_order(kicks, drifts, np.zeros_like(kicks) if squares is None else squares, self.kick_first)
-        kick, drift, square = (row[:, None, :] for row in rows)
-        tau = self.taus[None, :, None]
-        moves[:count, :, :, KICK], moves[:count, :, :, DRIFT] = kick * tau, drift * tau
-        if self.modified:
-            moves[:count, :, :, SQUARE] = square * tau * tau * tau
-            moves[:count, :, :, -1] = _square_behind(np.abs(square[:, 0]) > 0)[:, None, :]
+        kick, drift, square = (row[:, None, None, :] for row in rows)
+        tau = self.taus[None, :, None, None]
+        if self.ensemble.frequencies is not None:
+            moves[:count] = rounded_rotations(kick * tau, drift * tau, self.ensemble.frequencies)
         else:
-            moves[:count, :, :, PRODUCT] = kick * drift * tau * tau
+            moves[:count, ..., KICK], moves[:count, ..., DRIFT] = kick * tau, drift * tau
+        if self.modified:
+            moves[:count, ..., SQUARE] = square * tau * tau * tau
+            moves[:count, ..., -1] = _square_behind(np.abs(square[:, 0, 0]) > 0)[:, None, None, :]
+        elif self.ensemble.frequencies is None:
+            moves[:count, ..., PRODUCT] = kick * drift * tau * tau
         moves[count:] = moves[:1]
         self._batch.run(self._total)
-        return self._found()[:count]
 
-    def _found(self) -> Floats:
-        batch = self._batch.filled
-        worst = batch.blocks[1, :, -1].reshape(self.shape)
+    def _relative(self, energies: Floats) -> Floats:
+        """Return energies (runs, S) over the reference of each run, as (C, T, M, S)."""
         with np.errstate(all="ignore"):
-            errors = worst / energy_unit(batch.energy[:, 0], self.ensemble.scale).reshape(self.shape)
-        lost = batch.left_at.reshape(self.shape) != 0
-        return np.where(lost | ~(errors < LOST), LOST, errors)
+            found = energies / energy_unit(self._batch.filled.energy[:, 0], self.ensemble.scale)[:, None]
+        return found.reshape(*self.shape, -1)
+
+    @property
+    def _rows_a_run(self) -> int:
+        """Rows of coefficients for each method and step size: one, or one for the frequencies of each problem."""
+        return 1 if self.ensemble.frequencies is None else self.ensemble.size
+
+    @property
+    def _columns(self) -> int:
+        if self.ensemble.frequencies is not None:
+            return columns(self.ensemble.frequencies.shape[1])
+        return modified_columns(1) if self.modified else COLUMNS
 
     def _prepared(self, shape: Tableau) -> Batch:
         size, taus, problems = self.shape
         ensemble = self.ensemble
-        runs = size * taus * problems
-        marks = np.zeros((size, taus, problems, 2), np.int64)
-        marks[..., 1] = self.steps[:, None]
-        self._total = int(marks.sum())
+        marks = np.tile(np.repeat(self._marks, problems, axis=0), (size, 1))
+        self._total = int(marks.max(axis=1).sum())
         parameters = ensemble.parameters
         if len(parameters) > 1:
             parameters = np.tile(parameters, (size * taus, 1))
         lanes = LANES if ensemble.system.energies[0].traced else 1
+        numerics = Numerics(
+            summation="plain", width=lanes, energy="every" if marks.shape[1] == 2 else "samples",
+            split=KINETIC_POTENTIAL if ensemble.frequencies is None else EXACT_OSCILLATOR,
+        )  # fmt: skip
         return prepared_batch(
-            ensemble.system, shape, Numerics(summation="plain", width=lanes), marks=marks.reshape(runs, 2),
-            scheme=np.repeat(np.arange(size * taus), problems), moves=self._moves,
+            ensemble.system, shape, numerics, marks=marks,
+            scheme=np.repeat(np.arange(len(self._moves)), len(marks) // len(self._moves)), moves=self._moves,
             start=np.tile(ensemble.start, (size * taus, 1)), parameters=parameters,
-            scale=ensemble.scale,
+            scale=ensemble.scale, own_frequencies=ensemble.frequencies is None,
         )  # fmt: skip
 
 

@@ -1,8 +1,8 @@
-"""Search for members of a family by CMA-ES, from published methods, methods with one stage less, and random points.
+"""Search for members of a family, from published methods, methods with one stage less, and random points.
 
-N. Hansen, The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772; library: pycma, doi:10.5281/zenodo.2559634. All
-budgets are numbers of trials, and all random numbers come from one seed: one seed always gives the same rows on the
-same type of processor.
+Descents are Gauss-Newton steps (:mod:`nearharmonic.training.gauss_newton`) or an evolution strategy: N. Hansen, The CMA
+Evolution Strategy: A Tutorial, arXiv:1604.00772; library: pycma, doi:10.5281/zenodo.2559634. All budgets are numbers of
+trials, and all random numbers come from one seed: one seed always gives the same rows on the same type of processor.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import chain
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,7 +20,11 @@ from nearharmonic.errors import MissingPackageError, SettingError
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.training.family import Family
+from nearharmonic.training.gauss_newton import Descent
 from nearharmonic.training.objective import OUTSIDE, Objective
+
+#: Names of the ways from a start to a minimum.
+DescentName = Literal["evolution", "gauss_newton"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,8 +39,10 @@ class Effort:
         Number of random starts in each family.
     refinements : int
         Number of searches around the best member so far.
+    descent : {"evolution", "gauss_newton"}
+        Way from a start to a minimum.
     population : int
-        Number of members per generation.
+        Number of members per generation, and of those that an objective integrates at once.
     around_known, around_found, at_random : tuple of float
         Initial standard deviations around a known method, around the result of a search, and around random points; used
         in turn.
@@ -51,6 +57,7 @@ class Effort:
     trials: int
     random: int = 0
     refinements: int = 0
+    descent: DescentName = "evolution"
     population: int = 20
     around_known: tuple[float, ...] = (0.01, 0.003)
     around_found: tuple[float, ...] = (0.003, 0.01, 0.03)
@@ -202,7 +209,7 @@ def search(
 
 
 def descend(objective: Objective, start: Start, effort: Effort, seed: int) -> tuple[float, Floats]:
-    """Return the smallest objective that CMA-ES finds from a start, and its member (n,)."""
+    """Return the smallest objective that a descent from a start finds, and its member (n,)."""
     family, point = objective.family, start.point
     random = np.random.default_rng(seed)
     if point is None:
@@ -210,20 +217,30 @@ def descend(objective: Objective, start: Start, effort: Effort, seed: int) -> tu
         points = random.normal(effort.mean / stages, effort.spread / stages, shape)
         points[:, stages - 1 :] *= 1 / stages**2  # squares are coefficients of tau^3
         point = points[objective(points).argmin()]
-    cma = library()
+    if effort.descent == "gauss_newton":
+        point = Descent(objective).minimise(point, effort.trials, effort.small_value)
+        value = float(objective(point[None])[0])
+    else:
+        value, point = _evolution(objective, point, start.spread, effort, random)
+    return value, family.project(point[None])[0][0] if value < OUTSIDE else point
+
+
+def _evolution(
+    objective: Objective, point: Floats, spread: float, effort: Effort, random: np.random.Generator
+) -> tuple[float, Floats]:
+    """Return the best value and point of CMA-ES around a point."""
     options = {
         "verbose": -9, "maxfevals": effort.trials, "popsize": effort.population, "tolfun": effort.small_value,
-        "tolx": effort.small_step, "CMA_stds": _scales(family),
+        "tolx": effort.small_step, "CMA_stds": _scales(objective.family),
         # If cma gets a seed, it seeds the global generator of NumPy.
         "seed": np.nan, "randn": lambda *shape: random.standard_normal(shape),
     }  # fmt: skip
-    strategy = cma.CMAEvolutionStrategy(point, start.spread, options)
+    strategy = library().CMAEvolutionStrategy(point, spread, options)
     while not strategy.stop():
         points = strategy.ask()
         strategy.tell(points, objective(np.array(points)).tolist())
-    best = np.array(strategy.result.xbest if strategy.result.xbest is not None else point)
-    value = float(strategy.result.fbest)
-    return value, family.project(best[None])[0][0] if value < OUTSIDE else best
+    best = strategy.result.xbest
+    return float(strategy.result.fbest), np.array(point if best is None else best)
 
 
 def library() -> Any:

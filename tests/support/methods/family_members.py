@@ -14,6 +14,8 @@ FAMILIES = (
     Family(stages=9, first="drift", harmonic_order=8),
     Family(stages=9, first="drift", order=6),
     Family(stages=12, first="kick", order=6, harmonic_order=7),
+    Family(stages=9, first="kick", generalised_order=(8, 4)),
+    Family(stages=9, first="drift", generalised_order=(8, 6, 4)),
     Family(stages=2, first="kick", squares=(0, 1)),
     Family(stages=3, first="drift", squares=(1,)),
     Family(stages=5, first="drift", order=6, squares=(0, 1, 2)),

@@ -65,6 +65,7 @@ def prepared_batch(
     scale: float = 0.0,
     reference: tuple[float, float] = (nan, nan),
     resumed: Floats | None = None,
+    own_frequencies: bool = True,
 ) -> Batch:
     """Return a batch that is ready to run.
 
@@ -80,6 +81,8 @@ def prepared_batch(
         H0 for all runs, high and low half, in place of the energy of each start.
     resumed : (R, 5 D) array of float, optional
         Running states of runs that go on from ``start`` with the same moves.
+    own_frequencies : bool
+        False if ``moves`` solve oscillators of other frequencies than the system's, those of each run's parameters.
     """
     if isinstance(step, Tableau) and step.processed:
         return _prepared_processed(
@@ -101,7 +104,7 @@ def prepared_batch(
     if system.regularisation is not None:
         call = landing_call(system, numerics, stages, parameters, (*front, parameters, *behind))
     else:
-        parameters = parameters_at_run_time(system, numerics, parameters)
+        parameters = parameters_at_run_time(system, numerics, parameters, own_frequencies=own_frequencies)
         resumed = np.empty((0, running_rows(d, stages))) if resumed is None else resumed.copy()
         if stages:  # iterations count from the start of a run
             resumed[:, ITERATIONS - COUNTERS] = 0.0

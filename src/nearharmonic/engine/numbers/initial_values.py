@@ -132,15 +132,18 @@ def parameter_array(system: System, parameters: Mapping[str, Any]) -> Floats:
     return rows.reshape(members, -1)
 
 
-def parameters_at_run_time(system: System, numerics: Numerics, parameters: Floats) -> Floats:
+def parameters_at_run_time(
+    system: System, numerics: Numerics, parameters: Floats, *, own_frequencies: bool = True
+) -> Floats:
     """Return the parameters that a kernel is given: ``parameters``, or none (1, 0) if they are compiled in.
 
     Raises
     ------
     SettingError
-        They differ from the parameters that are compiled in, or for which the coefficients of the runs are computed.
+        They differ from the parameters that are compiled in, or for which the coefficients of the runs are computed,
+        if these are for the system's ``own_frequencies``.
     """
-    if numerics.exact_oscillator:
+    if numerics.exact_oscillator and own_frequencies:
         _check_frequencies(system, parameters)
     if system.parameters_at_run_time:
         return parameters

@@ -11,6 +11,7 @@ import numpy as np
 from nearharmonic.core.arithmetic import rounded_pair, two_products
 from nearharmonic.core.layout import KICK, TURN, TURNS, columns
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.math import cos, sin
 from nearharmonic.numerics.types import Floats
 
 #: Bits of sines and cosines: twice the bits of a double-double.
@@ -40,6 +41,27 @@ def rotations(
         else:
             array[:, at : at + size] = _in_doubles(kicks, shears)
     return array
+
+
+def rounded_rotations(kicks: Floats, drifts: Floats, frequencies: Floats) -> Floats:
+    """Return moves (..., s + 2, columns) in doubles, for kicks and drifts (..., s + 2) times the step size.
+
+    They are those of :func:`rotations` up to the rounding errors of each number, at once for many methods and step
+    sizes; ``frequencies`` (..., F) may differ too, and are not 0.
+    """
+    w, kick = frequencies[..., None, :], kicks[..., None]
+    half = w * drifts[..., None] / 2
+    sine, cosine = sin(half), cos(half)
+    T, S = w * sine / cosine, 2 * sine * cosine / w
+    before, behind = np.zeros_like(T), np.zeros_like(T)
+    before[..., 1, :], before[..., 2:-1, :], before[..., -1, :] = T[..., -2, :], T[..., 1:-2, :], T[..., -2, :]
+    behind[..., 0, :], behind[..., -1, :] = T[..., 1, :] - T[..., 0, :], -T[..., -1, :]
+    b, nothing = -(before + T), np.zeros_like(T)
+    found = np.empty((*T.shape[:-1], columns(T.shape[-1])))
+    found[..., KICK] = kicks
+    of_frequency = np.stack([b, S, kick * S, b * S, nothing, nothing, behind], axis=-1)
+    found[..., TURN:] = of_frequency.reshape(*T.shape[:-1], -1)
+    return found
 
 
 def _in_doubles(kicks: list[Fraction], shears: list[tuple[Fraction, Fraction, Fraction]]) -> Floats:

@@ -8,7 +8,7 @@ the equation S(ABAB...) = 1/l! with l letters.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from functools import cached_property
 from math import factorial
@@ -94,24 +94,33 @@ class ConditionedSteps(SymmetricSteps):
     """Symmetric steps with a given order for quadratic T and a given order on the harmonic oscillator.
 
     With a ``potential_degree`` they have the order for every V that is a polynomial of at most this degree, which
-    takes fewer equations from order six on.
+    takes fewer equations from order six on. A ``generalised_order`` (r1, r2, ...) for H = T + epsilon V adds the
+    equations of epsilon^k below the power r_k of the step size.
     """
 
     order: int
     harmonic_order: int
     potential_degree: int | None = None
+    generalised_order: tuple[int, ...] = ()
 
     @cached_property
     def equations(self) -> tuple[Equation, ...]:
         """Equations, multiplied by n! for words of n letters so that residuals have similar sizes."""
         found: list[Equation] = []
-        for degree in range(3, self.order, 2):
+        for degree in range(3, max((self.order, *self.generalised_order)), 2):
             n, words = factorial(degree), lyndon_words(degree)
             for row in conditions(degree, quadratic=True, potential_degree=self.potential_degree):
                 left = {word: n * w for word, w in zip(words, row.weights, strict=True) if w}
-                found.append((left, sum(row.weights, Fraction(0))))
+                if degree < self._order_of_words(left):
+                    found.append((left, sum(row.weights, Fraction(0))))
         powers = range(self.order + 1, self.harmonic_order + 1)
         return (*found, *(({alternating(n): Fraction(factorial(n))}, Fraction(1)) for n in powers))
+
+    def _order_of_words(self, words: Iterable[str]) -> int:
+        """Return the required order of a condition; all its words have as many kicks, the power of epsilon."""
+        power = max(word.count("B") for word in words)
+        generalised = self.generalised_order[power - 1 : power]
+        return max((self.order, *generalised))
 
     def residuals(self, x: Sequence[Any] | Floats) -> list[Any]:
         """Return the values of the equations, 0 where they hold, for n numbers, mpmath numbers or arrays of floats."""

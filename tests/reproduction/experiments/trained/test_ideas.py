@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from decimal import Decimal
 from fractions import Fraction
 
 import numpy as np
@@ -15,7 +16,6 @@ from nearharmonic.reproduction.experiments.trained.ideas.oscillators import (
     CHARGE,
     STRONGEST,
     WEAKEST,
-    declared,
     exact_errors,
     scaled_potentials,
 )  # fmt: skip
@@ -23,7 +23,6 @@ from nearharmonic.reproduction.experiments.trained.ideas.reductions import best_
 from nearharmonic.reproduction.experiments.trained.ideas.run import STRENGTHS, errors_of_methods, measure
 from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.reproduction.tasks import job
-from nearharmonic.systems.formulas.oscillator import frequencies_of
 
 METHODS = ("ruth", "blanes_moan_s6o4", "babps8o7h", "babs7o7h", "srkn_b11", "chin_4a")
 EXACT = ("aba864",)
@@ -47,30 +46,28 @@ def test_strengths_scale_cubic_and_quartic_coefficients_only(scaled):
             assert (whole.start[4 * k + j] == one.start[k]).all()
 
 
-def test_declared_system_is_same_potential_with_roots_as_frequencies(scaled):
-    whole = scaled.potentials
-    squares = whole.parameters[1, :4:2]
-    system = declared(whole.system, squares, 1)
-    assert [float(w) for w in frequencies_of(system)[0]] == np.sqrt(squares).tolist()
-    rest = whole.parameters[1, 4::2]
-    for q in ((0.3, -0.2), (1.0, 0.5)):
-        known = whole.system.V(q, *whole.parameters[1, ::2])
-        assert system.V(q, *np.sqrt(squares), *rest) == pytest.approx(known, rel=1e-14)
+def declared(whole, squares, rest):
+    """One of the potentials as a system that declares its frequencies."""
+    w = np.sqrt(squares)
+    names = [f"w{i}" for i in range(2)] + [f"c{i}" for i in range(len(rest))]
+    values = [*w.tolist(), *rest.tolist()]
+    return nh.System(
+        name="declared", V=lambda q, w0, w1, *c: whole.system.V(q, w0 * w0, w1 * w1, *c), q0=["0.1", "0.1"],
+        p0=["0", "0"], t_end=20, parameters={name: str(Decimal(x)) for name, x in zip(names, values, strict=True)},
+        frequencies=("w0", "w1"),
+    )  # fmt: skip
 
 
 def test_exact_oscillator_errs_as_single_runs_do_at_equal_cost(scaled):
     taus = np.array([0.05, 0.1])
     found, whole = exact_errors(scaled, nh.integrators["aba864"], taus), scaled.ensemble()
     for m in (0, 6, 11):
-        squares = scaled.potentials.parameters[m // 4, :4:2]
-        system = declared(whole.system, squares, m // 4)
-        names = list(system.parameters)[2:]
-        given = dict(zip(names, whole.parameters[m, 4::2].tolist(), strict=True))
+        system = declared(whole, scaled.potentials.parameters[m // 4, :4:2], whole.parameters[m, 4::2])
         start = whole.start[m].reshape(4, 2)
         for t, tau in enumerate(taus):
             steps = round(20 / (tau * CHARGE * 7))
             run = nh.integrate(
-                system, "aba864", Fraction(20, steps), t_end=20, q0=start[0], p0=start[2], parameters=given,
+                system, "aba864", Fraction(20, steps), t_end=20, q0=start[0], p0=start[2],
                 split="exact_oscillator", summation="plain", samples=2,
             )  # fmt: skip
             # Errors are rounding where the oscillator is all there is.

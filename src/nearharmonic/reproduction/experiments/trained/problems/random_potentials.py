@@ -11,6 +11,7 @@ A coordinate is an amplitude times a cosine, divided by the frequency or 0.5, wh
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from itertools import combinations
 from math import prod
@@ -60,6 +61,36 @@ def random_potential(dimension: int) -> System:
         name=f"random_potential_{dimension}", label=f"random potential, d = {dimension}", V=V, q0=tuple(point),
         p0=tuple(point), t_end="100", parameters=dict.fromkeys(names, Parameter(value="0.125")),
         source="drawn at random: nearharmonic.reproduction.experiments.trained.problems.random_potentials",
+    )  # fmt: skip
+
+
+@cache
+def declared_potential(dimension: int) -> System:
+    """Return the same system with its frequencies, in place of their squares, as declared parameters."""
+    plain = random_potential(dimension)
+    names = [f"w{i}" for i in range(dimension)]
+    others = list(plain.parameters)[dimension:]
+
+    def V(q: Any, *given: Any) -> Any:
+        return plain.V(q, *(w * w for w in given[:dimension]), *given[dimension:])
+
+    # Different values, because coordinates of one frequency would share its rotation.
+    frequencies = {name: Parameter(value=f"0.{i + 1}") for i, name in enumerate(names)}
+    return replace(
+        plain, name=f"declared_potential_{dimension}", V=V, frequencies=tuple(names),
+        parameters=frequencies | {name: plain.parameters[name] for name in others},
+    )  # fmt: skip
+
+
+def with_exact_oscillators(ensemble: Ensemble) -> Ensemble:
+    """Return random potentials whose oscillators are solved exactly."""
+    dimension = ensemble.start.shape[1] // 4
+    parameters = ensemble.parameters.copy()
+    frequencies = np.sqrt(parameters[:, : 2 * dimension : 2])
+    parameters[:, : 2 * dimension : 2] = frequencies
+    return replace(
+        ensemble, name=f"{ensemble.name}, oscillators exact", system=declared_potential(dimension),
+        parameters=parameters, frequencies=frequencies,
     )  # fmt: skip
 
 
