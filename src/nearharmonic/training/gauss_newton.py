@@ -89,7 +89,8 @@ class Descent:
         matrices = curvature + dampings[:, None, None] * np.diag(scale)
         steps = np.linalg.solve(matrices, np.tile(-gradient, (len(dampings), 1))[..., None])[..., 0] @ directions
         longest = np.abs(steps).max(axis=1, keepdims=True)
-        return family.project(x + steps * np.minimum(1.0, LONGEST / np.maximum(longest, LONGEST)))[0]
+        found: Floats = family.project(x + steps * np.minimum(1.0, LONGEST / np.maximum(longest, LONGEST)))[0]
+        return found
 
     def _derivatives(self, near: Floats) -> tuple[Floats, Floats]:
         """Return the gradient (f,) and the Gauss-Newton matrix (f, f) from a member and its f neighbours."""
@@ -139,4 +140,5 @@ class Descent:
             with np.errstate(all="ignore"):
                 rms = np.sqrt((e * e).mean(axis=-1) + LEAST**2)
             found.append(np.log10(np.where(rms < LOST, rms, LOST)).mean(axis=-1) - reference)
-        return np.mean(found, axis=0)
+        mean: Floats = np.mean(found, axis=0)
+        return mean

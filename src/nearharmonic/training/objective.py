@@ -113,6 +113,15 @@ class Objective:
             found: Floats = np.abs(kicks).sum(axis=1) + np.abs(drifts).sum(axis=1)
         return found
 
+    def part(self, share: int) -> Objective:
+        """Return the objective on the first problems of each ensemble, one in ``share``."""
+        ensembles, _, tau_per_stage, cost = self._runs
+        return Objective(
+            self.family, [one.part(slice(-(-one.size // share))) for one in ensembles], tau_per_stage, self.references,
+            size=self.size, largest_sum=self.largest_sum,
+            charge=(cost - self.family.stages) / max(1, self.family.gradients),
+        )  # fmt: skip
+
     def populations(self, size: int, samples: int = 2) -> list[Population]:
         """Return the runs of at most ``size`` members on each ensemble, with so many samples."""
         ensembles, shape, tau_per_stage, cost = self._runs

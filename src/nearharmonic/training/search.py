@@ -48,6 +48,12 @@ class Effort:
         in turn.
     random_points, mean, spread : int and float
         Number of random points, whose best one is a start, and their mean and standard deviation in units of 1/s.
+    screened : int
+        Inverse of the fraction of the problems on which a start is tried first; 1 to omit this.
+    behind : float
+        Largest distance to the best start so far at which a screened start continues with all problems.
+    bases : int
+        Number of best members that take turns as centres of refinements.
     same_value, same_unknowns : float
         Tolerances of the objective and of the unknowns within which two searches have found the same member.
     small_value, small_step : float
@@ -65,6 +71,9 @@ class Effort:
     random_points: int = 400
     mean: float = 1.0
     spread: float = 1.0
+    screened: int = 1
+    behind: float = 0.5
+    bases: int = 1
     same_value: float = 0.02
     same_unknowns: float = 0.02
     small_value: float = 1e-4
@@ -125,6 +134,16 @@ class Searcher:
     def again(self) -> int:
         """Number of searches that ended at the best member."""
         return sum(self.effort.same(one, self.best) for one in self.found)
+
+    def centre(self, turn: int) -> Found:
+        """Return a result around which a search begins: one of the best different ones, in turns."""
+        different: list[Found] = []
+        for one in sorted(self.found, key=lambda one: one.value):
+            if not any(self.effort.same(one, other) for other in different):
+                different.append(one)
+            if len(different) == self.effort.bases:
+                break
+        return different[turn % len(different)]
 
     def search(self, objective: Objective, start: Start, trials: int | None = None) -> Found:
         """Search from a start, with this number of ``trials`` or that of the settings."""
@@ -199,13 +218,35 @@ def search(
     report : callable, optional
         Function that is called after each search.
     """
-    searcher = Searcher(effort, seed)
-    refined = (searcher.near(searcher.best, turn, "refined") for turn in range(effort.refinements) if searcher.found)
+    searcher, screen = Searcher(effort, seed), _Screen(objective, effort, np.random.default_rng([seed, 1]))
+    refined = (
+        searcher.near(searcher.centre(turn), turn, "refined") for turn in range(effort.refinements) if searcher.found
+    )
     for start in chain(starts, refined):
-        found = searcher.search(objective, start)
-        if report is not None:
-            report(found)
+        promising = screen(start) if effort.screened > 1 else start
+        if promising is not None:
+            found = searcher.search(objective, promising)
+            if report is not None:
+                report(found)
     return searcher
+
+
+class _Screen:
+    """Short descents from starts on a part of the problems, of which the better ones continue."""
+
+    def __init__(self, objective: Objective, effort: Effort, random: np.random.Generator) -> None:
+        self._objective, self._random = objective, random
+        self._effort = replace(effort, trials=-(-effort.trials // effort.screened))
+        self._part, self._share, self._best = objective.part(effort.screened), effort.screened, OUTSIDE
+
+    def __call__(self, start: Start) -> Start | None:
+        """Return the end of a descent as a start, or None if it is too far behind the best one."""
+        before = self._part.trials
+        value, unknowns = descend(self._part, start, self._effort, int(self._random.integers(1, 2**31)))
+        # A trial is the integration of all problems.
+        self._objective.trials += -(-(self._part.trials - before) // self._share)
+        self._best = min(self._best, value)
+        return None if value > self._best + self._effort.behind else replace(start, point=unknowns)
 
 
 def descend(objective: Objective, start: Start, effort: Effort, seed: int) -> tuple[float, Floats]:

@@ -52,15 +52,17 @@ def rounded_rotations(kicks: Floats, drifts: Floats, frequencies: Floats) -> Flo
     w, kick = frequencies[..., None, :], kicks[..., None]
     half = w * drifts[..., None] / 2
     sine, cosine = sin(half), cos(half)
-    T, S = w * sine / cosine, 2 * sine * cosine / w
-    before, behind = np.zeros_like(T), np.zeros_like(T)
-    before[..., 1, :], before[..., 2:-1, :], before[..., -1, :] = T[..., -2, :], T[..., 1:-2, :], T[..., -2, :]
-    behind[..., 0, :], behind[..., -1, :] = T[..., 1, :] - T[..., 0, :], -T[..., -1, :]
-    b, nothing = -(before + T), np.zeros_like(T)
-    found = np.empty((*T.shape[:-1], columns(T.shape[-1])))
+    T = w * sine / cosine
+    found = np.zeros((*T.shape[:-1], columns(T.shape[-1])))
     found[..., KICK] = kicks
-    of_frequency = np.stack([b, S, kick * S, b * S, nothing, nothing, behind], axis=-1)
-    found[..., TURN:] = of_frequency.reshape(*T.shape[:-1], -1)
+    b, S, product, linear_product, _, _, shear = (found[..., TURN + i :: TURNS] for i in range(TURNS))
+    S[:] = 2 * sine * cosine / w
+    b[..., 1, :], b[..., 2:-1, :], b[..., -1, :] = T[..., -2, :], T[..., 1:-2, :], T[..., -2, :]
+    b += T
+    np.negative(b, out=b)
+    np.multiply(kick, S, out=product)
+    np.multiply(b, S, out=linear_product)
+    shear[..., 0, :], shear[..., -1, :] = T[..., 1, :] - T[..., 0, :], -T[..., -1, :]
     return found
 
 

@@ -13,6 +13,7 @@ from nearharmonic.engine.runs.continuation import parameter_attributes
 from nearharmonic.engine.runs.description import error_variables, over, problem_attributes
 from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.engine.settings import KINETIC_POTENTIAL
+from nearharmonic.engine.tangent.coefficients import check_coefficients, coefficient_derivatives
 from nearharmonic.engine.tangent.description import parameter_variables
 from nearharmonic.engine.tangent.linearised import check_differentiable, kinetic_parameters, sensitive_system
 from nearharmonic.engine.tangent.observable import DifferentiableObservable
@@ -45,6 +46,7 @@ def gradient(
     p0: object = None,
     parameters: Mapping[str, Any] | None = None,
     split: str = KINETIC_POTENTIAL,
+    coefficients: bool = False,
 ) -> xr.Dataset:
     """Differentiate an observable at the end of a discrete run with respect to initial values and parameters.
 
@@ -62,6 +64,9 @@ def gradient(
         tuples q and p of d numbers, of the functions that V may have.
     t_end, precision, summation, first, q0, p0, parameters, split
         As for :func:`nearharmonic.tangent`.
+    coefficients : bool
+        True for the derivatives with respect to the coefficients of the method too. They need the states at the ends of
+        all steps in memory, and are for methods with kicks by V alone.
 
     Returns
     -------
@@ -71,6 +76,8 @@ def gradient(
         - ``value``: the observable at the end.
         - ``q0`` and ``p0`` over component, ``parameters`` over parameter: its derivatives, in its unit over that of the
           argument. Those of a diverged run are NaN.
+        - ``kick`` and ``drift``, if asked for: its derivatives with respect to each coefficient of a step, taken as
+          independent of all others.
         - ``round_trip_error``: largest component of the difference between the start and the end of the run backwards.
         - ``digits_lost``: logarithm to base 10 of its ratio to the rounding error of the largest component of the
           start. A double has 16 digits, a double-double 31. The derivatives lose as many, and in chaotic runs one to
@@ -110,17 +117,21 @@ def gradient(
     members = max(len(start), len(given))
     start = np.broadcast_to(start, (members, start.shape[1]))
     steps = [problem.steps_of(tau)] * members
+    if coefficients:
+        check_coefficients(backward.system, problem.tableau, steps[0], members)
     paths = problem.run(steps, 2, start=start, parameters=given)
     end = np.stack([paths.q[:, -1], paths.q_low[:, -1], paths.p[:, -1], paths.p_low[:, -1]], axis=1)
     slopes = function.derivatives(problem, end[..., : subject.dimension], given)
-    back = backward.run(steps, 2, start=_behind(subject, end, slopes, given))
+    back = backward.run(steps, steps[0] + 1 if coefficients else 2, start=_behind(subject, end, slopes, given))
     variables = _derivatives(problem, slopes, back) | _round_trip(problem, start, back)
+    if coefficients:
+        variables |= _by_coefficient(problem, backward, float(problem.end) / steps[0], back)
     d, units = subject.dimension, subject.units
     variables |= {
         "q": (("member", "component"), paths.q[:, -1, :d], described("position at the end", units["q"])),
         "p": (("member", "component"), paths.p[:, -1, :d], described("momentum at the end", units["p"])),
     }
-    for name in ("q0", "p0", "parameters"):
+    for name in ("q0", "p0", "parameters", "kick", "drift"):
         if name in variables:
             variables[name][1][paths.left_at > 0] = np.nan
     variables["value"] = ("member",), slopes[-1, :, 0], described(f"{function.name} at the end", function.unit)
@@ -204,6 +215,17 @@ def _derivatives(problem: Setup, slopes: Floats, back: Any) -> Variables:
         notes = described("derivative with respect to the parameter", "unknown")
         found["parameters"] = ("member", "parameter"), values, notes
     return found
+
+
+def _by_coefficient(problem: Setup, backward: Setup, tau: float, back: Any) -> Variables:
+    """Return the derivatives with respect to kicks and drifts, from the states at the ends of all steps."""
+    q, p = back.q[:, :-1] + back.q_low[:, :-1], back.p[:, :-1] + back.p_low[:, :-1]
+    with np.errstate(all="ignore"):  # a diverged run has none
+        found = coefficient_derivatives(backward.system, problem.tableau, tau, q, p)
+    return {
+        name: (("member", f"{name}_number"), values, described(f"derivative with respect to a {name}", "unknown"))
+        for name, values in found.items()
+    }
 
 
 def _round_trip(problem: Setup, start: Floats, back: Any) -> Variables:

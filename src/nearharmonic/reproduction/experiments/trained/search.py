@@ -26,7 +26,7 @@ from nearharmonic.training.objective import Objective, mean_errors
 from nearharmonic.training.polish import DIGITS, tableau_of
 from nearharmonic.training.population import Ensemble
 from nearharmonic.training.published import published_methods
-from nearharmonic.training.search import Effort, Found, Searcher, search, starts_of
+from nearharmonic.training.search import Found, Searcher, search, starts_of
 
 SOURCE = "trained by nearharmonic.reproduction.experiments.trained"
 CAPTION = (
@@ -105,7 +105,7 @@ def _all_findings(
     report: Callable[[str], None],
 ) -> list[Searcher]:
     """Return the findings of each family, each chain from its first."""
-    effort = Effort(trials=settings.trials, random=settings.random, refinements=settings.refinements)
+    effort = goal.effort(settings.trials, settings.random, settings.refinements)
     found: list[Searcher] = []
     for chain in goal.chains:
         before: list[Searcher] = []

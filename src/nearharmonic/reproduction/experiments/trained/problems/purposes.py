@@ -9,14 +9,20 @@ from math import pi
 from nearharmonic.integrators.tableau import First
 from nearharmonic.reproduction.experiments.trained.problems.cubic_potentials import cubic_ensemble
 from nearharmonic.reproduction.experiments.trained.problems.orbits import orbit_ensemble
-from nearharmonic.reproduction.experiments.trained.problems.random_potentials import random_ensemble
+from nearharmonic.reproduction.experiments.trained.problems.random_potentials import (
+    random_ensemble,
+    with_exact_oscillators,
+)
 from nearharmonic.reproduction.experiments.trained.problems.rings import SITES, ring_ensemble
 from nearharmonic.training.family import Family
 from nearharmonic.training.population import Ensemble
 from nearharmonic.training.published import modified_names, published_names
+from nearharmonic.training.search import DescentName, Effort
 
 #: Ranges of the strength of random potentials: for most methods, and for methods for small anharmonicity.
 STRONG, WEAK = (0.01, 0.5), (0.001, 0.03)
+#: Range of the strength of the rest of oscillators that are solved exactly: with more, T and V are better.
+PERTURBED = (0.001, 0.05)
 #: Range of the rms change of a bond in model crystals: the Hessian varies by 0.02 to 0.2, as in crystals below melting.
 THERMAL = (0.01, 0.1)
 #: Range of the energy of cubic potentials over the lowest barrier; Henon-Heiles at H = 1/8 has 0.75.
@@ -25,6 +31,10 @@ BOUND = (0.05, 0.75)
 ECCENTRICITIES = (0.02, 0.35)
 #: Cost of the gradient of the square of grad V, in forces, for polynomials and for Kepler: docs/reference/methods.md.
 CHARGE, CHARGE_OF_ORBITS = 1.1, 0.3
+#: Gauss-Newton descents take this part of the trials of an evolution, from so many times as many starts.
+PART, MORE = 8, 40
+#: Standard deviations of starts around the best members, and numbers of random points for a random start.
+AROUND, POINTS = (0.01, 0.03, 0.1), 30
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +47,7 @@ class Chain:
     harmonic_order: int = 4
     squares: tuple[int, ...] = ()
     potential_degree: int | None = None
+    generalised_order: tuple[int, ...] = ()
 
     def families(self) -> Iterator[Family]:
         """Yield the families."""
@@ -44,6 +55,7 @@ class Chain:
             yield Family(
                 stages=stages, first=self.first, order=self.order, harmonic_order=self.harmonic_order,
                 squares=self.squares, potential_degree=self.potential_degree,
+                generalised_order=self.generalised_order,
             )  # fmt: skip
 
 
@@ -65,6 +77,8 @@ class Purpose:
         Bounds of the strength of random potentials; orbits, if None.
     after : str, optional
         Purpose whose method is an additional start of the search: that of a neighbouring window.
+    descent : {"evolution", "gauss_newton"}
+        Way from a start to a minimum.
     """
 
     name: str
@@ -74,6 +88,7 @@ class Purpose:
     chains: tuple[Chain, ...]
     band: tuple[float, float] | None = STRONG
     after: str | None = None
+    descent: DescentName = "evolution"
 
     @property
     def registered(self) -> bool:
@@ -107,6 +122,15 @@ class Purpose:
         if self.band is None:
             return f"Kepler orbits, e {ECCENTRICITIES[0]:g} to {ECCENTRICITIES[1]:g}"
         return f"random potentials, d = 2 and 3, strengths {self.band[0]:g} to {self.band[1]:g}"
+
+    def effort(self, trials: int, random: int, refinements: int) -> Effort:
+        """Return the settings of a search, for budgets of an evolution."""
+        if self.descent == "evolution":
+            return Effort(trials=trials, random=random, refinements=refinements)
+        return Effort(
+            trials=-(-trials // PART), random=MORE * random, refinements=MORE * refinements, descent=self.descent,
+            around_known=(0.0,), around_found=AROUND, random_points=POINTS, screened=4, bases=4, small_value=1e-3,
+        )  # fmt: skip
 
     def ensembles(self, systems: int, seed: int, longer: float = 1.0) -> list[Ensemble]:
         """Return the problems: half of them in two coordinates and half in three, or orbits.
@@ -164,6 +188,29 @@ class CubicPurpose(Purpose):
         return [cubic_ensemble(d, -(-systems // 2), seed, band=band, t_end=t_end) for d in (2, 3)]
 
 
+class OscillatorPurpose(Purpose):
+    """Purpose of a method for an oscillator that is solved exactly; ``band`` bounds the strength of the rest.
+
+    Its method is registered in a module of its own: its order in the strength of the rest is declared.
+    """
+
+    @property
+    def registered(self) -> bool:
+        """False: the module of trained methods does not have it."""
+        return False
+
+    @property
+    def problems(self) -> str:
+        """The ensemble in words."""
+        low, high = self.band or PERTURBED
+        return f"random potentials, d = 2, strengths {low:g} to {high:g}, oscillators solved exactly"
+
+    def ensembles(self, systems: int, seed: int, longer: float = 1.0) -> list[Ensemble]:
+        """Return the problems; the intervals are ``longer`` by a factor."""
+        band = self.band or PERTURBED
+        return [with_exact_oscillators(random_ensemble(2, systems, seed, band=band, t_end=self.t_end * longer))]
+
+
 def evaluations_an_orbit(*counts: int) -> tuple[float, ...]:
     """Return step sizes over the cost of a step for numbers of force evaluations in 2 pi."""
     return tuple(2 * pi / count for count in counts)
@@ -172,6 +219,11 @@ def evaluations_an_orbit(*counts: int) -> tuple[float, ...]:
 #: SRKN 11b of Blanes & Moan (2002) leads to the best methods for random potentials, their SRKN 14a to those for orbits.
 _ELEVEN, _TWELVE = Chain(first="kick", stages=(11,)), Chain(first="kick", stages=(11, 12))
 _FOURTEEN = Chain(first="drift", stages=(14, 15, 16), order=6)
+#: Families with the generalised order of ABA864 in the first power of the rest.
+_PERTURBED = (
+    Chain(first="kick", stages=(11,), generalised_order=(8, 4)),
+    Chain(first="kick", stages=(13,), generalised_order=(8, 4)),
+)
 _ALL = (
     Purpose(
         name="coarse", what="few evaluations", tau_per_stage=(0.15, 0.185, 0.235), t_end=60.0, after="light",
@@ -208,6 +260,31 @@ _ALL = (
     CubicPurpose(
         name="cubic", what="cubic potentials, high accuracy", tau_per_stage=(0.035, 0.042, 0.05), t_end=40.0,
         band=BOUND, chains=(Chain(first="kick", stages=(11,), order=6, potential_degree=3),),
+    ),
+    OscillatorPurpose(
+        name="exact_fine", what="oscillators solved exactly, high accuracy", tau_per_stage=(0.05, 0.06, 0.075),
+        t_end=30.0, band=(0.01, 0.06), descent="gauss_newton",
+        chains=(Chain(first="kick", stages=(13,), generalised_order=(8, 4)),),
+    ),
+    OscillatorPurpose(
+        name="exact_finer", what="oscillators solved exactly, higher accuracy", tau_per_stage=(0.028, 0.034, 0.042),
+        t_end=17.0, band=(0.01, 0.06), descent="gauss_newton", after="exact_fine",
+        chains=(Chain(first="kick", stages=(13,), generalised_order=(8, 4)),),
+    ),
+    OscillatorPurpose(
+        name="exact_moderate", what="oscillators solved exactly, moderate accuracy", tau_per_stage=(0.07, 0.085, 0.11),
+        t_end=40.0, band=(0.001, 0.01), descent="gauss_newton", after="exact_fine",
+        chains=(Chain(first="kick", stages=(13,), generalised_order=(8, 4)),),
+    ),
+    OscillatorPurpose(
+        name="exact_light", what="oscillators solved exactly, low accuracy", tau_per_stage=(0.11, 0.135, 0.17),
+        t_end=50.0, band=(0.001, 0.03), descent="gauss_newton",
+        chains=(Chain(first="kick", stages=(15,), generalised_order=(6, 4)),),
+    ),
+    OscillatorPurpose(
+        name="exact_coarse", what="oscillators solved exactly, few evaluations", tau_per_stage=(0.19, 0.22, 0.25),
+        t_end=60.0, band=(0.001, 0.03), descent="gauss_newton",
+        chains=(Chain(first="kick", stages=(7, 9), generalised_order=(8, 4)),),
     ),
     Purpose(
         name="orbits", what="planetary orbits", tau_per_stage=evaluations_an_orbit(480, 340, 240), t_end=8 * pi,
