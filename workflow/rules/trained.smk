@@ -1,12 +1,16 @@
 """Methods trained on near-harmonic systems: all methods on problems that were not used in training."""
 
-from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants, kind_of
+from nearharmonic.reproduction.experiments.trained.comparison.contestants import (
+    contestants,
+    exact_contestants,
+    kind_of,
+)
 
 CONTESTANTS = contestants()
 add_runs("trained")
 PROOF = {"methods": CONTESTANTS, "settings": CONFIG.trained.proof}
 LONG = PROOF | {"methods": [name for name in CONTESTANTS if kind_of(name) == "trained"], "beside": "babps8o7h"}
-IDEAS = PROOF | {"exact": CONFIG.exact_oscillator.methods}
+IDEAS = PROOF | {"exact": exact_contestants(CONFIG.exact_oscillator.methods)}
 TWO_STEPS["trained_proof"] = {
     "run": RUN("trained/proof"),
     "results": {

@@ -1,4 +1,4 @@
-"""Methods trained on near-harmonic systems: the search for each purpose, and the module that registers the methods."""
+"""Methods trained on near-harmonic systems: the search for each purpose, and the modules that register the methods."""
 
 from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES, trained_before
 
@@ -35,6 +35,7 @@ rule register_trained:
         documents=TRAINED_METHODS,
     output:
         module=f"{RESULTS}/derived/trained.py",
+        exact_module=f"{RESULTS}/derived/trained_exact.py",
     log:
         LOG("trained/registration"),
     params:

@@ -30,7 +30,7 @@ DAMPING, RATIO, LARGEST_DAMPING = 1e-2, 6.0, 1e8
 #: Longest change of an unknown in a step; fewest steps that are tried at once.
 LONGEST, FEWEST = 0.1, 5
 #: Steps in succession that gain less than the smallest gain before a descent ends.
-PATIENCE = 3
+PATIENCE = 5
 
 
 @dataclass
@@ -65,7 +65,7 @@ class Descent:
             Gain of a step that counts as none.
         """
         last, damping, waiting = self.objective.trials + trials, DAMPING, 0
-        x = self.objective.family.project(point[None])[0][0]
+        x: Floats = self.objective.family.project(point[None])[0][0]
         value = self._values(x[None])[0]
         while self.objective.trials < last and waiting < PATIENCE and damping < LARGEST_DAMPING and self.free:
             dampings = damping * RATIO ** np.arange(-1.0, self.size - 1)

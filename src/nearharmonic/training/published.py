@@ -9,8 +9,10 @@ from nearharmonic.integrators.tableau import Tableau
 
 #: Prefix of the names of trained methods.
 TRAINED = "trained_"
+#: Prefix of the names of methods that are trained with the oscillator solved exactly.
+TRAINED_EXACT = "trained_exact_"
 #: Modules of this project's own methods: found by order conditions, and trained.
-OURS = ("nearharmonic_2026", "nearharmonic_2026_cubic", "nearharmonic_2026_modified", "trained")
+OURS = ("nearharmonic_2026", "nearharmonic_2026_cubic", "nearharmonic_2026_modified", "trained", "trained_exact")
 
 
 def module_of(name: str) -> str:

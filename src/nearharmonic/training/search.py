@@ -87,7 +87,10 @@ class Effort:
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """Start of a search: a point, or None for the best of random points, and the standard deviation around it."""
+    """Start of a search: a point, or None for the best of random points, and the standard deviation around it.
+
+    An evolution begins with points around it, and a Gauss-Newton descent at one such point.
+    """
 
     origin: str
     point: Floats | None
@@ -161,6 +164,8 @@ class Searcher:
     def near(self, best: Found, turn: int, origin: str) -> Start:
         """Return a start near a member, at a distance that depends on ``turn``."""
         spread = self.spread(turn)
+        if self.effort.descent == "gauss_newton":
+            return Start(origin=origin, point=best.unknowns, spread=spread)
         point = best.unknowns + spread * self._random.normal(size=len(best.unknowns))
         return Start(origin=origin, point=point, spread=spread)
 
@@ -246,7 +251,7 @@ class _Screen:
         # A trial is the integration of all problems.
         self._objective.trials += -(-(self._part.trials - before) // self._share)
         self._best = min(self._best, value)
-        return None if value > self._best + self._effort.behind else replace(start, point=unknowns)
+        return None if value > self._best + self._effort.behind else replace(start, point=unknowns, spread=0.0)
 
 
 def descend(objective: Objective, start: Start, effort: Effort, seed: int) -> tuple[float, Floats]:
@@ -259,6 +264,8 @@ def descend(objective: Objective, start: Start, effort: Effort, seed: int) -> tu
         points[:, stages - 1 :] *= 1 / stages**2  # squares are coefficients of tau^3
         point = points[objective(points).argmin()]
     if effort.descent == "gauss_newton":
+        if start.point is not None:
+            point = point + start.spread * random.standard_normal(len(point))
         point = Descent(objective).minimise(point, effort.trials, effort.small_value)
         value = float(objective(point[None])[0])
     else:

@@ -22,7 +22,8 @@ Tables = Mapping[str, Sequence[Row]]
 WIDEST, ORBITS = "d = 2, 0.01 to 0.5", "Kepler"
 WINDOWS = (WIDEST, "d = 3, 0.01 to 0.5", "d = 2, 0.001 to 0.01", "Hénon-Heiles", ORBITS)
 IDEAS = {
-    "exact_oscillator": "oscillator solved exactly", "harmonic_conditions": "harmonic conditions",
+    "exact_oscillator": "oscillator solved exactly", "trained_exact": "trained, oscillator solved exactly",
+    "harmonic_conditions": "harmonic conditions",
     "nystrom": "Nyström", "trained": "trained", "general": "general",
 }  # fmt: skip
 
@@ -154,6 +155,21 @@ def ideas(tables: Tables) -> str:
     return table(("τ/s", "all ideas, up to δ", "with T and V, up to δ"), lines, left=3)
 
 
+def exact(tables: Tables) -> str:
+    """Gains of trained over published methods with the oscillator solved exactly, by anharmonicity and step size."""
+    rows = tables["ideas"]
+    taus, deltas = (sorted({row[key] for row in rows}) for key in ("tau_per_stage", "anharmonicity"))
+    cells = {(row["tau_per_stage"], row["anharmonicity"]): exact_cell(row) for row in rows}
+    lines = [(f"{delta:.2g}", *(cells[tau, delta] for tau in taus)) for delta in deltas]
+    return table(("δ", *(f"{tau:g}" for tau in taus)), lines)
+
+
+def exact_cell(row: Row) -> str:
+    """A gain: bold where its interval is above 0, in brackets where it holds 0."""
+    text, low, high = signed(row["exact_gain"]), row["exact_gain_low"], row["exact_gain_high"]
+    return f"**{text}**" if low > 0 else f"({text})" if high > 0 else text
+
+
 def sequence(rows: Sequence[Row], key: str) -> str:
     """Runs of equal leaders, each with the anharmonicity at which it ends."""
     runs = [(leader, list(group)[-1]["anharmonicity"]) for leader, group in groupby(rows, key=lambda row: row[key])]
@@ -201,6 +217,7 @@ def times(tables: Tables) -> str:
 #: Marks of the page, and what stands between them.
 PARTS = {
     "gains": gains, "widest": widest, "orbits": orbits, "losses": losses, "windows": windows, "ideas": ideas,
+    "exact": exact,
     "long": long_runs, "times": times,
 }  # fmt: skip
 

@@ -80,7 +80,7 @@ def test_exact_oscillator_is_best_where_rest_vanishes_and_alone_there(scaled):
     assert runs.integrator[runs.idea == "harmonic_conditions"].values.tolist() == ["babps8o7h", "babs7o7h"]
     assert "chin_4a" not in runs.integrator
     means = best_of_ideas(runs, 10).mean_log_error.dropna("idea").squeeze("tau_per_stage")
-    assert means.idea.values.tolist() == [idea for idea in IDEAS if idea != "trained"]
+    assert means.idea.values.tolist() == [idea for idea in IDEAS if not idea.startswith("trained")]
     best = {str(idea): means.sel(idea=idea).values for idea in means.idea.values}
     weakest, strongest = ({idea: row[j] for idea, row in best.items()} for j in (0, -1))
     assert min(weakest, key=weakest.get) == "exact_oscillator"
@@ -114,13 +114,34 @@ def test_leader_has_least_mean_error_and_lead_over_second():
     assert found["lead"][0] == pytest.approx([2, 0.5])
     assert found["leader_split"].tolist() == [["harmonic_conditions", "nystrom"]]
     assert found["lead_split"][0] == pytest.approx([1, 0.5])
-    assert found["gain"][:, 0, 0] == pytest.approx([4, 2, 1, np.nan, 0], nan_ok=True)
+    assert found["gain"][:, 0, 0] == pytest.approx([4, np.nan, 2, 1, np.nan, 0], nan_ok=True)
     assert found["best_method"][:, 0, 0].tolist() == [
-        "method of exact_oscillator", "method of harmonic_conditions", "method of nystrom", "", "method of general",
+        "method of exact_oscillator", "", "method of harmonic_conditions", "method of nystrom", "", "method of general",
     ]  # fmt: skip
     low, high = np.moveaxis(found["lead_interval"][0], -1, 0)
     assert (low < found["lead"][0]).all()
     assert (found["lead"][0] < high).all()
+
+
+def test_exact_gain_is_of_trained_methods_over_published_ones():
+    noise = np.linspace(-0.1, 0.1, 6)
+    errors = np.array([[-9, -4], [-10, -4.2]])[:, None, :, None] + noise * np.array([1, 2])[:, None, None, None]
+    over = ("tau_per_stage", "strength", "problem")
+    names = {"integrator": ["one"], "idea": ("integrator", ["general"])}
+    names |= {"exact_integrator": ["aba864", "trained_exact_one"]}
+    runs = {
+        "log_error": (("integrator", *over), errors[:1] + 1),
+        "exact_log_error": (("exact_integrator", *over), errors),
+    }
+    best = reduction.of(xr.Dataset(runs, names, {"seed": 1}), over="problem")
+    found = reduction.of(best, over="resample")
+    assert found.exact_gain.values == pytest.approx(np.array([[1, 0.2]]))
+    low, high = found.exact_gain_interval.transpose("bound", ...).values
+    assert (low < found.exact_gain).all()
+    assert (found.exact_gain < high).all()
+    assert found.leader.values.tolist() == [["trained_exact", "trained_exact"]]
+    assert found.leader_split.values.tolist() == [["general", "general"]]
+    assert best.best_method.sel(idea="exact_oscillator").values.tolist() == [["aba864", "aba864"]]
 
 
 def test_table_has_row_and_equal_numbers_for_each_cell(tmp_path):

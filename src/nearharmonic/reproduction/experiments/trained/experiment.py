@@ -38,7 +38,7 @@ EXPERIMENT = Experiment(
         "trained_gain": "Gain over the best published method",
         "trained_ideas": "Five ideas, by anharmonicity",
     },
-    others=("derived/trained_{purpose}.toml", "derived/trained.py"),
+    others=("derived/trained_{purpose}.toml", "derived/trained.py", "derived/trained_exact.py"),
     runs=("trained/proof", "trained/ideas", "trained/long"),
     measured=("tables/trained_times",),
 )

@@ -1,4 +1,4 @@
-"""Generator of the module that registers trained methods, from the results of their searches."""
+"""Generator of the modules that register trained methods, from the results of their searches."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from nearharmonic.training.published import TRAINED_EXACT
 from nearharmonic.training.source_text import palindrome_lines
 
-#: Head of the module.
+#: Head of the module of methods for T and V.
 HEAD = '''"""Methods trained on near-harmonic systems.
 
 Coefficients of symmetric compositions that make the energy error of an ensemble of problems small over a window of step
@@ -26,19 +27,42 @@ SOURCE = (
 )
 
 TABLEAUS = ('''
+#: Head of the module of methods for exactly solved oscillators.
+EXACT_HEAD = '''"""Methods trained on oscillators with a small rest, for steps that solve the oscillators exactly.
+
+With H = A + epsilon B, A the oscillators and B the rest, they have the declared generalised order: errors are
+O(epsilon tau^r1 + epsilon^2 tau^r2). The rest of their freedom makes the energy error of an ensemble of such problems
+small over a window of step sizes: the experiment ``trained`` has the search, and docs/results/trained.md compares their
+errors with those of other methods. Use: ``nh.integrate(..., split="exact_oscillator")``. Each note has the window in
+tau/s, in radians of the fastest oscillation, the ensemble, the limit of linear stability with T and V, the seed, and
+the digest of the run that found the method.
+"""
+
+{imports}
+from nearharmonic.integrators.trained import SOURCE
+
+TABLEAUS = ('''
 #: Maximum length of a line for formatters.
 LONGEST = 120
 
 
 def register(documents: Sequence[str]) -> dict[str, str]:
-    """Return the text of the ``module``, from the paths of the TOML files of searches."""
+    """Return the texts of ``module`` and ``exact_module``, from the paths of the TOML files of searches."""
     methods = [tomllib.loads(Path(place).read_text(encoding="utf-8")) for place in documents]
+    exact = [one["name"].startswith(TRAINED_EXACT) for one in methods]
+    return {
+        "module": _module(HEAD, [one for one, yes in zip(methods, exact, strict=True) if not yes]),
+        "exact_module": _module(EXACT_HEAD, [one for one, yes in zip(methods, exact, strict=True) if yes]),
+    }
+
+
+def _module(head: str, methods: Sequence[Mapping[str, Any]]) -> str:
     names = [*(["QUADRATIC_KINETIC_ENERGY"] if any(map(_needs_requirement, methods)) else []), "Tableau", "palindrome"]
     imports = f"from nearharmonic.integrators.tableau import {', '.join(names)}"
-    lines = [HEAD.format(imports=imports)]
+    lines = [head.format(imports=imports)]
     for one in methods:
         lines += ["    Tableau(", *(f"        {line}" for line in _fields(one)), "    ),"]
-    return {"module": "\n".join([*lines, ")", ""])}
+    return "\n".join([*lines, ")", ""])
 
 
 def _needs_requirement(one: Mapping[str, Any]) -> bool:
@@ -57,6 +81,8 @@ def _fields(one: Mapping[str, Any]) -> list[str]:
     lines += ["source=SOURCE,", f"digits={one['digits']},"]
     if _needs_requirement(one):
         lines.append("requires=QUADRATIC_KINETIC_ENERGY,")
+    if "generalised_order" in one:
+        lines.append(f"generalised_order=({', '.join(map(str, one['generalised_order']))}),")
     return [*lines, *_note(one)]
 
 

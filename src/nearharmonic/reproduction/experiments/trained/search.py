@@ -17,7 +17,7 @@ from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.theory.linear_stability import stability_limit
-from nearharmonic.integrators.theory.order import harmonic_order, nystrom_order_of, order_of
+from nearharmonic.integrators.theory.order import generalised_order_of, harmonic_order, nystrom_order_of, order_of
 from nearharmonic.output.table import Table
 from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES, Purpose
 from nearharmonic.reproduction.experiments.trained.settings import SearchSettings
@@ -192,6 +192,7 @@ def _document(goal: Purpose, settings: SearchSettings, best: Found, test: _Judge
         "order": order_of(tableau),
         "order_for_quadratic_T": nystrom_order_of(tableau),
         **({} if tableau.modified else {"harmonic_order": harmonic_order(tableau)}),
+        **({"generalised_order": list(generalised_order_of(tableau))} if best.family.generalised_order else {}),
         **({} if tableau.modified else {"stability_limit": float(stability_limit(tableau))}),
         "sum_of_absolute_values": sum(abs(float(c)) for c in (*tableau.kick, *tableau.drift)),
         "purpose": goal.what,

@@ -2,26 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 from nearharmonic.integrators import modified_integrators, plain_integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.training.published import OURS, TRAINED, module_of
+from nearharmonic.training.published import OURS, TRAINED, TRAINED_EXACT, module_of
 
 Kind = Literal["trained", "published", "own"]
 #: Kinds in the order of cubes.
 KINDS: tuple[Kind, ...] = ("published", "own", "trained")
 
+#: Ideas of methods for the exactly solved oscillator: published and trained ones.
+EXACT_IDEAS = ("exact_oscillator", "trained_exact")
 #: Ideas of methods, in the order of tables and figures.
-IDEAS = ("exact_oscillator", "harmonic_conditions", "nystrom", "trained", "general")
+IDEAS = (*EXACT_IDEAS, "harmonic_conditions", "nystrom", "trained", "general")
 #: Minimum order of a Nystrom method (with quadratic T) of high order.
 NYSTROM_ORDER = 6
 
 
 def contestants() -> tuple[str, ...]:
-    """Return the names of all registered methods whose energy is measured at every step: all except processed ones."""
+    """Return the names of all registered methods for T and V whose energy is measured at every step.
+
+    Processed methods are not among them, and those trained with the oscillator solved exactly.
+    """
     modified = [name for name in modified_integrators.registered if not modified_integrators[name].processed]
-    return (*plain_integrators.registered, *modified)
+    return tuple(name for name in (*plain_integrators.registered, *modified) if not name.startswith(TRAINED_EXACT))
+
+
+def exact_contestants(others: Sequence[str]) -> tuple[str, ...]:
+    """Return ``others`` and all registered methods that were trained with the oscillator solved exactly."""
+    trained = [name for name in plain_integrators.registered if name.startswith(TRAINED_EXACT)]
+    return tuple(dict.fromkeys((*others, *trained)))
 
 
 def kind_of(name: str) -> Kind:

@@ -15,6 +15,7 @@ from nearharmonic.reproduction.tasks.declarations import figure
 #: Name, colour and marker of each idea.
 LOOKS = {
     "exact_oscillator": ("oscillator solved exactly", "#2f7fd6", "D"),
+    "trained_exact": ("trained, oscillator solved exactly", "#0d2f6e", "P"),
     "harmonic_conditions": ("harmonic conditions", "#e08214", "s"),
     "nystrom": ("Nyström, order 6 and 8", "#1b7837", "^"),
     "trained": ("trained", "#c1121f", "o"),

@@ -18,7 +18,7 @@ import xarray as xr
 from nearharmonic.output.dataset import coordinate, described
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table
-from nearharmonic.reproduction.experiments.trained.comparison.contestants import IDEAS
+from nearharmonic.reproduction.experiments.trained.comparison.contestants import EXACT_IDEAS, IDEAS
 from nearharmonic.reproduction.experiments.trained.comparison.resampling import (
     CONFIDENCE,
     RESAMPLES,
@@ -29,6 +29,7 @@ from nearharmonic.reproduction.experiments.trained.comparison.resampling import 
 from nearharmonic.reproduction.experiments.trained.ideas.oscillators import CHARGE
 from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.reproduction.tasks.reduction import Reductions
+from nearharmonic.training.published import TRAINED_EXACT
 
 reduction = Reductions()
 
@@ -45,8 +46,11 @@ def anharmonicity(runs: xr.Dataset) -> xr.DataArray:
 @reduction("log_error", "exact_log_error", "idea", over="problem")
 def best_of_ideas(runs: xr.Dataset, resamples: int = RESAMPLES) -> xr.Dataset:
     """Best method of each idea and its mean error, and the errors of the best, chosen anew, in each resample."""
-    ideas = {IDEAS[0]: runs.exact_log_error.rename(exact_integrator="integrator")}
-    ideas |= {idea: runs.log_error.isel(integrator=np.flatnonzero(runs.idea == idea)) for idea in IDEAS[1:]}
+    exact = runs.exact_log_error.rename(exact_integrator="integrator")
+    trained = exact.integrator.str.startswith(TRAINED_EXACT).values
+    ideas = {idea: exact.isel(integrator=one) for idea, one in zip(EXACT_IDEAS, (~trained, trained), strict=True)}
+    split = [idea for idea in IDEAS if idea not in EXACT_IDEAS]
+    ideas |= {idea: runs.log_error.isel(integrator=np.flatnonzero(runs.idea == idea)) for idea in split}
     parts = []
     for idea, errors in ideas.items():
         if errors.sizes["integrator"]:
@@ -62,7 +66,7 @@ def best_of_ideas(runs: xr.Dataset, resamples: int = RESAMPLES) -> xr.Dataset:
         ("best_method", "best method of an idea; empty if it has none"),
     ):
         found[name] = found[name].assign_attrs(described(text))
-    meaning = f"what methods are built on; {IDEAS[0]} costs {CHARGE} an evaluation"
+    meaning = f"what methods are built on; {' and '.join(EXACT_IDEAS)} cost {CHARGE} an evaluation"
     return found.assign_coords(coordinate("idea", list(IDEAS), meaning))
 
 
@@ -79,9 +83,23 @@ def gains(best: xr.Dataset) -> xr.Dataset:
 
 
 @reduction("mean_log_error", "resampled", over="resample")
+def exact_gains(best: xr.Dataset) -> xr.Dataset:
+    """Gain of trained methods over published ones with the oscillator solved exactly, with its interval."""
+    gain, resampled = (
+        one.sel(idea=EXACT_IDEAS[0], drop=True) - one.sel(idea=EXACT_IDEAS[1], drop=True)
+        for one in (best.mean_log_error, best.resampled)
+    )
+    text = f"gain of the best method of {EXACT_IDEAS[1]} over the best of {EXACT_IDEAS[0]}"
+    return xr.Dataset({
+        "exact_gain": gain.assign_attrs(described(text, "decades")),
+        "exact_gain_interval": interval(resampled).assign_attrs(described(f"its {CONFIDENCE:.0%} interval", "decades")),
+    })  # fmt: skip
+
+
+@reduction("mean_log_error", "resampled", over="resample")
 def leaders(best: xr.Dataset) -> xr.Dataset:
     """Idea that is ahead, and its lead over the second with its interval: among all ideas, and for T and V."""
-    split = _leaders(best.drop_sel(idea=IDEAS[0]), "_split", f"the same without {IDEAS[0]}")
+    split = _leaders(best.drop_sel(idea=list(EXACT_IDEAS)), "_split", f"the same without {' and '.join(EXACT_IDEAS)}")
     return _leaders(best, "", "idea with the least mean error").assign(split)
 
 
@@ -104,7 +122,8 @@ def _leaders(best: xr.Dataset, suffix: str, text: str) -> xr.Dataset:
 CAPTION = (
     "Random potentials of two coordinates: the idea whose best method has the least mean of log10 max |dH/H0| at equal "
     "cost, by how many decades it is ahead of the second with its 95 % interval over the potentials; the idea that is "
-    "ahead with T and V, where oscillators are not solved exactly; and the gains of all over the best general method. "
+    "ahead with T and V, where oscillators are not solved exactly; the gain of trained over published methods where "
+    "they are; and the gains of all over the best general method. "
     "Anharmonicity is the median variation of the Hessian."
 )
 
@@ -113,7 +132,7 @@ def ideas_table(cube: xr.Dataset) -> Table:
     """Return a row for each step size and strength."""
     values = {name: entry.values for name, entry in cube.variables.items()}
     header = ["tau_per_stage", "anharmonicity", "ahead", "method", "log10_error", "lead", "lead_low", "lead_high"]
-    header += ["ahead with T + V", "lead with T + V"]
+    header += ["ahead with T + V", "lead with T + V", "exact_gain", "exact_gain_low", "exact_gain_high"]
     rows: list[list[Any]] = []
     for t, j in product(range(len(values["tau_per_stage"])), range(len(values["strength"]))):
         leader = str(values["leader"][t, j])
@@ -122,6 +141,7 @@ def ideas_table(cube: xr.Dataset) -> Table:
         first = [float(values["tau_per_stage"][t]), float(values["anharmonicity"][j, 1]), leader]
         best = str(values["best_method"][i, t, j])
         split = [str(values["leader_split"][t, j]), float(values["lead_split"][t, j])]
+        split += [float(values["exact_gain"][t, j]), *map(float, values["exact_gain_interval"][t, j])]
         rows.append([*first, best, *map(float, numbers), *split, *map(float, values["gain"][:, t, j])])
     return Table(header=[*header, *IDEAS], rows=rows, caption=CAPTION)
 

@@ -21,8 +21,8 @@ from nearharmonic.training.search import DescentName, Effort
 
 #: Ranges of the strength of random potentials: for most methods, and for methods for small anharmonicity.
 STRONG, WEAK = (0.01, 0.5), (0.001, 0.03)
-#: Range of the strength of the rest of oscillators that are solved exactly: with more, T and V are better.
-PERTURBED = (0.001, 0.05)
+#: Ranges of the strength of the rest of oscillators that are solved exactly; with more, T and V are better.
+SMALL, MODERATE = (0.001, 0.01), (0.01, 0.06)
 #: Range of the rms change of a bond in model crystals: the Hessian varies by 0.02 to 0.2, as in crystals below melting.
 THERMAL = (0.01, 0.1)
 #: Range of the energy of cubic potentials over the lowest barrier; Henon-Heiles at H = 1/8 has 0.75.
@@ -31,10 +31,9 @@ BOUND = (0.05, 0.75)
 ECCENTRICITIES = (0.02, 0.35)
 #: Cost of the gradient of the square of grad V, in forces, for polynomials and for Kepler: docs/reference/methods.md.
 CHARGE, CHARGE_OF_ORBITS = 1.1, 0.3
-#: Gauss-Newton descents take this part of the trials of an evolution, from so many times as many starts.
-PART, MORE = 8, 40
-#: Standard deviations of starts around the best members, and numbers of random points for a random start.
-AROUND, POINTS = (0.01, 0.03, 0.1), 30
+#: Gauss-Newton descents take this part of the trials of an evolution. With exactly solved oscillators they begin at so
+#: many times as many random starts, and are so many times refined.
+PART, MORE, AGAIN = 3, 30, 10
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -128,8 +127,8 @@ class Purpose:
         if self.descent == "evolution":
             return Effort(trials=trials, random=random, refinements=refinements)
         return Effort(
-            trials=-(-trials // PART), random=MORE * random, refinements=MORE * refinements, descent=self.descent,
-            around_known=(0.0,), around_found=AROUND, random_points=POINTS, screened=4, bases=4, small_value=1e-3,
+            trials=-(-trials // PART), random=random, refinements=refinements, descent=self.descent,
+            around_known=(0.0, *[0.003] * 7), around_found=(0.001, 0.003, 0.01), small_value=3e-4,
         )  # fmt: skip
 
     def ensembles(self, systems: int, seed: int, longer: float = 1.0) -> list[Ensemble]:
@@ -189,25 +188,24 @@ class CubicPurpose(Purpose):
 
 
 class OscillatorPurpose(Purpose):
-    """Purpose of a method for an oscillator that is solved exactly; ``band`` bounds the strength of the rest.
-
-    Its method is registered in a module of its own: its order in the strength of the rest is declared.
-    """
-
-    @property
-    def registered(self) -> bool:
-        """False: the module of trained methods does not have it."""
-        return False
+    """Purpose of a method for an oscillator that is solved exactly; ``band`` bounds the strength of the rest."""
 
     @property
     def problems(self) -> str:
         """The ensemble in words."""
-        low, high = self.band or PERTURBED
+        low, high = self.band or MODERATE
         return f"random potentials, d = 2, strengths {low:g} to {high:g}, oscillators solved exactly"
+
+    def effort(self, trials: int, random: int, refinements: int) -> Effort:
+        """Return the settings of a search: many random starts, because no published method has the stages."""
+        return Effort(
+            trials=-(-trials // PART), random=MORE * random, refinements=AGAIN * refinements, descent=self.descent,
+            around_found=(0.01, 0.03, 0.1), random_points=30, screened=4, bases=4, small_value=3e-4,
+        )  # fmt: skip
 
     def ensembles(self, systems: int, seed: int, longer: float = 1.0) -> list[Ensemble]:
         """Return the problems; the intervals are ``longer`` by a factor."""
-        band = self.band or PERTURBED
+        band = self.band or MODERATE
         return [with_exact_oscillators(random_ensemble(2, systems, seed, band=band, t_end=self.t_end * longer))]
 
 
@@ -219,11 +217,13 @@ def evaluations_an_orbit(*counts: int) -> tuple[float, ...]:
 #: SRKN 11b of Blanes & Moan (2002) leads to the best methods for random potentials, their SRKN 14a to those for orbits.
 _ELEVEN, _TWELVE = Chain(first="kick", stages=(11,)), Chain(first="kick", stages=(11, 12))
 _FOURTEEN = Chain(first="drift", stages=(14, 15, 16), order=6)
-#: Families with the generalised order of ABA864 in the first power of the rest.
-_PERTURBED = (
-    Chain(first="kick", stages=(11,), generalised_order=(8, 4)),
-    Chain(first="kick", stages=(13,), generalised_order=(8, 4)),
-)
+
+
+def _perturbed(generalised_order: tuple[int, ...], *stages: int) -> Chain:
+    """Return the families of a method for exactly solved oscillators; all good ones found have kicks first."""
+    return Chain(first="kick", stages=stages, generalised_order=generalised_order)
+
+
 _ALL = (
     Purpose(
         name="coarse", what="few evaluations", tau_per_stage=(0.15, 0.185, 0.235), t_end=60.0, after="light",
@@ -262,29 +262,25 @@ _ALL = (
         band=BOUND, chains=(Chain(first="kick", stages=(11,), order=6, potential_degree=3),),
     ),
     OscillatorPurpose(
+        name="exact_coarse", what="oscillators solved exactly, few evaluations", tau_per_stage=(0.165, 0.2, 0.25),
+        t_end=60.0, band=SMALL, descent="gauss_newton",
+        chains=(_perturbed((8, 4), 7), _perturbed((6, 4), 11)),
+    ),
+    OscillatorPurpose(
+        name="exact_light", what="oscillators solved exactly, low accuracy", tau_per_stage=(0.09, 0.11, 0.14),
+        t_end=50.0, band=MODERATE, descent="gauss_newton", chains=(_perturbed((6, 4), 11),),
+    ),
+    OscillatorPurpose(
         name="exact_fine", what="oscillators solved exactly, high accuracy", tau_per_stage=(0.05, 0.06, 0.075),
-        t_end=30.0, band=(0.01, 0.06), descent="gauss_newton",
-        chains=(Chain(first="kick", stages=(13,), generalised_order=(8, 4)),),
+        t_end=30.0, band=MODERATE, descent="gauss_newton", chains=(_perturbed((8, 4), 11),),
     ),
     OscillatorPurpose(
         name="exact_finer", what="oscillators solved exactly, higher accuracy", tau_per_stage=(0.028, 0.034, 0.042),
-        t_end=17.0, band=(0.01, 0.06), descent="gauss_newton", after="exact_fine",
-        chains=(Chain(first="kick", stages=(13,), generalised_order=(8, 4)),),
+        t_end=17.0, band=MODERATE, descent="gauss_newton", chains=(_perturbed((8, 4), 11, 12, 13),),
     ),
     OscillatorPurpose(
-        name="exact_moderate", what="oscillators solved exactly, moderate accuracy", tau_per_stage=(0.07, 0.085, 0.11),
-        t_end=40.0, band=(0.001, 0.01), descent="gauss_newton", after="exact_fine",
-        chains=(Chain(first="kick", stages=(13,), generalised_order=(8, 4)),),
-    ),
-    OscillatorPurpose(
-        name="exact_light", what="oscillators solved exactly, low accuracy", tau_per_stage=(0.11, 0.135, 0.17),
-        t_end=50.0, band=(0.001, 0.03), descent="gauss_newton",
-        chains=(Chain(first="kick", stages=(15,), generalised_order=(6, 4)),),
-    ),
-    OscillatorPurpose(
-        name="exact_coarse", what="oscillators solved exactly, few evaluations", tau_per_stage=(0.19, 0.22, 0.25),
-        t_end=60.0, band=(0.001, 0.03), descent="gauss_newton",
-        chains=(Chain(first="kick", stages=(7, 9), generalised_order=(8, 4)),),
+        name="exact_weak", what="oscillators solved exactly, small rest", tau_per_stage=(0.09, 0.11, 0.14),
+        t_end=50.0, band=SMALL, descent="gauss_newton", chains=(_perturbed((6, 4), 13),),
     ),
     Purpose(
         name="orbits", what="planetary orbits", tau_per_stage=evaluations_an_orbit(480, 340, 240), t_end=8 * pi,
