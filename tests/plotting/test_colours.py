@@ -18,7 +18,11 @@ from support.cubes.colour_vision import SEEN, difference, lab, least_difference
 
 #: Least difference in CIELAB of colours that are told apart; 2.3 is just noticeable for large patches side by side.
 APART = 13
-TRAINED = [name for name in integrators if name.startswith("trained_")]
+TRAINED, TRAINED_EXACT = (
+    [name for name in integrators if name.startswith("trained_") and name.startswith("trained_exact_") == exact]
+    for exact in (False, True)
+)
+EXACT = ExactOscillatorSettings().integrators
 
 
 def test_simulated_vision_confuses_red_and_green_of_one_lightness():
@@ -40,8 +44,8 @@ def test_methods_with_one_marker_have_colours_that_all_readers_see():
 
 @pytest.mark.parametrize(
     "names",
-    [[*BENCHMARKED, *ExactOscillatorSettings().integrators], TRAINED],
-    ids=["with the exact oscillator", "trained"],
+    [[*BENCHMARKED, *EXACT], TRAINED, [*EXACT, *TRAINED_EXACT]],
+    ids=["with the exact oscillator", "trained", "trained with the exact oscillator"],
 )
 def test_methods_drawn_together_have_colours_that_all_readers_see(names):
     found = {

@@ -46,15 +46,39 @@ def test_descent_ends_at_minima_of_scans_along_members(first, exact):
 
 def test_descent_needs_a_tenth_of_the_trials_of_an_evolution():
     family = Family(stages=11, first="kick")
-    start = Start(origin="srkn_b11", point=family.unknowns_of(nh.integrators["srkn_b11"]), spread=0.01)
+    point = family.unknowns_of(nh.integrators["srkn_b11"])
     objective = objective_of(family)
     found, spent = {}, {}
-    for name, trials in (("gauss_newton", 400), ("evolution", 4000)):
-        before = objective.trials
+    for name, trials, spread in (("gauss_newton", 400, 0.0), ("evolution", 4000, 0.01)):
+        before, start = objective.trials, Start(origin="srkn_b11", point=point, spread=spread)
         found[name], _ = descend(objective, start, Effort(trials=trials, descent=name), 1)
         spent[name] = objective.trials - before
     assert 10 * spent["gauss_newton"] < 1.2 * spent["evolution"]
-    assert found["gauss_newton"] < found["evolution"] + 0.05 < objective(start.point[None])[0] - 1
+    assert found["gauss_newton"] < found["evolution"] + 0.05 < objective(point[None])[0] - 1
+
+
+def test_spread_moves_the_start_of_a_descent():
+    family = Family(stages=7, first="drift")
+    objective, point = objective_of(family), members(family, 1)[0]
+    effort = Effort(trials=0, descent="gauss_newton")
+
+    def moved(spread, seed=1):
+        _, end = descend(objective, Start(origin="here", point=point, spread=spread), effort, seed)
+        return np.abs(end - point).max()
+
+    assert moved(0.0) < 1e-12
+    assert 1e-4 < moved(1e-3) < 1e-2
+    assert moved(1e-3) == moved(1e-3) != moved(1e-3, seed=2)
+
+
+def test_part_of_an_objective_has_the_first_problems_at_the_same_cost():
+    family = Family(stages=6, first="kick", squares=(0,))
+    x = members(family, 3)
+    whole = objective_of(family, charge=0.7)
+    parts = [one.part(slice(-(-one.size // 4))) for one in ENSEMBLES]
+    wanted = objective_of(family, parts, charge=0.7)(x)
+    assert whole.part(4)(x).tobytes() == wanted.tobytes()
+    assert whole.trials == 0
 
 
 def test_trials_of_a_descent_are_counted_and_bounded():

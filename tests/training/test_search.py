@@ -32,7 +32,11 @@ class Distance:
     """An objective whose minimum is known: the logarithm of the distance to a member."""
 
     def __init__(self, family, target):
-        self.family, self.target, self.trials = family, target, 0
+        self.family, self.target, self.trials, self.parts = family, target, 0, []
+
+    def part(self, share):
+        self.parts.append((share, Distance(self.family, self.target)))
+        return self.parts[-1][1]
 
     def __call__(self, points):
         x, inside = self.family.project(points)
@@ -120,6 +124,33 @@ def test_a_search_finds_again_what_it_found_and_counts_it():
     near = [np.abs(one.unknowns - findings.best.unknowns).max() < 0.02 for one in findings.found]
     low = [one.value < findings.best.value + 0.02 for one in findings.found]
     assert findings.again == sum(a and b for a, b in zip(near, low, strict=True)) >= 2
+
+
+def test_screened_starts_continue_if_their_short_descents_are_near_the_best():
+    objective = Distance(FAMILY, members(FAMILY, 1)[0])
+    offsets = {"near": 0.01, "far": 0.3, "nearer": 0.005}
+    starts = [Start(origin=name, point=objective.target + x, spread=0.003) for name, x in offsets.items()]
+    effort = Effort(trials=400, screened=4, behind=2.0)
+    findings = search(objective, iter(starts), effort, 1, None)
+    assert names(findings.found) == ["near", "nearer"]
+    ((share, part),) = objective.parts
+    assert share == 4
+    # Each of the three had a quarter of the trials on a quarter of the problems.
+    assert 3 * 100 <= part.trials <= 3 * 120
+    # A trial is that of all problems.
+    assert objective.trials - findings.trials == pytest.approx(part.trials / 4, abs=3)
+
+
+def test_centres_of_refinements_are_different_members_in_turns():
+    findings = Searcher(Effort(trials=1, bases=2), 1)
+    findings.found = [
+        found(-1.0, [0.1, 0.2]),
+        found(-0.99, [0.11, 0.2]),
+        found(-0.5, [0.3, 0.2]),
+        found(-0.1, [0.5, 0.2]),
+    ]
+    assert [findings.centre(turn).value for turn in range(4)] == [-1.0, -0.5, -1.0, -0.5]
+    assert Searcher(Effort(trials=1), 1).effort.bases == 1
 
 
 def test_equal_minimum_elsewhere_and_worse_one_here_are_different():

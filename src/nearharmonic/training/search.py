@@ -251,7 +251,10 @@ class _Screen:
         # A trial is the integration of all problems.
         self._objective.trials += -(-(self._part.trials - before) // self._share)
         self._best = min(self._best, value)
-        return None if value > self._best + self._effort.behind else replace(start, point=unknowns, spread=0.0)
+        if value > self._best + self._effort.behind:
+            return None
+        again = 0.0 if self._effort.descent == "gauss_newton" else start.spread
+        return replace(start, point=unknowns, spread=again)
 
 
 def descend(objective: Objective, start: Start, effort: Effort, seed: int) -> tuple[float, Floats]:
