@@ -89,7 +89,6 @@ _OWN = (
     ("#1a0080", ">", "trained_exact_light"),
     ("#b300e6", "*", "trained_exact_fine"),
     ("#661ab3", "h", "trained_exact_finer"),
-    ("#334d33", "d", "trained_exact_weak"),
     ("#990080", "v", "trained_orbits"),
     ("#1a4d33", "p", "trained_orbits_coarse"),
     ("#331a99", "^", "trained_modified"),

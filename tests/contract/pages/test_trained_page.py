@@ -14,7 +14,7 @@ from nearharmonic.reproduction.experiments.trained.comparison.resampling import 
 from nearharmonic.reproduction.experiments.trained.ideas.oscillators import STRONGEST, WEAKEST
 from nearharmonic.reproduction.experiments.trained.long_runs.run import BACK, FINE, STARTS, TAU_PER_STAGE
 from nearharmonic.reproduction.experiments.trained.problems.named_systems import NAMED, named_ensembles
-from nearharmonic.reproduction.experiments.trained.problems.purposes import CHARGE, CHARGE_OF_ORBITS, ECCENTRICITIES
+from nearharmonic.reproduction.experiments.trained.problems.purpose import CHARGE, CHARGE_OF_ORBITS, ECCENTRICITIES
 from nearharmonic.reproduction.experiments.trained.proof.reductions import gains
 from nearharmonic.reproduction.experiments.trained.proof.run import log_errors
 from nearharmonic.reproduction.experiments.trained.proof.settings import ORBITS, ProofSettings

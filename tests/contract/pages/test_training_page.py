@@ -15,7 +15,7 @@ from nearharmonic.reproduction.experiments.trained.settings import SearchSetting
 from nearharmonic.reproduction.pages.training import parts
 from nearharmonic.training.objective import LARGEST_SUM, WEIGHT_OF_MEAN
 from nearharmonic.training.polish import DIGITS, NEAREST
-from nearharmonic.training.search import Effort
+from nearharmonic.training.search.effort import Effort
 from support.results.stated_numbers import ROOT, states
 
 PLACE = "docs/results/training.md"

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.training import search as module
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import Objective, mean_errors
+from nearharmonic.training.search import descent as module
 from nearharmonic.training.tailor import budget as budget_module
 from nearharmonic.training.tailor.budget import Budget, BudgetSpentError
 from nearharmonic.training.tailor.contenders import contenders, published, registered, step_sizes, window_at

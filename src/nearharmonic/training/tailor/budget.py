@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.training.search import library
+from nearharmonic.training.search.descent import library
 
 
 class BudgetSpentError(NearharmonicError):

@@ -20,7 +20,8 @@ from nearharmonic.numerics.types import Floats
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE, Objective
 from nearharmonic.training.population import Ensemble
-from nearharmonic.training.search import Effort, Found, Searcher, Start, starts_of
+from nearharmonic.training.search.effort import Effort, Found, Start
+from nearharmonic.training.search.searcher import Searcher, starts_of
 from nearharmonic.training.tailor.budget import Budget, BudgetSpentError
 
 #: Orders of families: (order, harmonic order, True if T has to be quadratic).

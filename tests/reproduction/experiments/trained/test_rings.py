@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import kstest, norm
 
 from nearharmonic.reproduction.experiments.trained.problems.anharmonicity import anharmonicities
-from nearharmonic.reproduction.experiments.trained.problems.purposes import THERMAL
+from nearharmonic.reproduction.experiments.trained.problems.purpose import THERMAL
 from nearharmonic.reproduction.experiments.trained.problems.rings import SITES, ring_ensemble
 
 BAND = (0.01, 0.15)

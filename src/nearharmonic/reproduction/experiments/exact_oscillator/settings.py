@@ -28,7 +28,7 @@ class ExactOscillatorSettings:
         "Methods that solve the oscillator exactly; those of the figures split into T and V",
         "a list of at least one integrator, each named once",
         each="the name of an integrator, or the path of a Python file that defines TABLEAU or TABLEAUS",
-        default=("aba104", "aba864", "aba1064", "rnia12", "na7"),
+        default=("aba104", "aba864", "aba1064", "rnia12", "na7", "trained_exact_light", "trained_exact_fine"),
         min_length=1,
     )
     energies: int = setting(

@@ -19,14 +19,16 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.theory.linear_stability import stability_limit
 from nearharmonic.integrators.theory.order import generalised_order_of, harmonic_order, nystrom_order_of, order_of
 from nearharmonic.output.table import Table
-from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES, Purpose
+from nearharmonic.reproduction.experiments.trained.problems.purpose import Purpose
+from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES
 from nearharmonic.reproduction.experiments.trained.settings import SearchSettings
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import Objective, mean_errors
 from nearharmonic.training.polish import DIGITS, tableau_of
 from nearharmonic.training.population import Ensemble
 from nearharmonic.training.published import published_methods
-from nearharmonic.training.search import Found, Searcher, search, starts_of
+from nearharmonic.training.search.effort import Found
+from nearharmonic.training.search.searcher import Searcher, search, starts_of
 
 SOURCE = "trained by nearharmonic.reproduction.experiments.trained"
 CAPTION = (

@@ -20,7 +20,8 @@ from nearharmonic.reproduction.experiments.samplers.search.training import (
     starts_of,
 )
 from nearharmonic.reproduction.experiments.samplers.settings import SamplersSettings
-from nearharmonic.training.search import Effort, Searcher
+from nearharmonic.training.search.effort import Effort
+from nearharmonic.training.search.searcher import Searcher
 
 #: Strengths of the quartic term, the family, and the sets of starts, and how much larger they are than in training.
 STRENGTHS, FAMILY, SETS, LARGER = (0.0, 0.1, 0.5, 2.0), SecondOrder(stages=4, first="kick"), 6, 4

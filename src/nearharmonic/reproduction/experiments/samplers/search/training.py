@@ -25,7 +25,8 @@ from nearharmonic.reproduction.experiments.samplers.chains.loops import JITTER, 
 from nearharmonic.reproduction.experiments.samplers.settings import SamplersSettings
 from nearharmonic.reproduction.experiments.samplers.targets.quartic import quantiles
 from nearharmonic.training.objective import OUTSIDE, SLOPE
-from nearharmonic.training.search import Effort, Found, Searcher, Start
+from nearharmonic.training.search.effort import Effort, Found, Start
+from nearharmonic.training.search.searcher import Searcher
 
 #: Strengths b, ratio of the frequencies, the number of modes, and the mean length.
 STRENGTHS, RATIO, MODES, LENGTH = (0.1, 0.5, 2.0), 10.0, 1000, 8.0

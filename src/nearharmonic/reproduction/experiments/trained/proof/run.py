@@ -15,7 +15,7 @@ from nearharmonic.reproduction.experiments.trained.comparison.contestants import
 from nearharmonic.reproduction.experiments.trained.problems.anharmonicity import with_anharmonicity
 from nearharmonic.reproduction.experiments.trained.problems.named_systems import named_ensembles
 from nearharmonic.reproduction.experiments.trained.problems.orbits import orbit_ensemble
-from nearharmonic.reproduction.experiments.trained.problems.purposes import CHARGE, CHARGE_OF_ORBITS, ECCENTRICITIES
+from nearharmonic.reproduction.experiments.trained.problems.purpose import CHARGE, CHARGE_OF_ORBITS, ECCENTRICITIES
 from nearharmonic.reproduction.experiments.trained.problems.random_potentials import random_ensemble
 from nearharmonic.reproduction.experiments.trained.proof.settings import ORBITS, ProofSettings
 from nearharmonic.training.objective import errors_of

@@ -11,9 +11,10 @@ from nearharmonic.reproduction.experiments.trained.problems.random_potentials im
     with_exact_oscillators,
 )
 from nearharmonic.training.family import Family
-from nearharmonic.training.gauss_newton import Descent
 from nearharmonic.training.objective import OUTSIDE, Objective
-from nearharmonic.training.search import Effort, Start, descend
+from nearharmonic.training.search.descent import descend
+from nearharmonic.training.search.effort import Effort, Start
+from nearharmonic.training.search.gauss_newton import Descent
 from support.methods.family_members import members
 
 WINDOW = (0.06, 0.09)

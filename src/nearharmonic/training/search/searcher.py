@@ -1,111 +1,24 @@
-"""Search for members of a family, from published methods, methods with one stage less, and random points.
+"""Searches for members of a family, from published methods, methods with one stage less, and random points.
 
-Descents are Gauss-Newton steps (:mod:`nearharmonic.training.gauss_newton`) or an evolution strategy: N. Hansen, The CMA
-Evolution Strategy: A Tutorial, arXiv:1604.00772; library: pycma, doi:10.5281/zenodo.2559634. All budgets are numbers of
-trials, and all random numbers come from one seed: one seed always gives the same rows on the same type of processor.
+All budgets are numbers of trials, and all random numbers come from one seed: one seed always gives the same rows on the
+same type of processor.
 """
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from itertools import chain
-from typing import Any, Literal
 
 import numpy as np
 
-from nearharmonic.errors import MissingPackageError, SettingError
+from nearharmonic.errors import SettingError
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.types import Floats
 from nearharmonic.training.family import Family
-from nearharmonic.training.gauss_newton import Descent
 from nearharmonic.training.objective import OUTSIDE, Objective
-
-#: Names of the ways from a start to a minimum.
-DescentName = Literal["evolution", "gauss_newton"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Effort:
-    """Settings of searches.
-
-    Attributes
-    ----------
-    trials : int
-        Number of members tried from each start.
-    random : int
-        Number of random starts in each family.
-    refinements : int
-        Number of searches around the best member so far.
-    descent : {"evolution", "gauss_newton"}
-        Way from a start to a minimum.
-    population : int
-        Number of members per generation, and of those that an objective integrates at once.
-    around_known, around_found, at_random : tuple of float
-        Initial standard deviations around a known method, around the result of a search, and around random points; used
-        in turn.
-    random_points, mean, spread : int and float
-        Number of random points, whose best one is a start, and their mean and standard deviation in units of 1/s.
-    screened : int
-        Inverse of the fraction of the problems on which a start is tried first; 1 to omit this.
-    behind : float
-        Largest distance to the best start so far at which a screened start continues with all problems.
-    bases : int
-        Number of best members that take turns as centres of refinements.
-    same_value, same_unknowns : float
-        Tolerances of the objective and of the unknowns within which two searches have found the same member.
-    small_value, small_step : float
-        Changes of the objective and of the unknowns below which a search ends.
-    """
-
-    trials: int
-    random: int = 0
-    refinements: int = 0
-    descent: DescentName = "evolution"
-    population: int = 20
-    around_known: tuple[float, ...] = (0.01, 0.003)
-    around_found: tuple[float, ...] = (0.003, 0.01, 0.03)
-    at_random: tuple[float, ...] = (0.03,)
-    random_points: int = 400
-    mean: float = 1.0
-    spread: float = 1.0
-    screened: int = 1
-    behind: float = 0.5
-    bases: int = 1
-    same_value: float = 0.02
-    same_unknowns: float = 0.02
-    small_value: float = 1e-4
-    small_step: float = 1e-8
-
-    def same(self, one: Found, best: Found) -> bool:
-        """Return True if two searches have found the same member."""
-        near = one.family == best.family and one.value < best.value + self.same_value
-        return near and bool(np.abs(one.unknowns - best.unknowns).max(initial=0) < self.same_unknowns)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Start:
-    """Start of a search: a point, or None for the best of random points, and the standard deviation around it.
-
-    An evolution begins with points around it, and a Gauss-Newton descent at one such point.
-    """
-
-    origin: str
-    point: Floats | None
-    spread: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class Found:
-    """Result of a search: the objective and the unknowns of the best, its origin, and the number of trials."""
-
-    family: Family
-    value: float
-    unknowns: Floats
-    origin: str
-    trials: int
+from nearharmonic.training.search.descent import descend
+from nearharmonic.training.search.effort import Effort, Found, Start
 
 
 class Searcher:
@@ -255,67 +168,6 @@ class _Screen:
             return None
         again = 0.0 if self._effort.descent == "gauss_newton" else start.spread
         return replace(start, point=unknowns, spread=again)
-
-
-def descend(objective: Objective, start: Start, effort: Effort, seed: int) -> tuple[float, Floats]:
-    """Return the smallest objective that a descent from a start finds, and its member (n,)."""
-    family, point = objective.family, start.point
-    random = np.random.default_rng(seed)
-    if point is None:
-        stages, shape = family.stages, (effort.random_points, family.unknowns)
-        points = random.normal(effort.mean / stages, effort.spread / stages, shape)
-        points[:, stages - 1 :] *= 1 / stages**2  # squares are coefficients of tau^3
-        point = points[objective(points).argmin()]
-    if effort.descent == "gauss_newton":
-        if start.point is not None:
-            point = point + start.spread * random.standard_normal(len(point))
-        point = Descent(objective).minimise(point, effort.trials, effort.small_value)
-        value = float(objective(point[None])[0])
-    else:
-        value, point = _evolution(objective, point, start.spread, effort, random)
-    return value, family.project(point[None])[0][0] if value < OUTSIDE else point
-
-
-def _evolution(
-    objective: Objective, point: Floats, spread: float, effort: Effort, random: np.random.Generator
-) -> tuple[float, Floats]:
-    """Return the best value and point of CMA-ES around a point."""
-    options = {
-        "verbose": -9, "maxfevals": effort.trials, "popsize": effort.population, "tolfun": effort.small_value,
-        "tolx": effort.small_step, "CMA_stds": _scales(objective.family),
-        # If cma gets a seed, it seeds the global generator of NumPy.
-        "seed": np.nan, "randn": lambda *shape: random.standard_normal(shape),
-    }  # fmt: skip
-    strategy = library().CMAEvolutionStrategy(point, spread, options)
-    while not strategy.stop():
-        points = strategy.ask()
-        strategy.tell(points, objective(np.array(points)).tolist())
-    best = strategy.result.xbest
-    return float(strategy.result.fbest), np.array(point if best is None else best)
-
-
-def library() -> Any:
-    """Import pycma, which takes a second.
-
-    Raises
-    ------
-    MissingPackageError
-        It is not installed.
-    """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # warnings about optional packages
-            import cma
-    except ModuleNotFoundError as error:
-        raise MissingPackageError("a search for coefficients", "cma", "tailor") from error
-    return cma
-
-
-def _scales(family: Family) -> Floats:
-    """Return factors of the initial standard deviation: coefficients of squares are small."""
-    scales = np.ones(family.unknowns)
-    scales[family.stages - 1 :] = 1 / family.stages
-    return scales
 
 
 def _has_shape(method: Tableau, family: Family) -> bool:

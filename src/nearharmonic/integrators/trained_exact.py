@@ -1,0 +1,135 @@
+"""Methods trained on oscillators with a small rest, for steps that solve the oscillators exactly.
+
+With H = A + epsilon B, A the oscillators and B the rest, they have the declared generalised order: errors are
+O(epsilon tau^r1 + epsilon^2 tau^r2). The rest of their freedom makes the energy error of an ensemble of such problems
+small over a window of step sizes: the experiment ``trained`` has the search, and docs/results/trained.md compares their
+errors with those of other methods. Use: ``nh.integrate(..., split="exact_oscillator")``. Each note has the window in
+tau/s, in radians of the fastest oscillation, the ensemble, the limit of linear stability with T and V, the seed, and
+the digest of the run that found the method.
+"""
+
+from nearharmonic.integrators.tableau import Tableau, palindrome
+from nearharmonic.integrators.trained import SOURCE
+
+TABLEAUS = (
+    Tableau(
+        name="trained_exact_coarse",
+        label="trained exact coarse",
+        order=4,
+        first="kick",
+        kick=palindrome(
+            "0.02011706807929346380111975275589982934911970388870391452791482",
+            "-0.01150881222125710213825298165601393359696605678204256693017835",
+            "0.11409602914443532368550706626520305505695758029153256174978735",
+            "0.18548954696391699241927701296326678576896101975521486071937247",
+            "0.29643553200937578258654175674628102245028315278907677087242539",
+            "-0.10462936397576446035419260707463675902835539994248554093932168",
+        ),
+        drift=palindrome(
+            "0.22984089280291062192330421766318546234115506938691199940704793",
+            "-0.15904026487073333883904792587835273178588981866290742417469441",
+            "0.14734059614929294977030747610272643249841860723781987356840653",
+            "0.17379309336078329048857592827372707178809190162209384727114612",
+            "-0.02083358814052960138000033618358063480414027142820659577608361",
+            centre="0.25779854139655215607372128004458879992472902368857659940835490",
+        ),
+        source=SOURCE,
+        digits=60,
+        generalised_order=(6, 4),
+        note=(
+            "oscillators solved exactly, few evaluations: tau/s 0.165 to 0.25; "
+            "random potentials, d = 2, strengths 0.001 to 0.01, oscillators solved exactly; "
+            "stability limit tau = 3.1409; seed 1; run 8228321358245c44"
+        ),
+    ),
+    Tableau(
+        name="trained_exact_light",
+        label="trained exact light",
+        order=4,
+        first="kick",
+        kick=palindrome(
+            "0.03578345943106857544773911757265852341031361068004495942978450",
+            "0.18858788870764636537811130613807229066333476274341795426966312",
+            "-0.05128100274169282172812359123606121006545499680679008742479098",
+            "0.08794351334765475635616556268325895538127426496631980346703425",
+            "-0.01300045830427057973732891546023689806956226552450100313074647",
+            "0.25196659955959370428343652030230833868009462394150837338905558",
+        ),
+        drift=palindrome(
+            "0.11007825231495722678372026884524098437008494161008206395122447",
+            "0.28541061567056640698806092537534767461296168662361474133601870",
+            "-0.10266733630563986794328080205582839301353919219922673618035409",
+            "-0.24647143734864852682729482362267155628738342220427201293583634",
+            "0.33564132017355409525848664535124740772732336952148910180204480",
+            centre="0.23601717099042133148061557221332776518110523329662568405380494",
+        ),
+        source=SOURCE,
+        digits=60,
+        generalised_order=(6, 4),
+        note=(
+            "oscillators solved exactly, low accuracy: tau/s 0.09 to 0.14; "
+            "random potentials, d = 2, strengths 0.01 to 0.06, oscillators solved exactly; "
+            "stability limit tau = 3.1414; seed 1; run 118e4ec6030db97f"
+        ),
+    ),
+    Tableau(
+        name="trained_exact_fine",
+        label="trained exact fine",
+        order=4,
+        first="kick",
+        kick=palindrome(
+            "0.03463813420920084850861259961818649495151572060386892262626442",
+            "0.18707116949391259095439804085396294544267703369821468332854664",
+            "-0.04349129504970172992493577374978098015428651004022667206254819",
+            "0.08147670258278200902576318421520113437687874335070374676983010",
+            "-0.01380566062949328677447432215202608152169382269176955394457259",
+            "0.25411094939329956821063627121445648690490883507920887328247961",
+        ),
+        drift=palindrome(
+            "0.10783280879963659553255716133985262272137620216715769232366897",
+            "0.29718034675598262796593348798075702476644852064128427918028117",
+            "-0.12160440394288315359531393595658887087018251001538723397759811",
+            "-0.23349016641922918669055493743440137722712365834151428488267293",
+            "0.33100075884526496492481247194923024010651428873625613701762138",
+            centre="0.23816131192245630372513150424230072100593431362440682067739906",
+        ),
+        source=SOURCE,
+        digits=60,
+        generalised_order=(8, 4),
+        note=(
+            "oscillators solved exactly, high accuracy: tau/s 0.05 to 0.075; "
+            "random potentials, d = 2, strengths 0.01 to 0.06, oscillators solved exactly; "
+            "stability limit tau = 3.1412; seed 1; run 4d91645bd898c9e0"
+        ),
+    ),
+    Tableau(
+        name="trained_exact_finer",
+        label="trained exact finer",
+        order=4,
+        first="kick",
+        kick=palindrome(
+            "0.03523811897097774868601598272988402732939371368857719508396065",
+            "0.18766963566677582017386818778970641295566036340708508571497639",
+            "-0.04276814529590162300056397992119476360954200386539757382868661",
+            "0.08094185148626145622112687366948623518176401695578776320584339",
+            "-0.01360737933271761961631060330379453112668582146016555433289361",
+            "0.25252591850460421753586353903591261926940973127411308415679979",
+        ),
+        drift=palindrome(
+            "0.10906962220987501670327060535225394764931648436045715781629746",
+            "0.29686199473150080658666272800586635131885738397384235821882946",
+            "-0.12252583937303686777858197814653511206985052797293146986843726",
+            "-0.23367810618677309807795783728425572557296706987033811272334831",
+            "0.33227046217452833692277278797080216820196543086647294622717944",
+            centre="0.23600373288781161128766738820373674094535659728499424065895842",
+        ),
+        source=SOURCE,
+        digits=60,
+        generalised_order=(8, 4),
+        note=(
+            "oscillators solved exactly, higher accuracy: tau/s 0.028 to 0.042; "
+            "random potentials, d = 2, strengths 0.01 to 0.06, oscillators solved exactly; "
+            "stability limit tau = 3.1413; seed 1; run 59777ff610adb72b"
+        ),
+    ),
+)
