@@ -129,7 +129,8 @@ class Objective:
 
     def rows(self, x: Floats) -> tuple[Floats, Floats, Floats]:
         """Return kicks, drifts and squares (C, ...) of the points (C, n)."""
-        kicks, drifts, squares = (np.stack(row).T for row in self.family.rows(x.T))
+        with np.errstate(all="ignore"):  # points with NaN are outside
+            kicks, drifts, squares = (np.stack(row).T for row in self.family.rows(x.T))
         return kicks, drifts, squares
 
     def _values(self, kicks: Floats, drifts: Floats, squares: Floats) -> Floats:

@@ -20,7 +20,9 @@ DATASETS = {
     "sweep": lambda: nh.sweep("sho", "ruth", [0.3, 0.2], t_end=3),
     "ensemble": lambda: nh.ensemble("sho", "ruth", 0.3, t_end=3, q0=[[1], [2]]),
     "tangent": lambda: nh.tangent("sho", "ruth", 0.3, t_end=3, q0=[[1], [2]]),
-    "gradient": lambda: nh.gradient("kepler", "ruth", 10, "angular_momentum", t_end=30, q0=[[80, 0], [90, 0]]),
+    "gradient": lambda: nh.gradient(
+        "kepler", "ruth", 10, "angular_momentum", t_end=30, q0=[[80, 0], [90, 0]], coefficients=True
+    ),
     "recommend": lambda: nh.recommend("sho", 1e-2, methods=["ruth"], t_end=10),
 }
 

@@ -71,6 +71,15 @@ def test_settings_of_the_comparison_are_those_of_the_page(wanted, words):
     assert states(PLACE, wanted, *words)
 
 
+def test_exact_oscillator_is_ahead_up_to_the_stated_anharmonicity():
+    (stated,) = re.findall(r"From τ/s = 0.02 on, the exactly solved oscillator is ahead up to δ = (\S+) or more", PAGE)
+    found = {
+        float(tau): max(map(float, re.findall(r"oscillator solved exactly (\S+?)(?:,|$)", leaders)))
+        for tau, leaders, _ in rows("ideas")
+    }
+    assert min(end for tau, end in found.items() if tau >= 0.02) == float(stated)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("label", [pytest.param("Morse", marks=pytest.mark.long), "Hénon-Heiles"])
 def test_gains_on_named_systems_are_those_of_runs(label):

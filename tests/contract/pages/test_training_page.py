@@ -8,7 +8,8 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.output.page import filled
-from nearharmonic.reproduction.experiments.trained.problems.purposes import ECCENTRICITIES, PURPOSES, STRONG, WEAK
+from nearharmonic.reproduction.experiments.trained.problems.purpose import ECCENTRICITIES, MODERATE, SMALL, STRONG, WEAK
+from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES
 from nearharmonic.reproduction.experiments.trained.problems.random_potentials import FREQUENCIES
 from nearharmonic.reproduction.experiments.trained.search import Selection
 from nearharmonic.reproduction.experiments.trained.settings import SearchSettings
@@ -36,6 +37,7 @@ def test_tables_of_page_are_those_of_registered_methods():
         (FREQUENCIES, ("frequency 1 and the others",)),
         (STRONG, ("log-uniform",)),
         (WEAK, ("`trained_weak`", "log-uniform")),
+        ([*SMALL, *MODERATE], ("coordinates whose strength is",)),
         (ECCENTRICITIES, ("Kepler orbits of eccentricity",)),
         ([SETTINGS.systems, SETTINGS.held_out, SETTINGS.held_out], ("problems for training", "for the gains")),
         ([round(min(one.window[1] / one.window[0] for one in PURPOSES.values()), 1)], ("width of a window",)),

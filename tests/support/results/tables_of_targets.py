@@ -143,9 +143,11 @@ Morse,0.1,srkn_a14,-5,trained_light,-4.75,-0.25,-0.3,-0.2,behind
 trained_light,"d = 2, 0.01 to 0.5",0.1,0.2,0.5
 trained_light,Morse,nan,nan,nan
 """,
-    "ideas": """tau_per_stage,anharmonicity,ahead,ahead with T + V
-0.1,0.01,exact_oscillator,trained
-0.1,0.1,exact_oscillator,general
+    "ideas": """tau_per_stage,anharmonicity,ahead,ahead with T + V,exact_gain,exact_gain_low,exact_gain_high
+0.1,0.01,exact_oscillator,trained,0.5,0.25,0.75
+0.1,0.1,exact_oscillator,general,-0.25,-0.5,0.25
+0.2,0.01,exact_oscillator,trained,-0.5,-0.75,-0.25
+0.2,0.1,exact_oscillator,general,nan,nan,nan
 """,
     "long": """system,method,sum of coefficients,max_energy_error,trend,trend_half_width,return_compensated,\
 rounding_plain,rounding_ratio
@@ -164,6 +166,7 @@ CELLS = {
     "orbits": "| 63 | Ruth | −3.00 | trained_orbits | −4.00 | **+1.00** (+0.90 to +1.10) | +1.50 | +0.75 |",
     "losses": "| Morse | 0.1 | SRKN 14a | +0.25 |", "windows": "| 0.1 to 0.2, +0.50 |",
     "ideas": "| 0.1 | oscillator solved exactly 0.1 | trained 0.01, general 0.1 |",
+    "exact": "| 0.01 | **+0.50** | −0.50 |\n| 0.1 | (−0.25) |  |",
     "long": "| morse | trained_light | 3.5 | 1.0e-05 | -1e-09 | 2e-09 | 1e-13 | 1e-14 | 1.2 |",
     "times": "| random potentials, d = 2 | 0.5 | 7.5 | 2 | 0.8 | 0.25 |",
 }  # fmt: skip

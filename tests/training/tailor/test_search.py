@@ -11,7 +11,7 @@ import pytest
 import nearharmonic as nh
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import Objective, mean_errors
-from nearharmonic.training.search import descent as module
+from nearharmonic.training.search import searcher as module
 from nearharmonic.training.tailor import budget as budget_module
 from nearharmonic.training.tailor.budget import Budget, BudgetSpentError
 from nearharmonic.training.tailor.contenders import contenders, published, registered, step_sizes, window_at

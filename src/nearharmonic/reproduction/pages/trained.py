@@ -156,7 +156,7 @@ def ideas(tables: Tables) -> str:
 
 
 def exact(tables: Tables) -> str:
-    """Gains of trained over published methods with the oscillator solved exactly, by anharmonicity and step size."""
+    """Gains of trained over other methods with the oscillator solved exactly, by anharmonicity and step size."""
     rows = tables["ideas"]
     taus, deltas = (sorted({row[key] for row in rows}) for key in ("tau_per_stage", "anharmonicity"))
     cells = {(row["tau_per_stage"], row["anharmonicity"]): exact_cell(row) for row in rows}

@@ -24,9 +24,9 @@ SHADE = "#e3e3e3"
     caption=(
         "Energy error against amplitude at equal numbers of force evaluations, Henon-Heiles system, for step sizes per "
         "stage as each panel says. Solid: the paper's methods, which split H into T and V. Dashed: methods "
-        "for near-integrable systems, with the oscillator solved exactly by rotations and the cubic terms in the "
-        "kicks. Medians, over trajectories drawn from each energy surface, of the largest error at any step. Thin "
-        "vertical lines: where a dashed curve crosses the best of the solid ones; the "
+        "for near-integrable systems and trained ones, with the oscillator solved exactly by rotations and the cubic "
+        "terms in the kicks. Medians, over trajectories drawn from each energy surface, of the largest error at any "
+        "step. Thin vertical lines: where a dashed curve crosses the best of the solid ones; the "
         "grey strips are their 95 % intervals. Left of its line, solving the oscillator exactly errs less."
     ),
 )
@@ -85,8 +85,8 @@ def _legend(drawn: Figure, cube: xr.Dataset) -> None:
     exact = method_handles(cube["exact_integrator"].values, cube["exact_label"].values, linestyle=DASHES)
     strip = Patch(color=SHADE, label="95 % interval of a crossing")
     for handles, title, at, columns in (
-        (split, "split into T + V", 0.31, 4),
-        ([*exact, strip], "oscillator solved exactly", 0.81, 2),
+        (split, "split into T + V", 0.3, 4),
+        ([*exact, strip], "oscillator solved exactly", 0.79, 2),
     ):
         drawn.legend(
             handles=handles, title=title, loc="upper center", bbox_to_anchor=(at, 0.175), ncols=columns,

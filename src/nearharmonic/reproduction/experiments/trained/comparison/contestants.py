@@ -31,9 +31,8 @@ def contestants() -> tuple[str, ...]:
 
 
 def exact_contestants(others: Sequence[str]) -> tuple[str, ...]:
-    """Return ``others`` and all registered methods that were trained with the oscillator solved exactly."""
-    trained = [name for name in plain_integrators.registered if name.startswith(TRAINED_EXACT)]
-    return tuple(dict.fromkeys((*others, *trained)))
+    """Return the names of methods for the exactly solved oscillator: ``others`` and all registered plain methods."""
+    return tuple(dict.fromkeys((*others, *plain_integrators.registered)))
 
 
 def kind_of(name: str) -> Kind:

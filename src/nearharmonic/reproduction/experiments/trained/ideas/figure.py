@@ -14,11 +14,11 @@ from nearharmonic.reproduction.tasks.declarations import figure
 
 #: Name, colour and marker of each idea.
 LOOKS = {
-    "exact_oscillator": ("oscillator solved exactly", "#2f7fd6", "D"),
-    "trained_exact": ("trained, oscillator solved exactly", "#0d2f6e", "P"),
+    "exact_oscillator": ("oscillator solved exactly, not trained", "#2f7fd6", "D"),
+    "trained_exact": ("oscillator solved exactly, trained", "#0d2f6e", "P"),
     "harmonic_conditions": ("harmonic conditions", "#e08214", "s"),
     "nystrom": ("Nyström, order 6 and 8", "#1b7837", "^"),
-    "trained": ("trained", "#c1121f", "o"),
+    "trained": ("trained with T and V", "#c1121f", "o"),
     "general": ("general (Blanes-Moan, ABA, ...)", "#6b6b6b", "v"),
 }
 #: Number of panels of gains, and lead in decades with full colour in the map.
@@ -46,7 +46,7 @@ def trained_ideas(cube: xr.Dataset) -> Figure:
     places = np.unique(np.linspace(0, cube["tau_per_stage"].size - 1, PANELS + 2).round().astype(int))
     shown = places[1:-1][:PANELS] if places.size > PANELS + 1 else places[:PANELS]
     width = 0.92 / len(shown)
-    top = [drawn.add_axes((0.065 + k * width, 0.695, width - 0.015, 0.245)) for k in range(len(shown))]
+    top = [drawn.add_axes((0.065 + k * width, 0.695, width - 0.015, 0.235)) for k in range(len(shown))]
     for k, (axes, place) in enumerate(zip(top, shown[::-1], strict=True)):
         one = cube.isel(tau_per_stage=place)
         _gains(axes, one)
@@ -66,7 +66,7 @@ def trained_ideas(cube: xr.Dataset) -> Figure:
         Line2D([], [], color=colour, marker=marker, markersize=4, label=label)
         for label, colour, marker in LOOKS.values()
     ]
-    drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.52, 0.995), ncols=5, columnspacing=1.0)
+    drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.52, 0.999), ncols=3, columnspacing=1.6)
     return drawn
 
 

@@ -29,7 +29,7 @@ from nearharmonic.reproduction.experiments.trained.comparison.resampling import 
 from nearharmonic.reproduction.experiments.trained.ideas.oscillators import CHARGE
 from nearharmonic.reproduction.experiments.trained.proof.settings import ProofSettings
 from nearharmonic.reproduction.tasks.reduction import Reductions
-from nearharmonic.training.published import TRAINED_EXACT
+from nearharmonic.training.published import TRAINED
 
 reduction = Reductions()
 
@@ -47,7 +47,7 @@ def anharmonicity(runs: xr.Dataset) -> xr.DataArray:
 def best_of_ideas(runs: xr.Dataset, resamples: int = RESAMPLES) -> xr.Dataset:
     """Best method of each idea and its mean error, and the errors of the best, chosen anew, in each resample."""
     exact = runs.exact_log_error.rename(exact_integrator="integrator")
-    trained = exact.integrator.str.startswith(TRAINED_EXACT).values
+    trained = exact.integrator.str.startswith(TRAINED).values
     ideas = {idea: exact.isel(integrator=one) for idea, one in zip(EXACT_IDEAS, (~trained, trained), strict=True)}
     split = [idea for idea in IDEAS if idea not in EXACT_IDEAS]
     ideas |= {idea: runs.log_error.isel(integrator=np.flatnonzero(runs.idea == idea)) for idea in split}

@@ -86,7 +86,7 @@ _ALL = (
     ),
     OscillatorPurpose(
         name="exact_finer", what="oscillators solved exactly, higher accuracy", tau_per_stage=(0.028, 0.034, 0.042),
-        t_end=17.0, band=MODERATE, descent="gauss_newton", chains=(_perturbed((8, 4), 11, 12, 13),),
+        t_end=30.0, band=MODERATE, descent="gauss_newton", chains=(_perturbed((8, 4), 11, 12, 13),),
     ),
     Purpose(
         name="orbits", what="planetary orbits", tau_per_stage=evaluations_an_orbit(480, 340, 240), t_end=8 * pi,
