@@ -40,7 +40,7 @@ def expected_settings(project):
     }  # fmt: skip
     found["cubes/exact_oscillator.h5"] = {"split": list(METHODS), "exact": ["aba864"]}
     found["cubes/trained.h5"] = {"methods": list(contestants())}
-    found["cubes/trained_ideas.h5"] = {"methods": list(contestants()), "exact": ["aba864"]}
+    found["cubes/trained_ideas.h5"] = {"methods": list(contestants()), "exact": list(exact_contestants(["aba864"]))}
     trained = [name for name in contestants() if kind_of(name) == "trained"]
     found["runs/trained/long.h5"] = {"methods": trained, "beside": "babps8o7h"}
     for run, cube in (

@@ -22,7 +22,7 @@ Tables = Mapping[str, Sequence[Row]]
 WIDEST, ORBITS = "d = 2, 0.01 to 0.5", "Kepler"
 WINDOWS = (WIDEST, "d = 3, 0.01 to 0.5", "d = 2, 0.001 to 0.01", "Hénon-Heiles", ORBITS)
 IDEAS = {
-    "exact_oscillator": "oscillator solved exactly", "trained_exact": "trained, oscillator solved exactly",
+    "exact_oscillator": "oscillator solved exactly", "trained_exact": "oscillator solved exactly (trained)",
     "harmonic_conditions": "harmonic conditions",
     "nystrom": "Nyström", "trained": "trained", "general": "general",
 }  # fmt: skip
