@@ -11,7 +11,11 @@ import yaml
 
 from nearharmonic.output.store import read
 from nearharmonic.reproduction.config.reading import load
-from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants, kind_of
+from nearharmonic.reproduction.experiments.trained.comparison.contestants import (
+    contestants,
+    exact_contestants,
+    kind_of,
+)
 from nearharmonic.reproduction.tasks.experiment import beside_the_paper
 from support.projects.targets import DECOMPOSED, MADE, METHODS, RUNS_OF, STRUCTURE_T_END, TARGETS
 
