@@ -17,6 +17,7 @@ from nearharmonic.reproduction.pages.training import parts
 from nearharmonic.training.objective import LARGEST_SUM, WEIGHT_OF_MEAN
 from nearharmonic.training.polish import DIGITS, NEAREST
 from nearharmonic.training.search.effort import Effort
+from nearharmonic.training.search.gauss_newton import SAMPLES
 from support.results.stated_numbers import ROOT, states
 
 PLACE = "docs/results/training.md"
@@ -38,6 +39,7 @@ def test_tables_of_page_are_those_of_registered_methods():
         (STRONG, ("log-uniform",)),
         (WEAK, ("`trained_weak`", "log-uniform")),
         ([*SMALL, *MODERATE], ("coordinates whose strength is",)),
+        ([SAMPLES], ("The derivatives of", "along the surface")),
         (ECCENTRICITIES, ("Kepler orbits of eccentricity",)),
         ([SETTINGS.systems, SETTINGS.held_out, SETTINGS.held_out], ("problems for training", "for the gains")),
         ([round(min(one.window[1] / one.window[0] for one in PURPOSES.values()), 1)], ("width of a window",)),

@@ -31,8 +31,8 @@ BOUND = (0.05, 0.75)
 ECCENTRICITIES = (0.02, 0.35)
 #: Cost of the gradient of the square of grad V, in forces, for polynomials and for Kepler: docs/reference/methods.md.
 CHARGE, CHARGE_OF_ORBITS = 1.1, 0.3
-#: Gauss-Newton descents take this part of the trials of an evolution. With exactly solved oscillators they begin at so
-#: many times as many random starts, and are so many times refined.
+#: Searches with exactly solved oscillators take this part of the trials of others from each start, begin at so many
+#: times as many random starts, and are refined so many times as often.
 PART, MORE, AGAIN = 3, 30, 10
 
 
@@ -123,13 +123,8 @@ class Purpose:
         return f"random potentials, d = 2 and 3, strengths {self.band[0]:g} to {self.band[1]:g}"
 
     def effort(self, trials: int, random: int, refinements: int) -> Effort:
-        """Return the settings of a search, for budgets of an evolution."""
-        if self.descent == "evolution":
-            return Effort(trials=trials, random=random, refinements=refinements)
-        return Effort(
-            trials=-(-trials // PART), random=random, refinements=refinements, descent=self.descent,
-            around_known=(0.0, *[0.003] * 7), around_found=(0.001, 0.003, 0.01), small_value=3e-4,
-        )  # fmt: skip
+        """Return the settings of a search."""
+        return Effort(trials=trials, random=random, refinements=refinements, descent=self.descent)
 
     def ensembles(self, systems: int, seed: int, longer: float = 1.0) -> list[Ensemble]:
         """Return the problems: half of them in two coordinates and half in three, or orbits.
@@ -197,7 +192,7 @@ class OscillatorPurpose(Purpose):
         return f"random potentials, d = 2, strengths {low:g} to {high:g}, oscillators solved exactly"
 
     def effort(self, trials: int, random: int, refinements: int) -> Effort:
-        """Return the settings of a search: many random starts, because no published method has the stages."""
+        """Return the settings of a search: short descents from many random starts, and from points around the best."""
         return Effort(
             trials=-(-trials // PART), random=MORE * random, refinements=AGAIN * refinements, descent=self.descent,
             around_found=(0.01, 0.03, 0.1), random_points=30, screened=4, bases=4, small_value=3e-4,
