@@ -101,11 +101,10 @@ def test_start_outside_and_family_of_one_member_remain_where_they_are():
     assert Descent(objective_of(only)).minimise(member, 100, 1e-3) == pytest.approx(member, abs=1e-12)
     family = Family(stages=6, first="kick")
     objective = objective_of(family)
-    value, _ = descend(
-        objective, Start(origin="far", point=np.full(family.unknowns, 300.0), spread=0.01),
-        Effort(trials=50, descent="gauss_newton"), 1,
-    )  # fmt: skip
-    assert value >= OUTSIDE
+    for far in (300.0, np.nan):
+        start = Start(origin="far", point=np.full(family.unknowns, far), spread=0.01)
+        value, _ = descend(objective, start, Effort(trials=50, descent="gauss_newton"), 1)
+        assert value >= OUTSIDE
 
 
 def test_bound_of_the_coefficients_holds_on_the_way():

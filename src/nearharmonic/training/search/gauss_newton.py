@@ -11,20 +11,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import log
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from nearharmonic.numerics.types import Floats
+from nearharmonic.training.objective import WEIGHT_OF_MEAN, Objective
 from nearharmonic.training.population import LEAST, LOST
-
-if TYPE_CHECKING:
-    from nearharmonic.training.objective import Objective
 
 #: Samples of a run, and the distance to the neighbours whose differences are derivatives.
 SAMPLES, DISTANCE = 65, 3e-5
-#: Sharpness of the smooth maximum over the step sizes, in 1/decades, and weight of the mean, as in the objective.
-SHARPNESS, WEIGHT_OF_MEAN = 10.0, 0.5
+#: Sharpness of the smooth maximum over the step sizes, in 1/decades.
+SHARPNESS = 10.0
 #: First damping, ratio of the dampings that are tried at once, and the damping at which a descent ends.
 DAMPING, RATIO, LARGEST_DAMPING = 1e-2, 6.0, 1e8
 #: Longest change of an unknown in a step; fewest steps that are tried at once.
@@ -55,6 +52,8 @@ class Descent:
     def minimise(self, point: Floats, trials: int, small: float) -> Floats:
         """Return the member (n,) at which a descent from the member next to ``point`` ends.
 
+        Points without a member next to them, or with one of too large coefficients, are returned as projected.
+
         Parameters
         ----------
         point : (n,) array of float
@@ -67,6 +66,8 @@ class Descent:
         last, damping, waiting = self.objective.trials + trials, DAMPING, 0
         x: Floats = self.objective.family.project(point[None])[0][0]
         value = self._values(x[None])[0]
+        if not np.isfinite(value):
+            return x
         while self.objective.trials < last and waiting < PATIENCE and damping < LARGEST_DAMPING and self.free:
             dampings = damping * RATIO ** np.arange(-1.0, self.size - 1)
             candidates = self._steps(x, dampings)
@@ -95,18 +96,16 @@ class Descent:
     def _derivatives(self, near: Floats) -> tuple[Floats, Floats]:
         """Return the gradient (f,) and the Gauss-Newton matrix (f, f) from a member and its f neighbours."""
         errors = self._errors(near)
-        squares = [np.where(np.isfinite(e[0]), e[0], 0.0) ** 2 for e in errors]
         weights = self._weights(self._by_tau(errors)[0])
         gradient, curvature = np.zeros(len(near) - 1), np.zeros((len(near) - 1, len(near) - 1))
-        for e, square in zip(errors, squares, strict=True):
-            with np.errstate(all="ignore"):
+        for e in errors:
+            own = np.where(np.isfinite(e[0]), e[0], 0.0)
+            with np.errstate(all="ignore"):  # diverged runs have no derivatives
                 J = np.nan_to_num((e[1:] - e[0]) / DISTANCE, posinf=0.0, neginf=0.0)
             count = len(errors) * e.shape[2] * e.shape[3] * log(10)
-            weight = weights[:, None] / (square.mean(axis=-1) + LEAST**2) / count
-            lost = ~np.isfinite(e[0]).all(axis=-1)
-            weight[lost] = 0.0
+            weight = weights[:, None] / ((own * own).mean(axis=-1) + LEAST**2) / count
             weighted = J * weight[..., None]
-            gradient += np.einsum("itms,tms->i", weighted, np.where(lost[..., None], 0.0, e[0]))
+            gradient += np.einsum("itms,tms->i", weighted, own)
             curvature += np.einsum("itms,jtms->ij", weighted, J)
         return gradient, curvature
 
