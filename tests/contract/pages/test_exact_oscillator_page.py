@@ -9,7 +9,7 @@ from support.results.stated_numbers import ROOT
 PAGE = (ROOT / "docs/results/exact_oscillator.md").read_text(encoding="utf-8")
 
 
-def test_method_said_to_be_better_at_every_amplitude_is_so_in_the_table():
+def test_method_better_at_every_amplitude_is_so_in_table():
     ((name, tau),) = re.findall(
         r"`(\w+)`, which is trained for a small rest, is at τ/s = (\S+) and equal numbers", PAGE
     )

@@ -72,7 +72,7 @@ def test_spread_moves_the_start_of_a_descent():
     assert moved(1e-3) == moved(1e-3) != moved(1e-3, seed=2)
 
 
-def test_part_of_an_objective_has_the_first_problems_at_the_same_cost():
+def test_part_of_objective_has_its_first_problems_at_same_cost():
     family = Family(stages=6, first="kick", squares=(0,))
     x = members(family, 3)
     whole = objective_of(family, charge=0.7)
@@ -95,7 +95,7 @@ def test_trials_of_a_descent_are_counted_and_bounded():
     assert 100 <= objective.trials - before < 100 + 2 * descent.size
 
 
-def test_start_outside_and_family_of_one_member_remain_where_they_are():
+def test_start_outside_and_family_of_one_member_stay():
     only = Family(stages=3, first="kick")  # two unknowns, two conditions
     member = members(only, 1)[0]
     assert Descent(objective_of(only)).minimise(member, 100, 1e-3) == pytest.approx(member, abs=1e-12)

@@ -120,7 +120,7 @@ def test_a_search_finds_again_what_it_found_and_counts_it():
     assert findings.again == sum(a and b for a, b in zip(near, low, strict=True)) >= 2
 
 
-def test_screened_starts_continue_if_their_short_descents_are_near_the_best():
+def test_screened_starts_continue_if_short_descents_end_near_best():
     objective = Distance(FAMILY, members(FAMILY, 1)[0])
     offsets = {"near": 0.01, "far": 0.3, "nearer": 0.005}
     starts = [Start(origin=name, point=objective.target + x, spread=0.003) for name, x in offsets.items()]

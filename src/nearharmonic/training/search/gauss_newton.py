@@ -110,7 +110,7 @@ class Descent:
         return gradient, curvature
 
     def _values(self, members: Floats) -> Floats:
-        """Return the smooth objective (C,) of at most :attr:`size` members; infinite for those outside."""
+        """Return the smooth objective (C,) of at most ``size`` members; infinite for those outside."""
         inside = self.objective.inside(members)
         found = np.full(len(members), np.inf)
         if inside.any():

@@ -14,7 +14,12 @@ import nearharmonic as nh
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import integrators
 from nearharmonic.reproduction.config.reading import load
-from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants, idea_of, kind_of
+from nearharmonic.reproduction.experiments.trained.comparison.contestants import (
+    contestants,
+    exact_contestants,
+    idea_of,
+    kind_of,
+)
 from nearharmonic.reproduction.experiments.trained.comparison.resampling import _means, resampled_means
 from nearharmonic.reproduction.experiments.trained.problems.named_systems import NAMED, named_ensemble
 from nearharmonic.reproduction.experiments.trained.proof.reductions import (
@@ -128,7 +133,9 @@ def test_without_trained_methods_page_names_best_published_one():
 
 def test_every_unprocessed_method_is_compared_and_has_one_kind():
     names = contestants()
-    assert set(names) == {*nh.integrators.registered} - {"rowlands", *nh.implicit_integrators.registered}
+    exact = {name for name in nh.integrators.registered if name.startswith("trained_exact_")}
+    assert set(names) == {*nh.integrators.registered} - {"rowlands", *nh.implicit_integrators.registered} - exact
+    assert exact < set(exact_contestants(["aba864"])) == set(nh.plain_integrators.registered)
     kinds = {name: kind_of(name) for name in names}
     own = {name for name, kind in kinds.items() if kind == "own"}
     found_here = {name for name in names if integrators[name].source.startswith("found by")}

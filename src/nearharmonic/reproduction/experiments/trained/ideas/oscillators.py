@@ -56,7 +56,7 @@ def scaled_potentials(count: int, strengths: int, seed: int, t_end: float) -> Sc
 def exact_errors(scaled: Scaled, method: Tableau, tau_per_stage: Floats) -> Floats:
     """Return the largest |dH/H0| (T, K J) of a method for exactly solved oscillators, at equal cost.
 
-    An evaluation costs :data:`CHARGE`. Diverged runs have :data:`LOST`.
+    An evaluation costs :data:`CHARGE`. Diverged runs have the error 1.
     """
     found = errors_of(with_exact_oscillators(scaled.ensemble()), method, (tau_per_stage * CHARGE).tolist())
     return np.maximum(found, LEAST)
