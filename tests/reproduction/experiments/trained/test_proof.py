@@ -12,7 +12,7 @@ import yaml
 
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.reproduction.config.reading import load
 from nearharmonic.reproduction.experiments.trained.comparison.contestants import (
     contestants,
@@ -135,7 +135,7 @@ def test_every_unprocessed_method_is_compared_and_has_one_kind():
     names = contestants()
     exact = {name for name in nh.integrators.registered if name.startswith("trained_exact_")}
     assert set(names) == {*nh.integrators.registered} - {"rowlands", *nh.implicit_integrators.registered} - exact
-    assert exact < set(exact_contestants(["aba864"])) == set(nh.plain_integrators.registered)
+    assert exact < set(exact_contestants(["aba864"])) == set(plain_integrators.registered)
     kinds = {name: kind_of(name) for name in names}
     own = {name for name, kind in kinds.items() if kind == "own"}
     found_here = {name for name in names if integrators[name].source.startswith("found by")}
