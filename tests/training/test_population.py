@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
+from nearharmonic.errors import SettingError
 from nearharmonic.reproduction.experiments.trained.problems.random_potentials import (
     random_ensemble,
     with_exact_oscillators,
@@ -152,6 +153,12 @@ def test_exactly_solved_oscillators_have_the_frequencies_of_each_problem(dimensi
                 )  # fmt: skip
                 assert wanted > 1e-7
                 assert found[c, t, m] == pytest.approx(wanted, rel=1e-8, abs=ROUNDING)
+
+
+def test_modified_kicks_with_exact_oscillators_are_refused():
+    ensemble = with_exact_oscillators(random_ensemble(2, 2, 3, band=(0.1, 0.5), t_end=10.0))
+    with pytest.raises(SettingError, match="shape = "):
+        Population(ensemble, Family(stages=5, first="drift", squares=(0, 1)).shape(), [0.05], 1)
 
 
 @pytest.mark.parametrize("exact", [False, True])

@@ -83,7 +83,7 @@ class Objective:
         self.family, self.size, self.largest_sum = family, size, largest_sum
         self.references = [np.asarray(reference) for reference in references]
         self.trials = 0
-        self._runs = tuple(ensembles), family.shape(), tuple(tau_per_stage), family.stages + charge * family.gradients
+        self._runs, self._charge = (tuple(ensembles), tuple(tau_per_stage)), charge
         self._populations = self.populations(size)
 
     def __call__(self, points: Floats) -> Floats:
@@ -115,16 +115,16 @@ class Objective:
 
     def part(self, share: int) -> Objective:
         """Return the objective on the first problems of each ensemble, one in ``share``."""
-        ensembles, _, tau_per_stage, cost = self._runs
+        ensembles, tau_per_stage = self._runs
         return Objective(
             self.family, [one.part(slice(-(-one.size // share))) for one in ensembles], tau_per_stage, self.references,
-            size=self.size, largest_sum=self.largest_sum,
-            charge=(cost - self.family.stages) / max(1, self.family.gradients),
+            size=self.size, charge=self._charge, largest_sum=self.largest_sum,
         )  # fmt: skip
 
     def populations(self, size: int, samples: int = 2) -> list[Population]:
         """Return the runs of at most ``size`` members on each ensemble, with so many samples."""
-        ensembles, shape, tau_per_stage, cost = self._runs
+        (ensembles, tau_per_stage), family = self._runs, self.family
+        shape, cost = family.shape(), family.stages + self._charge * family.gradients
         return [Population(one, shape, tau_per_stage, size, cost, samples) for one in ensembles]
 
     def rows(self, x: Floats) -> tuple[Floats, Floats, Floats]:

@@ -12,6 +12,7 @@ from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, SQUARE, colu
 from nearharmonic.engine.batch.batch import prepared_batch, sample_marks
 from nearharmonic.engine.batch.queue import Batch
 from nearharmonic.engine.batch.results import energy_unit
+from nearharmonic.engine.grid import check_fit
 from nearharmonic.engine.numbers.coefficients import moves_behind
 from nearharmonic.engine.numbers.rotations import rounded_rotations
 from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Numerics
@@ -89,6 +90,11 @@ class Population:
         Cost of a step in force evaluations; the stages if None.
     samples : int
         Maximum number of samples of a run, from the start to the end.
+
+    Raises
+    ------
+    SettingError
+        The system, or the exactly solved oscillator, has no kicks of a modified potential.
     """
 
     def __init__(
@@ -142,11 +148,11 @@ class Population:
             moves[:count] = rounded_rotations(kick * tau, drift * tau, self.ensemble.frequencies)
         else:
             moves[:count, ..., KICK], moves[:count, ..., DRIFT] = kick * tau, drift * tau
-        if self.modified:
-            moves[:count, ..., SQUARE] = square * tau * tau * tau
-            moves[:count, ..., -1] = _square_behind(np.abs(square[:, 0, 0]) > 0)[:, None, None, :]
-        elif self.ensemble.frequencies is None:
-            moves[:count, ..., PRODUCT] = kick * drift * tau * tau
+            if self.modified:
+                moves[:count, ..., SQUARE] = square * tau * tau * tau
+                moves[:count, ..., -1] = _square_behind(np.abs(square[:, 0, 0]) > 0)[:, None, None, :]
+            else:
+                moves[:count, ..., PRODUCT] = kick * drift * tau * tau
         moves[count:] = moves[:1]
         self._batch.run(self._total)
 
@@ -180,6 +186,8 @@ class Population:
             summation="plain", width=lanes, energy="every" if marks.shape[1] == 2 else "samples",
             split=KINETIC_POTENTIAL if ensemble.frequencies is None else EXACT_OSCILLATOR,
         )  # fmt: skip
+        if shape.modified:
+            check_fit(ensemble.system, shape, numerics.split, "shape")
         return prepared_batch(
             ensemble.system, shape, numerics, marks=marks,
             scheme=np.repeat(np.arange(len(self._moves)), len(marks) // len(self._moves)), moves=self._moves,

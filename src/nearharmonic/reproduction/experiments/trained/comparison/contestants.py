@@ -13,7 +13,7 @@ Kind = Literal["trained", "published", "own"]
 #: Kinds in the order of cubes.
 KINDS: tuple[Kind, ...] = ("published", "own", "trained")
 
-#: Ideas of methods for the exactly solved oscillator: published and trained ones.
+#: Ideas of methods for the exactly solved oscillator: all but trained ones, and trained ones.
 EXACT_IDEAS = ("exact_oscillator", "trained_exact")
 #: Ideas of methods, in the order of tables and figures.
 IDEAS = (*EXACT_IDEAS, "harmonic_conditions", "nystrom", "trained", "general")

@@ -84,7 +84,7 @@ def gains(best: xr.Dataset) -> xr.Dataset:
 
 @reduction("mean_log_error", "resampled", over="resample")
 def exact_gains(best: xr.Dataset) -> xr.Dataset:
-    """Gain of trained methods over published ones with the oscillator solved exactly, with its interval."""
+    """Gain of trained methods over all others with the oscillator solved exactly, with its interval."""
     gain, resampled = (
         one.sel(idea=EXACT_IDEAS[0], drop=True) - one.sel(idea=EXACT_IDEAS[1], drop=True)
         for one in (best.mean_log_error, best.resampled)
@@ -122,7 +122,7 @@ def _leaders(best: xr.Dataset, suffix: str, text: str) -> xr.Dataset:
 CAPTION = (
     "Random potentials of two coordinates: the idea whose best method has the least mean of log10 max |dH/H0| at equal "
     "cost, by how many decades it is ahead of the second with its 95 % interval over the potentials; the idea that is "
-    "ahead with T and V, where oscillators are not solved exactly; the gain of trained over published methods where "
+    "ahead with T and V, where oscillators are not solved exactly; the gain of trained over all other methods where "
     "they are; and the gains of all over the best general method. "
     "Anharmonicity is the median variation of the Hessian."
 )
