@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import mpf
 
+from nearharmonic.exact.lie.shuffles import logarithm_weights
 from nearharmonic.exact.words import logarithm, logarithm_slopes, word_slopes, word_sums, words
 from support.oracles.word_series import plus, series, times
 
@@ -126,6 +127,15 @@ def exact_logarithm(step):
 @given(steps)
 def test_a_logarithm_is_that_of_the_series(step):
     assert logarithm(step, words(DEGREE)[1:]) == exact_logarithm(step)
+
+
+@settings(max_examples=5)
+@given(steps)
+def test_weights_of_shuffles_make_the_logarithm_of_the_series(step):
+    sums = exact(step)
+    for word, value in exact_logarithm(step).items():
+        if word:
+            assert sum(weight * sums[other] for other, weight in logarithm_weights(word).items()) == value, word
 
 
 def random_step(seed):

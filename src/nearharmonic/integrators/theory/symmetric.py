@@ -1,9 +1,12 @@
 """Symmetric steps, given by half of their coefficients, and their order conditions, which are linear in word sums.
 
 The logarithm of a symmetric step has no terms of even degree. If the conditions of lower degree hold, a condition of
-odd degree n compares the coefficients of the step on words with those of exp(A + B), which are 1/n!. On the oscillator
-A and B are nilpotent: only alternating words contribute to the step matrix, and kappa_l = 0 (Nielsen 2015, Eq. 17) is
-the equation S(ABAB...) = 1/l! with l letters.
+odd degree n compares the coefficients of the step on words with those of exp(A + B), which are 1/n!. Where only those
+conditions of lower degree hold that such potentials need, the coefficient of the logarithm on a word is a weighted sum
+of those of the step on more words (:mod:`nearharmonic.exact.lie.shuffles`).
+
+On the oscillator A and B are nilpotent: only alternating words contribute to the step matrix, and kappa_l = 0 (Nielsen
+2015, Eq. 17) is the equation S(ABAB...) = 1/l! with l letters.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from numpy.typing import NDArray
 
 from nearharmonic.exact.decimals import as_mpf
 from nearharmonic.exact.lie.conditions import conditions, lyndon_words
+from nearharmonic.exact.lie.shuffles import logarithm_weights
 from nearharmonic.exact.step import Step, composed
 from nearharmonic.exact.words import LETTERS, word_slopes, word_sums
 from nearharmonic.integrators.tableau import First
@@ -112,9 +116,18 @@ class ConditionedSteps(SymmetricSteps):
             for row in conditions(degree, quadratic=True, potential_degree=self.potential_degree):
                 left = {word: n * w for word, w in zip(words, row.weights, strict=True) if w}
                 if degree < self._order_of_words(left):
-                    found.append((left, sum(row.weights, Fraction(0))))
+                    exact = not self._has_vanishing(degree, left)
+                    found.append((left, sum(row.weights, Fraction(0))) if exact else (_of_logarithm(left), Fraction(0)))
         powers = range(self.order + 1, self.harmonic_order + 1)
         return (*found, *(({alternating(n): Fraction(factorial(n))}, Fraction(1)) for n in powers))
+
+    def _has_vanishing(self, degree: int, words: Iterable[str]) -> bool:
+        """Return True if the logarithm may have elements of lower degree that vanish for such a potential.
+
+        They are no error, but their products with A and B change the coefficients of the step on longer words. The
+        first have five letters, three of them B for any potential and at least one for those of a given degree.
+        """
+        return degree > 5 and (self.potential_degree is not None or max(word.count("B") for word in words) > 2)
 
     def _order_of_words(self, words: Iterable[str]) -> int:
         """Return the required order of a condition; all its words have as many kicks, the power of epsilon."""
@@ -148,6 +161,19 @@ class ConditionedSteps(SymmetricSteps):
     @cached_property
     def _words(self) -> tuple[str, ...]:
         return tuple(word for left, _ in self.equations for word in left)
+
+
+def _of_logarithm(weights: dict[str, Fraction]) -> dict[str, Fraction]:
+    """Return weights of words for a weighted sum of the logarithm.
+
+    A symmetric step has equal coefficients on reversed words.
+    """
+    found: dict[str, Fraction] = {}
+    for word, weight in weights.items():
+        for other, part in logarithm_weights(word).items():
+            key = min(other, other[::-1])
+            found[key] = found.get(key, Fraction(0)) + weight * part
+    return {word: weight for word, weight in found.items() if weight}
 
 
 def alternating(length: int, start: str = "A") -> str:
