@@ -21,7 +21,7 @@ from nearharmonic.numerics.types import Bools, Floats, Integers
 #: ten between them, of the hundreds that a double has, and the vectors of a frame remain apart.
 PART = 100
 #: Readings of a length in a run, at least, for the time integral of MEGNO, unless the run has fewer steps.
-READINGS = 500
+READINGS = 250
 #: Blocks of equal length for the interval of the exponent.
 BLOCKS = 10
 #: Lanes that a thread integrates at a time, and bytes of their readings.

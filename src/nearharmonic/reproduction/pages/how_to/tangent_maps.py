@@ -1,6 +1,6 @@
 """The table and the figure of docs/how_to/tangent_maps.md: chaos on the surface of section of Henon and Heiles.
 
-Each point of the plane (y, p_y) with x = 0 and p_x > 0 is a start; its colour is the MEGNO of the orbit.
+Each point of the plane (y, p_y) with x = 0 and p_x > 0 is a start; its colour is the largest exponent of the orbit.
 """
 
 from __future__ import annotations
@@ -22,13 +22,15 @@ if TYPE_CHECKING:
 SYSTEM, METHOD, TAU, T_END = "henon_heiles", "babps8o7h", 0.5, 1000
 #: Energies of the panels, those of Figures 5 and 6 of Henon & Heiles (1964), doi:10.1086/109234.
 ENERGIES = (Fraction(1, 8), Fraction(1, 6))
-#: Points of a panel along each axis, and edges of both axes.
-SIZE, EDGES = 240, (-0.55, 1.05)
+#: Points of a panel along each axis, and edges of both axes: all starts of the energy 1/6 are inside.
+SIZE, EDGES = 512, ((-0.5, 1.0), (-0.6, 0.6))
 #: MEGNO above which an orbit counts as chaotic. It is 2 for a regular orbit, with oscillations that decay like 1/t, and
 #: exceeds 4 after eight Lyapunov times.
 CHAOTIC = 4.0
-#: MEGNO at both ends of the colours. Near stable periodic orbits it may be smaller after so short a time.
-SHOWN = (1.5, 80.0)
+#: Exponents at both ends of the colours. That of a regular orbit falls like (ln t)/t, which is 0.007 at the end.
+SHOWN = (0.003, 0.15)
+#: Number of colours: with those of a continuous map the picture of so many points is twice as large.
+COLOURS = 17
 
 
 class Chaos(NamedTuple):
@@ -51,15 +53,16 @@ def page(page: str, systems: Sequence[str], integrators: Sequence[str]) -> dict[
     return {"page": filled_page(page, {"chaos": "\n".join(["", *table(found), ""])}), "figure": drawn(found)}
 
 
-def grid() -> Floats:
-    """Return the centres (SIZE,) of the points along an axis."""
-    low, high = EDGES
-    return low + (high - low) * (np.arange(SIZE) + 0.5) / SIZE
+def grid() -> tuple[Floats, Floats]:
+    """Return the centres (SIZE,) of the points along each axis."""
+    centres = (np.arange(SIZE) + 0.5) / SIZE
+    y, momentum = (low + (high - low) * centres for low, high in EDGES)
+    return y, momentum
 
 
 def chaos(energy: Fraction) -> Chaos:
     """Return the orbits of an energy that start on the grid."""
-    y, momentum = (axis.ravel() for axis in np.meshgrid(grid(), grid() - sum(EDGES) / 2))
+    y, momentum = (axis.ravel() for axis in np.meshgrid(*grid()))
     square = 2 * float(energy) - momentum**2 - y**2 + 2 * y**3 / 3
     inside = (square > 0) & (y < 1)  # beyond y = 1 the potential falls again
     y, momentum, square = y[inside], momentum[inside], square[inside]
@@ -91,28 +94,29 @@ def table(found: Mapping[Fraction, Chaos]) -> list[str]:
 
 @house_style
 def drawn(found: Mapping[Fraction, Chaos]) -> Figure:
-    """Draw the starts of each energy in a panel, coloured by MEGNO on a logarithmic scale."""
+    """Draw the starts of each energy in a panel, coloured by the largest exponent on a logarithmic scale."""
+    from matplotlib import colormaps
     from matplotlib.colors import LogNorm
 
     figure = new_figure(7, 3.5)
-    figure.subplots_adjust(left=0.09, right=0.89, top=0.92, bottom=0.14, wspace=0.08)
+    figure.subplots_adjust(left=0.09, right=0.865, top=0.92, bottom=0.14, wspace=0.08)
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
-    low, high = EDGES
-    half = (high - low) / 2
+    low, high = np.array(EDGES).T
     for position, (axes, (energy, one)) in enumerate(zip(panels, found.items(), strict=True)):
         image = np.full((SIZE, SIZE), np.nan)
-        rows = np.rint((one.plane[:, ::-1] + [half, -low]) / (high - low) * SIZE - 0.5).astype(int)
-        image[rows[:, 0], rows[:, 1]] = np.clip(one.megno, *SHOWN)
+        columns, rows = np.rint((one.plane - low) / (high - low) * SIZE - 0.5).astype(int).T
+        image[rows, columns] = np.clip(one.exponent, *SHOWN)
         shown = axes.imshow(
-            image, origin="lower", extent=(low, high, -half, half), norm=LogNorm(*SHOWN), cmap="viridis",
+            image, origin="lower", extent=(*EDGES[0], *EDGES[1]), norm=LogNorm(*SHOWN),
+            cmap=colormaps["viridis"].resampled(COLOURS),
             interpolation="nearest", aspect="auto",
         )  # fmt: skip
-        axes.set(xlabel="$y$", xlim=(-0.5, 1), ylim=(-0.6, 0.6), xticks=[-0.25, 0, 0.25, 0.5, 0.75])
+        axes.set(xlabel="$y$", xlim=EDGES[0], ylim=EDGES[1], xticks=[-0.25, 0, 0.25, 0.5, 0.75])
         axes.grid(visible=False)
         panel_letter(axes, position, f"$H = {energy}$")
     panels[0].set_ylabel("$p_y$")
-    bar = figure.colorbar(shown, cax=figure.add_axes((0.905, 0.14, 0.018, 0.78)))
-    bar.set_ticks(ticks := [2, 5, 10, 20, 40, 80], labels=list(map(str, ticks)))
+    bar = figure.colorbar(shown, cax=figure.add_axes((0.88, 0.14, 0.018, 0.78)))
+    bar.set_ticks(ticks := [0.003, 0.01, 0.03, 0.1], labels=list(map(str, ticks)))
     bar.minorticks_off()
-    bar.set_label("MEGNO")
+    bar.set_label("Lyapunov exponent at t = 1000")
     return figure
