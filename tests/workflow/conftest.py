@@ -18,8 +18,8 @@ def project(tmp_path_factory):
     return Project(tmp_path_factory.mktemp("project"))
 
 
-def _after(target, project):
-    done = project.snakemake(target, "-j2", *TINY)
+def _after(project, *targets):
+    done = project.snakemake(*targets, "-j2", *TINY)
     assert done.returncode == 0, done.stdout
     return project
 
@@ -29,7 +29,7 @@ def drawn(tmp_path_factory):
     """The project after one figure on the tiny config: a job of most kinds, for README's command."""
     project = Project(tmp_path_factory.mktemp("drawn"))
     follow(project.folder / "src")
-    return _after("fig3", project)
+    return _after(project, "fig3")
 
 
 @pytest.fixture(scope="session")
@@ -37,19 +37,19 @@ def finished(tmp_path_factory):
     """The project after the default target on the tiny config: a minute of jobs, for slow tests."""
     project = Project(tmp_path_factory.mktemp("finished"))
     follow(project.folder / "src")
-    return _after("all", project)
+    return _after(project, "all")
 
 
 @pytest.fixture(scope="session")
 def everything(finished, tmp_path_factory):
-    """The project after ``everything`` as well: a minute of jobs, for slow tests."""
-    return _after("everything", finished.copy(tmp_path_factory.mktemp("everything") / "project"))
+    """The project after all other targets as well: a minute of jobs, for slow tests."""
+    return _after(finished.copy(tmp_path_factory.mktemp("everything") / "project"), "everything", "trained")
 
 
 @pytest.fixture(scope="session")
 def planned(drawn):
-    """All jobs of ``everything`` on the tiny config, as Snakemake would run them."""
-    done = drawn.python(planned_jobs.__file__, TINY[1], "everything")
+    """All jobs of all targets on the tiny config, as Snakemake would run them."""
+    done = drawn.python(planned_jobs.__file__, TINY[1], "everything", "trained")
     assert done.returncode == 0, done.stderr
     return [SimpleNamespace(**json.loads(line)) for line in done.stdout.splitlines()]
 

@@ -19,7 +19,17 @@ from nearharmonic.plotting.style import style_of
 from nearharmonic.reproduction.claims.table import decided
 from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants
 from nearharmonic.reproduction.tasks.experiment import experiments
-from support.projects.targets import DECOMPOSED, MADE, MADE_BY, METHODS, RECORD, SYSTEMS, TARGETS
+from support.projects.targets import (
+    DECOMPOSED,
+    MADE,
+    MADE_BY,
+    METHODS,
+    ON_CRYSTALS,
+    RECORD,
+    SAMPLING,
+    SYSTEMS,
+    TARGETS,
+)
 
 ROOT = Path(__file__).parents[2]
 TINY = ("--configfile", "config/tiny.yaml")
@@ -59,6 +69,22 @@ COLUMNS = {
     "table1_structure": "ABA d value", "table2_recursion": "tau^1", "table2_values": "tau^1",
     "table3_even_orders": "tau^4 as printed", "table4_coefficients": "printed", "table4_derived": "agreeing decimals",
 }  # fmt: skip
+#: Maps, paths, panels, and the best of many: a method has a place there, not a colour.
+OF_NO_METHOD = (
+    "henon_heiles_stability", "fig6_substeps", "fig6_displaced", "linear_stability", "crystals_map",
+    "crystals_phonons", "crystals_gain", "samplers_trained",
+)  # fmt: skip
+#: Methods that a figure shows in place of those of the config.
+SHOWN = {
+    "fig2_decomposition": DECOMPOSED, "exact_oscillator_charge": ("aba864",), "crystals_error": ON_CRYSTALS,
+    "crystals_long_runs": ("leapfrog", "trained_light"), "samplers_gaussian": SAMPLING, "samplers_targets": SAMPLING,
+}  # fmt: skip
+
+
+def compared(stem):
+    """Names of the methods of a cube, in order; beside those of the config, two experiments have one found there."""
+    found = {"crystals": (*ON_CRYSTALS, "trained_on_crystals"), "samplers": (*SAMPLING, "searched_s4")}
+    return contestants() if stem == "trained" else found.get(stem, DECOMPOSED if stem == "sho_terms" else METHODS)
 
 
 def text_of(project, name):
@@ -98,7 +124,8 @@ def test_statements_are_decided_on_what_is_there(everything):
 @pytest.mark.slow
 def test_snakemake_summary_needs_no_number_of_cores(everything):
     """--summary, --list-changes and --report; by the first, every rule has run and none has to run again."""
-    summary = everything.snakemake("everything", "--summary", *TINY)
+    targets = ("everything", "trained")
+    summary = everything.snakemake(*targets, "--summary", *TINY)
     assert summary.returncode == 0, summary.stdout
     rows = list(csv.DictReader(summary.stdout[summary.stdout.index("output_file") :].splitlines(), delimiter="\t"))
     assert {(row["status"], row["plan"]) for row in rows} == {("ok", "no update")}
@@ -106,13 +133,13 @@ def test_snakemake_summary_needs_no_number_of_cores(everything):
     assert {name for name in files if not name.startswith("logs/compile/")} == MADE
     rules = re.findall(r"^\w+$", everything.snakemake("--list-rules", *TINY).stdout, re.MULTILINE)
     # Drawn or reduced where a config has regularised systems or runs in over ten files; documentation is no result.
-    pages = {name for name in rules if name.startswith("page")} - {"page"}
-    elsewhere = {"regularised_times_figure", "reduce_method"} | pages
+    pages = {name for name in rules if name.startswith(("page", "picture"))} - {"page"}
+    elsewhere = {"regularised_times_figure", "figure_of_regularised", "reduce_method"} | pages
     assert {row["rule"] for row in rows} == set(rules) - set(TARGETS) - elsewhere
-    changes = everything.snakemake("everything", "--list-changes", "code", *TINY)
+    changes = everything.snakemake(*targets, "--list-changes", "code", *TINY)
     assert changes.returncode == 0, changes.stdout
     assert RESULTS not in changes.stdout
-    report = everything.snakemake("everything", "--report", "x.html", *TINY)
+    report = everything.snakemake(*targets, "--report", "x.html", *TINY)
     assert report.returncode == 0, report.stdout
     page = (everything.folder / "x.html").read_text(encoding="utf-8")
     assert all(f"{stem}.png" in page for stem in stems(".png", MADE))
@@ -123,8 +150,10 @@ def kind_of(name):
     of_paper = {("runs", system) for system in SYSTEMS} | {("cubes", f"{system}.h5") for system in SYSTEMS}
     if name.parts[:2] in of_paper:
         return None
-    words = dict.fromkeys(METHODS, "{integrator}") | dict.fromkeys((*SYSTEMS, "relativistic_oscillator"), "{system}")
-    return str(name.with_stem(words.get(name.stem, name.stem)))
+    words = dict.fromkeys(METHODS, "integrator") | dict.fromkeys((*SYSTEMS, "relativistic_oscillator"), "autonomous")
+    words |= {"argon": "crystal", "chain": "crystal", "lattice": "target", "mesquite": "target", "4_kick": "family"}
+    ends = "|".join(words) if name.parts[0] == "runs" else "$."
+    return str(name.with_stem(re.sub(f"(?:^|(?<=_))({ends})$", lambda end: f"{{{words[end[1]]}}}", name.stem)))
 
 
 @pytest.mark.slow
@@ -232,13 +261,9 @@ def test_a_figure_shows_its_methods_in_each_of_its_files(after, stem):
     pixels = imread(place / f"{stem}.png")[..., :3]
     assert (pixels.min(axis=2) < 0.9).mean() > 0.01
     assert (np.ptp(pixels, axis=2) > 0.2).mean() > 1e-4
-    if stem in ("henon_heiles_stability", "fig6_substeps", "fig6_displaced", "linear_stability") or stem.startswith(
-        "trained_"
-    ):
-        return  # maps, paths, panels and the best of many: a method has a place there, not a colour
-    methods = DECOMPOSED if stem == "fig2_decomposition" else METHODS
-    if stem == "exact_oscillator_charge":  # methods that solve the oscillator exactly
-        methods = ("aba864",)
+    if stem in OF_NO_METHOD or stem.startswith("trained_"):
+        return
+    methods = SHOWN.get(stem, METHODS)
     if stem.startswith("library_times"):  # those alone that win at some error
         assert any(style_of(name).colour in drawing for name in (*methods, "aba864"))
         return
@@ -262,9 +287,7 @@ def test_every_number_of_a_cube_is_there_for_each_method(after):
         for group in (None, *groups_of(place)):
             data = read(place, group)
             if "integrator" in data.dims:
-                methods = DECOMPOSED if name == "cubes/sho_terms.h5" else METHODS
-                methods = contestants() if name == "cubes/trained.h5" else methods
-                assert data.integrator.values.tolist() == list(methods), name
+                assert data.integrator.values.tolist() == list(compared(Path(name).stem)), name
             # Positions may be timed on an interval of their own.
             system = str(group).removesuffix("_position")
             for key, values in data.data_vars.items():

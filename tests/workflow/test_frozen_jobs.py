@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
@@ -55,5 +56,7 @@ def test_all_jobs_of_the_default_target_can_be_frozen(frozen):
 def test_only_pages_need_snakemake_on_the_node(finished, tmp_path):
     jobs = _frozen(finished.copy(tmp_path / "project"), "everything")
     assert {job["rule"] for job in jobs if job["place"] is None and not job["norun"]} == set()
-    pages = _frozen(finished.copy(tmp_path / "pages"), "pages")
+    documented = finished.copy(tmp_path / "pages")
+    shutil.copytree(ROOT / "docs/results", documented.folder / "docs/results")
+    pages = _frozen(documented, "pages")
     assert {job["rule"].startswith("page_of_") for job in pages if job["place"] is None and not job["norun"]} == {True}

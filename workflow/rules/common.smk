@@ -28,7 +28,7 @@ EXPERIMENTS = experiments()
 FIGURES = figures_of(
     "reproduction.experiments", CONFIG.systems, [stem for one in EXPERIMENTS.values() for stem in one.cubes]
 )
-RUNS, TWO_STEPS = [], {}  # each experiment adds its files
+RUNS, KINDS, TWO_STEPS = [], {}, {}  # each experiment adds its files
 
 try:
     ALL_CORES = workflow.cores
@@ -83,8 +83,9 @@ def LOG(stem):
 
 
 def add_runs(experiment, **values):
-    """Add the run files of an experiment to those that jobs of this config make."""
+    """Add the run files of an experiment to those that jobs of this config make, and one of each kind."""
     RUNS.extend(f"{RESULTS}/{name}" for name in EXPERIMENTS[experiment].run_files(**values))
+    KINDS.update({kind: f"{RESULTS}/{name}" for kind, name in EXPERIMENTS[experiment].kinds_of_runs(**values).items()})
 
 
 def run_files(system):

@@ -10,21 +10,10 @@ _EXAMPLES = {"files": sorted(map(str, Path("examples").glob("*.py")))}
 #: Registries whose names a table may show.
 _METHODS = {"integrators": integrators}
 _EVERY = _METHODS | {"systems": systems}
-#: One file of each kind: every cube, and of run files those that differ in more than a name at the end: of a method, a
-#: system, a crystal, or a target or a family of a sampler.
-_NAMES = {*CONFIG.stepwise, *STRUCTURE_T_END}
-_ENDS = (*CONFIG.crystals.crystals, *CONFIG.samplers.targets, *CONFIG.samplers.families)
-
-
-def _kind(file):
-    """Return what run files of one kind have in common."""
-    stem = Path(file).stem
-    common = next((stem.removesuffix(end) for end in _ENDS if stem.endswith(f"_{end}")), stem)
-    return Path(file).parent, stem in _NAMES or common
-
-
-_RUN_FILES = {_kind(file): file for file in reversed(RUNS)}
-_FILES = [*(CUBE(stem) for one in EXPERIMENTS.values() for stem in one.cubes), *sorted(_RUN_FILES.values())]
+#: Every cube, and a run file of each kind, by their names on the page of variables.
+_OF_KIND = {f"cubes/{stem}.h5": CUBE(stem) for one in EXPERIMENTS.values() for stem in one.cubes} | dict(
+    sorted(KINDS.items())
+)
 
 
 # What each page is made of, its pictures by the names of the results, and the function that fills it.
@@ -50,9 +39,13 @@ _PAGES = {
         lambda: task("reproduction.pages.how_to.variables:page", **on("how_to/files", _EVERY)),
     ),
     "reference/variables": (
-        {"files": _FILES},
+        {"files": list(_OF_KIND.values())},
         {},
-        lambda: task("reproduction.pages.how_to.variables:reference", **on("reference/variables", _EVERY)),
+        lambda: task(
+            "reproduction.pages.how_to.variables:reference",
+            kinds=list(_OF_KIND),
+            **on("reference/variables", {}),
+        ),
     ),
     "how_to/tabulated_potentials": (
         {},

@@ -1,5 +1,6 @@
 """The record of this run: history.jsonl and manifest.json. They are no outputs: every target changes them."""
 
+import itertools
 import os
 import sys
 from types import SimpleNamespace
@@ -56,7 +57,8 @@ def makeable():
 
 def makeable_files():
     """Return the paths of these files."""
-    return {str(path) for path in (*rules.everything.input, *RUNS)}
+    targets = [getattr(rules, one.target).input for one in EXPERIMENTS.values()]
+    return {str(path) for path in (*itertools.chain.from_iterable(targets), *RUNS)}
 
 
 def configfiles():

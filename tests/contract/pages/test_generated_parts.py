@@ -71,7 +71,7 @@ def of_files(monkeypatch, tmp_path):
 def of_all_variables(monkeypatch, tmp_path):
     place = tmp_path / "added.h5"
     store.write(place, {"x": variable("point", [1.0], "a|b_c")}, {})
-    return of_variables.reference(str(PAGES["variables"]), [place], (), ())
+    return of_variables.reference(str(PAGES["variables"]), [place], ["runs/{name}.h5"])
 
 
 def of_gallery(monkeypatch, tmp_path):
@@ -288,7 +288,7 @@ def test_units_that_differ_are_those_of_the_system(made):
 @pytest.mark.parametrize("made", ["variables"], indirect=True)
 def test_texts_of_files_do_not_end_cells(made):
     _, parts = split(made["page"])
-    assert "## `added.h5`" in parts["variables"]
+    assert "## `runs/{name}.h5`" in parts["variables"]
     assert r"| `x` | point | 1 | a\|b\_c |" in parts["variables"]
 
 

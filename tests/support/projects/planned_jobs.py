@@ -1,4 +1,4 @@
-"""The jobs of a target as Snakemake plans them, as lines of JSON: what a rule gives to the function that it names."""
+"""The jobs of targets as Snakemake plans them, as lines of JSON: what a rule gives to the function that it names."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from snakemake.settings.types import ConfigSettings, DAGSettings, OutputSettings
 CORES = 5
 
 
-def planned(config: str, target: str, cores: int = CORES) -> list[Any]:
-    """Return the jobs of Snakemake for ``target``, whatever is there already."""
+def planned(config: str, *targets: str) -> list[Any]:
+    """Return the jobs of Snakemake for ``targets``, whatever is there already."""
     with SnakemakeApi(OutputSettings(quiet={Quietness.ALL})) as api:
         workflow = api.workflow(
-            resource_settings=ResourceSettings(cores=cores),
+            resource_settings=ResourceSettings(cores=CORES),
             config_settings=ConfigSettings(configfiles=[Path(config)]),
             snakefile=Path("Snakefile"),
         )
-        workflow.dag(DAGSettings(targets={target}, forceall=True)).execute_workflow(executor="dryrun")
+        workflow.dag(DAGSettings(targets={*targets}, forceall=True)).execute_workflow(executor="dryrun")
         return list(workflow._workflow.dag.jobs)
 
 

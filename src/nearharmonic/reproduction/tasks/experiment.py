@@ -39,7 +39,7 @@ class Experiment:
     target : str
         Target of the workflow for its files; by default ``name``.
     cubes_target : str
-        Target for its cubes and their derived files; by default ``target``.
+        Target for its cubes and their derived files, which ``everything`` has; by default ``target``.
     place : int
         Position among the experiments, in the config, on the page of results and in documents; equal positions are
         sorted by name.
@@ -105,6 +105,20 @@ class Experiment:
     def run_files(self, **values: Iterable[str]) -> list[str]:
         """Return the names of its run files; arguments of :meth:`files`."""
         return [f"runs/{name}.h5" for stem in self.runs for name in _filled(stem, values)]
+
+    def kinds_of_runs(self, **values: Iterable[str]) -> dict[str, str]:
+        """Return one run file of each kind; arguments of :meth:`files`.
+
+        Files of one kind differ in the last part of their names alone, and its placeholders stand in the key.
+        """
+        found = {}
+        for stem in self.runs:
+            folder, _, last = stem.rpartition("/")
+            for place in _filled(folder, values):
+                first = next(_filled(last, values), None)
+                if first is not None:
+                    found[f"runs/{place}/{last}.h5"] = f"runs/{place}/{first}.h5"
+        return found
 
     def makes(self, name: str) -> bool:
         """Return True if a file belongs to its target, for any values of placeholders."""

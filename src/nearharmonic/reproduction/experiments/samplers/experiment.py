@@ -13,7 +13,7 @@ EXPERIMENT = Experiment(
     effect="Chains of `samplers`",
     cubes={
         "samplers": (
-            "target, integrator, and dimension, integrator",
+            "target, integrator, dimension",
             "gradients per effective sample, gains over leapfrog and over the best known method with intervals, "
             "acceptance, best step size and length; gains of methods that are trained for one strength",
         )

@@ -5,8 +5,7 @@ Names, dimensions, units and meanings are those in the files. Meanings of attrib
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
-from pathlib import PurePosixPath
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from nearharmonic.errors import NearharmonicError
@@ -82,8 +81,17 @@ def page(
     return {"page": filled_page(page, {name: "\n".join(["", *lines, ""]) for name, lines in parts.items()})}
 
 
-def reference(page: str, files: Sequence[str], systems: Sequence[str], integrators: Sequence[str]) -> dict[str, str]:
+def reference(page: str, files: Sequence[str], kinds: Sequence[str]) -> dict[str, str]:
     """Fill the page of all variables from one file of each kind.
+
+    Parameters
+    ----------
+    page : str
+        Path of the page.
+    files : sequence of str
+        Path of a file of each kind.
+    kinds : sequence of str
+        Name of each kind below the folder of results, with placeholders.
 
     Raises
     ------
@@ -91,16 +99,14 @@ def reference(page: str, files: Sequence[str], systems: Sequence[str], integrato
         A file has an attribute without a meaning.
     """
     lines: list[str] = []
-    for path in files:
-        found = read(path)
-        check_attributes(path, found)
-        name = str(found.attrs.get("file", PurePosixPath(path).name))
-        lines += ["", f"## `{general(name, {*systems}, {*integrators})}`", ""]
+    for kind, path in zip(kinds, files, strict=True):
+        check_attributes(path, read(path))
+        lines += ["", f"## `{kind}`", ""]
         groups = groups_of(path)
         if groups:
             names = ", ".join(f"`{name}`" for name in groups)
             lines += [f"In each of the groups {names}:", ""]
-        lines += table(*(read(path, group=name) for name in groups) if groups else (found,))
+        lines += table(*(read(path, group=name) for name in groups or (None,)))
     return {"page": filled_page(page, {"variables": "\n".join([*lines, ""])})}
 
 
@@ -110,14 +116,6 @@ def check_attributes(path: str, found: xr.Dataset) -> None:
     if unknown:
         message = f"{path} has attributes without a meaning in the table of attributes: {', '.join(sorted(unknown))}"
         raise NearharmonicError(message)
-
-
-def general(name: str, systems: Collection[str], integrators: Collection[str]) -> str:
-    """Return the name of a file with placeholders for a method, and for a system beside other files of its kind."""
-    path = PurePosixPath(name)
-    if path.stem in integrators:
-        return str(path.with_stem("{integrator}"))
-    return str(path.with_stem("{system}")) if path.stem in systems else name
 
 
 def table(*datasets: xr.Dataset) -> list[str]:
