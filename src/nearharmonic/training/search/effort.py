@@ -35,6 +35,8 @@ class Effort:
         in turn.
     random_points, mean, spread : int and float
         Number of random points, whose best one is a start, and their mean and standard deviation in units of 1/s.
+    members, member_starts : int
+        Number of random points near which members are sought, and of the best of these that are starts.
     screened : int
         Inverse of the fraction of the problems on which a start is tried first; 1 to omit this.
     behind : float
@@ -58,6 +60,8 @@ class Effort:
     random_points: int = 400
     mean: float = 1.0
     spread: float = 1.0
+    members: int = 0
+    member_starts: int = 5
     screened: int = 1
     behind: float = 0.5
     bases: int = 1

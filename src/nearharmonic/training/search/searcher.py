@@ -19,6 +19,7 @@ from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE, Objective
 from nearharmonic.training.search.descent import descend
 from nearharmonic.training.search.effort import Effort, Found, Start
+from nearharmonic.training.search.random_members import random_members
 
 
 class Searcher:
@@ -121,7 +122,7 @@ def starts_of(family: Family, known: Sequence[Tableau], before: Sequence[Found],
 def search(
     objective: Objective, starts: Iterator[Start], effort: Effort, seed: int, report: Callable[[Found], None] | None
 ) -> Searcher:
-    """Search from all ``starts``, and then around the best result.
+    """Search from the best members near random points, from all ``starts``, and then around the best result.
 
     Parameters
     ----------
@@ -140,13 +141,22 @@ def search(
     refined = (
         searcher.near(searcher.centre(turn), turn, "refined") for turn in range(effort.refinements) if searcher.found
     )
-    for start in chain(starts, refined):
+    for start in chain(_best_members(objective, effort, seed), starts, refined):
         promising = screen(start) if effort.screened > 1 else start
         if promising is not None:
             found = searcher.search(objective, promising)
             if report is not None:
                 report(found)
     return searcher
+
+
+def _best_members(objective: Objective, effort: Effort, seed: int) -> list[Start]:
+    """Return the best members near random points as starts."""
+    members = random_members(objective.family, effort.members, np.random.default_rng([seed, 2]))
+    parts = [members[i : i + effort.population] for i in range(0, len(members), effort.population)]
+    order = np.argsort(np.concatenate([np.zeros(0), *map(objective, parts)]), kind="stable")
+    chosen = members[order[: effort.member_starts]]
+    return [Start(origin="random member", point=one, spread=effort.around_found[0]) for one in chosen]
 
 
 class _Screen:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 
 from nearharmonic.integrators.tableau import First
@@ -31,6 +31,8 @@ BOUND = (0.05, 0.75)
 ECCENTRICITIES = (0.02, 0.35)
 #: Cost of the gradient of the square of grad V, in forces, for polynomials and for Kepler: docs/reference/methods.md.
 CHARGE, CHARGE_OF_ORBITS = 1.1, 0.3
+#: Random points near which members of order eight are sought; about one of 400 leads to a member.
+MEMBERS = 40_000
 #: Searches with exactly solved oscillators take this part of the trials of others from each start, begin at so many
 #: times as many random starts, and are refined so many times as often.
 PART, MORE, AGAIN = 3, 30, 10
@@ -180,6 +182,14 @@ class CubicPurpose(Purpose):
         """Return the problems; the intervals are ``longer`` by a factor."""
         t_end, band = self.t_end * longer, self.band or BOUND
         return [cubic_ensemble(d, -(-systems // 2), seed, band=band, t_end=t_end) for d in (2, 3)]
+
+
+class PreciseCubicPurpose(CubicPurpose):
+    """Purpose of a method of order eight for cubic potentials; few points are near a member."""
+
+    def effort(self, trials: int, random: int, refinements: int) -> Effort:
+        """Return the settings of a search, which begins at the best members near random points."""
+        return replace(super().effort(trials, random, refinements), members=MEMBERS)
 
 
 class OscillatorPurpose(Purpose):

@@ -15,6 +15,7 @@ from nearharmonic.reproduction.experiments.trained.problems.purpose import (
     CrystalPurpose,
     CubicPurpose,
     OscillatorPurpose,
+    PreciseCubicPurpose,
     Purpose,
 )
 
@@ -70,6 +71,10 @@ _ALL = (
     CubicPurpose(
         name="cubic", what="cubic potentials, high accuracy", tau_per_stage=(0.035, 0.042, 0.05), t_end=40.0,
         band=BOUND, chains=(Chain(first="kick", stages=(11,), order=6, potential_degree=3),),
+    ),
+    PreciseCubicPurpose(
+        name="cubic_precise", what="cubic potentials, errors of 1e-13", tau_per_stage=(0.0105, 0.013, 0.016),
+        t_end=20.0, band=BOUND, chains=(Chain(first="drift", stages=(15,), order=8, potential_degree=3),),
     ),
     OscillatorPurpose(
         name="exact_coarse", what="oscillators solved exactly, few evaluations", tau_per_stage=(0.165, 0.2, 0.25),
