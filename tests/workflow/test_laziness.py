@@ -99,7 +99,7 @@ def test_run_reports_skipped_work_and_second_run_is_silent(project):
     said = project.snakemake(*claims).stdout
     assert re.search(r"^Of the \d+ statements of the paper that are checked .* not decided here; ", said, re.MULTILINE)
     assert (
-        "snakemake -j1 derive stability trained_proof --configfile least.yaml decides most of those left open "
+        "snakemake -j2 derive stability trained_proof --configfile least.yaml decides most of those left open "
         "(50 s, 70 s, 3 min)." in said
     )
     assert "statements" not in project.snakemake(*claims).stdout

@@ -1,9 +1,10 @@
 """Symmetric steps, given by half of their coefficients, and their order conditions, which are linear in word sums.
 
 The logarithm of a symmetric step has no terms of even degree. If the conditions of lower degree hold, a condition of
-odd degree n compares the coefficients of the step on words with those of exp(A + B), which are 1/n!. Where only those
-conditions of lower degree hold that such potentials need, the coefficient of the logarithm on a word is a weighted sum
-of those of the step on more words (:mod:`nearharmonic.exact.lie.shuffles`).
+odd degree n compares the coefficients of the step on words with those of exp(A + B), which are 1/n!. From degree seven
+on the logarithm may have brackets of lower degree that vanish for quadratic T, or for the V in question, and change
+these coefficients. A condition then is one of the logarithm, a weighted sum over more words
+(:mod:`nearharmonic.exact.lie.shuffles`).
 
 On the oscillator A and B are nilpotent: only alternating words contribute to the step matrix, and kappa_l = 0 (Nielsen
 2015, Eq. 17) is the equation S(ABAB...) = 1/l! with l letters.
@@ -115,9 +116,12 @@ class ConditionedSteps(SymmetricSteps):
             n, words = factorial(degree), lyndon_words(degree)
             for row in conditions(degree, quadratic=True, potential_degree=self.potential_degree):
                 left = {word: n * w for word, w in zip(words, row.weights, strict=True) if w}
-                if degree < self._order_of_words(left):
-                    exact = not self._has_vanishing(degree, left)
-                    found.append((left, sum(row.weights, Fraction(0))) if exact else (_of_logarithm(left), Fraction(0)))
+                if degree >= self._order_of_words(left):
+                    continue
+                if self._has_vanishing(degree, left):
+                    found.append((_of_logarithm(left), Fraction(0)))
+                else:
+                    found.append((left, sum(row.weights, Fraction(0))))
         powers = range(self.order + 1, self.harmonic_order + 1)
         return (*found, *(({alternating(n): Fraction(factorial(n))}, Fraction(1)) for n in powers))
 

@@ -27,7 +27,8 @@ class Pursuit:
     longest, largest : float
         Largest change of an unknown per step, and largest unknown of a point that is followed.
     kept : tuple of (int, float)
-        After so many steps, the share of the points with the smallest residuals that are followed on.
+        Numbers of steps, counted from 0, after which only this share of the points with the smallest residuals is
+        followed on; members always are.
     met : float
         Sum of the squared residuals from which a projection converges.
     """
