@@ -5,11 +5,14 @@ Unlike those of libm, the bits of the functions are equal on every processor.
 
 from __future__ import annotations
 
-from math import factorial, frexp, ldexp
+from math import factorial, frexp
 from typing import Any
 
 import numba
 import numpy as np
+from llvmlite import ir
+from numba.core import types as numba_types
+from numba.extending import intrinsic
 
 from nearharmonic.math import cos, log
 from nearharmonic.numerics.types import Floats
@@ -17,19 +20,36 @@ from nearharmonic.numerics.types import Floats
 #: A run that diverges has infinite energies: a division by zero is no error.
 compiled: Any = numba.njit(error_model="numpy")
 
-#: ln 2 in two parts; a multiple below 2^20 of the first is exact. Powers of two from 2^-1023 on.
-_LN2 = (0.6931471803691238, 1.9082149292705877e-10)
-_POWERS = np.array([ldexp(1.0, k) for k in range(-1023, 1024)])
+#: ln 2 in two parts; a multiple below 2^20 of the first is exact. With the second number a sum is rounded to a whole
+#: number, whose bits are the last of the sum.
+_LN2, _ROUND = (0.6931471803691238, 1.9082149292705877e-10), 1.5 * 2.0**52
 _F = tuple(1 / factorial(k) for k in range(14))
+types: Any = numba_types
+_WORD = ir.IntType(64)
+
+
+@intrinsic
+def _power_of_two(typing, rounded):  # type: ignore[no-untyped-def]
+    """Return 2^k for k + _ROUND, from its last bits."""
+
+    def codegen(context, builder, signature, values):  # type: ignore[no-untyped-def]
+        exponent = builder.add(builder.bitcast(values[0], _WORD), _WORD(1023))
+        return builder.bitcast(builder.shl(exponent, _WORD(52)), ir.DoubleType())
+
+    return types.float64(types.float64), codegen
 
 
 @compiled
 def exponential(x):  # type: ignore[no-untyped-def]
-    """Return exp(x) to about 1 ulp, 0 or infinity beyond 700."""
-    if not -700.0 <= x <= 700.0:  # or no number
-        return 0.0 if x < 0.0 else np.inf
-    whole = np.floor(x * 1.4426950408889634 + 0.5)
-    r = (x - whole * _LN2[0]) - whole * _LN2[1]
+    """Return exp(x) to about 1 ulp, 0 or infinity beyond 700.
+
+    There is no branch, so that a loop over an array has several values in a vector.
+    """
+    inside = x if x < 700.0 else 700.0
+    inside = inside if inside > -700.0 else -700.0
+    rounded = inside * 1.4426950408889634 + _ROUND
+    whole = rounded - _ROUND
+    r = (inside - whole * _LN2[0]) - whole * _LN2[1]
     square = r * r
     total = _F[12] + r * _F[13]  # pairs of terms, which a processor sums side by side
     total = _F[10] + r * _F[11] + square * total
@@ -37,7 +57,8 @@ def exponential(x):  # type: ignore[no-untyped-def]
     total = _F[6] + r * _F[7] + square * total
     total = _F[4] + r * _F[5] + square * total
     total = _F[2] + r * _F[3] + square * total
-    return (1.0 + (r + square * total)) * _POWERS[int(whole) + 1023]
+    found = (1.0 + (r + square * total)) * _power_of_two(rounded)
+    return 0.0 if x < -700.0 else (found if x <= 700.0 else np.inf)
 
 
 @compiled

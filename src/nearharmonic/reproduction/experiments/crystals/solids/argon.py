@@ -23,44 +23,46 @@ EDGE = 1.5519
 @compiled
 def pair(square):  # type: ignore[no-untyped-def]
     """Return the energy of a pair at a squared distance, in units of depth and diameter, and its derivative by it."""
-    if square >= CUTOFF * CUTOFF:
-        return 0.0, 0.0
     inverse = 1.0 / square
     s6 = inverse * inverse * inverse
     energy, slope = 4.0 * s6 * (s6 - 1.0), -12.0 * s6 * (2.0 * s6 - 1.0) * inverse
-    if square > SWITCH * SWITCH:
-        distance = sqrt(square)
-        x = (distance - SWITCH) / (CUTOFF - SWITCH)
-        left = 1.0 + x * x * x * (-10.0 + x * (15.0 - 6.0 * x))
-        falls = -30.0 * x * x * (1.0 - x) * (1.0 - x) / (CUTOFF - SWITCH)
-        slope = slope * left + energy * falls / (2.0 * distance)
-        energy *= left
+    distance = sqrt(square)
+    x = (distance - SWITCH) / (CUTOFF - SWITCH)
+    left = 1.0 + x * x * x * (-10.0 + x * (15.0 - 6.0 * x))
+    falls = -30.0 * x * x * (1.0 - x) * (1.0 - x) / (CUTOFF - SWITCH)
+    near, far = square <= SWITCH * SWITCH, square >= CUTOFF * CUTOFF
+    switched = 0.0 if far else slope * left + energy * falls / (2.0 * distance)
+    slope = slope if near else switched
+    energy *= 1.0 if near else (0.0 if far else left)
     return energy, slope
 
 
 def gradient_of(pairs: Pairs) -> Any:
     """Return the gradient of the energy, compiled, for a list of pairs in Angstrom; energies in eV."""
-    first, second, vector = pairs.i, pairs.j, pairs.vector / DIAMETER
-    scale = 1.0 / DIAMETER
+    first, second, scale = pairs.i, pairs.j, 1.0 / DIAMETER
+    between = np.ascontiguousarray(pairs.vector.T) / DIAMETER
+    count = len(first)
 
     @compiled
     def gradient(u, out):  # type: ignore[no-untyped-def]
         out[:] = 0.0
-        total = 0.0
-        for k in range(len(first)):
+        d, slopes, energies = np.empty((3, count)), np.empty(count), np.empty(count)
+        for k in range(count):
             i, j = first[k], second[k]
-            x = vector[k, 0] + (u[j] - u[i]) * scale
-            y = vector[k, 1] + (u[j + 1] - u[i + 1]) * scale
-            z = vector[k, 2] + (u[j + 2] - u[i + 2]) * scale
-            energy, slope = pair(x * x + y * y + z * z)
-            total += energy
-            slope *= 2.0 * DEPTH * scale
-            out[j] += slope * x
-            out[j + 1] += slope * y
-            out[j + 2] += slope * z
-            out[i] -= slope * x
-            out[i + 1] -= slope * y
-            out[i + 2] -= slope * z
+            for c in range(3):
+                d[c, k] = between[c, k] + (u[j + c] - u[i + c]) * scale
+        # Several pairs in a vector.
+        for k in range(count):
+            energies[k], slopes[k] = pair(d[0, k] * d[0, k] + d[1, k] * d[1, k] + d[2, k] * d[2, k])
+            slopes[k] *= 2.0 * DEPTH * scale
+        total = 0.0
+        for k in range(count):
+            i, j = first[k], second[k]
+            total += energies[k]
+            for c in range(3):
+                force = slopes[k] * d[c, k]
+                out[j + c] += force
+                out[i + c] -= force
         return DEPTH * total
 
     return gradient

@@ -21,15 +21,17 @@ def gradient_of(sites: int) -> Any:
 
     @compiled
     def gradient(u, out):  # type: ignore[no-untyped-def]
-        out[:] = 0.0
-        total = 0.0
+        left = np.empty(sites)
+        for i in range(sites - 1):
+            left[i] = exponential(-WIDTH * (u[i + 1] - u[i]))
+        left[sites - 1] = exponential(-WIDTH * (u[0] - u[sites - 1]))
+        before, total = 0.0, 0.0
         for i in range(sites):
-            j = i + 1 if i + 1 < sites else 0
-            left = exponential(-WIDTH * (u[j] - u[i]))
-            total += (1.0 - left) * (1.0 - left)
-            slope = 2.0 * WIDTH * left * (1.0 - left)
-            out[j] += slope
-            out[i] -= slope
+            total += (1.0 - left[i]) * (1.0 - left[i])
+            slope = 2.0 * WIDTH * left[i] * (1.0 - left[i])
+            out[i] = before - slope
+            before = slope
+        out[0] += before
         return total
 
     return gradient

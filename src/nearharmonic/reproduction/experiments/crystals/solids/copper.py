@@ -38,46 +38,55 @@ GAMMA_1, GAMMA_2 = _shells(ETA), _shells(KAPPA / BETA)
 
 def gradient_of(atoms: int, pairs: Pairs) -> Any:
     """Return the gradient of the energy, compiled, for a list of pairs in Angstrom; energies in eV."""
-    first, second, vector = pairs
+    first, second, between, count = pairs.i, pairs.j, np.ascontiguousarray(pairs.vector.T), len(pairs.i)
+    atom_i, atom_j = first // 3, second // 3
 
     @compiled
     def gradient(u, out):  # type: ignore[no-untyped-def]
         out[:] = 0.0
-        density, slopes, unit = np.zeros(atoms), np.empty(len(first)), np.empty((len(first), 3))
-        total = 0.0
-        for k in range(len(first)):
+        d, density = np.empty((3, count)), np.zeros(atoms)
+        sigma, pair, slopes, pulls = np.empty(count), np.empty(count), np.empty(count), np.empty(count)
+        for k in range(count):
             i, j = first[k], second[k]
-            x, y, z = vector[k, 0] + u[j] - u[i], vector[k, 1] + u[j + 1] - u[i + 1], vector[k, 2] + u[j + 2] - u[i + 2]
-            r = sqrt(x * x + y * y + z * z)
+            for c in range(3):
+                d[c, k] = between[c, k] + u[j + c] - u[i + c]
+        # Several pairs in a vector.
+        for k in range(count):
+            r = sqrt(d[0, k] * d[0, k] + d[1, k] * d[1, k] + d[2, k] * d[2, k])
             rise = exponential(STEEP * (r - MIDDLE))
             kept = 1.0 / (1.0 + rise)
             falls = -STEEP * rise * kept
-            sigma = exponential(-ETA * (r - BETA * S0)) * kept / GAMMA_1
-            pair = V0 * exponential(-KAPPA * (r / BETA - S0)) * kept / GAMMA_2
-            density[i // 3] += sigma
-            density[j // 3] += sigma
-            slopes[k] = sigma * (falls - ETA)
-            total -= pair
-            unit[k, 0], unit[k, 1], unit[k, 2] = x / r, y / r, z / r
-            slope = -pair * (falls - KAPPA / BETA)
-            for c in range(3):
-                out[j + c] += slope * unit[k, c]
-                out[i + c] -= slope * unit[k, c]
+            sigma[k] = exponential(-ETA * (r - BETA * S0)) * kept / GAMMA_1
+            pair[k] = V0 * exponential(-KAPPA * (r / BETA - S0)) * kept / GAMMA_2
+            slopes[k], pulls[k] = sigma[k] * (falls - ETA), -pair[k] * (falls - KAPPA / BETA)
+            d[0, k], d[1, k], d[2, k] = d[0, k] / r, d[1, k] / r, d[2, k] / r
+        total = 0.0
+        for k in range(count):
+            i, j = first[k], second[k]
+            density[atom_i[k]] += sigma[k]
+            density[atom_j[k]] += sigma[k]
+            total -= pair[k]
+            _pull(out, i, j, pulls[k], d, k)
         for atom in range(atoms):
             scale = -logarithm(density[atom] / 12.0) / (BETA * ETA)
             x = LAMBDA * scale
             fall, repelled = exponential(-x), 6.0 * V0 * exponential(-KAPPA * scale)
             total += E0 * ((1.0 + x) * fall - 1.0) + repelled
             density[atom] = -(-E0 * x * fall * LAMBDA - KAPPA * repelled) / (BETA * ETA * density[atom])
-        for k in range(len(first)):
+        for k in range(count):
             i, j = first[k], second[k]
-            slope = (density[i // 3] + density[j // 3]) * slopes[k]
-            for c in range(3):
-                out[j + c] += slope * unit[k, c]
-                out[i + c] -= slope * unit[k, c]
+            _pull(out, i, j, (density[atom_i[k]] + density[atom_j[k]]) * slopes[k], d, k)
         return total
 
     return gradient
+
+
+@compiled
+def _pull(out, i, j, slope, unit, k):  # type: ignore[no-untyped-def]
+    """Add the force of a pair with the direction ``unit[:, k]``."""
+    for c in range(3):
+        out[j + c] += slope * unit[c, k]
+        out[i + c] -= slope * unit[c, k]
 
 
 @compiled
