@@ -164,7 +164,7 @@ class ConditionedSteps(SymmetricSteps):
 
     @cached_property
     def _words(self) -> tuple[str, ...]:
-        return tuple(word for left, _ in self.equations for word in left)
+        return tuple(dict.fromkeys(word for left, _ in self.equations for word in left))
 
 
 def _of_logarithm(weights: dict[str, Fraction]) -> dict[str, Fraction]:

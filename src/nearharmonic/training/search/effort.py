@@ -11,7 +11,7 @@ from nearharmonic.numerics.types import Floats
 from nearharmonic.training.family import Family
 
 #: Names of the ways from a start to a minimum.
-DescentName = Literal["evolution", "gauss_newton"]
+DescentName = Literal["evolution", "tangent_evolution", "gauss_newton"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,8 +26,10 @@ class Effort:
         Number of random starts in each family.
     refinements : int
         Number of searches around the best member so far.
-    descent : {"evolution", "gauss_newton"}
+    descent : {"evolution", "tangent_evolution", "gauss_newton"}
         Way from a start to a minimum.
+    tangents : int
+        Number of tangent spaces in a tangent evolution, which share its trials.
     population : int
         Number of members per generation, and of those that an objective integrates at once.
     around_known, around_found, at_random : tuple of float
@@ -53,6 +55,7 @@ class Effort:
     random: int = 0
     refinements: int = 0
     descent: DescentName = "evolution"
+    tangents: int = 4
     population: int = 20
     around_known: tuple[float, ...] = (0.01, 0.003)
     around_found: tuple[float, ...] = (0.003, 0.01, 0.03)

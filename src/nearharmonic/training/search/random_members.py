@@ -13,6 +13,9 @@ import numpy as np
 from nearharmonic.numerics.types import Floats
 from nearharmonic.training.family import Family
 
+#: Number of points whose equations are evaluated together.
+AT_ONCE = 250
+
 
 @dataclass(frozen=True, kw_only=True)
 class Pursuit:
@@ -35,7 +38,7 @@ class Pursuit:
 
     batch: int = 2000
     steps: int = 60
-    spreads: tuple[float, ...] = (0.15, 0.3, 0.5)
+    spreads: tuple[float, ...] = (0.5, 0.7)
     longest: float = 0.5
     largest: float = 3.0
     kept: tuple[tuple[int, float], ...] = ((10, 0.5), (20, 0.5), (30, 0.4), (45, 0.4))
@@ -78,9 +81,11 @@ def _pursued(family: Family, x: Floats, settings: Pursuit) -> Floats:
 
 def _linearised(family: Family, x: Floats) -> tuple[Floats, Floats, Floats]:
     """Residuals (C, e), their derivatives (C, e, n), and the sum of the squared residuals (C,), infinite for NaN."""
-    values, slopes = family.linearised(x.T)
-    cost = (values * values).sum(axis=0)
-    return values.T.copy(), slopes, np.where(np.isfinite(cost), cost, np.inf)
+    # Arrays of so many points stay in the cache of a processor.
+    parts = [family.linearised(x[i : i + AT_ONCE].T) for i in range(0, len(x), AT_ONCE)]
+    values, slopes = np.concatenate([v.T for v, _ in parts]), np.concatenate([one for _, one in parts])
+    cost = (values * values).sum(axis=1)
+    return values, slopes, np.where(np.isfinite(cost), cost, np.inf)
 
 
 def _steps(values: Floats, slopes: Floats, damping: Floats, longest: float) -> Floats:

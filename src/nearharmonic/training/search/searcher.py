@@ -78,7 +78,7 @@ class Searcher:
     def near(self, best: Found, turn: int, origin: str) -> Start:
         """Return a start near a member, at a distance that depends on ``turn``."""
         spread = self.spread(turn)
-        if self.effort.descent == "gauss_newton":
+        if self.effort.descent != "evolution":
             return Start(origin=origin, point=best.unknowns, spread=spread)
         point = best.unknowns + spread * self._random.normal(size=len(best.unknowns))
         return Start(origin=origin, point=point, spread=spread)

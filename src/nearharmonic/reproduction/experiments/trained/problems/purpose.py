@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import pi
 
 from nearharmonic.integrators.tableau import First
@@ -31,8 +31,9 @@ BOUND = (0.05, 0.75)
 ECCENTRICITIES = (0.02, 0.35)
 #: Cost of the gradient of the square of grad V, in forces, for polynomials and for Kepler: docs/reference/methods.md.
 CHARGE, CHARGE_OF_ORBITS = 1.1, 0.3
-#: Random points near which members of order eight are sought; about one of 400 leads to a member.
-MEMBERS = 40_000
+#: Random points near which members of order eight are sought, of which one in several hundred leads to a member, and
+#: members at which searches begin.
+POINTS, MEMBERS = 30_000, 80
 #: Searches with exactly solved oscillators take this part of the trials of others from each start, begin at so many
 #: times as many random starts, and are refined so many times as often.
 PART, MORE, AGAIN = 3, 30, 10
@@ -184,12 +185,27 @@ class CubicPurpose(Purpose):
         return [cubic_ensemble(d, -(-systems // 2), seed, band=band, t_end=t_end) for d in (2, 3)]
 
 
-class PreciseCubicPurpose(CubicPurpose):
-    """Purpose of a method of order eight for cubic potentials; few points are near a member."""
+class PrecisePurpose(Purpose):
+    """Purpose of a method of order eight for polynomial potentials, those of degree four by default.
+
+    Its method is registered in a module of its own: it has order eight for such potentials alone.
+    """
+
+    @property
+    def registered(self) -> bool:
+        """False: the module of trained methods does not have it."""
+        return False
 
     def effort(self, trials: int, random: int, refinements: int) -> Effort:
-        """Return the settings of a search, which begins at the best members near random points."""
-        return replace(super().effort(trials, random, refinements), members=MEMBERS)
+        """Return the settings of a search: short descents from members near random points, of which few have one."""
+        return Effort(
+            trials=-(-trials // PART), random=random, refinements=2 * refinements, descent="tangent_evolution",
+            members=POINTS, member_starts=MEMBERS, around_found=(0.03, 0.01), screened=4, behind=0.3, bases=4,
+        )  # fmt: skip
+
+
+class PreciseCubicPurpose(PrecisePurpose, CubicPurpose):
+    """Purpose of a method of order eight for cubic potentials; ``band`` bounds the energy over the lowest barrier."""
 
 
 class OscillatorPurpose(Purpose):

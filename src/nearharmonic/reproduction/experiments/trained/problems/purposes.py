@@ -16,6 +16,7 @@ from nearharmonic.reproduction.experiments.trained.problems.purpose import (
     CubicPurpose,
     OscillatorPurpose,
     PreciseCubicPurpose,
+    PrecisePurpose,
     Purpose,
 )
 
@@ -75,6 +76,10 @@ _ALL = (
     PreciseCubicPurpose(
         name="cubic_precise", what="cubic potentials, errors of 1e-13", tau_per_stage=(0.0105, 0.013, 0.016),
         t_end=20.0, band=BOUND, chains=(Chain(first="drift", stages=(15,), order=8, potential_degree=3),),
+    ),
+    PrecisePurpose(
+        name="quartic_precise", what="quartic potentials, errors of 1e-13", tau_per_stage=(0.0115, 0.014, 0.0175),
+        t_end=14.0, chains=(Chain(first="kick", stages=(19,), order=8, potential_degree=4),),
     ),
     OscillatorPurpose(
         name="exact_coarse", what="oscillators solved exactly, few evaluations", tau_per_stage=(0.165, 0.2, 0.25),
