@@ -36,6 +36,7 @@ rule register_trained:
     output:
         module=f"{RESULTS}/derived/trained.py",
         exact_module=f"{RESULTS}/derived/trained_exact.py",
+        polynomial_module=f"{RESULTS}/derived/trained_polynomial.py",
     log:
         LOG("trained/registration"),
     params:

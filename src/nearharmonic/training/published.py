@@ -12,7 +12,7 @@ TRAINED = "trained_"
 #: Prefix of the names of methods that are trained with the oscillator solved exactly.
 TRAINED_EXACT = "trained_exact_"
 #: Modules of this project's own methods: found by order conditions, and trained.
-OURS = ("nearharmonic_2026", "nearharmonic_2026_cubic", "nearharmonic_2026_modified", "trained", "trained_exact")
+OURS = ("nearharmonic_2026", "nearharmonic_2026_modified", "trained", "trained_exact", "trained_polynomial")
 
 
 def module_of(name: str) -> str:

@@ -81,13 +81,16 @@ def test_polynomial_potentials_have_as_many_conditions_as_stated():
     assert others[0] == needed[4][0] == needed[None][0]
 
 
-def test_one_registered_method_gains_order_from_a_cubic_potential():
+def test_three_registered_methods_gain_order_from_polynomial_potentials():
+    gained = {"trained_cubic": [6, 4], "trained_cubic_precise": [8, 4], "trained_quartic_precise": [8, 8]}
     for name, method in {**plain_integrators, **nh.modified_integrators}.items():
         orders = [nh.order_of(method, potential_degree=degree) for degree in (3, 4)]
-        gained = [6, 4] if name == "trained_cubic" else [nystrom_order_of(method)] * 2
-        assert orders == gained, name
+        assert orders == gained.get(name, [nystrom_order_of(method)] * 2), name
     text = " ".join((ROOT / ORDERS).read_text(encoding="utf-8").split())
-    assert "`trained_cubic` alone gains an order from such a V: six for degree three" in text
+    assert (
+        "three gain an order from such a V: `trained_cubic` has order six and `trained_cubic_precise` order eight for "
+        "degree three, and `trained_quartic_precise` order eight for degree four"
+    ) in text
 
 
 def bracket(x, y):

@@ -141,6 +141,17 @@ def test_registered_text_defines_the_methods_digit_for_digit(monkeypatch, tmp_pa
     assert [list(found.square) for found in scope["TABLEAUS"]] == [[], documents[1]["square"]]
 
 
+def test_methods_for_polynomial_potentials_have_a_module(monkeypatch, tmp_path):
+    document = {**trained(monkeypatch)["document"], "potential_degree": 3, "family_order": 6}
+    save_document(document, str(tmp_path / "trained_cubic.toml"))
+    texts, scope = register([str(tmp_path / "trained_cubic.toml")]), {}
+    exec(texts["polynomial_module"], scope)
+    (found,) = scope["TABLEAUS"]
+    assert (found.order, found.requires) == (4, None)
+    assert "; order 6 for V of degree 3; " in found.note
+    assert "Tableau(" not in texts["module"] + texts["exact_module"]
+
+
 def test_unreached_family_is_skipped_and_no_family_is_refused(monkeypatch):
     lonely = Chain(first="drift", stages=(10,))
     table = trained(monkeypatch, replace(GOAL, chains=(*GOAL.chains, lonely)))["landscape"]

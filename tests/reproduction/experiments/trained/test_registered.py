@@ -21,8 +21,9 @@ SEED, PROBLEMS = 70_001, 64
 LEAST = 0.25
 
 
-#: Purposes of all registered methods: those of the module of trained methods, and one with a module of its own.
-ALL = (*REGISTERED, "cubic")
+#: Purposes of all registered methods: those that are trained by default, and those for polynomial potentials.
+POLYNOMIAL = ("cubic", "cubic_precise", "quartic_precise")
+ALL = (*REGISTERED, *POLYNOMIAL)
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -37,6 +38,15 @@ def test_a_note_says_window_ensemble_limit_seed_and_run(name):
         assert float(limit.group(1)) == pytest.approx(float(nh.stability_limit(tableau)), abs=1e-4)
         # A window reaches up to the limit at most.
         assert high * tableau.stages < float(limit.group(1))
+
+
+@pytest.mark.parametrize("name", POLYNOMIAL)
+def test_a_method_has_the_order_of_its_note(name):
+    tableau = integrators[PURPOSES[name].title]
+    order, degree = map(int, re.search(r"; order (\d) for V of degree (\d); ", tableau.note).groups())
+    assert nh.order_of(tableau, potential_degree=degree) == order
+    assert nh.order_of(tableau) == tableau.order == 4
+    assert tableau.requires is None
 
 
 def test_every_trained_method_has_a_purpose():

@@ -42,18 +42,32 @@ the digest of the run that found the method.
 from nearharmonic.integrators.trained import SOURCE
 
 TABLEAUS = ('''
+#: Head of the module of methods for polynomial potentials.
+POLYNOMIAL_HEAD = '''"""Methods trained on polynomial potentials.
+
+They have order six or eight for quadratic T and every V of degree three or four, as their notes say, and order four for
+any H. Brackets with higher derivatives of V vanish, and their conditions are left out
+(:mod:`nearharmonic.exact.lie.conditions`). Such potentials: Escorihuela-Tomas (2026), arXiv:2605.06975. The experiment
+``trained`` has the search, and docs/results/trained.md compares the errors of the methods with those of others.
+"""
+
+{imports}
+from nearharmonic.integrators.trained import SOURCE
+
+TABLEAUS = ('''
 #: Maximum length of a line for formatters.
 LONGEST = 120
 
 
 def register(documents: Sequence[str]) -> dict[str, str]:
-    """Return the texts of ``module`` and ``exact_module``, from the paths of the TOML files of searches."""
+    """Return the texts of ``module``, ``exact_module`` and ``polynomial_module``, from the TOML files of searches."""
     methods = [tomllib.loads(Path(place).read_text(encoding="utf-8")) for place in documents]
-    exact = [one["name"].startswith(TRAINED_EXACT) for one in methods]
-    return {
-        "module": _module(HEAD, [one for one, yes in zip(methods, exact, strict=True) if not yes]),
-        "exact_module": _module(EXACT_HEAD, [one for one, yes in zip(methods, exact, strict=True) if yes]),
-    }
+    of_module: dict[str, list[Mapping[str, Any]]] = {"module": [], "exact_module": [], "polynomial_module": []}
+    for one in methods:
+        polynomial = "polynomial_module" if "potential_degree" in one else "module"
+        of_module["exact_module" if one["name"].startswith(TRAINED_EXACT) else polynomial].append(one)
+    heads = {"module": HEAD, "exact_module": EXACT_HEAD, "polynomial_module": POLYNOMIAL_HEAD}
+    return {name: _module(heads[name], chosen) for name, chosen in of_module.items()}
 
 
 def _module(head: str, methods: Sequence[Mapping[str, Any]]) -> str:
@@ -67,12 +81,13 @@ def _module(head: str, methods: Sequence[Mapping[str, Any]]) -> str:
 
 def _needs_requirement(one: Mapping[str, Any]) -> bool:
     """Return True if a method needs a quadratic T but has no squares that imply it."""
-    return one["family_order"] > 4 and "square" not in one
+    return one["family_order"] > 4 and not {"square", "potential_degree"} & set(one)
 
 
 def _fields(one: Mapping[str, Any]) -> list[str]:
+    order = one["order"] if "potential_degree" in one else one["family_order"]
     lines = [
-        f'name="{one["name"]}",', f'label="{one["name"].replace("_", " ")}",', f"order={one['family_order']},",
+        f'name="{one["name"]}",', f'label="{one["name"].replace("_", " ")}",', f"order={order},",
         f'first="{one["first"]}",',
     ]  # fmt: skip
     for row in ("kick", "square", "drift"):
@@ -89,6 +104,8 @@ def _fields(one: Mapping[str, Any]) -> list[str]:
 def _note(one: Mapping[str, Any]) -> list[str]:
     low, high = one["window"]
     parts = [f"{one['purpose']}: tau/s {low:.3g} to {high:.3g}; ", f"{one['ensemble']}; "]
+    if "potential_degree" in one:
+        parts.append(f"order {one['family_order']} for V of degree {one['potential_degree']}; ")
     if "stability_limit" in one:
         parts.append(f"stability limit tau = {one['stability_limit']:.4f}; ")
     parts.append(f"seed {one['seed']}; run {one['digest'][:16]}")

@@ -191,6 +191,7 @@ def _document(goal: Purpose, settings: SearchSettings, best: Found, test: _Judge
         **squares,
         "digits": DIGITS,
         "family_order": best.family.order,
+        **({"potential_degree": best.family.potential_degree} if best.family.potential_degree else {}),
         "order": order_of(tableau),
         "order_for_quadratic_T": nystrom_order_of(tableau),
         **({} if tableau.modified else {"harmonic_order": harmonic_order(tableau)}),
