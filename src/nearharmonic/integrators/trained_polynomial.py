@@ -6,7 +6,7 @@ any H. Brackets with higher derivatives of V vanish, and their conditions are le
 ``trained`` has the search, and docs/results/trained.md compares the errors of the methods with those of others.
 """
 
-from nearharmonic.integrators.tableau import Tableau, palindrome
+from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome
 from nearharmonic.integrators.trained import SOURCE
 
 TABLEAUS = (
@@ -42,7 +42,7 @@ TABLEAUS = (
     Tableau(
         name="trained_quartic_precise",
         label="trained quartic precise",
-        order=4,
+        order=6,
         first="kick",
         kick=palindrome(
             "0.03123271956296429612001506610369694038829708496581463275502595",
@@ -70,6 +70,7 @@ TABLEAUS = (
         ),
         source=SOURCE,
         digits=60,
+        requires=QUADRATIC_KINETIC_ENERGY,
         note=(
             "quartic potentials, errors of 1e-13: tau/s 0.0115 to 0.0175; "
             "random potentials, d = 2 and 3, strengths 0.01 to 0.5; order 8 for V of degree 4; "

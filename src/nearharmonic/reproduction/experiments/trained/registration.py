@@ -79,15 +79,19 @@ def _module(head: str, methods: Sequence[Mapping[str, Any]]) -> str:
     return "\n".join([*lines, ")", ""])
 
 
+def _order(one: Mapping[str, Any]) -> int:
+    """Return the order for quadratic T and any V."""
+    return int(one["order_for_quadratic_T"] if "potential_degree" in one else one["family_order"])
+
+
 def _needs_requirement(one: Mapping[str, Any]) -> bool:
     """Return True if a method needs a quadratic T but has no squares that imply it."""
-    return one["family_order"] > 4 and not {"square", "potential_degree"} & set(one)
+    return _order(one) > 4 and "square" not in one
 
 
 def _fields(one: Mapping[str, Any]) -> list[str]:
-    order = one["order"] if "potential_degree" in one else one["family_order"]
     lines = [
-        f'name="{one["name"]}",', f'label="{one["name"].replace("_", " ")}",', f"order={order},",
+        f'name="{one["name"]}",', f'label="{one["name"].replace("_", " ")}",', f"order={_order(one)},",
         f'first="{one["first"]}",',
     ]  # fmt: skip
     for row in ("kick", "square", "drift"):
