@@ -74,7 +74,7 @@ _ALL = (
         band=BOUND, chains=(Chain(first="kick", stages=(11,), order=6, potential_degree=3),),
     ),
     PreciseCubicPurpose(
-        name="cubic_precise", what="cubic potentials, errors of 1e-13", tau_per_stage=(0.0105, 0.013, 0.016),
+        name="cubic_precise", what="cubic potentials, errors of 1e-13", tau_per_stage=(0.0125, 0.016, 0.02),
         t_end=20.0, band=BOUND, chains=(Chain(first="drift", stages=(15,), order=8, potential_degree=3),),
     ),
     PrecisePurpose(
