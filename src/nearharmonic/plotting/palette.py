@@ -85,7 +85,7 @@ _OWN = (
     ("#b36600", "P", "trained_precise"),
     ("#99804d", "X", "trained_weak"),
     ("#1a66b3", "<", "trained_cubic"),
-    ("#4d99e6", "v", "trained_cubic_precise"),
+    ("#8000cc", "P", "trained_cubic_precise"),
     ("#4d6666", "8", "trained_quartic_precise"),
     ("#b3004d", "<", "trained_exact_coarse"),
     ("#1a0080", ">", "trained_exact_light"),
