@@ -73,10 +73,8 @@ def test_settings_of_the_comparison_are_those_of_the_page(wanted, words):
 
 def test_exact_oscillator_is_ahead_up_to_the_stated_anharmonicity():
     (stated,) = re.findall(r"From τ/s = 0.03 on, the exactly solved oscillator is ahead up to δ = (\S+) or more", PAGE)
-    found = {
-        float(tau): max(map(float, re.findall(r"oscillator solved exactly(?: \(trained\))? ([\d.]+)", leaders)), default=0)
-        for tau, leaders, _ in rows("ideas")
-    }
+    end = re.compile(r"oscillator solved exactly(?: \(trained\))? ([\d.]+)")
+    found = {float(tau): max(map(float, end.findall(leaders)), default=0) for tau, leaders, _ in rows("ideas")}
     assert min(end for tau, end in found.items() if tau >= 0.03) == float(stated)
 
 
