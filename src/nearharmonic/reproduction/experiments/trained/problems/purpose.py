@@ -34,8 +34,8 @@ CHARGE, CHARGE_OF_ORBITS = 1.1, 0.3
 #: Random points near which members of order eight are sought, of which one in several hundred leads to a member, and
 #: members at which searches begin.
 POINTS, MEMBERS = 30_000, 80
-#: Searches with exactly solved oscillators take this part of the trials of others from each start, begin at so many
-#: times as many random starts, and are refined so many times as often.
+#: Searches with short descents take this part of the trials of others from each start. Those with exactly solved
+#: oscillators begin at so many times as many random starts, and are refined so many times as often.
 PART, MORE, AGAIN = 3, 30, 10
 
 
