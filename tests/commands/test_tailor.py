@@ -107,7 +107,7 @@ def test_without_gain_status_is_1_and_nothing_is_written(capsys, tmp_path, monke
 @pytest.mark.slow
 def test_step_sizes_without_a_gain_are_named(capsys):
     """A method for a window that is a factor 3 wide is not the best in all of it."""
-    assert main(["tailor", "henon_heiles", "--window", "0.05:0.15", "--trials", "500"]) == 0
+    assert main(["tailor", "relativistic_oscillator", "--window", "0.05:0.15", "--trials", "500"]) == 0
     title, _, *lines = capsys.readouterr().out.splitlines()
     low = {line.split()[0]: float(line.split()[5]) for line in lines[:11]}
     assert title.endswith(", though not in all of the window")

@@ -64,7 +64,7 @@ def test_after_equal_trials_it_is_nearer_to_the_minimum():
     assert np.mean(ratios) > 1
 
 
-def test_all_its_points_lie_in_a_tangent_space_of_the_members():
+def test_all_its_points_lie_in_a_tangent_space():
     objective = Distance(FAMILY, members(FAMILY, 2)[1])
     start = members(FAMILY, 1)[0]
     descended(objective, start, "tangent_evolution", 60, tangents=1)
