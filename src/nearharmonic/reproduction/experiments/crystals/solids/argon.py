@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.numerics.compiled import compiled
-from nearharmonic.reproduction.experiments.crystals.solids.lattice import FCC, Pairs, cubic, pairs_within
+from nearharmonic.reproduction.experiments.crystals.solids.lattice import FCC, Pairs, cubic, pairs_within, pull
 from nearharmonic.reproduction.experiments.crystals.solids.solid import BOLTZMANN, FEMTOSECONDS, Solid
 
 #: Depth in eV (119.8 K) and diameter in Angstrom: Rahman (1964), Phys. Rev. 136, A405.
@@ -59,10 +59,7 @@ def gradient_of(pairs: Pairs) -> Any:
         for k in range(count):
             i, j = first[k], second[k]
             total += energies[k]
-            for c in range(3):
-                force = slopes[k] * d[c, k]
-                out[j + c] += force
-                out[i + c] -= force
+            pull(out, i, j, slopes[k], d, k)
         return DEPTH * total
 
     return gradient

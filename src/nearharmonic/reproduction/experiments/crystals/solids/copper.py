@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.numerics.compiled import compiled, exponential
-from nearharmonic.reproduction.experiments.crystals.solids.lattice import FCC, Pairs, cubic, pairs_within
+from nearharmonic.reproduction.experiments.crystals.solids.lattice import FCC, Pairs, cubic, pairs_within, pull
 from nearharmonic.reproduction.experiments.crystals.solids.solid import BOLTZMANN, FEMTOSECONDS, Solid
 
 BOHR = 0.529177210903
@@ -66,7 +66,7 @@ def gradient_of(atoms: int, pairs: Pairs) -> Any:
             density[atom_i[k]] += sigma[k]
             density[atom_j[k]] += sigma[k]
             total -= pair[k]
-            _pull(out, i, j, pulls[k], d, k)
+            pull(out, i, j, pulls[k], d, k)
         for atom in range(atoms):
             scale = -logarithm(density[atom] / 12.0) / (BETA * ETA)
             x = LAMBDA * scale
@@ -75,18 +75,10 @@ def gradient_of(atoms: int, pairs: Pairs) -> Any:
             density[atom] = -(-E0 * x * fall * LAMBDA - KAPPA * repelled) / (BETA * ETA * density[atom])
         for k in range(count):
             i, j = first[k], second[k]
-            _pull(out, i, j, (density[atom_i[k]] + density[atom_j[k]]) * slopes[k], d, k)
+            pull(out, i, j, (density[atom_i[k]] + density[atom_j[k]]) * slopes[k], d, k)
         return total
 
     return gradient
-
-
-@compiled
-def _pull(out, i, j, slope, unit, k):  # type: ignore[no-untyped-def]
-    """Add the force of a pair with the direction ``unit[:, k]``."""
-    for c in range(3):
-        out[j + c] += slope * unit[c, k]
-        out[i + c] -= slope * unit[c, k]
 
 
 @compiled

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from nearharmonic.numerics.compiled import compiled
 from nearharmonic.numerics.types import Floats
 
 FCC = ((0.0, 0.0, 0.0), (0.0, 0.5, 0.5), (0.5, 0.0, 0.5), (0.5, 0.5, 0.0))
@@ -50,3 +51,11 @@ def pairs_within(sites: Floats, edge: float, reach: float, *, both: bool = False
     # Unsigned, or each access would first ask whether an index counts from the end.
     first, second = (rows[:, c].astype(np.uint64) for c in (0, 1))
     return Pairs(first, second, np.ascontiguousarray(rows[:, 2:]))
+
+
+@compiled
+def pull(out, i, j, slope, vectors, k):  # type: ignore[no-untyped-def]
+    """Add the gradient of pair k: ``slope`` times ``vectors[:, k]`` at j, and the opposite at i."""
+    for c in range(3):
+        out[j + c] += slope * vectors[c, k]
+        out[i + c] -= slope * vectors[c, k]
