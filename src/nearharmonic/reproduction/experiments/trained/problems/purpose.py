@@ -162,16 +162,17 @@ class CrystalPurpose(Purpose):
         return [ring_ensemble(systems, seed, band=self.band or THERMAL, t_end=self.t_end * longer)]
 
 
-class CubicPurpose(Purpose):
-    """Purpose of a method for cubic potentials; ``band`` bounds the energy over the lowest barrier.
-
-    Its method is registered in a module of its own: it has order six for potentials of degree three alone.
-    """
+class PolynomialPurpose(Purpose):
+    """Purpose of a method with a higher order for polynomial potentials alone, registered in a module of such methods."""
 
     @property
     def registered(self) -> bool:
         """False: the module of trained methods does not have it."""
         return False
+
+
+class CubicPurpose(PolynomialPurpose):
+    """Purpose of a method for cubic potentials; ``band`` bounds the energy over the lowest barrier."""
 
     @property
     def problems(self) -> str:
@@ -185,16 +186,8 @@ class CubicPurpose(Purpose):
         return [cubic_ensemble(d, -(-systems // 2), seed, band=band, t_end=t_end) for d in (2, 3)]
 
 
-class PrecisePurpose(Purpose):
-    """Purpose of a method of order eight for polynomial potentials, those of degree four by default.
-
-    Its method is registered in a module of its own: it has order eight for such potentials alone.
-    """
-
-    @property
-    def registered(self) -> bool:
-        """False: the module of trained methods does not have it."""
-        return False
+class PrecisePurpose(PolynomialPurpose):
+    """Purpose of a method of order eight for polynomial potentials, those of degree four by default."""
 
     def effort(self, trials: int, random: int, refinements: int) -> Effort:
         """Return the settings of a search: short descents from members near random points, of which few have one."""
