@@ -163,7 +163,7 @@ class CrystalPurpose(Purpose):
 
 
 class PolynomialPurpose(Purpose):
-    """Purpose of a method with a higher order for polynomial potentials alone, registered in a module of such methods."""
+    """Purpose of a method with a higher order for polynomial potentials alone; it is registered in a module of such."""
 
     @property
     def registered(self) -> bool:
