@@ -7,6 +7,7 @@ add_runs("crystals", crystal=_CRYSTALS)
 
 
 rule crystals_errors:
+    priority: 1  # the longest jobs on one core start first, so that no core is idle at the end
     output:
         run=RUN("crystals/errors_{crystal}"),
     log:
