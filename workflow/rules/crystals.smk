@@ -7,11 +7,11 @@ add_runs("crystals", crystal=_CRYSTALS)
 
 
 rule crystals_errors:
-    priority: 1  # the longest jobs on one core start first, so that no core is idle at the end
     output:
         run=RUN("crystals/errors_{crystal}"),
     log:
         LOG("crystals/errors_{crystal}"),
+    priority: 1  # the longest jobs on one core start first, so that no core is idle at the end
     wildcard_constraints:
         crystal="|".join(_CRYSTALS),
     params:

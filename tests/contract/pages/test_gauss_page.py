@@ -102,8 +102,15 @@ def test_page_says_where_tables_of_times_have_the_method_ahead():
     assert len(ratios) == 6
     for (system, mode), row in ratios.items():  # at 1e-6, 1e-9, 1e-12 and 1e-14
         if mode == "one trajectory":
-            assert row[2] <= 1, system
             assert row[3] < 0.5, system
         else:
             assert row[2] > 1 > row[3], system
+    at_twelve = {system.split()[0]: row[2] for (system, mode), row in ratios.items() if mode == "one trajectory"}
+    assert at_twelve["Sun-Mercury"] < 0.5
+    assert 0.9 < at_twelve["Hénon-Heiles"] < 1.1  # repetitions of the measurement differ by some hundredths
+    assert at_twelve["simple"] > 1
+    assert (
+        "At 10⁻¹² it is ahead on Kepler, as fast as `trained_cubic_precise` on Hénon-Heiles, and behind on the "
+        "oscillator alone; at 10⁻¹⁴ it is ahead on all three" in FLAT
+    )
     assert "Not for many trajectories at once at 10⁻¹² or worse" in FLAT
