@@ -11,9 +11,9 @@ rule crystals_errors:
         run=RUN("crystals/errors_{crystal}"),
     log:
         LOG("crystals/errors_{crystal}"),
-    priority: 1  # the longest jobs on one core start first, so that no core is idle at the end
     wildcard_constraints:
         crystal="|".join(_CRYSTALS),
+    priority: 1  # the longest jobs on one core start first, so that no core is idle at the end
     params:
         task=lambda wildcards: task(
             "reproduction.experiments.crystals.run:measure",
