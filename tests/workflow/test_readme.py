@@ -211,8 +211,8 @@ def test_readme_and_page_compare_with_heyoka_like_tables():
             assert ("**" in cell) == (float(cell.strip(" *")) > 1)
 
 
-def test_heyoka_wins_where_readme_says_and_nowhere_else():
-    sentence = "**heyoka wins** for one oscillator at 10⁻¹² with `fast_math=True`."
+def test_heyoka_ties_where_readme_says_and_wins_nowhere():
+    sentence = "**heyoka ties** for one oscillator at 10⁻¹² with `fast_math=True`."
     assert sentence in " ".join(README.split())
     others = {peer.label for peer in PEERS.values()}
     for (system, mode), table in tables_of_times().items():
@@ -222,9 +222,10 @@ def test_heyoka_wins_where_readme_says_and_nowhere_else():
         ]
         for label in table:
             if label.startswith("heyoka"):
-                wins = [theirs[0] < ours for theirs, ours in zip(table[label], best, strict=True)]
                 here = (system, mode, label) == ("simple harmonic oscillator", "one trajectory", "heyoka, fast_math")
-                assert wins == [False, False, False, here]
+                assert all(theirs[0] >= ours for theirs, ours in zip(table[label], best, strict=True))
+                ties = [theirs[0] == ours for theirs, ours in zip(table[label], best, strict=True)]
+                assert ties == [False, False, False, here]  # to the two digits of the table
 
 
 def tables_of_regularised_times():
