@@ -13,7 +13,6 @@ rule crystals_errors:
         LOG("crystals/errors_{crystal}"),
     wildcard_constraints:
         crystal="|".join(_CRYSTALS),
-    priority: 1  # the longest jobs on one core start first, so that no core is idle at the end
     params:
         task=lambda wildcards: task(
             "reproduction.experiments.crystals.run:measure",
