@@ -7,7 +7,7 @@ EXPERIMENT = Experiment(
     title="The paper",
     about="Energy errors, error terms, perihelion advance, chaos and substeps, as cubes, figures and tables.",
     target="all",
-    duration="30 s",
+    duration="60 s",
     place=0,
     cubes={
         "sho_terms": ("integrator, first, order", "error terms `kappa` of the oscillator"),
