@@ -230,7 +230,7 @@ def test_heyoka_ties_where_readme_says_and_wins_nowhere():
                 assert ties == [False, False, False, here]  # to the two digits of the table
 
 
-def test_trained_methods_are_faster_than_those_of_paper_where_page_says():
+def test_trained_methods_beat_those_of_paper_where_page_says():
     page = " ".join((ROOT / "docs/start/choosing.md").read_text(encoding="utf-8").split())
     assert "From 10⁻⁹ on trained methods are faster than those of the paper on Hénon-Heiles and on Kepler" in page
     paper = {integrators[name].label for name in integrators if integrators.module_of(name) == PAPER}
