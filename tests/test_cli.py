@@ -30,6 +30,7 @@ def rows_of(capsys, *arguments):
     return list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
 
 
+@pytest.mark.slow
 def test_list_prints_one_kind_or_all_in_order_of_registries(capsys):
     one = [row["name"] for row in rows_of(capsys, "list", "systems")]
     other = [row["name"] for row in rows_of(capsys, "list", "integrators")]
@@ -173,6 +174,7 @@ def unread(*arguments):
     return done.stderr, done.returncode
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     ["list", "--help", "--version", "list --help", pytest.param("list --format json", marks=pytest.mark.slow)],

@@ -291,6 +291,7 @@ def test_every_adapter_has_a_row_and_a_block():
     assert {*BLOCKS} == {*PACKAGES}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "library", [pytest.param(name, marks=[needs(name), *[pytest.mark.slow] * (name in LONGER)]) for name in BLOCKS]
 )

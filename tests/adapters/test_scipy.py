@@ -58,6 +58,7 @@ def solved(field, method, step, end=20.0, y0=(0.3, 0.0, 0.0, 0.4), **options):
     return solve_ivp(field, (0, end), y0, method=solver(method, len(y0) // 2), max_step=step, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", SYSTEMS)
 @pytest.mark.parametrize("method", METHODS)
 def test_trajectory_is_that_of_integrate(system, method):

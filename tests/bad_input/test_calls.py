@@ -223,6 +223,7 @@ VALUES = st.recursive(
 ARGUMENTS = ["t_end", "precision", "summation", "first", "samples", "q0", "p0", "parameters", "energy", "energy_scale"]
 
 
+@pytest.mark.slow
 def test_any_argument_is_accepted_or_refused_in_one_line(trials, here):
     bad = trials(KIND)
 

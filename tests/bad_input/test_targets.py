@@ -105,6 +105,7 @@ def test_former_name_of_a_target_warns_with_its_present_name():
     check_targets(["fig1"], rules, list)  # a warning would be an error here
 
 
+@pytest.mark.slow
 def test_the_workflow_refuses_a_target_before_any_work(trials, project):
     with trials(KIND).case("everything_else"):
         end(project, TARGETS["everything_else"], "fig1", "everything_else", "-j2", "--configfile", "config/tiny.yaml")

@@ -67,6 +67,7 @@ def test_parameters_of_new_system_are_those_of_its_hamiltonian():
     assert run.initial_energy.item() == pytest.approx(0.125 + 1.5 + 0.5, rel=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("option", options_of("system"))
 def test_each_optional_line_of_a_new_system_is_correct(well, option):
     place = with_option(well, option)
@@ -103,6 +104,7 @@ def test_each_optional_line_of_a_new_integrator_is_correct(method, option):
     assert getattr(changed, option) != getattr(plain, option)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", new.KINDS)
 def test_the_command_that_the_answer_names_runs_the_new_file(kind, capsys, monkeypatch):
     if kind == "system":  # which all methods are tried on, and take ten times as long

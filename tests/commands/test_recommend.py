@@ -53,6 +53,7 @@ def test_interval_of_option_takes_place_of_that_of_config(capsys, tmp_path, monk
     assert told(capsys, *words, "--t-end", "12.5")[0]["t_end"] == "12.5"
 
 
+@pytest.mark.slow
 def test_ten_rows_names_and_python_of_the_first(capsys):
     words = ["recommend", "sho", "--error", "1e-3", "--budget", "3000", "--results", "/nowhere"]
     assert main(words) == 0

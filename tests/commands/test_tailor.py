@@ -58,6 +58,7 @@ def test_the_file_is_an_integrator_by_its_path(place):
     assert "starts that were not used" in " ".join(text.split())
 
 
+@pytest.mark.slow
 def test_the_same_seed_and_trials_give_the_same_method(place, capsys):
     document, status = told(capsys, *QUICK)
     own, method = nh.integrators[place], document["method"]
@@ -77,6 +78,7 @@ def test_verify_tableau_proves_the_file(place, capsys):
     assert any(claim.startswith("harmonic_order = ") for claim in says)
 
 
+@pytest.mark.slow
 def test_table_states_gain_method_and_extent_of_search(capsys):
     assert main(["tailor", *QUICK]) == 0
     title, header, *lines = capsys.readouterr().out.splitlines()
@@ -129,6 +131,7 @@ def test_system_of_file_in_its_own_units_is_taken(capsys, tmp_path):
     assert document["window"][1] / document["window"][0] == pytest.approx(1.5, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -100,6 +100,7 @@ def test_status_of_several_files_is_that_of_worst(capsys):
     assert capsys.readouterr().err == "nearharmonic: none.toml: there is no such file\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["json", *(pytest.param(form, marks=pytest.mark.slow) for form in ("table", "csv"))])
 def test_answer_for_several_files_holds_each_answer(form, capsys):
     files = [path("libraries", name) for name in ("suzuki_yoshida_7", "desolver_babs9o7h")]

@@ -112,12 +112,14 @@ def test_paper_system_figure_equals_paper_figure():
         assert second.target == f"{system}_energy_error"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", fast_for_the_paper(CUBES))
 def test_figure_draws_single_method_without_style(name):
     cube, _ = CUBES[name]
     is_drawn(drawing(name)(cube(["a_method_of_tomorrow"])))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", fast_for_the_paper(CUBES))
 def test_a_figure_draws_a_cube_without_a_number(name):
     cube, kept = CUBES[name]
@@ -138,6 +140,7 @@ def test_work_precision_figure_draws_single_method_and_empty_curves():
     is_drawn(work_precision_figure("toy", [("20", ("max", "mean"), absent), ("5", ("position",), absent)], made.FACTS))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", fast_for_the_paper(DECLARED))
 def test_each_entry_of_legend_has_look_of_what_is_drawn(name):
     """A method has its own; what stands for all methods is of the grey of no method, and of a form that is drawn."""
@@ -187,6 +190,7 @@ def test_a_figure_names_each_method_or_curve(name):
     assert name not in of_one or len(legend_of(name)) > 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in DECLARED if name.startswith("fig")])
 def test_lines_of_a_legend_stand_out_from_white_paper(name):
     """WCAG 2.1, 1.4.11: a contrast of 3 to 1."""

@@ -43,6 +43,7 @@ def documented(section):
     return [name.lstrip("*") for line in lines for name in line.split(", ")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONGER)) for name in PUBLIC])
 def test_example_of_public_name_runs(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

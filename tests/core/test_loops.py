@@ -161,6 +161,7 @@ KICK, DRIFT, NONE = ("compensated", "kick", "every"), ("plain", "drift", "sample
 SECOND = ("driven", KICK)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "settings"),
     [
@@ -215,6 +216,7 @@ def test_parameters_of_loops_are_given_at_run_time(looped):
     assert not np.array_equal(once.q[-1], problem(0.1).q[-1])
 
 
+@pytest.mark.slow
 def test_parameter_that_decides_what_formula_does_is_compiled_in(looped):
     def reach(q, neighbours):
         return sum((q[i] - q[i - k]) ** 2 / 2 for k in range(1, int(neighbours) + 1) for i in range(k, len(q)))
@@ -231,6 +233,7 @@ def looped_energy(V, d):
     return LoopedEnergy(graph, value_of(V(graph.variables(d))), d, 0)
 
 
+@pytest.mark.slow
 def test_many_sites_take_as_many_operations_as_twenty():
     assert looped_energy(chain, 300).operations == looped_energy(chain, 20).operations < 50
     assert looped_energy(bodies, 60).operations == looped_energy(bodies, 24).operations
@@ -252,6 +255,7 @@ def test_the_layout_of_loops_is_that_of_their_terms():
     assert all((np.diff(totals.sources, axis=1) > 0).all() for totals in looped_energy(bodies, 60).gradient_of(0))
 
 
+@pytest.mark.slow
 def test_terms_of_too_many_forms_are_refused_before_compilation():
     def different(q):
         return sum(x * prod(sin(x + k * k) for k in range(i)) for i, x in enumerate(q))

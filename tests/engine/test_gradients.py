@@ -162,6 +162,7 @@ def test_the_kinetic_energy_is_compared_too():
 coefficients = st.lists(st.fractions(-9, 9, max_denominator=9), min_size=6, max_size=6)
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(coefficients, st.integers(0, 5), st.sampled_from(["1", "-2.5"]))
 def test_polynomial_gradient_passes_and_any_changed_coefficient_is_found(terms, changed, start):

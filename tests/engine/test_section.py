@@ -87,6 +87,7 @@ def test_apsides_of_kepler_are_where_the_radial_momentum_vanishes():
     assert abs(found.energy_error).max() < 1e-8
 
 
+@pytest.mark.slow
 def test_trajectory_that_diverges_has_the_crossings_before_it():
     found = nh.section("henon_heiles", "leapfrog", 0.5, surface=0, starts=[STARTS[0], [0, 0.9, 0.8, 0.9]], t_end=100)
     assert found.crossings[0] > 10
@@ -95,6 +96,7 @@ def test_trajectory_that_diverges_has_the_crossings_before_it():
     assert np.isnan(found.t[1, int(found.crossings[1]) :]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("more", "says"),
     [

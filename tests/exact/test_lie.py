@@ -133,6 +133,7 @@ def test_in_a_mechanical_system_just_the_ideal_vanishes(degree):
         assert not any(total.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("potential_degree", [2, 3, 4])
 @pytest.mark.parametrize("degree", range(1, 10))
 def test_polynomial_potentials_have_the_conditions_of_their_brackets(degree, potential_degree):

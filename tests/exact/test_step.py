@@ -49,6 +49,7 @@ def test_entries_in_doubles_are_the_exact_ones(step):
         assert row == pytest.approx([float(c) for c in exact], abs=1e-11)
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.sampled_from("AB"), numbers), min_size=1, max_size=6))
 def test_slopes_of_states_are_exact_differences(step):
     highest, h = 4, Fraction(1, 10**30)

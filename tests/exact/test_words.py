@@ -53,6 +53,7 @@ def test_sums_in_sixty_digits_are_the_exact_ones(step):
         assert difference(found[word], value) < mpf(10) ** -50, word
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(steps)
 def test_sums_of_arrays_are_those_of_each_column(step):

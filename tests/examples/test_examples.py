@@ -50,6 +50,7 @@ def runner():
         yield process
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", ALL)
 def test_an_example_draws_its_picture_into_the_working_directory(runner, path, tmp_path):
     folder = tmp_path / "here"
@@ -96,6 +97,7 @@ def test_the_gallery_has_each_example_once():
         assert (f"| [{path.stem}](../../examples/{path.name}) |" in page) == compared
 
 
+@pytest.mark.slow
 def test_paths_of_examples_stand_where_names_do():
     curve = nh.sweep(str(ROOT / "examples/morse.py"), str(ROOT / "examples/fourth_order.py"), [0.4, 0.2])
     assert np.log2(curve.max_energy_error[0] / curve.max_energy_error[1]) == pytest.approx(4, abs=0.5)

@@ -65,6 +65,7 @@ def test_double_well_particle_returns_after_elliptic_period():
     assert returns(system, float(period), 1.42) < 1e3 * RETURN  # beside the barrier, errors grow e^t
 
 
+@pytest.mark.slow
 def test_the_driven_oscillator_moves_as_another_integrator_says():
     system = module("driven_oscillator").SYSTEM
 
@@ -76,6 +77,7 @@ def test_the_driven_oscillator_moves_as_another_integrator_says():
     np.testing.assert_allclose([end.q[-1, 0], end.p[-1, 0]], other, atol=1e-9)  # the tolerance, over 20 units of time
 
 
+@pytest.mark.slow
 def test_stable_ions_are_those_between_the_characteristic_values_of_mathieu():
     half_trace = module("paul_trap").half_trace
     s = np.linspace(0.5, 3, 15)
@@ -108,6 +110,7 @@ def test_eigenvalues_of_lax_matrix_are_those_of_its_known_traces():
     assert (values**3).sum() == pytest.approx(henon, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "order"), [("leapfrog", 2), ("aba864", 4), ("babps9o7h", 4), ("srkn_b11", 6)])
 def test_toda_lax_invariants_are_conserved_to_method_order(name, order):
     system, per_stage = module("toda_chain").SYSTEM, {2: 0.002, 4: 0.01, 6: 0.025}[order]

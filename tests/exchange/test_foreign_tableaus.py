@@ -95,6 +95,7 @@ def test_what_a_paper_says_of_its_method_is_proved(name):
     assert found.file.requires is not None or found.file.order == found.order.order
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LIBRARIES)
 def test_order_that_library_states_is_refuted_if_it_is_wrong(name):
     found = verdict("libraries", name)
@@ -104,6 +105,7 @@ def test_order_that_library_states_is_refuted_if_it_is_wrong(name):
     assert ("order" in failing(found)) == (claimed is not None and claimed > proved[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in LIBRARIES if name.startswith("ordinarydiffeq")])
 def test_what_is_proved_of_library_is_what_its_steps_show(name):
     found = verdict("libraries", name)
@@ -176,6 +178,7 @@ def test_of_a_wrong_claim_no_coefficient_is_suspected():
     assert found.suspects == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "name", "position", "energy"),
     [
@@ -225,6 +228,7 @@ def test_table_holds_every_file_of_library_whose_order_is_wrong():
     assert tables()[0] == rows
 
 
+@pytest.mark.slow
 def test_table_holds_every_library_method_that_keeps_its_word():
     rows = set()
     for name in names("libraries"):

@@ -59,6 +59,7 @@ CASES = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("language", "name", "digits"), CASES)
 def test_an_exported_program_reproduces_our_states_without_warnings(language, name, digits, tmp_path):
     suffix, _, _, installed, command = LANGUAGES[language]

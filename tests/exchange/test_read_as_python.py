@@ -80,6 +80,7 @@ def test_the_program_in_fortran_gives_our_states(name):
     check(name, "\n".join(" ".join([label, *map(repr, map(float, space[key]))]) for label, key in shown))
 
 
+@pytest.mark.slow
 @METHODS
 def test_the_table_of_sundials_gives_our_states(name):
     """As sprkStep_TakeStep: a stage kicks with ahat, then drifts with a; a table is of (stages, order, a, ahat)."""

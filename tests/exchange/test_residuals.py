@@ -76,6 +76,7 @@ def test_an_order_higher_by_two_is_refuted_with_sixteen_digits(name):
     assert not Verdict(higher).holds
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quadratic", [False, True])
 @pytest.mark.parametrize("name", SOME[:4])
 def test_residuals_of_rounded_coefficients_stay_within_what_the_digits_allow(name, quadratic):

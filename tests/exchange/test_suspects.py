@@ -34,6 +34,7 @@ def rows_of(file):
     return (file.kick, file.drift, file.first)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [0, 5, 30, 70])
 def test_mirror_image_reveals_wrong_digit(place):
     text = sound().drift[2]

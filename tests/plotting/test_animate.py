@@ -29,6 +29,7 @@ def frames_of(page):
     return re.findall(r"'(iVBORw0KGgo[A-Za-z0-9+/=]+)'", page)
 
 
+@pytest.mark.slow
 def test_gif_file_has_number_of_frames_at_asked_rate(run, tmp_path):
     place = nh.animate(run, tmp_path / "deeper" / "orbit.gif", frames=5, fps=10)
     content = place.read_bytes()
@@ -62,6 +63,7 @@ class Requests(HTMLParser):
         self.found += [value for name, value in attributes if name in ("src", "href", "srcset", "data", "action")]
 
 
+@pytest.mark.slow
 def test_html_page_holds_every_frame_and_asks_for_nothing(run, tmp_path):
     place = nh.animate(run, tmp_path / "orbit.html", frames=4, title="A & <B>")
     page = place.read_text(encoding="utf-8")
@@ -71,6 +73,7 @@ def test_html_page_holds_every_frame_and_asks_for_nothing(run, tmp_path):
     assert "<title>A &amp; &lt;B&gt;</title>" in page
 
 
+@pytest.mark.slow
 def test_without_file_notebook_shows_page(run):
     film = nh.animate(run, frames=2)
     assert film.startswith("<!DOCTYPE html>")
@@ -79,6 +82,7 @@ def test_without_file_notebook_shows_page(run):
     assert "<script>" not in shown
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_orbit_and_errors_end_at_time_of_frame(run, share):
     figure = nh.plot(run)
@@ -121,6 +125,7 @@ def test_other_arguments_are_refused_before_any_work(run, tmp_path, monkeypatch,
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_film_that_fails_leaves_the_earlier_file(run, tmp_path, monkeypatch):
     place = tmp_path / "orbit.gif"
     place.write_bytes(b"old")

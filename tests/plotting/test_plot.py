@@ -72,6 +72,7 @@ def test_a_cube_is_drawn_as_its_figure():
     assert nh.plot(cube)._repr_png_() == draw_profile(cube)._repr_png_()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("system", "axes"), [("sho", ("q", "p")), ("kepler", ("q_1", "q_2"))])
 def test_a_trajectory_is_drawn_over_time_and_as_an_orbit(system, axes):
     run = nh.integrate(system, "ruth", 0.25 if system == "sho" else 90.0, t_end=20 if system == "sho" else 8766)
@@ -222,6 +223,7 @@ def test_kind_axes_and_title_select_what_is_drawn():
     line_of(axes, curve.evaluations, curve.max_energy_error)
 
 
+@pytest.mark.slow
 def test_a_section_is_drawn_with_points_of_each_member():
     found = nh.section(
         "henon_heiles", "babps9o7h", 0.5, surface=0, starts=[[0, 0.1, 0.4, 0], [0, 0.2, 0.3, 0]], t_end=200

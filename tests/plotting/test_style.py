@@ -136,6 +136,7 @@ def test_what_has_no_logarithm_leaves_a_gap():
     assert drawn(line).tolist() == [True, False, True]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("values", [[], [np.nan, np.nan], [0.0, 0.0], [np.inf, np.inf]])
 def test_an_axis_with_nothing_to_show_still_has_a_range(values):
     axes, _ = line_on_log_axes(np.arange(1, 1 + len(values)), values, "y")
@@ -165,6 +166,7 @@ def plain_figure():
     return draw()
 
 
+@pytest.mark.slow
 def test_saving_writes_three_formats_with_the_same_bytes_each_time(tmp_path):
     first = save(plain_figure(), places(tmp_path / "deeper" / "fig.v1"))
     second = save(plain_figure(), places(tmp_path / "again"))

@@ -99,6 +99,7 @@ def test_other_libraries_are_taken_from_the_timings_that_are_there(results, few)
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("error", "tolerance", "time"),
     [(1e-5, 1e-3, 1e-9), (1e-6, 1e-9, 2e-9), (2e-9, 1e-9, 2e-9), (2e-12, 1e-9, 2e-9)],
@@ -179,6 +180,7 @@ def test_a_measure_that_the_timings_lack_is_measured(results):
     assert choice_of(found, "aba864").status == "met"
 
 
+@pytest.mark.slow
 def test_a_system_of_ones_own_is_measured_on_the_spot(tmp_path):
     (tmp_path / "quartic.py").write_text(QUARTIC)
     found = recommend(str(tmp_path / "quartic.py"), 1e-6, measure="position", results=tmp_path)
@@ -187,6 +189,7 @@ def test_a_system_of_ones_own_is_measured_on_the_spot(tmp_path):
     assert "aba864" in [choice.method for choice in found.ranked]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "says"),
     [

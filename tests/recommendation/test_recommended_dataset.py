@@ -146,6 +146,7 @@ def test_the_finest_run_within_a_small_budget_is_made():
     assert found.steps.values.tolist() == [12]
 
 
+@pytest.mark.slow
 def test_methods_are_names_paths_tableaus_and_files_of_several(tmp_path):
     (tmp_path / "two.py").write_text(TWO)
     (tmp_path / "my_spring.py").write_text(SPRING)
@@ -237,6 +238,7 @@ def test_a_bad_question_is_one_sentence_before_any_method_runs(asked, says, monk
     assert "\n" not in str(raised.value)
 
 
+@pytest.mark.slow
 def test_sums_are_plain_if_harmless_and_compensated_at_last_digits():
     """At 1e-6 rounding is nowhere near; below 1e-14 plain sums lose a factor of ten on a thousand periods."""
     coarse, fine = (nh.recommend("sho", error, methods=["srkn_a14", "babs7o7h"], t_end=5000, budget=2_000_000)

@@ -66,6 +66,7 @@ def slippery(monkeypatch):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("slippery")
 @pytest.mark.parametrize(
     ("system", "error", "measure"),

@@ -199,6 +199,7 @@ def test_sum_of_many_terms_of_one_coordinate_is_loop():
     assert abs(digits_of(run, "q")[0] - (q + tau * p)) < 1e-27
 
 
+@pytest.mark.slow
 def test_a_gradient_that_would_compile_for_minutes_is_refused_too():
     def grad_V(q):
         x = q[0]

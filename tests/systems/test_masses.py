@@ -63,6 +63,7 @@ def test_masses_are_numbers_or_names_of_parameters():
     assert not same.unit_masses
 
 
+@pytest.mark.slow
 def test_one_text_serves_floats_arrays_mpmath_and_double_double():
     made = masses(MATRIX)
     floats = made.grad_T((0.1, 0.2, 0.3))
@@ -92,6 +93,7 @@ def test_a_linear_chain_moves_in_its_normal_modes(given):
     assert run.q.values == pytest.approx((a * np.cos(w * t) + b * np.sin(w * t)) @ back.T, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NYSTROM)
 @pytest.mark.parametrize("given", [("2", "1/3", "5"), MATRIX])
 def test_nystrom_methods_keep_their_order_with_masses(name, given):

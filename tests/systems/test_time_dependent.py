@@ -89,6 +89,7 @@ def test_extended_energy_is_conserved_and_p_t_is_work():
     assert abs(force[1] + mpmath.diff(exact_momentum_of_time, t)) < mpf(10) ** -20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "order"), [("aba864", 4), ("srkn_b11", 6)])
 def test_the_energy_error_falls_with_the_order_of_the_method(name, order):
     """In 60 digits, on a nonlinear system; Nystrom methods keep their order, since T + p_t is quadratic."""
@@ -131,6 +132,7 @@ def test_extended_system_is_available_as_separate_system():
     assert rates == pytest.approx([0.5, 1.0, -0.5])
 
 
+@pytest.mark.slow
 def test_positions_are_compared_without_the_time():
     """With the closed form, which the check of forces passes, and with a fine run."""
     for closed in (lambda system, t: (exact_position(t),), None):

@@ -104,6 +104,7 @@ def test_slopes_in_sixty_digits_are_those_of_differences(family):
                 assert abs(slopes[i][j] - (a - b) / (2 * h)) < mpf(10) ** -33
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES, ids=str)
 def test_residuals_and_slopes_of_arrays_are_those_of_each_point(family):
     random = np.random.default_rng(family.stages)
@@ -145,6 +146,7 @@ def test_published_methods_meet_the_equations(name, conditions):
     assert np.abs(family.residuals(x)).max() < 1e-11
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wanted", [(6, 4), (8, 4), (8, 6, 4)])
 @pytest.mark.parametrize("first", ["drift", "kick"])
 def test_members_have_the_generalised_order_of_their_family(first, wanted):
@@ -161,6 +163,7 @@ def test_projection_leaves_members_where_they_are(family):
     assert again.tobytes() == x.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", [f for f in FAMILIES if f.unknowns > len(f.equations)], ids=str)
 def test_projection_leads_to_the_nearest_member(family):
     x = members(family, 1)[0]
@@ -175,6 +178,7 @@ def test_projection_leads_to_the_nearest_member(family):
     assert np.linalg.norm(found[0] - near) == pytest.approx(np.linalg.norm(nearest.x - near), rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES, ids=str)
 def test_unprojectable_point_is_no_member_and_disturbs_no_other(family):
     x = members(family, 3) + 1e-3
@@ -189,6 +193,7 @@ def test_unprojectable_point_is_no_member_and_disturbs_no_other(family):
     assert found[2:5].tobytes() == alone.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES, ids=str)
 def test_projection_of_point_is_bitwise_independent_of_others(family):
     points = np.random.default_rng(7).normal(1 / family.stages, 0.2, (23, family.unknowns))

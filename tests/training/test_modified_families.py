@@ -62,6 +62,7 @@ def test_registered_digits_follow_from_ten_of_them(name):
             assert abs(Fraction(ours) - Fraction(text)) < Fraction(1, 10**known.digits)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["omelyan_g5o6", "babg5o6"])
 def test_random_starts_lead_to_the_registered_methods_with_nothing_free(name):
     family = FAMILIES[name]

@@ -59,6 +59,7 @@ def test_sixty_decimals_meet_the_equations_in_exact_arithmetic(family):
         assert abs(factorial(power) * step[("AB" * power)[:power]] - 1) < allowed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES, ids=str)
 def test_polishing_moves_little_and_returns_initial_doubles(family):
     x = members(family, 1)[0]

@@ -50,6 +50,7 @@ FAMILIES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES, ids=str)
 def test_every_lane_is_the_run_of_a_plain_loop(family):
     rows, taus_per_stage = rows_of(family, 3), (0.05, 0.09)
@@ -88,6 +89,7 @@ def test_run_of_one_step_is_that_of_plain_loop(first, squares):
             assert found[c, 0, m] == pytest.approx(wanted, rel=1e-9, abs=ROUNDING)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_problems_have_parameters_of_their_own(dimension):
     ensemble = random_ensemble(dimension, 5, 3, band=(0.1, 0.5), t_end=10.0)
@@ -127,6 +129,7 @@ def rotated_error(kicks, drifts, first, tau, steps, w, force, energy, q, p):
     return worst
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", ["drift", "kick"])
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_exactly_solved_oscillators_have_the_frequencies_of_each_problem(dimension, first):

@@ -39,6 +39,7 @@ def test_the_document_holds_128_digits_and_where_they_come_from(everything):
             assert all(len(c.partition(".")[2]) >= 127 for c in root["outer"])
 
 
+@pytest.mark.slow
 def test_a_figure_derives_nothing(drawn):
     assert not {"derive_coefficients", "search_sixth_order"} & set(drawn.jobs("figures", *SMOKE))
 

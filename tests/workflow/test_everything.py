@@ -98,6 +98,7 @@ def test_every_file_is_there_and_no_other(after):
     assert all(files[name].stat().st_size > 0 for name in after.made)
 
 
+@pytest.mark.slow
 def test_each_target_stands_for_its_files(drawn):
     done = drawn.snakemake(*TARGETS, "-n", "--forceall", "--quiet", "host", *TINY)
     assert done.returncode == 0, done.stdout

@@ -44,8 +44,8 @@ BLOCKS = {
 
 #: Pages whose blocks take seconds.
 LONGER = {
-    "choosing.md", "exact_oscillator.md", "own_systems.md", "regularised.md", "systems.md", "tabulated_potentials.md",
-    "tailor.md",
+    "choosing.md", "exact_oscillator.md", "gauss.md", "own_systems.md", "regularised.md", "systems.md",
+    "tabulated_potentials.md", "tailor.md", "trained.md",
 }  # fmt: skip
 
 

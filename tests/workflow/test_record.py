@@ -14,6 +14,8 @@ import pytest
 from support.projects.targets import FIGURES, METHODS, SYSTEMS
 from support.projects.workflow_project import TINY, Project
 
+pytestmark = pytest.mark.slow
+
 COMMAND = ("-j2", "--quiet", "rules", *TINY)
 #: A cube that needs no trajectory, and a file of trajectories: what takes least.
 CUBE = "results/tiny/cubes/sho_terms.h5"
@@ -84,7 +86,6 @@ def test_a_run_with_nothing_to_do_leaves_no_trace(fresh):
     assert ((fresh.results / "history.jsonl").read_bytes(), (fresh.results / "manifest.json").read_bytes()) == before
 
 
-@pytest.mark.slow
 def test_the_same_work_has_the_same_digest_and_another_id(fresh, first):
     assert fresh.snakemake(CUBE, "--forceall", *COMMAND).returncode == 0
     run, again = first[0], fresh.history()[-1]
@@ -93,7 +94,6 @@ def test_the_same_work_has_the_same_digest_and_another_id(fresh, first):
     assert (again["jobs_run"], again["jobs_reused"]) == (1, 0)
 
 
-@pytest.mark.slow
 def test_second_target_adds_to_manifest_and_reuses_what_is_there(fresh):
     for folder in ("runs", "logs/compile"):
         shutil.rmtree(fresh.results / folder, ignore_errors=True)
@@ -107,7 +107,6 @@ def test_second_target_adds_to_manifest_and_reuses_what_is_there(fresh):
     assert run["evaluations"] > 0
 
 
-@pytest.mark.slow
 def test_another_config_is_other_work(fresh, first):
     place = fresh.folder / "config/tiny.yaml"
     text = place.read_text()
@@ -124,7 +123,6 @@ def test_another_config_is_other_work(fresh, first):
     assert before["code_digest"] == after["code_digest"]
 
 
-@pytest.mark.slow
 def test_a_run_that_fails_is_remembered_as_failed(fresh):
     place = fresh.folder / "src/nearharmonic/reproduction/experiments/paper/tableaus/decompose.py"
     text = place.read_text()
@@ -137,7 +135,6 @@ def test_a_run_that_fails_is_remembered_as_failed(fresh):
     assert fresh.snakemake("fig2", *COMMAND).returncode == 0
 
 
-@pytest.mark.slow
 def test_damaged_and_lost_files_are_made_again_in_one_go(fresh):
     assert fresh.snakemake("fig2", RUN, *COMMAND).returncode == 0
     manifest = (fresh.results / "manifest.json").read_bytes()
@@ -155,7 +152,6 @@ def test_damaged_and_lost_files_are_made_again_in_one_go(fresh):
     assert fresh.manifest()["configfiles"] == ["config/tiny.yaml"]
 
 
-@pytest.mark.slow
 def test_emptied_manifest_is_made_again_with_nothing_to_do(fresh):
     manifest = (fresh.results / "manifest.json").read_bytes()
     (fresh.results / "manifest.json").write_bytes(b"")
@@ -163,7 +159,6 @@ def test_emptied_manifest_is_made_again_with_nothing_to_do(fresh):
     assert (fresh.results / "manifest.json").read_bytes() == manifest
 
 
-@pytest.mark.slow
 def test_failure_of_record_is_one_warning_without_lost_result(fresh):
     """No git, and a history that cannot be written; as root, permissions do not stop a writer, a folder does."""
     history = fresh.results / "history.jsonl"

@@ -29,6 +29,7 @@ def test_every_variable_of_every_file_has_units_and_a_meaning(after):
             file.visititems(check)
 
 
+@pytest.mark.slow
 def test_xarray_finds_a_coordinate_for_each_dimension(after):
     auxiliary = {"label", "exact_label", "kind", "t"}
     for path in results(after).rglob("*.h5"):

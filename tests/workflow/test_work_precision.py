@@ -31,6 +31,7 @@ def test_it_is_a_target_of_its_own(project):
     }
 
 
+@pytest.mark.slow
 def test_figure_of_regularised_systems_is_drawn_where_config_has_them(drawn):
     jobs = drawn.jobs("work_precision", "--configfile", "config/regularised.yaml")
     assert (jobs["regularised_times_figure"], jobs["work_precision_figure"]) == (1, 4)

@@ -74,6 +74,7 @@ def test_commands_are_those_of_the_page():
     assert re.findall(r"`([\w-]+)`", sentence) == list(cli.command_names())
 
 
+@pytest.mark.slow
 def test_exit_statuses_are_those_of_the_page(capsys):
     damaged = ROOT / "tests/exchange/tableaus/damaged/claim.toml"
     found = [cli.main(words) for words in (["list"], ["verify-tableau", str(damaged)], ["lists"])]

@@ -32,6 +32,7 @@ def test_page_lists_every_extra():
     assert set(SIZES) == {"", "figures", "tailor", "workflow", "test"}
 
 
+@pytest.mark.slow
 @measured_on_linux
 @pytest.mark.parametrize("extra", SIZES)
 def test_size_of_extra_is_that_of_page(extra):

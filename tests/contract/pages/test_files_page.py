@@ -48,6 +48,7 @@ def made(tmp_path_factory):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["runs", "cube"])
 def test_table_has_each_variable_with_dimensions_unit_and_meaning(made, kind):
     kepler, sho = made[kind, "kepler"], made[kind, "sho"]

@@ -53,6 +53,7 @@ def iterations_of_a_plain_loop(amplitude, steps, t_end, inside):
     return made / steps
 
 
+@pytest.mark.slow
 def test_example_of_the_page_is_accurate(capsys):
     (code,) = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
     exec(code, {})

@@ -31,6 +31,8 @@ from nearharmonic.reproduction.report.shown.pictures import few_colours
 from support.cubes.figure_cubes import FACTS, label, timed
 from support.results.tables_of_targets import CELLS, LINES, TABLES, TRAINED, filled_by, write_crossings, write_samplers
 
+pytestmark = pytest.mark.slow
+
 ON_CRYSTALS = ("leapfrog", "babps9o7h", "trained_light", "trained_on_crystals")
 DOCS = Path(__file__).parents[3] / "docs"
 PAGES = {path.stem: path for path in DOCS.glob("*/*.md") if "<!-- end -->" in path.read_text(encoding="utf-8")}

@@ -74,6 +74,7 @@ def test_the_recursion_holds_for_most_methods():
     assert len(DIVISIBLE) > len(METHODS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "first"), DIVISIBLE)
 def test_the_decomposition_of_the_page_gives_kappa(name, first):
     with mp.workdps(120):

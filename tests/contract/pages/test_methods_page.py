@@ -27,6 +27,7 @@ def test_tables_are_those_of_the_registry_and_of_runs():
     assert states(PAGE, methods.FACTORS.values(), "as long as a force", "Hénon-Heiles", "Kepler")
 
 
+@pytest.mark.slow
 def test_each_method_has_a_row_with_its_proved_orders():
     tables = TEXT.partition("<!-- errors -->")[0]
     rows = {name: cells.split(" | ") for name, cells in re.findall(r"^\| `(\w+)` \| (.*) \|$", tables, re.MULTILINE)}
@@ -83,6 +84,7 @@ def test_6a8_is_as_good_as_babs8o6_7h():
     assert states(PAGE, [*least_and_most(loss), STEPS[0], STEPS[-1]], "oscillator", "`babs8o6_7h` is better")
 
 
+@pytest.mark.slow
 def test_what_page_says_of_modified_integrators_follows_from_their_errors():
     def errors(system, charged):
         factor = methods.FACTORS[system] if charged else 1

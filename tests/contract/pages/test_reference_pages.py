@@ -16,6 +16,8 @@ import nearharmonic as nh
 from nearharmonic.cli import command_names, main
 from support.results.stated_numbers import ROOT
 
+pytestmark = pytest.mark.slow
+
 REFERENCE = ROOT / "docs/reference"
 #: Methods of each kind: of two and more stages, of Nystrom type, asymmetric, with a gradient, processed, our own.
 EXAMPLES = ("leapfrog", "ruth", "srkn_b11", "ruth_s3o3", "chin_4a", "rowlands", "trained_light", "sofspa_s35o10")

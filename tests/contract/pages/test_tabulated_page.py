@@ -72,6 +72,7 @@ def test_code_of_the_page_is_what_the_picture_shows():
         assert str(getattr(spline["well"], name)) == str(getattr(quintic, name)) == str(getattr(series["well"], name))
 
 
+@pytest.mark.slow
 def test_surface_of_the_page_is_that_of_henon_and_heiles():
     surface = defined(BLOCKS[1])["surface"]
     for q in ((0.3, 0.2), (-0.7, 0.9)):

@@ -53,6 +53,7 @@ def in_the_wall(path):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PACKAGES)
 def test_extra_of_an_adapter_installs_what_it_imports(name):
     found = distributions_of(
@@ -65,6 +66,7 @@ def test_extra_of_an_adapter_installs_what_it_imports(name):
     } == {}
 
 
+@pytest.mark.slow
 def test_every_package_that_the_library_imports_is_a_dependency():
     found = distributions_of(filter(in_the_wall, PYTHON))
     assert {"llvmlite", "xarray"} <= found.keys()

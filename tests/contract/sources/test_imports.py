@@ -55,6 +55,7 @@ def in_a_fresh_process(text):
     assert done.returncode == 0, f"{text}\n{done.stderr}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", IMPORTS)
 def test_each_import_works_alone_and_before_all_others(first):
     order = [first, *(name for name in IMPORTS if name != first)]
@@ -63,6 +64,7 @@ def test_each_import_works_alone_and_before_all_others(first):
     in_a_fresh_process("\n".join(alone + rest))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [("package", "system"), ("source", "package"), ("from package", "system", "source")])
 def test_imports_work_in_every_order(names):
     # Processes are expensive: the orders of a few imports share one process, which forgets the package between them.

@@ -63,6 +63,7 @@ def test_what_the_library_lacks_is_named_in_a_sentence(tmp_path):
     assert "needs the package cma: pip install 'nearharmonic[tailor]'" in run(code, tmp_path).stderr
 
 
+@pytest.mark.slow
 def test_library_runs_without_matplotlib_and_names_its_extra(tmp_path):
     code = """
 import nearharmonic as nh

@@ -30,6 +30,7 @@ def test_they_are_of_odd_orders_as_well():
     assert [nh.order_of(name) for name in ASYMMETRIC] == [2, 3, 3, 3, 3]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ASYMMETRIC)
 @pytest.mark.parametrize("precision", ["double", "extended"])
 def test_the_kernel_takes_the_steps_of_a_plain_loop(name, precision):
@@ -63,6 +64,7 @@ def test_step_back_undoes_step_of_symmetric_method_alone(name):
     assert (abs(back.q.values[-1] - start).max() < 1e-14) == integrators[name].symmetric
 
 
+@pytest.mark.slow
 def test_only_symmetric_methods_are_checked_by_running_back():
     found = {name: structure(nh.systems["sho"], integrators[name], t_end="20") for name in ("ruth", "ruth_s3o3")}
     assert isnan(found["ruth_s3o3"].return_error)
@@ -72,6 +74,7 @@ def test_only_symmetric_methods_are_checked_by_running_back():
     assert max(one.symplectic_defect for one in found.values()) < 1e-15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ASYMMETRIC)
 @pytest.mark.parametrize("to", ["json", "toml"])
 def test_exported_file_claims_asymmetry_and_every_claim_holds(tmp_path, name, to):

@@ -170,6 +170,7 @@ def test_composition_of_leapfrogs_has_half_sums_of_its_weights_outside(name):
 # --- what their authors chose the free parameters by ------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "left_out", "other"),
     [

@@ -74,6 +74,7 @@ def test_step_matrices_on_the_oscillator_are_products_of_matrices(name):
         assert abs(value - step[place]) < mpf(10) ** -50
 
 
+@pytest.mark.slow
 @EVERY
 def test_the_largest_stable_step_is_that_of_the_trace(name):
     tableau = nh.modified_integrators[name]

@@ -31,6 +31,7 @@ def declaring(attribute):
     )
 
 
+@pytest.mark.slow
 @EVERY
 def test_declared_order_holds_for_systems_tableau_is_for(name):
     tableau = integrators[name]

@@ -110,6 +110,7 @@ def test_energy_order_on_nonlinear_problem_is_declared_order(name):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", thinned(n for n, t in integrators.items() if t.requires is None))
 def test_order_survives_role_exchange_except_for_quadratic_kinetic_energy(name):
     tableau = integrators[name]

@@ -69,6 +69,7 @@ def test_values_and_gradients_are_mpmaths(tree, q):
             assert abs(derivative - expected) < TOLERANCE * (1 + abs(expected)) * LARGE
 
 
+@pytest.mark.slow
 @settings(randomly, max_examples=150)
 @given(trees(LITERALS + EXACT, VARIABLES), points)
 @example(EVERY, START)
@@ -97,6 +98,7 @@ def test_the_root_of_a_square_is_a_modulus():
         assert run(made, [mpf(at), mpf(2)]) == (expected,)
 
 
+@pytest.mark.slow
 def test_a_formula_of_any_depth_is_differentiated():
     """y -> sin y + x, 2000 times: deeper than Python's recursion limit."""
     graph = Graph()

@@ -36,6 +36,7 @@ rationals = st.fractions(min_value=-1000, max_value=1000, max_denominator=1000)
 decimals = st.decimals(min_value=-1000, max_value=1000, places=3)
 
 
+@pytest.mark.slow
 @given(rationals, decimals)
 def test_constants_stay_exact_beside_floats(a, b):
     """0.1 + 0.2 is 3/10; a Fraction would have become a float."""

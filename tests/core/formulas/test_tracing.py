@@ -86,6 +86,7 @@ def test_multiprecision_agrees_to_its_digits(tree, point):
     assert abs(mpf(str(result.value)) - value) <= error
 
 
+@pytest.mark.slow
 @randomly
 @given(trees(), points)
 @example(EVERY, [-0.75, 0.0, 1.25, 0.0])

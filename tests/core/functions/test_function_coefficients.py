@@ -55,6 +55,7 @@ POLYNOMIALS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", POLYNOMIALS)
 def test_a_polynomial_is_near_its_function(name):
     """At 300 points, which 30 oscillations of a near-minimax error cannot hide between, and at the end for series."""

@@ -31,6 +31,7 @@ EXACT = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_values_that_doubles_hold_are_exact(name):
     """Those of infinities, NaN and signed zeros are MPFR's in test_functions.py."""

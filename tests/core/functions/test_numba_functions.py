@@ -109,6 +109,7 @@ REFUSED = {
 LONG = {"threads", "interpreter"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", [pytest.param(x, marks=[pytest.mark.slow] * (x in LONG)) for x in REFUSED])
 def test_functions_that_are_no_potential_are_refused_in_a_sentence(case):
     V, grad_V, message = REFUSED[case]

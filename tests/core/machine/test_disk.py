@@ -92,6 +92,7 @@ print(len(damaged), "numba" in sys.modules)
 """
 
 
+@pytest.mark.slow
 def test_no_flipped_bit_or_truncation_gives_wrong_number(folder, right):
     value(right)
     (place,) = folder.iterdir()
@@ -112,6 +113,7 @@ print(native.native("dot", signature, lambda: code)(0.5, np.array([1.0, 2.0]), n
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "content"), [("no_such_symbol", None), (None, b""), (None, b"no object file")])
 def test_unloadable_code_with_right_digest_is_made_again(folder, right, name, content):
     """In a process of its own: a call of address 0, or a bad object file, would end this one."""

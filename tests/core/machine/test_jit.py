@@ -49,6 +49,7 @@ def loaded_anew():
     return caller(1.0), sum(caller.stats.cache_hits.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [".", "elsewhere"])
 def test_an_edit_of_a_callees_constant_compiles_the_caller_again(folder, place):
     callee = folder / place / "callee_of_a_test.py"

@@ -39,6 +39,7 @@ def filled(rows, power, tau, flags=None):
     return found.reshape(len(rows), COLUMNS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("draws", [1, pytest.param(5, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", plain_integrators)
 def test_moves_have_the_bits_of_rational_arithmetic(name, draws):
@@ -48,6 +49,7 @@ def test_moves_have_the_bits_of_rational_arithmetic(name, draws):
         np.testing.assert_array_equal(filled(rows, 2, tau), moves(tableau, [Fraction(tau)], 1)[0], repr(tau))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name, t in nh.modified_integrators.items() if not t.processed])
 def test_modified_moves_have_the_bits_of_rational_arithmetic(name):
     tableau = nh.modified_integrators[name]
@@ -66,6 +68,7 @@ SEVENTHS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SEVENTHS)
 def test_ties_and_what_is_near_them_are_rounded_once(name):
     k, factor = SEVENTHS[name]

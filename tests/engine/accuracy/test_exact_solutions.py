@@ -97,6 +97,7 @@ def test_a_pendulum_follows_elliptic_functions_to_25_digits(p0):
     assert abs(sign * p - velocity) < mpf("1e-25")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("integrator", "order"), [("leapfrog", 2), ("blanes_moan_s6o4", 4), ("srkn_b11", 6)])
 def test_position_of_pendulum_converges_with_order_of_method(integrator, order):
     angle, velocity = pendulum_state(mpf(3), mpmath.sqrt(mpf("9.81") / mpf("2.25")), mpf(4))

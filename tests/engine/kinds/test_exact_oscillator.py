@@ -101,6 +101,7 @@ def test_free_coordinates_have_bits_of_split_into_t_and_v(how, method):
         assert np.array_equal(free[name], split[name]), name
 
 
+@pytest.mark.slow
 def test_the_energy_floor_of_henon_heiles_is_a_few_roundings():
     """250 000 evaluations of a method whose own error is 1.1e-16 there, by its order from an error of 7.1e-15 at twice
     the step: a walk of roundings of what a stage adds, 2^-53 * 0.002, of which 3 sqrt(250 000 * 6) are 8e-16."""
@@ -174,6 +175,7 @@ def test_shorter_step_of_exact_oscillator_lies_between_two_steps():
     assert run.q.values[:, 0] == pytest.approx([float(cos(mpf("0.3"))), float(cos(mpf("7.77")))], abs=1e-15)
 
 
+@pytest.mark.slow
 def test_a_run_backwards_returns_to_the_start():
     out = nh.integrate(CHAIN.system, "aba1064", 0.2, t_end=4, precision="extended", **EXACT)
     back = nh.integrate(CHAIN.system, "aba1064", 0.2, t_end=-4, precision="extended", start=out, **EXACT)

@@ -71,6 +71,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_a_step_is_that_of_the_equations_in_forty_digits(case):
     system, force, velocity = CASES[case]
@@ -144,6 +145,7 @@ def test_differences_of_a_step_form_a_symplectic_matrix(system):
     assert np.abs(M.T @ J @ M - J).max() < 1e-14
 
 
+@pytest.mark.slow
 def test_lanes_do_not_change_a_bit():
     starts = np.random.default_rng(5).uniform(-0.3, 0.3, (9, 2))
     together = nh.ensemble("henon_heiles", GAUSS, 0.9, q0=starts, t_end=45)

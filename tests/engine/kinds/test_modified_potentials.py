@@ -87,6 +87,7 @@ def test_kick_that_two_steps_share_takes_gradient_for_either(square):
     assert run.p.values[-1] == pytest.approx(p, rel=1e-15, abs=1e-16)
 
 
+@pytest.mark.slow
 @EVERY
 @pytest.mark.parametrize("system", ["henon_heiles", PENDULUM], ids=["henon_heiles", "pendulum"])
 def test_errors_fall_with_the_declared_order_in_extended_precision(name, system):

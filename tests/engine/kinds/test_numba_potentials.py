@@ -22,6 +22,7 @@ SMOOTH = nh.System(name="smooth", V=polynomial, q0=1, p0=0, t_end=20)
 SPRING = springs()
 
 
+@pytest.mark.slow
 def test_a_force_of_the_same_operations_gives_the_same_bits():
     traced = nh.System(name="traced", V=lambda q: q[0] * q[0] / 2, q0=1, p0=0, t_end=20)
     for method in ("ruth", "babps9o7h"):
@@ -100,6 +101,7 @@ def test_a_gradient_of_another_length_is_refused():
         nh.integrate(replace(WALLED, grad_V=longer), "ruth", 0.1)
 
 
+@pytest.mark.slow
 def test_a_slightly_wrong_gradient_is_refused():
     wrong = numba.njit(lambda q, k: (k * q[0] * (1 + 1e-9),))
     with pytest.raises(SystemDefinitionError, match=r"^spring: grad_V\[0\] contradicts V: .* by differences is"):

@@ -168,6 +168,7 @@ def test_samples_land_on_their_times_and_positions_converge_to_ellipse(t):
     assert 50 < errors[0] / errors[1] < 80 or errors[1] < mpf(10) ** -24
 
 
+@pytest.mark.slow
 def test_energies_are_those_of_the_physical_state():
     run = nh.integrate("kepler_regularised", "babps9o7h", 400, samples=40)
     states = [(found(run, "q", i), found(run, "p", i)) for i in range(40)]
@@ -185,6 +186,7 @@ def test_an_orbit_takes_as_many_steps_as_in_physical_time(e):
     assert abs(int(run.steps) - 600) <= 1  # the last one may be as short as the rounding of the period
 
 
+@pytest.mark.slow
 def test_a_perturbation_turns_the_perihelion_as_in_first_order():
     """6 pi A/(GM p^2) an orbit, with p = a (1 - e^2); the next order is smaller by A/(GM p^2) = 1e-6."""
     e, a = mpf("0.2"), mpf("57.9")
@@ -217,6 +219,7 @@ def spatial(q0, p0, **changes):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_an_orbit_in_space_is_that_in_the_plane_turned():
     """The steps are the same numbers but for rounding, whatever the regularisation's fourth coordinate does."""
     (x, _), (_, v) = orbit("0.6")
@@ -270,6 +273,7 @@ class HalfSteps(RegularisedFormulas):
         return 2 * super().inverse_axis(x, *parameters)
 
 
+@pytest.mark.slow
 def test_systems_of_different_time_maps_get_their_own_code():
     """Steps of the fictitious time are those of physical time over the semi-major axis: half of it, half as many."""
     own = nh.systems["kepler_regularised"]

@@ -113,6 +113,7 @@ def test_every_call_gives_the_bits_of_integrate(system, method, tau, members, ho
     assert problem(tau).to_dataset().drop_attrs().identical(nh.integrate(system, method, tau, **how).drop_attrs())
 
 
+@pytest.mark.slow
 @every()
 def test_neither_lanes_nor_samples_change_the_bits_of_a_run(system, method, tau, members, how):
     """The energies of processed states are measured at the samples; each sample of a regularised run takes forces."""

@@ -55,6 +55,7 @@ def test_the_digits_below_an_edited_state_count():
     assert np.abs((elsewhere.q - there.q) + (elsewhere.q_low - there.q_low)).max() > 1e-21
 
 
+@pytest.mark.slow
 def test_a_force_that_depends_on_time_takes_the_edited_time():
     """V = q^2/2 - q cos t, with the time set back to 0: a run that begins anew at the last q and p."""
     driven = spring("driven", V=lambda q, t: q[0] * q[0] / 2 - q[0] * cos(t), grad_V=None, time_dependent=True)

@@ -58,6 +58,7 @@ def test_a_problem_and_its_copy_show_system_and_method():
     assert copy(100).q.shape == (5, 2)
 
 
+@pytest.mark.slow
 def test_result_of_system_in_file_is_read_in_another_process(tmp_path):
     path = tmp_path / "mine.py"
     path.write_text(
@@ -135,6 +136,7 @@ def test_one_run_takes_one_lane_and_many_take_useful_lanes():
     assert lanes_for(np.array([100, 100]), 32) == 8  # 120 against 200
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("given", "words"),
     [

@@ -32,6 +32,7 @@ def run(stderr):
     )
 
 
+@pytest.mark.slow
 def test_a_long_run_shows_its_progress_on_a_terminal():
     """A terminal of 24 by 80; the bar counts steps, and is wiped off at the end."""
     reader, terminal = pty.openpty()

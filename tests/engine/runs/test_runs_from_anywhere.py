@@ -56,6 +56,7 @@ def test_new_values_compile_nothing():
     assert kernel_of.misses == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "method", sorted(name for name, one in nh.integrators.items() if one.symmetric and not one.processed)
 )

@@ -58,6 +58,7 @@ def native_step(system, method, tau, state, **settings):
     return after
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "summation", "methods"),
     [

@@ -63,6 +63,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_gradient_has_derivatives_of_the_loop_by_each_coefficient(case):
     system, force, name, tau, t_end, q, p = CASES[case]

@@ -119,6 +119,7 @@ def test_gradient_is_that_of_differences(case):
     assert found.status.item() == "ok"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["henon_heiles", "asymmetric", "kepler", "masses", "driven"])
 def test_extended_gradient_is_rounded_to_doubles(case):
     system, method, tau, t_end, observable = CASES[case]

@@ -45,6 +45,7 @@ def test_spectrum_of_an_unstable_equilibrium_is_a_pair():
     np.testing.assert_allclose(run.lyapunov_spectrum[-1], [1, -1], rtol=0, atol=1 / 400)
 
 
+@pytest.mark.slow
 def test_megno_of_a_free_particle_is_its_integral():
     """|delta|^2 = 1 + t^2, Y = 2 - 2 arctan(t)/t; trapezoids of 0.2 err by 0.04/12 of the slope over t."""
     run = nh.tangent(one_coordinate(free), "leapfrog", 0.1, t_end=100, deviations=[0, 1], samples=6)

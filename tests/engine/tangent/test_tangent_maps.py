@@ -91,6 +91,7 @@ def test_oscillators_tangent_map_is_a_power_of_its_step(method):
     np.testing.assert_allclose(found, np.linalg.matrix_power(step, steps), rtol=0, atol=10 * steps * EPS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", SYSTEMS, ids=lambda one: getattr(one, "name", one))
 def test_tangent_map_is_symplectic_to_rounding(system):
     """Each entry of M^T J M is a sum of 2 d products of columns; M errs by a few roundings a step."""

@@ -78,6 +78,7 @@ def test_each_edge_is_crossing_of_two_to_twelve_digits(name):
             assert abs(trace(tableau, end - near)) > 2 > abs(trace(tableau, end + near))
 
 
+@pytest.mark.slow
 def test_stability_edges_are_distinguished_in_30_digits():
     gaps = {name: stability_gaps(name)[:-1] for name in integrators if not integrators[name].implicit}
     assert [name for name in gaps if not all(beside(name, end) for _, end in gaps[name])] == ["sofspa_s35o10"]
@@ -97,6 +98,7 @@ def test_the_limits_agree_with_those_found_by_another_program(name, limit):
     assert abs(stability_limit(name) - mpf(limit)) < mpf("6e-10")  # its tenth digit
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "limit"), [("bcss_s3", 4.67), ("bcss_s4", 5.35)])
 def test_a_gap_that_digits_open_is_no_limit(name, limit):
     """4.67 is what BlackJAX states for BCSS 3; a scan of the trace finds both, and nothing above 2 before."""
@@ -151,6 +153,7 @@ def test_the_growth_is_the_logarithm_of_the_larger_eigenvalue(name):
         assert near is None or growth_rate(name, start - near) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.long] * (name not in TEN_METHODS)) for name in plain_integrators]
 )

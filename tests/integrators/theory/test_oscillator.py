@@ -42,6 +42,7 @@ def value(polynomial, tau):
 # --- the step matrix -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @given(tableaus(), st.fractions(-3, 3, max_denominator=50))
 def test_a_step_is_symplectic_and_runs_back(tableau, tau):
     K11, K12, K21, K22 = (value(polynomial, tau) for polynomial in step_polynomials(tableau))

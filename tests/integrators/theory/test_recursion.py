@@ -62,6 +62,7 @@ def other(first):
 # --- the recursion ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @given(tableaus())
 def test_each_recursion_row_is_product_of_matrices(tableau):
     assume(all(map(Fraction, tableau.drift)))
@@ -114,6 +115,7 @@ def test_a_drift_of_zero_is_named(function):
 # --- the closed sums -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @given(tableaus())
 def test_closed_sums_have_orders_zero_two_four_with_equation_16(tableau):
     after, _ = matrices_after_each_drift(tableau)

@@ -15,6 +15,7 @@ STEPS = pytest.mark.parametrize("step_of", [levenberg_step, marquardt_step])
 DAMPED = Damping(iterations=100, enough=1e-14, solved=1e-12, first=1e-2, fall=(1.0, 10.0), rise=10.0, most=1e10)
 
 
+@pytest.mark.slow
 @STEPS
 @pytest.mark.parametrize("damping", [0.0, 0.3, 50.0])
 def test_a_step_solves_the_damped_normal_equations(step_of, damping):
@@ -28,6 +29,7 @@ def test_a_step_solves_the_damped_normal_equations(step_of, damping):
     assert step == pytest.approx(J.T @ np.linalg.solve(normal + damping * added, F), rel=1e-11, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_equations_that_contradict_each_other_have_no_step():
     F, J, step = np.ones(2), np.array([[1.0, 2.0], [2.0, 4.0]]), np.zeros(2)
     assert not marquardt_step(F, J, 0.0, np.empty((2, 3)), step)
@@ -84,6 +86,7 @@ def test_steps_that_raise_residuals_are_taken_by_projection_only():
     assert ended(Damping(iterations=9, solved=1e-12, lost=8.0, monotone=False), start)[1].tolist() == start
 
 
+@pytest.mark.slow
 def test_iteration_that_is_bounded_is_given_up_where_it_leaves():
     # The solution is at (-2, -2, 1), and the step to it is a full one.
     start = [-1.99, -2.0, 1.0]
@@ -94,6 +97,7 @@ def test_iteration_that_is_bounded_is_given_up_where_it_leaves():
         assert (x.tolist() == start) == bounded
 
 
+@pytest.mark.slow
 def test_step_of_no_length_and_little_damping_ends_at_rest():
     by_rest = DAMPED._replace(enough=-1.0, solved=0.0, rest=1e-10, undamped=1e-4, most=1e12)
     solved, x = ended(by_rest, [1.0, 2.0, 2.5], radius=3.3)

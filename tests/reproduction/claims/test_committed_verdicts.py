@@ -155,6 +155,7 @@ def test_second_order_solution_of_equation_16_is_so_on_pendulum():
         assert np.log2(errors[0] / errors[1]) == pytest.approx(order + 1, abs=0.1)
 
 
+@pytest.mark.slow
 def test_panel_d_stays_in_plane_and_leaves_beside_it():
     """Plain steps written out here. Rounding decides which iteration leaves: here it is another one."""
     (stated,) = numbers("fig-6-others-stable", r"\(D\) (\S+) in 100000 iterations in its plane$")

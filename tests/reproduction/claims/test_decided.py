@@ -87,6 +87,7 @@ def test_no_value_holds_a_number_that_is_none(sound):
         assert not re.search(r"\b(nan|inf)\b", entry["value"]), entry
 
 
+@pytest.mark.slow
 def test_files_have_verdicts_and_same_bytes_each_time(folder):
     for attempt in ("a", "b"):
         results = decided(folder)
@@ -130,6 +131,7 @@ def test_what_is_in_a_folder_is_decided_as_in_memory(folder, sound):
     assert entries["fig-3-orders"]["verdict"] == "not decided here"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("methods", [["ruth", "yoshida_s7o6a", "babs7o7h"], *others(["ruth"], ["babps9o7h"])])
 def test_results_of_few_methods_are_no_error(methods):
     sound = sound_results()
@@ -143,6 +145,7 @@ def test_results_of_few_methods_are_no_error(methods):
     assert verdicts["negative-coefficients"] == "holds"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("points", [slice(0, 0), *others(slice(0, 2), slice(100, 102), slice(160, 161))])
 def test_results_of_few_step_sizes_are_no_error(points):
     sound = sound_results()
@@ -166,6 +169,7 @@ def test_runs_that_all_diverged_are_no_error():
     assert verdicts["fig-3-steepest"] == verdicts["fig-5-best-maximum"] == "not decided here"
 
 
+@pytest.mark.slow
 def test_truncated_cube_is_named_with_command_that_makes_it_again(folder):
     path = folder / "cubes/kepler.h5"
     path.write_bytes(path.read_bytes()[:1000])
@@ -173,6 +177,7 @@ def test_truncated_cube_is_named_with_command_that_makes_it_again(folder):
         decided(folder)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("content", [b"", b"set,coefficient\na\n", b"\xff\xfe", b"set,coefficient\n", b"a,b\n1,2\n"])
 def test_a_damaged_table_is_named_with_a_command(tmp_path, content):
     (tmp_path / "tables").mkdir()

@@ -135,6 +135,7 @@ def test_every_threshold_of_result_files_is_tried():
     assert set(TRIED) | COUNTED == {one.id for one in CLAIMS if one.bound is not None and one.needs}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TRIED)
 def test_the_verdict_turns_at_the_threshold(name):
     change, below, above = TRIED[name]

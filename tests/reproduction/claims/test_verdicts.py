@@ -170,6 +170,7 @@ def test_a_damaged_result_turns_the_verdict(name, monkeypatch):
     assert BY_ID[name].decision(results).verdict == after
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BY_ID)
 def test_statement_reads_only_files_that_it_declares(name):
     results = sound_results()

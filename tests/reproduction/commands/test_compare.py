@@ -38,6 +38,7 @@ def change(path, variable, index, value):
         return before
 
 
+@pytest.mark.slow
 def test_a_copy_is_identical(copy, capsys):
     assert compared(capsys)[0] == 0
     assert main(["compare", "paper", "copy"]) == 0
@@ -45,11 +46,13 @@ def test_a_copy_is_identical(copy, capsys):
     assert compared(capsys, "paper", "paper")[1]["differences"] == []
 
 
+@pytest.mark.slow
 def test_the_name_of_a_config_is_no_setting(copy, capsys):
     write_history(copy, [history_line(8, config=config("copy"))])
     assert compared(capsys)[0] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cube", ["cubes/kepler.h5", "cubes/sho.h5"])
 def test_a_changed_number_is_found_with_its_place_and_size(copy, cube, capsys):
     before = change(copy / cube, "max_energy_error", (0, 0, 2), 0.75)
@@ -73,6 +76,7 @@ def test_the_least_change_of_a_number_is_found(copy, capsys):
     assert found["at_units"] == {"tau_per_stage": "h"}
 
 
+@pytest.mark.slow
 def test_a_status_that_flipped_is_told_beside_its_infinite_error(copy, capsys):
     change(copy / "cubes/kepler.h5", "status", (0, 0, 3), STATUSES.index("diverged"))
     change(copy / "cubes/kepler.h5", "max_energy_error", (0, 0, 3), math.inf)
@@ -101,6 +105,7 @@ def test_claims_whose_verdict_changed_come_first(copy, capsys):
     assert [d["kind"] for d in found[3:]] == ["setting", "version", "number"]
 
 
+@pytest.mark.slow
 def test_settings_code_and_versions_are_those_of_newest_successful_run(copy, capsys):
     other = config()
     other["systems"]["kepler"]["t_end"] = "8767"
@@ -180,6 +185,7 @@ def edit_seconds(copy):
     write_manifest(copy)
 
 
+@pytest.mark.slow
 def test_columns_that_the_manifest_lists_as_volatile_are_left_out(copy, capsys):
     edit_seconds(copy)
     status, told = compared(capsys)
@@ -192,6 +198,7 @@ def test_columns_that_the_manifest_lists_as_volatile_are_left_out(copy, capsys):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", ["paper", pytest.param("copy", marks=pytest.mark.slow)])
 def test_variables_and_files_listed_as_volatile_are_skipped(copy, folder, capsys):
     change(copy / "cubes/kepler.h5", "tau", (0, 0), 1.0)

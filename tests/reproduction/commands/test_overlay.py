@@ -12,6 +12,8 @@ from nearharmonic.output import store
 from nearharmonic.reproduction.record.compare.overlay import overlay
 from support.cubes.artists import NO_LINE, SOLID, dashes, lines_of
 
+pytestmark = pytest.mark.slow
+
 
 def test_the_figure_shows_the_first_solid_and_the_second_dashed(other, project):
     pairs = {}
@@ -35,7 +37,6 @@ def test_the_figure_shows_the_first_solid_and_the_second_dashed(other, project):
             assert seen == len(axes.get_lines())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["png", *(pytest.param(one, marks=pytest.mark.long) for one in ("svg", "pdf"))])
 def test_the_figure_is_written(copy, tmp_path, suffix, capsys):
     place = tmp_path / f"sub/both.{suffix}"

@@ -31,6 +31,7 @@ def test_a_command_of_the_page_runs(project, command, capsys):
     assert capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_page_names_every_column(project):
     table = re.search(r"\| column \| meaning \|\n(.*?)\n\n", PAGE, re.DOTALL)[1]
     named = [name for line in table.splitlines() for name in re.findall(r"`(\w+)`", line.split(" | ")[0])]

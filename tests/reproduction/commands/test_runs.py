@@ -48,6 +48,7 @@ def cells(folder, system):
     return found
 
 
+@pytest.mark.slow
 def test_every_cell_that_was_run_is_row_with_its_numbers(project, capsys):
     rows = told(capsys, "paper")
     assert list(rows[0]) == [*COLUMNS, *KEPLER]
@@ -65,6 +66,7 @@ def test_every_cell_that_was_run_is_row_with_its_numbers(project, capsys):
     assert {row["status"] for row in rows} == {"ok", "diverged"}
 
 
+@pytest.mark.slow
 def test_a_condition_chooses_rows(project, capsys):
     every = told(capsys, "paper")
     chosen = told(capsys, "paper", "--where", "max_energy_error < 1e-6 and status == 'ok' and integrator in ['ruth']")
@@ -75,6 +77,7 @@ def test_a_condition_chooses_rows(project, capsys):
     assert told(capsys, "paper", "--where", "steps < 0") == []
 
 
+@pytest.mark.slow
 def test_rows_are_sorted_with_nan_last_and_stable_ties(project, capsys):
     every = told(capsys, "paper")
     for key, sign in (("perihelion_advance", 1), ("-perihelion_advance", -1), ("-steps", -1)):
@@ -133,6 +136,7 @@ def test_results_without_cubes_have_no_runs(project, capsys):
     assert told(capsys, "paper", "--where", "max_energy_error < 1 and status == 'ok'", "--sort", "tau") == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

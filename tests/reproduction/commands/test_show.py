@@ -30,6 +30,7 @@ QUESTIONS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("question", QUESTIONS, ids=" ".join)
 def test_the_lines_of_python_print_the_number_of_the_cube(project, question, capsys):
     assert main(["show", "paper", *question]) == 0
@@ -48,6 +49,7 @@ def test_the_lines_of_python_print_the_number_of_the_cube(project, question, cap
     assert told["python"] == lines.removesuffix("\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("question", QUESTIONS, ids=" ".join)
 def test_run_file_holds_run_with_stated_number_of_samples(project, question, capsys):
     told = shown(capsys, *question)

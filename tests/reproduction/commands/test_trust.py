@@ -59,6 +59,7 @@ def tried(command):
     return status
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["integrators", pytest.param("systems", marks=pytest.mark.slow)])
 def test_no_command_runs_definition_of_manifest(project, evil, kind, capsys):
     told = {"file": str(evil)} | ({"written": "evil.py"} if kind == "integrators" else {})
@@ -69,6 +70,7 @@ def test_no_command_runs_definition_of_manifest(project, evil, kind, capsys):
     assert not Path("ran").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [pytest.param("integrators", marks=pytest.mark.slow), "systems"])
 def test_no_command_runs_path_in_place_of_name(project, evil, kind):
     resealed(project, **{kind: [str(evil)]})
@@ -77,6 +79,7 @@ def test_no_command_runs_path_in_place_of_name(project, evil, kind):
     assert not Path("ran").exists()
 
 
+@pytest.mark.slow
 def test_no_command_runs_definition_of_cube_or_run_file(project, evil, capsys):
     (project / "cubes/kepler.h5").rename(project / "cubes/mine.h5")
     (project / "runs/kepler").rename(project / "runs/mine")

@@ -36,6 +36,7 @@ def test_the_same_config_is_the_same_work():
     assert fingerprint.fingerprint(config()) == fingerprint.fingerprint(config())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "moved"),
     [
@@ -49,6 +50,7 @@ def test_a_setting_moves_its_digest_and_no_other(changes, moved):
     assert {key for key in before if before[key] != after[key]} == moved
 
 
+@pytest.mark.slow
 def test_a_new_version_of_a_library_is_other_work(monkeypatch):
     before = fingerprint.fingerprint(config())
     version = importlib.metadata.version

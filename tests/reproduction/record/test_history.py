@@ -72,6 +72,7 @@ def test_a_line_that_broke_off_costs_that_line_alone(tmp_path):
     assert faults(tmp_path) == []  # the line of the run after it records the fault
 
 
+@pytest.mark.slow
 def test_runs_that_end_at_once_do_not_mix_their_lines(tmp_path):
     with ThreadPoolExecutor(16) as pool:
         list(pool.map(lambda i: history.append(tmp_path, {**RUN, "id": str(i), "filling": "x" * 5_000}), range(64)))

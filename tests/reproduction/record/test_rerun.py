@@ -53,6 +53,7 @@ def sizes(folder):
     return found
 
 
+@pytest.mark.slow
 def test_every_run_has_the_same_bits_again(results):
     """Alone as well as in lanes beside others, and short ones, which have fewer samples."""
     again = rerun(results, 1000)

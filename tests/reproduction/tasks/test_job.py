@@ -64,6 +64,7 @@ def test_dataset_goes_to_hdf5_file_though_it_is_mapping(tmp_path):
     assert read(tmp_path / "cube.h5").error.values.tolist() == [1.0, 2.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("background", [{}, pytest.param({"transparent": True}, marks=pytest.mark.slow)])
 def test_job_draws_svg_file_with_background_that_its_rule_asks(tmp_path, background):
     function = "reproduction.experiments.paper.figures.fig6_substeps:fig6_substeps"

@@ -46,6 +46,7 @@ def digests(root):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("module", "changes"),
     [
@@ -87,6 +88,7 @@ def test_a_string_that_is_no_docstring_is_code(package):
     assert len({sources.parsed(text.encode()).digest for text in names}) == 4
 
 
+@pytest.mark.slow
 def test_the_same_code_has_the_same_digest_wherever_it_lies(package):
     assert digests(package) == digests(sources.ROOT)
 

@@ -29,6 +29,7 @@ def objective_of(family, ensembles=ENSEMBLES, **more):
     return Objective(family, ensembles, WINDOW, REFERENCES[: len(ensembles)], size=21, **more)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exact", [False, True], ids=["kinetic_potential", "exact_oscillator"])
 @pytest.mark.parametrize("first", ["drift", "kick"])
 def test_descent_ends_at_minima_of_scans_along_members(first, exact):
@@ -45,6 +46,7 @@ def test_descent_ends_at_minima_of_scans_along_members(first, exact):
             assert value < objective(scan)[inside].min() + 0.1
 
 
+@pytest.mark.slow
 def test_descent_needs_a_tenth_of_the_trials_of_an_evolution():
     family = Family(stages=11, first="kick")
     point = family.unknowns_of(nh.integrators["srkn_b11"])
@@ -72,6 +74,7 @@ def test_spread_moves_the_start_of_a_descent():
     assert moved(1e-3) == moved(1e-3) != moved(1e-3, seed=2)
 
 
+@pytest.mark.slow
 def test_part_of_objective_has_its_first_problems_at_same_cost():
     family = Family(stages=6, first="kick", squares=(0,))
     x = members(family, 3)

@@ -27,6 +27,7 @@ def proved(family, x):
     return order_of(tableau_of(family, x.tolist(), nearest=1e-5, name="one", source="here"), potential_degree=3)
 
 
+@pytest.mark.slow
 def test_isolated_members_of_order_six_are_found_again_and_again():
     x = found(FAMILY, 1500, batch=500)
     # Of the points 1 to 3 % lead to a member, which is one of a few.
@@ -74,6 +75,7 @@ class Size:
         return np.where(inside, np.abs(x).max(axis=1), OUTSIDE)
 
 
+@pytest.mark.slow
 def test_search_begins_at_the_best_members():
     effort = Effort(trials=40, members=1500, member_starts=2)
     searcher = search(Size(), iter(()), effort, 3, None)

@@ -93,6 +93,7 @@ def test_methods_with_squares_start_families_with_these_squares():
     assert start.point[4:].tolist() == [0.0, 0.0, 0.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", [FAMILY, Family(stages=4, first="drift", squares=(0, 1))], ids=str)
 def test_descent_finds_minimum_and_returns_member_that_has_it(family):
     target = members(family, 1)[0]
@@ -120,6 +121,7 @@ def test_a_search_finds_again_what_it_found_and_counts_it():
     assert findings.again == sum(a and b for a, b in zip(near, low, strict=True)) >= 2
 
 
+@pytest.mark.slow
 def test_screened_starts_continue_if_short_descents_end_near_best():
     objective = Distance(FAMILY, members(FAMILY, 1)[0])
     offsets = {"near": 0.01, "far": 0.3, "nearer": 0.005}

@@ -34,6 +34,7 @@ def descended(objective, point, descent, trials, spread=0.02, **effort):
     return descend(objective, start, Effort(trials=trials, descent=descent, small_value=1e-12, **effort), 3)
 
 
+@pytest.mark.slow
 def test_it_ends_where_no_member_nearby_is_closer():
     """At the nearest member the way to the target is normal to the members, a combination of the slopes."""
     x = members(FAMILY, 1)[0]

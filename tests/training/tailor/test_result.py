@@ -94,6 +94,7 @@ def test_without_gain_registered_method_comes_back_with_warning():
     assert found is nh.integrators["trained_fine"]
 
 
+@pytest.mark.slow
 def test_henon_heiles_method_gains_third_of_decade_on_other_starts():
     """The trial of this idea gained 0.3 to 0.9 decade in windows like this one."""
     found = nh.tailor("henon_heiles", window=(0.08, 0.12), trials=900)
@@ -117,6 +118,7 @@ def test_henon_heiles_method_gains_third_of_decade_on_other_starts():
     assert np.mean(gains) > 0.3
 
 
+@pytest.mark.slow
 def test_test_uses_longer_runs_from_starts_outside_search():
     found = tailored(question("sho", window=(0.1, 0.2), trials=20, energy="same"))
     assert not {*map(tuple, found.ensemble.start)} & {*map(tuple, found.held_out.start)}

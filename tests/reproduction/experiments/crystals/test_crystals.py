@@ -44,6 +44,7 @@ def test_a_run_is_that_of_the_package(name):
     assert potential == pytest.approx(float(ring(tuple(q))), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_without_friction_the_thermostatted_loop_is_the_other():
     start = start_of(SOLID, LOOPS, 0.3, [2])
     for name in ("leapfrog", "bcss_s4", "babs7o7h"):
@@ -72,6 +73,7 @@ def test_leapfrog_with_friction_samples_a_cold_crystal_exactly():
     assert potential.std(ddof=1) / np.sqrt(len(potential)) < 0.01
 
 
+@pytest.mark.slow
 def test_starts_have_the_temperature_and_rest():
     """Means over 300 starts of seven modes: a relative error of sqrt(2 / 2100) = 3 %, five times that."""
     found = [equilibrated(LOOPS, SOLID.masses, 1e-6, SOLID.period / 20, 1000, 0.1, Normal([4, k])) for k in range(300)]

@@ -65,6 +65,7 @@ def test_curves_that_are_powers_cross_where_their_exponents_say():
     assert crossing(np.array([-1.0, -1.0, np.inf, *[1.0] * 6]), energies) == pytest.approx(energies[1])
 
 
+@pytest.mark.slow
 def test_intervals_hold_crossing_and_shrink_with_number_of_trajectories():
     energies, rng, widths = np.geomspace(1e-4, 1, 9), np.random.default_rng(2), []
     for count in (40, 4000):
@@ -163,6 +164,7 @@ def test_crossings_between_two_charges_are_interpolated():
     assert times.crossing_at(cube, "a", 0.1, 3.0) == 0
 
 
+@pytest.mark.slow
 def test_times_are_measured_and_charged(small, tmp_path, monkeypatch):
     monkeypatch.setattr(times, "LONG", 200)
     monkeypatch.setattr(times, "SHORT", 40)

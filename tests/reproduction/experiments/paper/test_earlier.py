@@ -79,6 +79,7 @@ def test_twice_as_fine_a_grid_integrates_exactly_the_new_half(tmp_path, integrat
     assert made == make(tmp_path / "other", fine, function)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change",
     [
@@ -109,6 +110,7 @@ def test_another_precision_integrates_its_runs_alone(tmp_path, integrated):
     assert made == make(tmp_path / "other", replace(asked, precision=("double", "extended")))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [{"t_end": "6"}, {"samples": 30}, {"summation": "plain"}])
 def test_other_runs_are_not_taken_over(tmp_path, integrated, change):
     asked = replace(SHO, points_per_decade=5)

@@ -82,6 +82,7 @@ def test_an_error_of_many_energies_does_not_stretch_the_axis():
     assert energy_error.fig1_sho(cube).axes[0].get_ylim()[1] == 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drawing", DRAWINGS)
 @pytest.mark.parametrize(("unit", "ending"), [("1", ""), ("h", "  (h)")])
 def test_the_unit_of_the_step_stands_on_the_axis(drawing, unit, ending):

@@ -84,6 +84,7 @@ def assert_same_bits(one, other):
     assert one.attrs == other.attrs
 
 
+@pytest.mark.slow
 def test_shards_read_from_files_make_one_cube_with_its_perihelion(tmp_path):
     """About a tenth to three times as many steps as samples, 8 to 380, the coarsest ending early."""
     asked = {"t_end": "8766", "lowest": 7.6, "highest": 380.0, "points_per_decade": 5, "samples": 100}

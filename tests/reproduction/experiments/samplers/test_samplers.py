@@ -109,6 +109,7 @@ def test_as_many_lags_are_formed_as_the_sums_need():
             assert time_of(found[kept].mean(axis=0)) == pytest.approx(time_of(every[kept].mean(axis=0)), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_standard_error_is_the_spread_of_repeated_measurements():
     """A spread of 80 repetitions has an error of 8 %; the jackknife errs on the large side by up to a third."""
     random = np.random.default_rng(5)
@@ -141,6 +142,7 @@ def test_energy_errors_of_a_proposal_are_those_of_the_package():
         assert chain.gradients == 6 * nh.integrators[name].stages
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["leapfrog", *(pytest.param(name, marks=pytest.mark.slow) for name in ("bcss_s4", "babs7o7h"))]
 )
@@ -177,6 +179,7 @@ def test_starts_have_the_quantiles_of_the_quartic():
 
 
 # A drift first, and a kick.
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["bcss_s4", pytest.param("predescu_s3", marks=pytest.mark.slow)])
 def test_squared_errors_of_the_search_are_those_of_gaussian_starts(name):
     """For b = 0: <dH^2> = g + 3 g^2/4 with |M|^2 = 2 + g. 40000 even starts with weights err by 3 % at most."""
@@ -193,6 +196,7 @@ def test_squared_errors_of_the_search_are_those_of_gaussian_starts(name):
     assert found[0, 0] == pytest.approx((g + 0.75 * g * g).mean(), rel=0.03)
 
 
+@pytest.mark.slow
 def test_equal_steps_of_a_family_are_leapfrog():
     """They need the gradients of leapfrog but for trajectories that are rounded to whole steps."""
     proposals = Proposals(1, 500)

@@ -69,6 +69,7 @@ def test_harmonic_errors_are_those_of_the_step_matrix(name):
 # --- the digits -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @EVERY
 def test_newton_from_six_digits_comes_to_the_registered_digits(name):
     tableau = integrators[name]

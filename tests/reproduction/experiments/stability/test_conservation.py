@@ -43,6 +43,7 @@ def tangent_in_multiprecision(system, tableau, tau, steps):
     return np.transpose(columns)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", ["sho", "henon_heiles", "kepler", "relativistic_oscillator"])
 @pytest.mark.parametrize("name", ["ruth", "babs7o7h"])
 def test_the_tangent_map_is_that_of_multiprecision(monkeypatch, system, name):
@@ -105,6 +106,7 @@ def swirling():
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_force_without_a_potential_is_found_out(monkeypatch):
     monkeypatch.setattr(kernels, "check_gradients", lambda system: None)  # it would refuse the system at once
     tableau = integrators["babs7o7h"]

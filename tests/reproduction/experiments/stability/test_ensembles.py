@@ -126,6 +126,7 @@ def test_ensemble_map_is_bitwise_reproducible_and_depends_on_seed():
     assert first.tau_per_stage.values.tolist() == [0.2, 0.3]
 
 
+@pytest.mark.slow
 def test_warming_up_compiles_what_the_runs_use():
     for module, uses in (
         (hh, [("henon_heiles", "double", "compensated", "samples")]),

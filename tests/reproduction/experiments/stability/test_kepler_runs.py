@@ -39,6 +39,7 @@ MAP = MapSettings(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["ruth", "babs7o7h"])
 def test_cell_of_kepler_map_is_what_plain_integrator_finds(integrator):
     """Both round differently, by 1e-16 a step: 1e-12 over a thousand steps, of errors above 1e-4."""

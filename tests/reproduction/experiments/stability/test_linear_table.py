@@ -60,6 +60,7 @@ def test_limits_are_divided_by_stages_and_touching_points_named():
     assert row["trace touches 2 at"] == "2.828427124746"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["aba864", pytest.param("babps9o7h", marks=pytest.mark.slow)])
 def test_each_interval_of_stability_ends_at_gap_with_its_growth(name):
     tableau, rows = integrators[name], cells(integrators[name])

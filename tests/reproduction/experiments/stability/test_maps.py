@@ -177,6 +177,7 @@ def test_white_map_line_is_method_contour_on_energy_map_only():
     assert not any(axes.get_lines() for axes in maps_of(advance))
 
 
+@pytest.mark.slow
 def test_panel_c_shows_contour_of_each_method_named_in_legend():
     cube = orbits()
     part = kepler_stability(cube).subfigs[2]

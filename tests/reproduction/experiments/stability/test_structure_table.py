@@ -27,6 +27,7 @@ KEYS = [
 FITTING = [("sho", name) for name in METHODS] + [("relativistic_oscillator", name) for name in ("ruth", "leapfrog")]
 
 
+@pytest.mark.slow
 def test_a_number_stands_at_its_system_and_method():
     tableaus = [integrators[name] for name in METHODS]
     cube = structure_cube(tableaus, {name: runs_of(systems[name], tableaus, t_end) for name, t_end in T_END.items()})

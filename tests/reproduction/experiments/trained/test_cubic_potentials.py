@@ -49,6 +49,7 @@ def test_no_orbit_has_the_energy_to_escape(ensemble):
         assert energy > 0
 
 
+@pytest.mark.slow
 def test_all_runs_stay_on_their_energy_surface(ensemble):
     d = ensemble.system.dimension
     names = list(ensemble.system.parameters)

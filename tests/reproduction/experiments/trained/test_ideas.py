@@ -58,6 +58,7 @@ def declared(whole, squares, rest):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_exact_oscillator_errs_as_single_runs_do_at_equal_cost(scaled):
     taus = np.array([0.05, 0.1])
     found, whole = exact_errors(scaled, nh.integrators["aba864"], taus), scaled.ensemble()
@@ -74,6 +75,7 @@ def test_exact_oscillator_errs_as_single_runs_do_at_equal_cost(scaled):
             assert found[t, m] == pytest.approx(float(run.max_energy_error), rel=0.02, abs=2e-15)
 
 
+@pytest.mark.slow
 def test_exact_oscillator_is_best_where_rest_vanishes_and_alone_there(scaled):
     variables = errors_of_methods(scaled, METHODS, EXACT, np.array([0.1]))
     runs = assembled(variables, ["label", "idea"], {"seed": 1})
@@ -144,6 +146,7 @@ def test_exact_gain_is_of_trained_methods_over_published_ones():
     assert best.best_method.sel(idea="exact_oscillator").values.tolist() == [["aba864", "aba864"]]
 
 
+@pytest.mark.slow
 def test_table_has_row_and_equal_numbers_for_each_cell(tmp_path):
     job.write(measure(METHODS, EXACT, SMALL)["run"], [str(tmp_path / "run.h5")], {})
     made_here = reduce(METHODS, EXACT, SMALL, str(tmp_path / "run.h5"))

@@ -80,6 +80,7 @@ def test_hessians_are_second_differences_of_the_potential(name):
             assert found[i, j] == pytest.approx((4 * near - far) / 3, abs=2e-5), (i, j)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BY_NAME)
 def test_unit_of_time_is_radian_of_fastest_small_oscillation(name):
     ensemble = named_ensemble(BY_NAME[name], 4, 1, 100.0)
@@ -87,6 +88,7 @@ def test_unit_of_time_is_radian_of_fastest_small_oscillation(name):
     assert ensemble.t_end == pytest.approx(100 / FASTEST[name], rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BY_NAME)
 def test_starts_have_energies_that_are_log_uniform_in_stated_range(name):
     """The largest distance of 400 sorted uniform numbers from the diagonal exceeds 0.08 once in a hundred draws."""
@@ -150,6 +152,7 @@ def single(system, q0):
     return anharmonicities(Ensemble(name="", system=system, start=start, parameters=given, t_end=400.0))[0]
 
 
+@pytest.mark.slow
 def test_anharmonicity_of_small_oscillation_follows_from_its_fourth_derivative():
     """V'' = 1 - q^2/2 on q = a cos t: rms of a^2 cos(2 t)/4 over 1, to the relative order a^2."""
     assert single(BY_NAME["pendulum"].system(), 0.05) == pytest.approx(0.05**2 / 4 / sqrt(2), rel=5e-3)

@@ -79,6 +79,7 @@ def test_same_seed_finds_same_method_and_another_seed_another(monkeypatch):
     assert other["digest"] != one["digest"]
 
 
+@pytest.mark.slow
 def test_found_methods_have_proved_orders_and_documented_limit(monkeypatch):
     document = trained(monkeypatch)["document"]
     tableau = tableau_of(document)

@@ -81,6 +81,7 @@ def test_every_potential_is_bounded_from_below(dimension):
         assert (far > 0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_strengths_are_uniform_in_their_logarithm(dimension):
     strength = drawn(dimension).strength
@@ -89,6 +90,7 @@ def test_strengths_are_uniform_in_their_logarithm(dimension):
     assert kstest(np.log(strength), "uniform", args=(np.log(BAND[0]), np.log(BAND[1] / BAND[0]))).pvalue > 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_one_frequency_is_one_and_the_others_are_uniform(dimension):
     of = coefficients(drawn(dimension))
@@ -100,6 +102,7 @@ def test_one_frequency_is_one_and_the_others_are_uniform(dimension):
     assert kstest(others, "uniform", args=(0.2, 0.8)).pvalue > 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_cubic_and_quartic_coefficients_are_normal_times_the_strength(dimension):
     ensemble = drawn(dimension)
@@ -112,6 +115,7 @@ def test_cubic_and_quartic_coefficients_are_normal_times_the_strength(dimension)
             assert kstest((scaled - 0.1) / 0.4, lambda x: 2 * normal(x) - 1).pvalue > 1e-4, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_amplitudes_phases_and_simplex_shares_are_uniform(dimension):
     ensemble = drawn(dimension)

@@ -55,6 +55,7 @@ def test_every_trained_method_has_a_purpose():
     assert sorted(one for one in names if one.startswith("trained_")) == sorted(PURPOSES[name].title for name in ALL)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ALL)
 def test_trained_method_leads_published_ones_on_other_problems(name):
     purpose, method = PURPOSES[name], integrators[PURPOSES[name].title]

@@ -64,6 +64,7 @@ def test_marker_names_best_trained_method_at_each_step_size():
         assert {tau: seen for tau, seen in points.items() if np.isfinite(tau)} == expected
 
 
+@pytest.mark.slow
 def test_area_between_best_methods_has_colour_of_method_ahead():
     cube = made.contest()
     cube["tau_per_stage"] = cube.tau_per_stage.fillna(0.2)

@@ -61,6 +61,7 @@ def rows_of(cube, names=("sho",)):
     return [dict(zip(HEADER, row, strict=True)) for row in table.rows]
 
 
+@pytest.mark.slow
 def test_ratios_are_those_of_least_times_of_fastest_to_standard(cube):
     one, many = rows_of(cube)[:3], rows_of(cube)[3:]
     assert [(row["compared"], row["error"], row["method"]) for row in one + many] == [
@@ -116,6 +117,7 @@ def test_regularised_system_is_compared_on_its_original_equations_too(cube, monk
     assert pairs(cube, ["kepler", "kepler_regularised"])[0][1].original == ""
 
 
+@pytest.mark.slow
 def test_positions_are_compared_where_they_were_of_interest(tmp_path):
     path = tmp_path / "times.h5"
     problems = {

@@ -118,6 +118,7 @@ def test_page_has_least_nanoseconds_of_each_mode_and_calls_around(page):
     assert "- Absent: not installed" in page[page.index("## Missing, or ended early") :]
 
 
+@pytest.mark.slow
 def test_task_tells_of_one_system_what_file_has_on_it(tmp_path):
     told = {
         "sho": {"system": "sho", "t_end": "20", "measures": ["max"]},

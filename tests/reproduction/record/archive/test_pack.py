@@ -149,6 +149,7 @@ SAVE = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_same_result_gives_same_bytes_anywhere_and_at_any_time(result, tmp_path):
     first = pack.save(result, tmp_path / "first.zip", with_runs=True)
     copy = shutil.copytree(result, tmp_path / "elsewhere" / "little")

@@ -34,6 +34,7 @@ def exact(a, b):
     return float(abs(one - other) / max(abs(one), abs(other)))
 
 
+@pytest.mark.slow
 @given(NUMBERS, NUMBERS)
 @example(1.7e308, -1.7e308)
 def test_relative_difference_is_exact_and_zero_only_for_equal_numbers(a, b):

@@ -67,6 +67,7 @@ CONDITIONS = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(CONDITIONS)
 def test_any_condition_is_pythons_own(text):
     assert rows_where(text, COLUMNS).tolist() == by_python(text, ROWS)

@@ -62,6 +62,7 @@ def test_a_node_with_other_code_refuses_the_job(warming, tmp_path):
         main(str(warming.write(tmp_path)))
 
 
+@pytest.mark.slow
 def test_a_missing_input_ends_the_job_before_its_work(warming, tmp_path):
     missing = replace(warming, input=Files([str(tmp_path / "gone")], {}), patience=0.1)
     with pytest.raises(SystemExit, match=r"the input .*gone is not visible on this node after 0\.1 s"):
