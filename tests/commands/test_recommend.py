@@ -31,6 +31,7 @@ def test_interval_methods_and_budget_are_those_of_the_options(capsys):
         assert run.evaluations.item() == choice["evaluations"] <= 5000
 
 
+@pytest.mark.slow
 def test_missed_error_gives_no_rank_and_status_1_for_all(capsys):
     words = ["sho", "--error", "1e-6", "--methods", "leapfrog,babps9o7h"]
     document, status = told(capsys, *words, "--budget", "20000")

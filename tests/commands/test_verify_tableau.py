@@ -30,6 +30,7 @@ def test_claims_that_hold_give_status_0(capsys):
     assert "symmetric: no" in lines
 
 
+@pytest.mark.slow
 def test_degree_of_the_potential_adds_its_order(capsys):
     assert main(["verify-tableau", path("published", "na7"), "--degree", "3"]) == 0
     assert "order: 6 for quadratic T and V of degree 3" in capsys.readouterr().out.splitlines()

@@ -69,6 +69,7 @@ def test_every_registered_method_proves_declarations_from_digits(name):
             assert not found.suspects
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOME)
 def test_an_order_higher_by_two_is_refuted_with_sixteen_digits(name):
     tableau = integrators[name]

@@ -84,6 +84,7 @@ def test_a_word_without_meaning_is_refused(tmp_path, variables):
         store.write(tmp_path / "0.h5", variables, {})
 
 
+@pytest.mark.slow
 def test_auxiliary_coordinates_come_back_as_coordinates(tmp_path, variables):
     variables["label"] = described(["tau_per_stage"], np.array(["a", "b", "c"]))
     variables["t"] = described(["tau_per_stage", "sample"], np.zeros((3, 500)))

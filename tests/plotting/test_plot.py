@@ -59,6 +59,7 @@ def test_legend_and_lines_distinguish_several_sweeps():
     assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == 4
 
 
+@pytest.mark.slow
 def test_stages_of_method_are_known_even_if_every_run_diverged():
     curve = nh.sweep("kepler", "babps9o7h", [20000.0, 40000.0])
     assert (curve.status == "diverged").all()
@@ -130,6 +131,7 @@ def test_what_cannot_be_drawn_is_refused_in_one_sentence(what, says):
         nh.plot(what())
 
 
+@pytest.mark.slow
 def test_the_axis_says_what_energy_errors_are_relative_to():
     # V = q^2/2 - 1/2 from q = 1 at rest: H0 = 0.
     zero = spring(V=lambda q: q[0] * q[0] / 2 - 0.5, units={"q": "m", "p": "m s-1", "t": "s", "energy": "m2 s-2"})

@@ -118,6 +118,7 @@ def test_only_the_axes_asked_for_become_logarithmic(directions, scales):
     assert (axes.get_xscale(), axes.get_yscale()) == scales
 
 
+@pytest.mark.slow
 def test_logarithmic_axes_have_ticks_and_labels_at_powers_of_ten():
     axes, _ = line_on_log_axes([1, 1000], [1e-5, 1e3])
     axes.figure.draw_without_rendering()

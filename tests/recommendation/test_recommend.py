@@ -122,6 +122,7 @@ def test_coarse_setting_that_meets_error_by_luck_is_passed_over(tmp_path):
     assert (choice.status, choice.tolerance) == ("met", 1e-9)
 
 
+@pytest.mark.slow
 def test_timings_over_another_interval_are_left_out(tmp_path):
     found = recommend("sho", 1e-6, results=written(tmp_path, [made("theirs", [1e-9] * 3, [1e-9] * 3)], t_end="50"))
     assert "theirs" not in {choice.method for choice in found.choices}
@@ -174,6 +175,7 @@ def test_without_timings_methods_are_measured_and_libraries_listed_missing(tmp_p
     assert f"other libraries: not timed ({tmp_path}/cubes/work_precision.h5 does not exist" in found.basis
 
 
+@pytest.mark.slow
 def test_a_measure_that_the_timings_lack_is_measured(results):
     found = recommend("sho", 1e-6, measure="position", results=results)
     assert "has no timings of this measure" in found.basis

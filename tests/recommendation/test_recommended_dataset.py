@@ -108,6 +108,7 @@ def test_time_of_run_is_of_size_of_its_evaluations():
     assert 1e-9 < float(found.time[0]) / int(found.evaluations[0]) < 1e-6
 
 
+@pytest.mark.slow
 def test_no_run_exceeds_budget_or_five_quarters_of_it(monkeypatch):
     longest, integrate_batch = [], choices.integrate_batch
 

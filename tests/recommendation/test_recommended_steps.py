@@ -77,6 +77,7 @@ def test_steps_among_resonances_meet_the_error_when_they_are_run(capsys, system,
     assert {name for _, name, *_ in rows} == set(SLIPPERY)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("slippery")
 def test_finer_steps_that_search_did_not_choose_meet_error_too(capsys):
     for _, name, step, *_ in check(capsys, "sho", "1e-6"):

@@ -50,6 +50,7 @@ def test_the_inverse_of_a_mass_matrix_is_exact(rows):
     assert made.quadratic_kinetic_energy
 
 
+@pytest.mark.slow
 def test_masses_are_numbers_or_names_of_parameters():
     made = masses(("0.5", "1/3", "m"), V=lambda q, m, k: k * chain(q), parameters={"m": "4", "k": "1"})
     assert made.grad_T((1.0, 1.0, 1.0), 4.0, 1.0) == (2.0, 3.0, 0.25)

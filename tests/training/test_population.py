@@ -164,6 +164,7 @@ def test_modified_kicks_with_exact_oscillators_are_refused():
         Population(ensemble, Family(stages=5, first="drift", squares=(0, 1)).shape(), [0.05], 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exact", [False, True])
 def test_signed_energies_at_every_step_have_the_largest_error(exact):
     ensemble = random_ensemble(2, 4, 3, band=(0.1, 0.5), t_end=10.0)

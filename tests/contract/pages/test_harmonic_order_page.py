@@ -181,6 +181,7 @@ def largest_error(name, tau):
     return bound
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["leapfrog", "ruth", "abas5o6h", "babs7o7h", "babps8o7h", "babps9o7h"])
 def test_the_leading_energy_error_is_that_of_many_steps(name):
     _, power, coefficient = leading(name)
@@ -191,6 +192,7 @@ def test_the_leading_energy_error_is_that_of_many_steps(name):
     assert abs(fine) < abs(coarse) / 50 + mpf(10) ** -60  # the term of the leapfrog is all there is
 
 
+@pytest.mark.slow
 def test_the_table_of_energy_errors_has_these_numbers():
     text = (ROOT / PAGE).read_text(encoding="utf-8")
     rows = re.findall(r"^\| `(\w+)` \| (\d) \| ([\d.]+) \| (.+?) τ(.) \|$", text, re.MULTILINE)

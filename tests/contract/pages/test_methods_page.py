@@ -43,6 +43,7 @@ def test_each_method_has_a_row_with_its_proved_orders():
         assert cells == [one.label, composition, str(one.stages), *map(str, last), str(nh.harmonic_order(name))]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name, one in plain_integrators.items() if one.requires is None])
 def test_no_method_without_requirement_gains_order_for_quadratic_T(name):
     from nearharmonic.integrators.theory.order import nystrom_order_of

@@ -25,6 +25,7 @@ PAGE = (ROOT / PLACE).read_text(encoding="utf-8")
 SETTINGS, EFFORT = SearchSettings(), Effort(trials=1)
 
 
+@pytest.mark.slow
 def test_tables_of_page_are_those_of_registered_methods():
     found = parts({})
     del found["landscape"]  # of searches

@@ -98,6 +98,7 @@ def test_a_changed_formula_is_never_served_old_code(own_cache):
     assert again.max_energy_error[0] == first.max_energy_error[0]
 
 
+@pytest.mark.slow
 def test_kernels_of_all_and_of_sampled_energies_share_a_cache(own_cache):
     """Only the first knows the mean over the steps; between two samples the error of an oscillator is larger."""
     kinds = "every", "samples"

@@ -204,6 +204,7 @@ def test_a_perturbation_turns_the_perihelion_as_in_first_order():
     assert float(run.angular_momentum_drift) < 1e-13
 
 
+@pytest.mark.slow
 def test_without_its_strength_a_perturbation_costs_nothing():
     bare = nh.integrate(unperturbed(SYSTEM), "aba864", 300, samples=2)
     assert np.array_equal(nh.integrate(SYSTEM, "aba864", 300, samples=2).q, bare.q)

@@ -51,6 +51,7 @@ def test_a_step_is_symplectic_and_runs_back(tableau, tau):
     assert back == (K22, -K12, -K21, K11)
 
 
+@pytest.mark.slow
 @given(tableaus())
 def test_exchanging_roles_keeps_even_orders_exactly_and_exchanges_odd_ones(tableau):
     # Why lines and circles of the paper's Fig. 2 meet at even orders.

@@ -186,6 +186,7 @@ def test_a_damaged_table_is_named_with_a_command(tmp_path, content):
         decided(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("content", [b"", b"agreements = ", b"agreements = 3\n"])
 def test_a_damaged_document_is_named_with_a_command(tmp_path, content):
     (tmp_path / "derived").mkdir()

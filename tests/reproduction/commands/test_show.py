@@ -87,6 +87,7 @@ def test_nearest_run_is_taken_and_named_if_it_is_another(project, capsys):
     assert capsys.readouterr().out.startswith("field")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

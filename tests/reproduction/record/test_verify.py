@@ -123,6 +123,7 @@ def test_other_code_and_coefficients_are_reported_once_per_function(results, cha
     assert found.mend == "Make it again: snakemake -j2 --configfile config/smoke.yaml"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("function", "target"),
     [

@@ -60,6 +60,7 @@ def test_descent_needs_a_tenth_of_the_trials_of_an_evolution():
     assert found["gauss_newton"] < found["evolution"] + 0.05 < objective(point[None])[0] - 1
 
 
+@pytest.mark.slow
 def test_spread_moves_the_start_of_a_descent():
     family = Family(stages=7, first="drift")
     objective, point = objective_of(family), members(family, 1)[0]

@@ -91,6 +91,7 @@ def test_normal_numbers_have_mean_0_and_variance_1():
     assert abs((rows**4).mean() - 3) < 5 * np.sqrt(96 / rows.size)
 
 
+@pytest.mark.slow
 def test_leapfrog_loses_energy_as_on_an_oscillator():
     """A cold chain is harmonic: a quarter of the step has a sixteenth of the error, to 10 % at these steps."""
     start = [start_of(SOLID, LOOPS, 1e-6, [6])]

@@ -120,6 +120,7 @@ def test_other_runs_are_not_taken_over(tmp_path, integrated, change):
     assert set(integrated) == planned(replace(asked, **change))
 
 
+@pytest.mark.slow
 def test_damaged_earlier_file_gives_nothing(tmp_path, integrated):
     asked = replace(SHO, points_per_decade=5)
     whole = make(tmp_path / "one", asked)

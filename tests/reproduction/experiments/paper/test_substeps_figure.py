@@ -141,6 +141,7 @@ def test_a_panel_states_where_its_path_leaves_its_energy_surface(paper):
     assert all("leaves" not in texts[letter] for letter in "ABD")
 
 
+@pytest.mark.slow
 def test_path_that_leaves_for_infinity_at_once_can_be_drawn():
     # tau = 1e160: the second pair multiplies by it once more and overflows.
     figure = fig6_substeps.draw_panels(toy_panels(tau=1e160))

@@ -45,6 +45,7 @@ def henon_heiles():
     return cube, figure, [axes for axes in figure.axes if axes.images], pixels(figure)
 
 
+@pytest.mark.slow
 def test_each_cell_shows_median_error_or_grey_above_one_percent(henon_heiles):
     cube, _, maps, at = henon_heiles
     grey = 0

@@ -38,6 +38,7 @@ def law(result, source, variable):
     return {key: found[f"{variable}_{key}"].item() for key in ("exponent", "interval", "rms", "bias")}
 
 
+@pytest.mark.slow
 def test_rounding_grows_as_brouwer_says_in_every_arithmetic(lost_digits):
     """The 95 % interval, and half as much again because six exponents are tested at once."""
     for source in ("plain", "compensated", "extended"):

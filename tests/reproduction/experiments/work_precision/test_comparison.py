@@ -82,6 +82,7 @@ def test_ratios_are_those_of_least_times_of_fastest_to_standard(cube):
     assert [row["ratio_to_fastest_other"] for row in one] == pytest.approx([1 / 5, 3 / 5.5, 9 / 5.5], rel=1e-12)
 
 
+@pytest.mark.slow
 def test_medians_are_compared_with_medians(cube):
     # timed() makes three repeats of 1, 2 and 3 times the least alone, and of 1 and 2 times in lanes.
     for row in rows_of(cube):
@@ -222,6 +223,7 @@ def test_curves_of_regularised_problem_are_told_apart_by_all_readers():
         assert difference(colour, other, "deuteranopia") >= 10 or form != like
 
 
+@pytest.mark.slow
 def test_without_the_standard_there_are_times_but_no_ratios(cube, monkeypatch):
     monkeypatch.setattr(comparisons, "STANDARD", "absent")
     rows = rows_of(cube)
@@ -237,6 +239,7 @@ def test_ensembles_are_timed_for_methods_among_fastest_at_some_error(monkeypatch
     assert front_runners([timed("ruth", [nan], [1.0])], ("max",)) == []
 
 
+@pytest.mark.slow
 def test_figures_show_winning_methods_and_every_library(cube):
     found = comparison_figures(["sho", "kepler"], cube)
     shown = {
