@@ -155,7 +155,7 @@ def _warn_of_period(problem: Setup, size: float, runs: Callable[..., xr.Dataset]
     between = (FINE - 1 - turns[:, ::-1].argmax(axis=1) - turns.argmax(axis=1)) * span / FINE
     if (shortest := (2 * between / np.maximum(count - 1, 1))[count > 2]).size and abs(size) > shortest.min() / 4:
         message = f"nearharmonic.section misses crossings: its step {abs(size):.3g} is above a quarter of the shortest"
-        warnings.warn(f"{message} period that the orbits show, {shortest.min():.2g}", stacklevel=3)
+        warnings.warn(f"{message} period that the orbits show, {shortest.min():.2g}", stacklevel=4)
 
 
 def _starts(given: Any, system: System) -> Floats:

@@ -211,7 +211,7 @@ def test_member_has_its_parameters_in_all_digits_or_is_refused():
     found, expected = (nh.integrate("kepler", "ruth", 20, start=start, **how) for start in (member, alone))
     assert_equal(found, expected, ("t", "q", "q_low", "p", "p_low", "energy_error"))
     for start in (members.isel(member=1, drop=True), member.drop_vars("parameters_low")):
-        with pytest.raises(SettingError, match=r"without parameter_GM or parameters_low' is not allowed: as many\.isel"):
+        with pytest.raises(SettingError, match=r"without parameter_GM or parameters_low' is not allowed: as"):
             nh.integrate("kepler", "ruth", 20, start=start, **how)
     other = dataclasses.replace(nh.systems["kepler"], V=lambda q, GM: -GM / (q[0] ** 2 + q[1] ** 2), grad_V=None)
     with pytest.raises(SettingError, match="a result of another system of the name kepler"):

@@ -183,14 +183,15 @@ def _last_state(problem: Setup, start: xr.Dataset) -> Floats:
     return state.reshape(1, -1)
 
 
-def _checked(problem: Setup, start: Any) -> xr.Dataset:
-    """Return ``start``, if it is a result of the system of ``problem`` that did not diverge."""
+def _checked(problem: Setup, given: Any) -> xr.Dataset:
+    """Return ``given``, if it is a result of the system of ``problem`` that did not diverge."""
     import xarray as xr
 
     allowed = "a Dataset that nearharmonic.integrate returned, or a member of an ensemble, with all its variables"
-    if not isinstance(start, xr.Dataset):
-        raise bad_setting("start", type(start).__name__, allowed)
-    system, start = problem.system, start.transpose("sample", ..., missing_dims="ignore")
+    if not isinstance(given, xr.Dataset):
+        raise bad_setting("start", type(given).__name__, allowed)
+    system = problem.system
+    start: xr.Dataset = given.transpose("sample", ..., missing_dims="ignore")
     missing = [name for name in (*CONTINUED, *CLOCK * system.time_dependent) if name not in start]
     if missing or start.q.dims != ("sample", "component") or not start.q.size:
         what = f"without {', '.join(missing)}" if missing else f"whose q has {dict(start.q.sizes)}"
@@ -198,7 +199,8 @@ def _checked(problem: Setup, start: Any) -> xr.Dataset:
     if _text(start, "system") != system.name or start.q.shape[1] != system.dimension:
         raise bad_setting("start", f"a result of {start.attrs.get('system')}", f"a result of {system.name}")
     if _text(start, "formulas") != formulas_digest(system):
-        what = f"a result of another system of the name {system.name}, or without the attribute that tells"
+        what = f"a result of another system of the name {system.name}"
+        what = what if "formulas" in start.attrs else "a result without its attribute formulas"
         raise bad_setting("start", what, "one of the same formulas, masses and parameters that are compiled in")
     if str(start.status.values) != "ok":
         what = f"a run that diverged at step {start.diverged_at.values}"
