@@ -231,3 +231,16 @@ def test_results_in_chunks_of_dask_go_on():
     pytest.importorskip("dask")
     whole = nh.integrate("henon_heiles", "aba864", 0.1, t_end=10, samples=2)
     assert_equal(rest(first().chunk())[LAST], whole[LAST])
+
+
+@pytest.mark.parametrize("how", HOW.values(), ids=HOW)
+@pytest.mark.parametrize("method", ["rowlands", "ruth"])
+def test_errors_of_continued_run_cover_its_own_samples(method, how):
+    """15 steps in 5 samples and 15 more: the maximum of one run of 30 steps if it has the same samples."""
+    how = how | {"energy": "samples"}
+    half = nh.integrate("kepler", method, 74, t_end=15 * 74, samples=6, **how)
+    run = nh.integrate("kepler", method, 74, t_end=15 * 74, samples=6, start=half, **how)
+    assert run.max_energy_error == abs(run.energy_error[1:]).max()
+    assert "behind t_start alone" in run.attrs["continued"]
+    whole = nh.integrate("kepler", method, 74, t_end=30 * 74, samples=11, **how)
+    assert max(half.max_energy_error, run.max_energy_error).item() == pytest.approx(whole.max_energy_error.item())

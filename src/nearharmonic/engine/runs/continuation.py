@@ -89,7 +89,8 @@ class Start:
     def attributes(self) -> dict[str, str]:
         """Return its attributes for a Dataset."""
         notes = parameter_attributes(self.system, self.given) | {"formulas": formulas_digest(self.system)}
-        return notes | ({"t_start": repr(self.t)} if self.t else {})
+        over = "errors are over the steps, or the samples, behind t_start alone, and relative to H0 of the first run"
+        return notes | ({"t_start": repr(self.t), "continued": over} if self.t else {})
 
 
 def parameter_attributes(system: System, given: Mapping[str, Any]) -> dict[str, str]:

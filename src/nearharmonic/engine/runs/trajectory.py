@@ -88,7 +88,8 @@ def integrate(
     start : xarray.Dataset or Solution, optional
         Continue from the last sample of this result, with its parameters and relative to its H0. ``t_end`` is then the
         length of the continuation. The bits are those of one long run, unless the last sample has been edited: the run
-        then goes on from what it says.
+        then goes on from what it says. Maximum and mean of the errors are over the steps of the continuation alone; or,
+        with energies at the samples, over its samples, which one long run has at other steps.
     split : {"kinetic_potential", "exact_oscillator"}
         What the two operators of the method solve: T by drifts and V by kicks; or, for a system that declares
         ``frequencies`` w, p.p/2 + sum w_i^2 q_i^2 / 2 by rotations in place of drifts, and the rest of V by kicks.
