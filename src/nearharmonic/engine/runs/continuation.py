@@ -40,13 +40,13 @@ CLOCK = ("clock", "clock_low", "clock_momentum", "clock_momentum_low")
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """Initial values of one run, as a kernel takes them.
+    """Initial values of a run, or of M runs, as a kernel takes them.
 
     Attributes
     ----------
-    state : (1, 4 d) array of float
+    state : (1 or M, 4 d) array of float
         Position and momentum with the digits below them.
-    parameters : (1, 2 P) array of float
+    parameters : (1 or M, 2 P) array of float
         Parameters of the system, as pairs.
     system : System
         System of d coordinates.
@@ -54,7 +54,7 @@ class Start:
         Parameters in place of the system's own by name, as the caller gave them.
     t : float
         Time at which the run begins.
-    reference : pair of float
+    reference : pair of float, or of (M,) array of float
         H0 that errors are relative to, NaN for that of the state.
     running : (1, 5 d) array of float, optional
         The state of the last force of an earlier result, from which steps with the same moves go on.
@@ -67,7 +67,7 @@ class Start:
     system: System
     given: Mapping[str, Any]
     t: float = 0.0
-    reference: tuple[float, float] = (nan, nan)
+    reference: tuple[Any, Any] = (nan, nan)
     running: Floats | None = None
     moves: str = ""
 

@@ -33,6 +33,7 @@ from nearharmonic.engine.runs.description import (
     low_digits,
     over,
     over_runs,
+    parameter_variables,
     problem_attributes,
     trajectory_variables,
 )
@@ -252,14 +253,7 @@ def _dataset(
     variables |= clock_variables(problem, paths)
     variables |= error_variables(paths, problem) | initial_energy_variables(problem, paths)
     variables |= invariant_variables(problem, paths, start, constants)
-    for name, column in zip(problem.system.parameters, parameters.T[::2], strict=True):
-        if len(parameters) > 1:
-            parameter = problem.system.parameters[name]
-            variables[f"parameter_{name}"] = ("tau_per_stage",), column, described(parameter.meaning, parameter.unit)
-    if len(parameters) > 1:
-        what = "digits below the parameters, in the order of the system"
-        variables["parameters_low"] = ("tau_per_stage", "parameter"), parameters[:, 1::2], described(what, "unknown")
-    renamed = over("member", variables)
+    renamed = over("member", variables) | parameter_variables(problem, parameters)
     notes = described("step size as used, t_end / steps", problem.system.units["t"])
     renamed["tau"] = (), problem.taus(paths.steps[:1])[0], notes
     coordinates = [name for name in renamed if name.startswith("parameter_")]
