@@ -31,8 +31,9 @@ if TYPE_CHECKING:
 
 #: Signs of the surface function before a crossing.
 DIRECTIONS = {"up": (-1,), "down": (1,), "both": (-1, 1)}
-#: Trajectories whose periods are looked at, over so many steps, in so many short ones.
-WATCHED, WINDOW, FINE = 64, 8, 128
+#: Trajectories whose periods are looked at, over so many steps, in so many short ones, and the largest momentum over
+#: that of the other coordinates that is rounding noise.
+WATCHED, WINDOW, FINE, NOISE = 64, 8, 128, 1e-10
 #: Bytes of states at a time, and of the numbers of one state per coordinate.
 MOST_BYTES, PER_COORDINATE = 200_000_000, 8 * 8
 #: Most steps of a search for a crossing, twice as many as halve an interval to rounding; and steps in a row after
@@ -151,6 +152,7 @@ def _warn_of_period(problem: Setup, size: float, runs: Callable[..., xr.Dataset]
     p = runs(rows, span / FINE, repr(span), FINE + 1)["p"].values
     with np.errstate(invalid="ignore"):
         turns = np.sign(p[:, 1:]) * np.sign(p[:, :-1]) < 0
+        turns &= (sizes := abs(p).max(axis=1, keepdims=True)) > NOISE * sizes.max(axis=2, keepdims=True)
     count = turns.sum(axis=1)
     between = (FINE - 1 - turns[:, ::-1].argmax(axis=1) - turns.argmax(axis=1)) * span / FINE
     if (shortest := (2 * between / np.maximum(count - 1, 1))[count > 2]).size and abs(size) > shortest.min() / 4:

@@ -210,6 +210,8 @@ def initial_rows(
         given: Any = start.to_dataset() if isinstance(start, Solution) else start
         several = "member" in getattr(given, "dims", ())
         members = [given.isel(member=i) for i in range(given.sizes["member"])] if several else [given]
+        if not members:
+            raise bad_setting("start", "a Dataset without members", "a result of one member or more")
         begin = _joined([start_of(problem, q0, p0, parameters, one) for one in members])
     else:
         state = start_array(system, q0, p0, plain=problem.plain)
