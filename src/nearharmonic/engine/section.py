@@ -208,7 +208,7 @@ class _ShortenedStep:
         table, flags, power = self._coefficients
         moves = np.zeros((len(sizes), len(flags), COLUMNS))
         fill_all(table, flags, power, sizes, moves.reshape(len(sizes), len(flags) * COLUMNS))
-        start = np.concatenate([q, 0 * q, p, 0 * p], axis=1)
+        start = np.concatenate([q, np.zeros_like(q), p, np.zeros_like(p)], axis=1)
         marks, problem = single_steps(len(sizes)), self._problem
         numerics = with_lanes(problem.numerics, marks[:, 1], problem.system, problem.tableau)
         batch = problem.batch(moves, marks, np.arange(len(sizes)), start, self._parameters.copy(), numerics)
