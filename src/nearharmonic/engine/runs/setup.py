@@ -130,7 +130,7 @@ class Setup:
 
     def steps_of(self, tau: object, key: str = "tau") -> int:
         """Return max(1, round(|t_end| / tau))."""
-        return steps_of(self.t_end.lstrip("-"), checked_tau(tau, key))
+        return steps_of(self.t_end.lstrip("-"), checked_tau(tau, key), key)
 
     def taus(self, steps: Integers) -> Floats:
         """Return the step sizes as used, rounded once."""
