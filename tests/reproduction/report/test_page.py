@@ -263,6 +263,13 @@ def test_statements_are_folded_beneath_their_figures_worst_first(text):
     assert ids["figure-1"] == ["six", "seven", "one", "five"]
 
 
+def test_plots_stand_in_the_document_in_the_order_of_the_page(text, read):
+    """Bokeh pairs them with ids by position: ids come from the document alone, and no list of them stands beside it."""
+    roots = [root["attributes"]["name"] for root in written(text, "plots")["roots"]]
+    assert roots == re.findall(r'<div class="plot" id="(.*?)"', text)
+    assert re.findall(r'"m\d+"', text) == []
+
+
 def test_every_file_is_linked_from_the_page_beside_it(results, text, read):
     linked = {told["href"] for told, _ in read.all("a") if told["href"][0] != "#"}
     places = [path for kind in ("cubes", "tables") for path in (results / kind).iterdir()]
@@ -279,4 +286,5 @@ def test_a_figure_stands_alone_on_a_page_of_its_own(results):
     title = f"Figure 3. Energy error against step size: {SYSTEMS['henon_heiles']}"
     assert [words for _, words in found.all("h1")] == [title]
     assert {told["href"] for told, _ in found.all("a")} == {"report.html#figure-3"}
-    assert set(written(pages["figure_3"], "roots")) == {"figure-3-panel-1", "figure-3-panel-2"}
+    roots = written(pages["figure_3"], "plots")["roots"]
+    assert [root["attributes"]["name"] for root in roots] == ["figure-3-panel-1", "figure-3-panel-2"]

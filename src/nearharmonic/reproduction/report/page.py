@@ -111,7 +111,7 @@ def page(folder: str | os.PathLike[str], **_: Any) -> dict[str, str]:
         "tables": tables,
         "skipped": results.tables(("skipped",)),
         "sections": sections,
-        **_packed(plots),
+        "document": _packed(plots),
     }
     return {"page": _small_enough(values), **_alone(results, figures)}
 
@@ -126,18 +126,15 @@ def _alone(results: ShownResults, figures: Sequence[ShownFigure]) -> dict[str, s
     live = [one for one in figures if one.panels]
     return {
         name: assets.filled(
-            "figure.html", {"results": results, "figure": one, "legend": entries([one]), **_packed(one.plots)}
+            "figure.html", {"results": results, "figure": one, "legend": entries([one]), "document": _packed(one.plots)}
         )
         for name, one in zip(pages_alone(results.figures), live, strict=True)
     }
 
 
-def _packed(plots: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the compressed document of plots, and the ids of its roots."""
-    if not plots:
-        return {"document": "", "roots": {}}
-    document, ids = models.document(list(plots.values()))
-    return {"document": assets.packed(document), "roots": dict(zip(plots, ids, strict=True))}
+def _packed(plots: Mapping[str, Any]) -> str:
+    """Return the compressed document of plots, "" without plots."""
+    return assets.packed(models.document(list(plots.values()))) if plots else ""
 
 
 def _small_enough(values: Mapping[str, Any]) -> str:
