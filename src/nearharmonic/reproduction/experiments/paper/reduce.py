@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from nearharmonic.engine.runs.invariants import energy_at_start
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.integrators import integrators as methods_by_name
 from nearharmonic.output import store
@@ -80,6 +81,8 @@ def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:
     for name, text in (("integrator", "integrator"), ("label", label), ("precision", "precision")):
         cube[name].attrs |= described(text)
     attributes: dict[str, Any] = {"system": system, "system_label": problem.label}
+    if system not in systems.registered:
+        attributes |= {"energy_at_start": energy_at_start(problem), "energy_unit": problem.units["energy"]}
     if problem.period is not None:
         attributes["orbital_period"] = orbital_period(problem)
     if "energy_floor" in cube.attrs:  # of the run files

@@ -106,6 +106,12 @@ class SystemSettings:
         default=None,
         min_length=1,
     )
+    energy: ExactDecimal | None = setting(
+        "Energy at the start: the initial momentum is multiplied by the factor that gives it",
+        FINITE,
+        unit="the system's unit of energy",
+        default=None,
+    )
     parameters: Mapping[str, ParameterValue] | None = setting(
         "Parameters of the system that have other values than its own",
         "a mapping of names of parameters to numbers",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from nearharmonic.integrators import integrators
 from nearharmonic.output.store import read
-from nearharmonic.plotting.levels import energy_error_label
+from nearharmonic.plotting.levels import energy_error_label, energy_of
 from nearharmonic.plotting.palette import style_of
 from nearharmonic.reproduction.experiments.paper.orbits.substeps import paper_panels
 from nearharmonic.reproduction.report.plots.decomposition import decomposition
@@ -120,12 +120,12 @@ def static(results: ShownResults, titles: Mapping[str, str]) -> Iterator[ShownFi
 
 
 def _caption(caption: str, cube: xr.Dataset) -> str:
-    """Return ``caption``, with the definition of the energy errors of ``cube`` unless they are relative to |H0|."""
+    """Return ``caption`` with the energy of ``cube``, and what its errors are unless they are relative to |H0|."""
     relative = "|ΔH/H₀|"
     label = energy_error_label(cube["max_energy_error"].attrs, "|ΔH|", relative)
-    if label == relative:
-        return caption
-    return f"{caption.replace('relative energy', 'energy')} Energy errors are {label}."
+    if label != relative:
+        caption = f"{caption.replace('relative energy', 'energy')} Energy errors are {label}."
+    return f"{caption} The energy at the start is H₀ = {H0}." if (H0 := energy_of(cube.attrs)) else caption
 
 
 def _figure(one: Declaration, results: ShownResults, title: str, **more: Any) -> ShownFigure:
