@@ -85,7 +85,7 @@ def draw_profile(cube: xr.Dataset) -> Figure:
 
 
 def problem_of(results: xr.Dataset, unit: str = "1") -> str:
-    """Return the system, the interval and the energy of runs, as far as attributes tell; ``unit`` is that of the time."""
+    """Return system, interval and energy of runs, as far as attributes tell; ``unit`` is that of the time."""
     try:
         settings = json.loads(results.attrs["settings"])
         t_end = {**settings.get("settings", {}), **settings.get("sweep", {})}["t_end"]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from nearharmonic.errors import SettingError, SystemDefinitionError, bad_setting, unknown_name
+from nearharmonic.numerics.written import decimal_of
 from nearharmonic.systems import Parameter, System, systems
 from nearharmonic.systems.definition.file import load_system
 
@@ -77,12 +78,13 @@ def _momentum(system: System, energy: str) -> tuple[str, ...]:
 
     with workdps(2 * DIGITS):
         q, p = system.start(mpf)
-        constants, wanted = system.constants(mpf), mpf(energy)
+        constants = system.constants(mpf)
 
         def missing(factor: Any) -> Any:
             return system.energy(q, tuple(factor * x for x in p), constants, mpf(0)) - wanted
 
         try:
+            wanted = mpf(str(decimal_of(energy)))  # a record of others may hold any text
             least = missing(mpf(0))
             kinetic = missing(mpf(1)) - least
             if least > 0:

@@ -14,6 +14,7 @@ from snakemake.cli import parse_config
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.reproduction.config.reading import load
+from nearharmonic.reproduction.config.refusal import warn_of_name
 from nearharmonic.reproduction.config.schema import key_table, schema
 
 ROOT = Path(__file__).parents[3]
@@ -228,6 +229,17 @@ def test_numbers_of_the_command_line_are_their_decimal_digits_or_refused():
     for entry in ("samples=0x1F", "samples=1:30", "job_seconds=inf", "job_seconds=yes", "derive={starts: 1_000}"):
         with pytest.raises(NearharmonicError, match=rf"{entry[:6]}.* is not allowed: an? "):
             load(SMALL | parse_config([entry]))
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "warns"),
+    [("paper", "mine.yaml", True), ("paper", "/copy/config/config.yaml", False), ("mine", "mine.yaml", False)],
+)
+def test_name_of_the_paper_warns_in_another_config(capsys, name, place, warns):
+    warn_of_name(name, [place])
+    said = capsys.readouterr().err
+    assert said.startswith("nearharmonic: warning: name = 'paper' is that of config/config.yaml") is warns
+    assert bool(said) is warns
 
 
 def test_fitting_trajectories_share_one_file_and_others_are_split():

@@ -13,7 +13,8 @@ from nearharmonic.engine.settings import Sweep
 from nearharmonic.integrators import integrators as methods_by_name
 from nearharmonic.output import store
 from nearharmonic.output.dataset import described
-from nearharmonic.reproduction.experiments.paper.reductions import PAPER, orbital_period, reduction
+from nearharmonic.reproduction.experiments.paper.reductions import orbital_period, reduction
+from nearharmonic.reproduction.experiments.paper.settings import PAPER
 from nearharmonic.systems import systems
 
 #: Values of cells without a run; other variables are NaN.

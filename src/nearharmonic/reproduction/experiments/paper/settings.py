@@ -25,6 +25,10 @@ Precision = Literal["double", "extended"]
 Summation = Literal["compensated", "plain"]
 Split = Literal["kinetic_potential", "exact_oscillator"]
 
+#: Systems of the paper, and the cubes of their orbits that only a config with one of them has.
+PAPER = ("sho", "henon_heiles", "kepler")
+ORBITS = ("henon_heiles_chaos", "substeps_displaced")
+
 FINITE = "a finite number, or a decimal string, which keeps all its digits"
 
 

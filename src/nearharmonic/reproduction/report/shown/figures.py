@@ -60,6 +60,8 @@ class ShownFigure:
         Interactive panels; empty for a static figure.
     methods : dict of str to str
         Labels of the methods in the panels, by name.
+    is_own : bool
+        True for the energy errors of a system that the paper does not have.
     """
 
     anchor: str
@@ -73,6 +75,7 @@ class ShownFigure:
     hint: str = ""
     panels: list[Panel] = field(default_factory=list)
     methods: dict[str, str] = field(default_factory=dict)
+    is_own: bool = False
 
     @property
     def files(self) -> dict[str, str]:
@@ -138,6 +141,7 @@ def _figure(one: Declaration, results: ShownResults, title: str, **more: Any) ->
         cube=one.cube,
         picture=picture(results.svg(one.stem)),
         thumbnail=results.thumbnail(one.stem),
+        is_own=one.profile and number is None,
         **more,
     )
 
