@@ -88,7 +88,8 @@ def refresh():
 
 def again(rule, log):
     """Run the job of a rule in this process."""
-    params = SimpleNamespace(task=rule.params.task(None))
+    described = rule.params.task
+    params = SimpleNamespace(task=described(None))
     run(SimpleNamespace(input=rule.input, output=rule.output, params=params, log=[log], threads=1))
 
 
