@@ -50,7 +50,7 @@ rule all:
         PAPER_CUBES,
         rules.figures.input,
         rules.tables.input,
-        rules.claims.input,
+        rules.claims.input if CONFIG.has_systems_of_the_paper else [],
         rules.report.input,
 
 

@@ -72,7 +72,7 @@ FILES = {
     "no.yaml": (b"systems: {no: 1}\n", "a key of systems = False"),
     "null_key.yaml": (b"? \n: a\n", "a key of the config = None"),
     "list_key.yaml": (b"? [a]\n: b\n", "cannot be read as a config"),
-    "date.yaml": (b"name: 2024-01-01\nintegrators: [ruth]\nsystems: {}\n", "name = datetime.date(2024, 1, 1)"),
+    "date.yaml": (b"name: 2024-01-01\nintegrators: [ruth]\nsystems: {}\n", "has 2024-01-01, which YAML reads as"),
 }  # fmt: skip
 
 

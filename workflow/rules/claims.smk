@@ -16,7 +16,12 @@ rule decide_claims:
         LOG("tables/claims"),
     params:
         own=digest_of_own(),  # statements that the code digest of the task does not cover
-        task=task("reproduction.claims.table:decided", folder=RESULTS, integrators=plain_integrators.registered),
+        task=lambda wildcards: task(
+            "reproduction.claims.table:decided",
+            folder=RESULTS,
+            integrators=plain_integrators.registered,
+            leftovers=leftovers(),
+        ),
     script:
         "../scripts/task.py"
 

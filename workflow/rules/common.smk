@@ -9,9 +9,10 @@ import os
 from snakemake.exceptions import WorkflowError
 
 from nearharmonic.reproduction.config.reading import load
-from nearharmonic.reproduction.config.refusal import refuse
+from nearharmonic.reproduction.config.refusal import refuse, warn_of_name
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.reproduction.experiments.paper.grid.shards import REDUCED_AT_ONCE, shards_of
+from nearharmonic.reproduction.experiments.paper.settings import ORBITS
 from nearharmonic.reproduction.tasks.declarations import figures_of
 from nearharmonic.reproduction.tasks.experiment import experiments
 from nearharmonic.reproduction.tasks.provenance import task
@@ -20,14 +21,18 @@ try:
     CONFIG = load(config, files=workflow.configfiles)
 except NearharmonicError as error:
     refuse(error)
+if workflow.is_main_process:
+    warn_of_name(CONFIG.name, workflow.configfiles)
 
 RESULTS = f"results/{CONFIG.name}"
 SWEEPS = {sweep.system: sweep for sweep in CONFIG.sweeps}
 METHODS = CONFIG.methods
 EXPERIMENTS = experiments()
-FIGURES = figures_of(
-    "reproduction.experiments", CONFIG.systems, [stem for one in EXPERIMENTS.values() for stem in one.cubes]
-)
+#: Cubes beside those of systems; long orbits of the paper's systems are made for configs with one of these alone.
+CUBES = [
+    stem for one in EXPERIMENTS.values() for stem in one.cubes if CONFIG.has_systems_of_the_paper or stem not in ORBITS
+]
+FIGURES = figures_of("reproduction.experiments", CONFIG.systems, CUBES)
 RUNS, KINDS, TWO_STEPS = [], {}, {}  # each experiment adds its files
 
 try:

@@ -3,7 +3,7 @@
 PAPER = EXPERIMENTS["paper"]
 PAPER_FIGURES = [one for one in FIGURES if one.function.startswith(f"{PAPER.room}.")]
 PAPER_TABLES = {stem: TABLE(stem) for stem in PAPER.tables}
-PAPER_CUBES = [CUBE(stem) for stem in (*SWEEPS, *PAPER.cubes)]
+PAPER_CUBES = [CUBE(stem) for stem in (*SWEEPS, *PAPER.cubes) if stem in SWEEPS or stem in CUBES]
 #: Run files and reduced files, so that a lost one is made again although the cubes are there.
 PAPER_RUNS = list(
     dict.fromkeys(

@@ -58,7 +58,15 @@ def makeable():
 def makeable_files():
     """Return the paths of these files."""
     targets = [getattr(rules, one.target).input for one in EXPERIMENTS.values()]
-    return {str(path) for path in (*itertools.chain.from_iterable(targets), *RUNS)}
+    asked_by_name = rules.claims.input, map(CUBE, PAPER.cubes)
+    return {str(path) for path in (*itertools.chain.from_iterable((*targets, *asked_by_name)), *RUNS)}
+
+
+def leftovers():
+    """Return the names of the cubes, figures, tables and pages in the folder of results that no job of this config makes."""
+    shown = ("cubes/*", "figures/*", "tables/*", "*.html")
+    there = (path.relative_to(RESULTS).as_posix() for pattern in shown for path in Path(RESULTS).glob(pattern))
+    return sorted({*there} - makeable())
 
 
 def configfiles():
@@ -80,7 +88,9 @@ def refresh():
 
 def again(rule, log):
     """Run the job of a rule in this process."""
-    run(SimpleNamespace(input=rule.input, output=rule.output, params=rule.params, log=[log], threads=1))
+    described = rule.params.task
+    params = SimpleNamespace(task=described(None))
+    run(SimpleNamespace(input=rule.input, output=rule.output, params=params, log=[log], threads=1))
 
 
 def verdicts(document):

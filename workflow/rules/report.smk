@@ -7,7 +7,7 @@ from nearharmonic.reproduction.report.shown.declared import pages_alone
 rule page:
     input:
         cubes=map(CUBE, [*SWEEPS, "sho_terms"]),
-        claims=f"{RESULTS}/tables/claims.json",
+        claims=f"{RESULTS}/tables/claims.json" if CONFIG.has_systems_of_the_paper else [],
         figures=rules.figures.input,
         tables=rules.tables.input,
     output:
@@ -18,10 +18,11 @@ rule page:
     params:
         assets=digest(),  # the code digest does not cover template, style and script
         # Figure 6 in motion has their coefficients.
-        task=task(
+        task=lambda wildcards: task(
             "reproduction.report.page:page",
             folder=RESULTS,
             integrators=tuple(dict.fromkeys((*CONFIG.methods, *CONFIG.decomposed))),
+            leftovers=leftovers(),
         ),
     script:
         "../scripts/task.py"

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 
 from nearharmonic.plotting.envelope import envelope
 from nearharmonic.plotting.floor import draw_floor
-from nearharmonic.plotting.levels import LARGEST_ERROR, energy_error_label
+from nearharmonic.plotting.levels import LARGEST_ERROR, energy_error_label, energy_of
 from nearharmonic.plotting.style import (
     house_style,
     log_scale,
@@ -85,14 +85,15 @@ def draw_profile(cube: xr.Dataset) -> Figure:
 
 
 def problem_of(results: xr.Dataset, unit: str = "1") -> str:
-    """Return the system and the interval of runs, as far as attributes tell; ``unit`` is that of the time."""
+    """Return system, interval and energy of runs, as far as attributes tell; ``unit`` is that of the time."""
     try:
         settings = json.loads(results.attrs["settings"])
         t_end = {**settings.get("settings", {}), **settings.get("sweep", {})}["t_end"]
     except (KeyError, TypeError, ValueError):
         t_end = None
     interval = "" if t_end is None else f"$t$ = {t_end}{'' if unit == '1' else f' {unit}'}"
-    return ", ".join(filter(None, (str(results.attrs.get("system_label", "")), interval)))
+    H0 = energy_of(results.attrs)
+    return ", ".join(filter(None, (str(results.attrs.get("system_label", "")), interval, H0 and f"$H_0$ = {H0}")))
 
 
 def _profiles(cube: xr.Dataset) -> Iterator[Profile]:

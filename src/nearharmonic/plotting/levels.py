@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from math import pi
+from typing import Any
 
 #: Upper end of the axis: an error of ten times the energy belongs to a diverged run.
 LARGEST_ERROR = 10.0
@@ -36,6 +37,14 @@ def energy_error_label(attributes: Mapping[str, str], absolute: str, relative: s
     if "|H - H0|/|H0|" not in meaning:
         return f"{absolute} ({attributes.get('units', '1')})"
     return f"{relative}, or {absolute} where H0 = 0" if "where H0 = 0" in meaning else relative
+
+
+def energy_of(attributes: Mapping[str, Any]) -> str:
+    """Return the energy at the start with its unit, "" if the attributes of a cube have none."""
+    if "energy_at_start" not in attributes:
+        return ""
+    unit = attributes.get("energy_unit", "1")
+    return f"{float(attributes['energy_at_start']):.6g}" + ("" if unit == "1" else f" {unit}")
 
 
 def arcseconds_per_century(orbital_period: float) -> float:

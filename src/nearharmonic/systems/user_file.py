@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
-from nearharmonic.errors import SystemDefinitionError, unknown_name
+from nearharmonic.errors import SettingError, SystemDefinitionError, bad_setting, unknown_name
+from nearharmonic.numerics.written import decimal_of
 from nearharmonic.systems import Parameter, System, systems
 from nearharmonic.systems.definition.file import load_system
+
+#: Decimal digits of a scaled momentum; extended precision has 32.
+DIGITS = 40
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +31,8 @@ class SystemDefinition:
         Initial values in place of the system's own, as decimal strings.
     parameters : tuple of (str, str)
         Names and values of the parameters that differ from those of the system.
+    energy : str or None
+        Energy at the start, as a decimal string: p0 is multiplied by a factor.
     """
 
     file: str | None = None
@@ -34,6 +41,7 @@ class SystemDefinition:
     q0: tuple[str, ...] | None = None
     p0: tuple[str, ...] | None = None
     parameters: tuple[tuple[str, str], ...] = ()
+    energy: str | None = None
 
     def make(self, name: str) -> System:
         """Return the system under the given name.
@@ -42,6 +50,8 @@ class SystemDefinition:
         ------
         SystemDefinitionError
             The file defines no system, or the number of initial values is wrong.
+        SettingError
+            No multiple of p0 gives the energy.
         UnknownNameError
             The system has no parameter of a given name.
         """
@@ -52,7 +62,47 @@ class SystemDefinition:
                 message = f"{key} has {len(value)} components, and {original.label} has {original.dimension}"
                 raise SystemDefinitionError(message)
         parameters = _changed(original, dict(self.parameters))
-        return replace(original, name=name, label=self.label or original.label, **values, parameters=parameters)
+        made = replace(original, name=name, label=self.label or original.label, **values, parameters=parameters)
+        return made if self.energy is None else replace(made, p0=_momentum(made, self.energy))
+
+
+def _momentum(system: System, energy: str) -> tuple[str, ...]:
+    """Return p0 times the factor s >= 0 with H(q0, s p0) = ``energy`` at t = 0, in more digits than any run has.
+
+    Raises
+    ------
+    SettingError
+        There is no such factor.
+    """
+    from mpmath import mp, mpf, workdps
+
+    with workdps(2 * DIGITS):
+        q, p = system.start(mpf)
+        constants = system.constants(mpf)
+
+        def missing(factor: Any) -> Any:
+            return system.energy(q, tuple(factor * x for x in p), constants, mpf(0)) - wanted
+
+        try:
+            wanted = mpf(str(decimal_of(energy)))  # a record of others may hold any text
+            least = missing(mpf(0))
+            kinetic = missing(mpf(1)) - least
+            if least > 0:
+                raise bad_setting(
+                    "energy", energy, f"a number of at least {mp.nstr(least + wanted, 10)}, H at rest at q0"
+                )
+            if least < 0 and not any(p):
+                raise bad_setting(
+                    "energy", energy, "p0 = 0 has no direction: give p0 too, whose length does not matter"
+                )
+            factor = mp.sqrt(-least / kinetic) if least else least  # exact if T is quadratic
+            if abs(missing(factor)) > kinetic * mpf(10) ** -DIGITS:
+                factor = mp.findroot(lambda s: missing(s) / kinetic, factor)
+            return tuple(mp.nstr(factor * x, DIGITS) for x in p)
+        except (ArithmeticError, TypeError, ValueError) as error:
+            if isinstance(error, SettingError):
+                raise
+            raise bad_setting("energy", energy, "an energy that H has at q0 for a multiple of p0") from None
 
 
 def _changed(system: System, values: Mapping[str, str]) -> Mapping[str, Parameter]:

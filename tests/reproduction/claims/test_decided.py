@@ -13,7 +13,7 @@ import xarray as xr
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output.store import write_dataset
 from nearharmonic.reproduction.claims.pages.summary import KINDS
-from nearharmonic.reproduction.claims.results import short
+from nearharmonic.reproduction.claims.results import Results, short
 from nearharmonic.reproduction.claims.table import CLAIMS, FILES, KEYS, decide, decided
 from nearharmonic.reproduction.tasks.experiment import experiments
 from nearharmonic.reproduction.tasks.job import write
@@ -63,6 +63,11 @@ def folder(tmp_path):
     for system in ("sho", "kepler"):
         write_dataset(tmp_path / f"cubes/{system}.h5", described(curves(system)), {})
     return tmp_path
+
+
+def test_file_of_another_config_counts_as_missing(tmp_path):
+    (tmp_path / "sho.h5").touch()
+    assert [Results(tmp_path, leftovers=left).has("sho.h5") for left in ((), ["sho.h5"])] == [True, False]
 
 
 def test_entry_has_agreed_keys_and_no_number_that_json_lacks(undecided):

@@ -14,6 +14,7 @@ import xarray as xr
 
 from nearharmonic.cli import main
 from nearharmonic.output import store
+from nearharmonic.reproduction.record.files import manifest
 from support.results.result_folder import edited
 
 COLUMNS = [
@@ -122,6 +123,16 @@ def test_a_cube_that_holds_no_single_runs_is_left_out(project, capsys):
     ratio = {"relative_error": (("amplitude",), np.ones(3), {"units": "1", "long_name": "ratio"})}
     store.write(project / "cubes/kinetic_energy.h5", ratio, {"system": "relativistic_oscillator"})
     assert told(capsys, "paper") == before
+
+
+def test_system_that_the_config_lacks_is_named_in_last_line(project, capsys):
+    every = told(capsys, "paper")
+    manifest.write(project, manifest.read(project)["files"].keys() - {"cubes/kepler.h5"})
+    assert told(capsys, "paper") == [
+        {key: cell for key, cell in row.items() if key not in KEPLER} for row in every if row["system"] != "kepler"
+    ]
+    assert main(["runs", "paper", "--limit", "1"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == "Left out: kepler, which the config of paper no longer has"
 
 
 def test_cube_of_system_that_lacks_variable_is_named(project, capsys):

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import copy
 import re
+from decimal import Decimal
 from pathlib import Path
 
 import pytest
 import yaml
 from jsonschema import Draft202012Validator
+from snakemake.cli import parse_config
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.reproduction.config.reading import load
+from nearharmonic.reproduction.config.refusal import warn_of_name
 from nearharmonic.reproduction.config.schema import key_table, schema
 
 ROOT = Path(__file__).parents[3]
@@ -194,6 +197,49 @@ def test_duplicate_key_is_refused_with_both_lines(tmp_path):
         load(SMALL, files=[path])
     path.write_text(yaml.safe_dump(SMALL))
     assert load(SMALL, files=[path]) == load(SMALL)
+
+
+@pytest.mark.parametrize(
+    ("written", "read"),
+    [
+        ("010", "8"), ("1:30", "90"), ("0x1F", "31"), ("0b11", "3"), ("1_000", "1000"), ("1_0.5", "10.5"),
+        (".inf", "inf"), ("2026-01-01", "2026-01-01"), ("190:20:30.15", "685230.15"), ("!!int '010'", "8"),
+        ("0.12345678901234567890", "0.12345678901234568"), ("yes", "True"), ("~", "None"),
+        *((text, None) for text in ("08", "1e1", "+8", "8.", "1.25", "8.0e+0", "'010'", "!!str 010")),
+        ("'1.00000000000000001'", None),
+    ],
+)  # fmt: skip
+def test_number_of_a_file_is_its_decimal_digits_or_refused(tmp_path, written, read):
+    path, digits = tmp_path / "mine.yaml", re.sub(r"!!\w+ |'", "", written)
+    path.write_text(yaml.safe_dump(changed("systems.sho.t_end", "END")).replace("END", written))
+    mapping = yaml.safe_load(path.read_text())  # as Snakemake reads it
+    if read is None:
+        assert Decimal(load(mapping, files=[path]).systems["sho"].t_end) == Decimal(digits)
+        return
+    says = rf"has {re.escape(digits)}, which YAML reads as the \w+ {re.escape(read)}: numbers have decimal digits"
+    with pytest.raises(NearharmonicError, match=rf"{says}|t_end = {read} is not allowed: a finite number above 0"):
+        load(mapping, files=[path])
+
+
+def test_numbers_of_the_command_line_are_their_decimal_digits_or_refused():
+    """``snakemake --config``, which reads numbers with Python, and text inside of sections without types."""
+    given = parse_config(["samples=010", "job_seconds=08.5", "derive={starts: 010}"])
+    config = load(SMALL | given)
+    assert (config.samples, config.job_seconds, config.derive.starts) == (10, 8.5, 10)
+    for entry in ("samples=0x1F", "samples=1:30", "job_seconds=inf", "job_seconds=yes", "derive={starts: 1_000}"):
+        with pytest.raises(NearharmonicError, match=rf"{entry[:6]}.* is not allowed: an? "):
+            load(SMALL | parse_config([entry]))
+
+
+@pytest.mark.parametrize(
+    ("name", "place", "warns"),
+    [("paper", "mine.yaml", True), ("paper", "/copy/config/config.yaml", False), ("mine", "mine.yaml", False)],
+)
+def test_name_of_the_paper_warns_in_another_config(capsys, name, place, warns):
+    warn_of_name(name, [place])
+    said = capsys.readouterr().err
+    assert said.startswith("nearharmonic: warning: name = 'paper' is that of config/config.yaml") is warns
+    assert bool(said) is warns
 
 
 def test_fitting_trajectories_share_one_file_and_others_are_split():

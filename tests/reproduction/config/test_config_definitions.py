@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from decimal import Decimal, localcontext
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +47,24 @@ def test_config_values_replace_initial_values_and_parameters_of_file():
     assert mine.parameters["b"].meaning == "strength of the quartic term"
     # H = p.p/2 + q.q/2 + b (q.q)^2/4 with q.q = 9 and p.p = 25/16.
     assert mine.energy(*mine.start(float), mine.constants(float)) == pytest.approx(25 / 32 + 9 / 2 + 81 / 8, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("system", "energy", "squares"),
+    [
+        ({"system": "sho", "q0": [1], "p0": [-7]}, "0.625", ["-0.25"]),  # 2 E - q^2
+        ({"system": "henon_heiles"}, "0.1", ["0", "0.11"]),  # 2 E - 0.3^2
+        ({"system": "henon_heiles", "p0": [3, -4]}, "0.17", ["0.09", "-0.16"]),  # 0.25 = 0.09 + 0.16
+        ({"system": "relativistic_oscillator", "p0": [3]}, 2.5, ["8"]),  # T = 2 = sqrt(1 + p^2) - 1 at q = 1
+        ({"system": "sho", "q0": [1], "p0": [0]}, 0.5, ["0"]),
+    ],
+)
+def test_energy_of_a_config_scales_the_momentum(system, energy, squares):
+    load(under("mine", energy=energy, **system))
+    with localcontext(prec=50):
+        expected = [(Decimal(x).copy_abs().sqrt()).copy_sign(Decimal(x)) for x in squares]
+        for found, root in zip(map(Decimal, nh.systems["mine"].p0), expected, strict=True):
+            assert abs(found - root) <= abs(root) * Decimal("1e-39")  # 40 digits
 
 
 def test_a_registered_system_has_other_initial_values_under_another_name():

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from support.cubes.page_results import CLAIMS, DRAWN, PLOTS
+from nearharmonic.reproduction.report.page import page
+from support.cubes.page_results import CLAIMS, DRAWN, PLOTS, SYSTEMS, write_results
 
 pytestmark = pytest.mark.browser
 ALL_FIGURES = [f"figure-{number}" for number in PLOTS]
@@ -201,6 +202,50 @@ def test_a_link_from_a_claim_opens_its_table(wide):
     wide.locator("#claim-three a").click()
     wide.wait_for_selector("#table-3[open]")
     assert "-0.9129" in table.inner_text()
+
+
+#: What is drawn in each element: the name of the plot, and of each visible line its method, column and points.
+DRAWN_IN = """() => Object.fromEntries([...document.querySelectorAll(".plot")].map((element) => {
+  const view = Bokeh.index.roots.find((view) => element.contains(view.el));
+  const lines = view.model.renderers.filter((one) => one.glyph.type === "Line" && one.glyph.line_alpha.value !== 0);
+  const points = ({ data_source, glyph }) => [glyph.x.field, glyph.y.field].map((at) => [...data_source.data[at]]);
+  return [element.id, [view.model.name, ...lines.map((one) => [one.tags[0], one.glyph.y.field, ...points(one)])]];
+}))"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "systems",
+    [
+        ("well",),
+        ("zeta", "Alpha"),
+        ("aardvark", "kepler", "sho"),
+        ("f10", "f9", "f1_x"),
+        ("pendulum", "figure", "venus"),
+    ],
+)
+def test_each_heading_has_the_curves_of_its_own_cube(browser, tmp_path, systems):
+    folder = write_results(tmp_path / "own", systems=systems)
+    place = folder / "report.html"
+    place.write_text(page(folder=folder)["page"], encoding="utf-8")
+    shown = browser.new_page()
+    shown.goto(place.as_uri())
+    shown.wait_for_selector("html[data-ready]", state="attached")
+    drawn = shown.evaluate(DRAWN_IN)
+    assert {element: name for element, (name, *_) in drawn.items()} == dict(zip(drawn, drawn, strict=True))
+    for system in systems:
+        anchor = {"sho": "figure-1", "kepler": "figure-5"}.get(system, f"figure-{system}_energy_error")
+        assert SYSTEMS.get(system, system) in shown.locator(f"#{anchor} h3").inner_text()
+        with h5py.File(folder / "cubes" / f"{system}.h5") as cube:
+            tau, names = cube["tau_per_stage"][()], cube["integrator"].asstr()[()].tolist()
+            for panel, variable in enumerate(("max_energy_error", "mean_energy_error"), start=1):
+                _, *lines = drawn[f"{anchor}-panel-{panel}"]
+                values = cube[variable][()].reshape(-1, len(names), tau.size)
+                assert [method for method, *_ in lines] == names * len(values)
+                for (_, column, x, y), curve in zip(lines, values.reshape(-1, tau.size), strict=True):
+                    at = x.index(tau[5])
+                    assert (column, y[at]) == (variable, curve[5])
+    shown.close()
 
 
 @pytest.mark.parametrize("width", [1400, 400])

@@ -15,7 +15,9 @@ import nearharmonic
 from nearharmonic.errors import ResultFileError
 from nearharmonic.reproduction.report import page as room
 from nearharmonic.reproduction.report.page import page
+from nearharmonic.reproduction.report.shown.declared import in_order
 from nearharmonic.reproduction.report.shown.results import ShownResults
+from nearharmonic.reproduction.tasks.declarations import figures_of
 from nearharmonic.reproduction.tasks.experiment import beside_the_paper
 from support.cubes.page_reader import Reader, written
 from support.cubes.page_results import (
@@ -23,6 +25,7 @@ from support.cubes.page_results import (
     DRAWN,
     KINDS_OF_CLAIMS,
     PLOTS,
+    SVG,
     SYSTEMS,
     cube,
     write_claims,
@@ -239,20 +242,39 @@ def test_order_of_claims_is_that_of_file_but_for_findings(copied):
 
 
 @pytest.mark.slow
-def test_figures_of_user_systems_come_first_without_paper_figures(tmp_path, monkeypatch):
+def test_page_of_own_systems_is_theirs_and_names_leftovers(tmp_path, monkeypatch):
     monkeypatch.setitem(SYSTEMS, "well", "well of the tests")
     folder = write_results(tmp_path / "own", systems=("well",))
     absolute = cube("well")
     absolute.max_energy_error.attrs |= {"long_name": "maximum of |H - H0| over every step", "units": "J"}
     write_cube(folder / "cubes/well.h5", absolute)
-    text = page(folder=folder)["page"]
+    write_cube(folder / "cubes/gone_away.h5", cube("gone_away"))
+    for suffix in ("svg", "png"):
+        (folder / f"figures/gone_away_energy_error.{suffix}").write_text(SVG)
+    left = ["cubes/gone_away.h5", "figures/gone_away_energy_error.svg", "figures/gone_away_energy_error.png"]
+    text = page(folder=folder, leftovers=left)["page"]
     found = Reader(text)
     first, *others = [words.partition(".")[0] for _, words in found.all("h3")]
     assert first == "Energy error against step size: well of the tests"
     assert others[:2] == ["Figure 2", "Figure 6"]
+    assert [words for _, words in found.all("h1")] == ["Symplectic integrators: well of the tests"]
     assert "No system here is one of the paper's" in text
+    assert "claims" not in [told.get("id") for told, _ in found.all("h2")]
+    named = [words for _, words in found.all("code") if "gone" in words]
+    assert named == ["cubes/gone_away", "figures/gone_away_energy_error"]
+    assert text.count("gone_away") == 2
     assert "largest (A) and mean (B) energy error" in text
     assert "Energy errors are |ΔH| (J)." in text
+
+
+def test_figures_of_own_systems_come_before_those_of_the_paper():
+    figures = figures_of(
+        "reproduction.experiments.paper", ["kepler", "well", "sho"], ["sho_terms", "substeps_displaced"]
+    )
+    assert [one.stem for one in in_order(figures)] == [
+        "well_energy_error", "fig1_sho", "fig2_decomposition", "fig4_perihelion", "fig5_kepler", "fig6_substeps",
+        "fig6_displaced",
+    ]  # fmt: skip
 
 
 def test_statements_are_folded_beneath_their_figures_worst_first(text):
@@ -261,6 +283,13 @@ def test_statements_are_folded_beneath_their_figures_worst_first(text):
     # Their sections name Figures 1, 3 and 5; the others need the oscillator's cube, which Figure 1 shows.
     assert ids["figure-3"] == ids["figure-5"] == ["two"]
     assert ids["figure-1"] == ["six", "seven", "one", "five"]
+
+
+def test_plots_stand_in_the_document_in_the_order_of_the_page(text, read):
+    """Bokeh pairs them with ids by position: ids come from the document alone, and no list of them stands beside it."""
+    roots = [root["attributes"]["name"] for root in written(text, "plots")["roots"]]
+    assert roots == re.findall(r'<div class="plot" id="(.*?)"', text)
+    assert re.findall(r'"m\d+"', text) == []
 
 
 def test_every_file_is_linked_from_the_page_beside_it(results, text, read):
@@ -279,4 +308,5 @@ def test_a_figure_stands_alone_on_a_page_of_its_own(results):
     title = f"Figure 3. Energy error against step size: {SYSTEMS['henon_heiles']}"
     assert [words for _, words in found.all("h1")] == [title]
     assert {told["href"] for told, _ in found.all("a")} == {"report.html#figure-3"}
-    assert set(written(pages["figure_3"], "roots")) == {"figure-3-panel-1", "figure-3-panel-2"}
+    roots = written(pages["figure_3"], "plots")["roots"]
+    assert [root["attributes"]["name"] for root in roots] == ["figure-3-panel-1", "figure-3-panel-2"]

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.slow
 def plots(text):
     """The plots of the page, loaded by bokeh's classes, by the ids of their elements."""
     loaded = Document.from_json(written(text, "plots"))
-    return {name: loaded.get_model_by_id(root) for name, root in written(text, "roots").items()}
+    return {plot.name: plot for plot in loaded.roots}
 
 
 def hovered(plot, column, kind):

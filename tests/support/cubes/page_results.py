@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from zlib import crc32
 
 import numpy as np
 
@@ -43,7 +44,7 @@ def cube(system, methods=made.METHODS):
     precise = system == "sho"
     found = made.errors(methods, precise, "h" if system == "kepler" else "1")
     if system != "sho":  # no two systems alike
-        found = found * (2.0 if system == "kepler" else 3.0)
+        found = found * (2.0 if system == "kepler" else 3.0 + crc32(system.encode()) % 89)
         found.tau_per_stage.attrs["units"] = "h" if system == "kepler" else "1"
     dims = found.max_energy_error.dims
     shape = found.max_energy_error.shape
@@ -59,7 +60,7 @@ def cube(system, methods=made.METHODS):
         advances = made.advances(methods).drop_vars("label")
         found = found.merge(advances, compat="override", combine_attrs="override").assign_attrs(orbital_period=2000.0)
     found.max_energy_error.attrs |= {"long_name": "maximum of |H - H0|/|H0| over every step", "units": "1"}
-    return found.assign_attrs(system=system, system_label=SYSTEMS[system])
+    return found.assign_attrs(system=system, system_label=SYSTEMS.get(system, f"{system} of the tests"))
 
 
 def write_cube(path, dataset):

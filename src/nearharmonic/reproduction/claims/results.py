@@ -51,17 +51,25 @@ class Results(Memory):
         The folder ``results/<name>``.
     methods : mapping of str to Tableau, optional
         The methods of the statements, by name; by default the registered splitting methods.
+    leftovers : sequence of str
+        Names of files that count as missing.
     """
 
-    def __init__(self, folder: str | os.PathLike[str], methods: Mapping[str, Tableau] | None = None) -> None:
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        methods: Mapping[str, Tableau] | None = None,
+        leftovers: Sequence[str] = (),
+    ) -> None:
         super().__init__()
+        self._leftovers = leftovers
         self.folder = Path(folder)
         self._texts = Texts(self.folder)
         self.methods: Mapping[str, Tableau] = plain_integrators if methods is None else methods
 
     def has(self, name: str) -> bool:
-        """Return True if the file ``name``, relative to the folder, exists."""
-        return (self.folder / name).is_file()
+        """Return True if the file ``name``, relative to the folder, exists and is no leftover."""
+        return name not in self._leftovers and (self.folder / name).is_file()
 
     def cube(self, stem: str) -> xr.Dataset:
         """Return the cube of this name, only with the methods of the statements.

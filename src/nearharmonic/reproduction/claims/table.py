@@ -69,7 +69,9 @@ def _entry(one: Claim, results: Results) -> dict[str, Any]:
     }
 
 
-def decided(folder: str | os.PathLike[str], integrators: Sequence[str] | None = None) -> dict[str, Table | str]:
+def decided(
+    folder: str | os.PathLike[str], integrators: Sequence[str] | None = None, leftovers: Sequence[str] = ()
+) -> dict[str, Table | str]:
     """Decide every statement.
 
     Parameters
@@ -79,6 +81,8 @@ def decided(folder: str | os.PathLike[str], integrators: Sequence[str] | None = 
     integrators : sequence of str, optional
         Names of the methods for statements about all methods; by default every registered splitting method. Methods of
         a user's config are not included, so that they change no verdict.
+    leftovers : sequence of str
+        Names of files of another config, which decide nothing.
 
     Returns
     -------
@@ -91,7 +95,7 @@ def decided(folder: str | os.PathLike[str], integrators: Sequence[str] | None = 
         A result file is damaged.
     """
     methods_by_name = {name: registered[name] for name in (registered if integrators is None else integrators)}
-    entries = decide(Results(folder, methods_by_name))
+    entries = decide(Results(folder, methods_by_name, leftovers))
     rows = [[entry["id"], *entry["paper"].values(), *_cells(entry)] for entry in entries]
     caption = "Statements of the paper, and what the numbers say of them."
     text = json.dumps(entries, indent=1, ensure_ascii=False, allow_nan=False) + "\n"

@@ -25,10 +25,11 @@ def answer(chosen: argparse.Namespace) -> Answer:
     from nearharmonic.engine.settings import whole_number
     from nearharmonic.reproduction.record.files.folders import folder_of
     from nearharmonic.reproduction.record.query.expression import rows_where
-    from nearharmonic.reproduction.record.query.run_table import column_of, run_table
+    from nearharmonic.reproduction.record.query.run_table import column_of, former_systems, run_table
 
     limit = None if chosen.limit is None else whole_number(chosen.limit, "limit")
-    every, units = run_table({name: folder_of(name) for name in chosen.result})
+    folders = {name: folder_of(name) for name in chosen.result}
+    every, units = run_table(folders)
     names = list(every) if chosen.columns is None else [name.strip() for name in chosen.columns.split(",")]
     for name in names:
         column_of(name, every)
@@ -38,10 +39,15 @@ def answer(chosen: argparse.Namespace) -> Answer:
         found = found.sort_values(str(key.name), ascending=key.name == chosen.sort, kind="stable")
     shown = found[:limit]
     cut = "" if len(shown) == len(found) else f", of which {len(shown)} are shown"
+    left_out = {name: ", ".join(former_systems(folder)) for name, folder in folders.items()}
     return Answer(
         header=names,
         rows=list(zip(*(shown[name].tolist() for name in names), strict=True)),
-        notes=[f"{len(found)} of {len(every)} runs{cut}", *_unit_notes(set(shown["system"]), units, names)],
+        notes=[
+            f"{len(found)} of {len(every)} runs{cut}",
+            *_unit_notes(set(shown["system"]), units, names),
+            *(f"Left out: {left}, which the config of {name} no longer has" for name, left in left_out.items() if left),
+        ],
     )
 
 

@@ -12,7 +12,7 @@ from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.integrators.user_file import expanded
 from nearharmonic.reproduction.entries import POSITIVE, STRICT, PositiveNumber, Reading, setting, whole_from
 from nearharmonic.reproduction.experiments.paper.grid.shards import suitable_shards
-from nearharmonic.reproduction.experiments.paper.settings import Summation, SystemSettings
+from nearharmonic.reproduction.experiments.paper.settings import PAPER, Summation, SystemSettings
 from nearharmonic.reproduction.tasks.experiment import experiments
 from nearharmonic.systems import systems
 
@@ -107,6 +107,11 @@ class Config:
     def stepwise(self) -> tuple[str, ...]:
         """Names of the integrators whose energy is measured at every step: all except processed ones."""
         return tuple(name for name in self.methods if not integrators[name].processed)
+
+    @property
+    def has_systems_of_the_paper(self) -> bool:
+        """True if statements of the paper, and long orbits of its systems, are of interest."""
+        return not self.systems.keys().isdisjoint(PAPER)
 
     @property
     def sweeps(self) -> tuple[Sweep, ...]:

@@ -33,7 +33,7 @@ LONGEST = 60
 
 _NAME = re.compile(rf"[A-Za-z][A-Za-z0-9_]{{0,{LONGEST - 1}}}", re.ASCII)
 #: Keys of a system in a config that define a user's system.
-_OWN = ("file", "system", "label", "q0", "p0", "parameters", "split")
+_OWN = ("file", "system", "label", "q0", "p0", "energy", "parameters", "split")
 
 
 def define(asked: Mapping[str, SystemSettings], methods: Mapping[str, Sequence[str]], folders: Sequence[Path]) -> None:
@@ -90,9 +90,10 @@ def _is_own(name: str, asked: SystemSettings) -> bool:
     given = [key for key in _OWN if getattr(asked, key) is not None]
     if name in systems.registered:
         if given:
-            example = name if asked.system is None else asked.system
-            remedy = "for the system of the file" if asked.file is not None else f"with system: {example}"
-            allowed = f"{name} is a registered system, taken as it is: choose another name {remedy}"
+            source = f"system: {asked.system or name}" if asked.file is None else f"file: {asked.file}"
+            more = "" if given[0] in ("file", "system") else f", {given[0]}: ..."
+            remedy = f"write it under another name, as own_{name}: {{{source}{more}, tau_per_stage: ...}}"
+            allowed = f"{name} is a registered system, taken as it is: {remedy}"
             value = getattr(asked, given[0])
             raise bad_setting(f"systems.{name}.{given[0]}", list(value) if isinstance(value, tuple) else value, allowed)
         return False
@@ -117,6 +118,7 @@ def _definition(name: str, asked: SystemSettings, folders: Sequence[Path]) -> Sy
         q0=asked.q0,
         p0=asked.p0,
         parameters=tuple((asked.parameters or {}).items()),
+        energy=asked.energy,
     )
 
 

@@ -36,6 +36,15 @@ def refuse_unreadable(places: Iterable[str | os.PathLike[str]]) -> None:
         refuse(error)
 
 
+def warn_of_name(name: str, places: Iterable[str | os.PathLike[str]]) -> None:
+    """Warn on standard error of a config, other than the paper's, with the name of the paper's results."""
+    if name == "paper" and not any(Path(place).parts[-2:] == ("config", "config.yaml") for place in places):
+        effect = "this config replaces its results in results/paper and its pages below docs"
+        sys.stderr.write(
+            f"nearharmonic: warning: name = 'paper' is that of config/config.yaml, and {effect}: rename it\n"
+        )
+
+
 def refuse_template(place: str | os.PathLike[str]) -> None:
     """Check that the config in a file is data: Snakemake runs the Python expressions of a template while it reads it.
 

@@ -7,8 +7,11 @@ from collections.abc import Iterator
 from typing import Any
 
 from nearharmonic.errors import SettingError
+from nearharmonic.numerics.written import decimal_of
 from nearharmonic.output.reading import opened
 
+#: Kinds of values that YAML reads from text that is no number in decimal digits: 010 is 8 for it, and 1:30 is 90.
+_NUMBERS = {f"tag:yaml.org,2002:{kind}" for kind in ("int", "float", "timestamp")}
 #: Most bytes of a file, entries of it with those that its aliases repeat, and levels of nesting.
 MOST_BYTES, MOST_ENTRIES, MOST_LEVELS = 10**6, 10**4, 20
 
@@ -20,8 +23,8 @@ def read_mapping(path: str | os.PathLike[str]) -> dict[str, Any]:
     ------
     SettingError
         The file is missing or is no file; it is too large, too deep, no text in UTF-8, or neither YAML nor JSON; an
-        alias repeats the entry that it is a part of; a key occurs twice in a mapping: YAML would use the last one; or
-        there is no mapping.
+        alias repeats the entry that it is a part of; a key occurs twice in a mapping: YAML would use the last one; a
+        number has another value for YAML than its decimal digits have; or there is no mapping.
     """
     import yaml
 
@@ -74,7 +77,10 @@ class _Entries:
     """
 
     def __init__(self, path: str) -> None:
+        import yaml
+
         self._path = path
+        self._yaml: Any = yaml.SafeLoader("")
         self._count = 0
         #: Open collections: anchor, count before them, and lines of the keys; None for those of a sequence.
         self._open: list[tuple[str | None, int, dict[str, int] | None]] = []
@@ -100,6 +106,8 @@ class _Entries:
 
         line = event.start_mark.line + 1
         self._as_member(event, line)
+        if isinstance(event, yaml.ScalarEvent):
+            self._check_number(event, line)
         self._count += 1
         if isinstance(event, yaml.AliasEvent):
             if event.anchor in (anchor for anchor, *_ in self._open):
@@ -112,6 +120,23 @@ class _Entries:
             self._members.append(0)
         if self._count > MOST_ENTRIES:
             raise self._error(f"line {line} has the {MOST_ENTRIES + 1}th entry, aliases included, of {MOST_ENTRIES}")
+
+    def _check_number(self, event: Any, line: int) -> None:
+        """Compare the value of YAML with that of the decimal digits; Snakemake reads a config with YAML alone."""
+        import yaml
+
+        kind = event.tag or self._yaml.resolve(yaml.ScalarNode, event.value, event.implicit)
+        if kind not in _NUMBERS:
+            return
+        read = self._yaml.construct_object(yaml.ScalarNode(kind, event.value))
+        try:
+            exact = decimal_of(event.value) == decimal_of(str(read))
+        except ValueError:
+            exact = False
+        if not exact:
+            meaning = f"{event.value}, which YAML reads as the {kind.rpartition(':')[2]} {read}"
+            allowed = "numbers have decimal digits, and those with more than a double holds, as text, are in quotes"
+            raise self._error(f"line {line} has {meaning}: {allowed}")
 
     def _as_member(self, event: Any, line: int) -> None:
         """Count a member of the innermost collection, and compare a key with those before it."""

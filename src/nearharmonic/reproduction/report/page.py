@@ -24,7 +24,7 @@ from nearharmonic.reproduction.tasks.experiment import Experiment, beside_the_pa
 LARGEST = 4_000_000
 #: Verdicts in the order of the statements beneath a figure.
 WORST_FIRST = ("fails", "erratum", "holds in part", "holds but for edges", "holds", OPEN)
-#: Cube whose figure stands at the top of the page, if it is there.
+#: Cube whose figure stands at the top of the page, if it is there and the config has no system of its own.
 FIRST_SHOWN = "henon_heiles"
 
 
@@ -59,14 +59,16 @@ def sections_of(results: ShownResults) -> list[Section]:
     ]
 
 
-def page(folder: str | os.PathLike[str], **_: Any) -> dict[str, str]:
+def page(folder: str | os.PathLike[str], leftovers: Sequence[str] = (), **_: Any) -> dict[str, str]:
     """Make the page of the results in a folder.
 
     Parameters
     ----------
     folder : path
         ``results/<name>``, with ``tables/claims.json``, ``tables/skipped.csv``, cubes and figures; other existing
-        results are shown too.
+        results are shown too. Verdicts are shown if one of the paper's systems has a cube.
+    leftovers : sequence of str
+        Names of files in the folder that the config does not make: the last line names them, and nothing shows them.
     **_
         The integrators, which a rule names for their digests, and paths of its inputs, which are found in the folder.
 
@@ -81,7 +83,7 @@ def page(folder: str | os.PathLike[str], **_: Any) -> dict[str, str]:
     ResultFileError
         A cube or the table of claims is missing or damaged; the message names the command that makes it again.
     """
-    results = ShownResults(Path(folder))
+    results = ShownResults(Path(folder), leftovers)
     figures = list(interactive(results))
     # Omissions and claims have their own sections.
     placed = ("skipped", "claims", *(pattern for one in beside_the_paper() for pattern in one.table_patterns))
@@ -104,14 +106,15 @@ def page(folder: str | os.PathLike[str], **_: Any) -> dict[str, str]:
         "sums": sums(results.claims),
         "failures": failures(results.claims),
         "figures": figures,
+        "own": [results.labels[str(one.cube)] for one in figures if one.is_own],
         "every": every,
-        "first": next((one for one in figures if one.cube == FIRST_SHOWN), next(iter(every), None)),
+        "first": next((one for one in figures if one.is_own or one.cube == FIRST_SHOWN), next(iter(every), None)),
         "legend": legend,
         "methods": coefficients(one.method for one in legend if "figure-6" in {figure.anchor for figure in figures}),
         "tables": tables,
         "skipped": results.tables(("skipped",)),
         "sections": sections,
-        **_packed(plots),
+        "document": _packed(plots),
     }
     return {"page": _small_enough(values), **_alone(results, figures)}
 
@@ -126,18 +129,15 @@ def _alone(results: ShownResults, figures: Sequence[ShownFigure]) -> dict[str, s
     live = [one for one in figures if one.panels]
     return {
         name: assets.filled(
-            "figure.html", {"results": results, "figure": one, "legend": entries([one]), **_packed(one.plots)}
+            "figure.html", {"results": results, "figure": one, "legend": entries([one]), "document": _packed(one.plots)}
         )
         for name, one in zip(pages_alone(results.figures), live, strict=True)
     }
 
 
-def _packed(plots: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the compressed document of plots, and the ids of its roots."""
-    if not plots:
-        return {"document": "", "roots": {}}
-    document, ids = models.document(list(plots.values()))
-    return {"document": assets.packed(document), "roots": dict(zip(plots, ids, strict=True))}
+def _packed(plots: Mapping[str, Any]) -> str:
+    """Return the compressed document of plots, "" without plots."""
+    return assets.packed(models.document(list(plots.values()))) if plots else ""
 
 
 def _small_enough(values: Mapping[str, Any]) -> str:

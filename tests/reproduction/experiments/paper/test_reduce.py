@@ -14,6 +14,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import assembled, described
 from nearharmonic.output.store import write
 from nearharmonic.reproduction.experiments.paper import reduce
+from nearharmonic.reproduction.experiments.paper.figures.energy_error import energy_error
 from nearharmonic.reproduction.experiments.paper.grid.plan import runs_of
 from nearharmonic.reproduction.experiments.paper.grid.shards import shards_of
 from nearharmonic.reproduction.experiments.paper.reduce import numbers
@@ -281,9 +282,16 @@ def test_terms_stand_at_their_method_composition_and_order():
     assert all({"units", "long_name"} <= set(v.attrs) for v in terms.variables.values())
 
 
-def test_only_cubes_of_paper_systems_have_paper_labels():
-    own = {"venus": SystemDefinition(base="sho", label="not in the paper")}
+def test_cubes_and_figures_of_own_systems_have_their_energy():
+    own = {"venus": SystemDefinition(base="sho", label="not in the paper", q0=("1.5",), p0=("2",))}
     with systems.defining(own):
-        for name, says in (("sho", "name in the paper"), ("venus", "label")):
+        for name, says, energy in (("sho", "name in the paper", (None, None)), ("venus", "label", (3.125, "1"))):
             cube = cube_of(name, runs_in_memory(sweep(name), ["ruth"]))
             assert cube.label.attrs["long_name"] == says
+            assert (cube.attrs.get("energy_at_start"), cube.attrs.get("energy_unit")) == energy
+            assert (
+                energy_error(cube)
+                .axes[0]
+                .get_title(loc="right")
+                .endswith("oscillator" if name == "sho" else ", $H_0$ = 3.125")
+            )

@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from nearharmonic.engine.runs.invariants import energy_at_start
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.integrators import integrators as methods_by_name
 from nearharmonic.output import store
 from nearharmonic.output.dataset import described
-from nearharmonic.reproduction.experiments.paper.reductions import PAPER, orbital_period, reduction
+from nearharmonic.reproduction.experiments.paper.reductions import orbital_period, reduction
+from nearharmonic.reproduction.experiments.paper.settings import PAPER
 from nearharmonic.systems import systems
 
 #: Values of cells without a run; other variables are NaN.
@@ -80,6 +82,8 @@ def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:
     for name, text in (("integrator", "integrator"), ("label", label), ("precision", "precision")):
         cube[name].attrs |= described(text)
     attributes: dict[str, Any] = {"system": system, "system_label": problem.label}
+    if system not in systems.registered:
+        attributes |= {"energy_at_start": energy_at_start(problem), "energy_unit": problem.units["energy"]}
     if problem.period is not None:
         attributes["orbital_period"] = orbital_period(problem)
     if "energy_floor" in cube.attrs:  # of the run files

@@ -24,9 +24,6 @@ from nearharmonic.systems.definition.system import System
 
 reduction = Reductions()
 
-#: Systems of the paper.
-PAPER = ("sho", "henon_heiles", "kepler")
-
 
 @reduction("block_max_energy_error", "status")
 def max_energy_error(runs: xr.Dataset) -> xr.DataArray:

@@ -25,6 +25,10 @@ Precision = Literal["double", "extended"]
 Summation = Literal["compensated", "plain"]
 Split = Literal["kinetic_potential", "exact_oscillator"]
 
+#: Systems of the paper, and the cubes of their orbits that only a config with one of them has.
+PAPER = ("sho", "henon_heiles", "kepler")
+ORBITS = ("henon_heiles_chaos", "substeps_displaced")
+
 FINITE = "a finite number, or a decimal string, which keeps all its digits"
 
 
@@ -105,6 +109,12 @@ class SystemSettings:
         each=FINITE,
         default=None,
         min_length=1,
+    )
+    energy: ExactDecimal | None = setting(
+        "Energy at the start: the initial momentum is multiplied by the factor that gives it",
+        FINITE,
+        unit="the system's unit of energy",
+        default=None,
     )
     parameters: Mapping[str, ParameterValue] | None = setting(
         "Parameters of the system that have other values than its own",

@@ -31,6 +31,8 @@ ATTRIBUTES: Mapping[str, tuple[str, str]] = {
     "precision": ("", "precisions of the runs in the file, `double`, `extended` or both"),
     "kernel": ("", "arithmetic, summation and roles of the runs"),
     "energy_floor": ("as the errors", "smallest energy error that rounding of V admits, for functions of numba"),
+    "energy_at_start": ("`energy_unit`", "H(q0, p0) of a system of your own"),
+    "energy_unit": ("", "unit of this energy"),
     "orbital_period": ("unit of t", "period of the exact Kepler orbit"),
     "tau": ("unit of t", "step size of all runs of the file"),
     "blocks": ("1", "blocks of time for the interval of the Lyapunov exponent"),

@@ -10,8 +10,9 @@ from typing import Any
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
-from nearharmonic.errors import unknown_name
+from nearharmonic.errors import ResultFileError, unknown_name
 from nearharmonic.output import store
+from nearharmonic.reproduction.record.files import manifest
 
 #: Columns of every system, in the displayed order; columns of single systems follow.
 COLUMNS = (
@@ -39,7 +40,8 @@ def run_table(folders: Mapping[str, Path]) -> tuple[pd.DataFrame, Units]:
     Returns
     -------
     DataFrame
-        One row for each step size of each cube of a system; NaN or an empty text if a system has no such quantity.
+        One row for each step size of each cube of a system that the config has; NaN or an empty text if a system has
+        no such quantity.
         Step sizes that round to the same number of steps share one run. Cells without a run are omitted.
     dict
         ``units[system][column]``: the unit of a column, if it has one.
@@ -53,7 +55,8 @@ def run_table(folders: Mapping[str, Path]) -> tuple[pd.DataFrame, Units]:
     parts: list[pd.DataFrame] = []
     units: Units = {}
     for result, folder in folders.items():
-        for path in system_cubes(folder):
+        left_out = former_systems(folder)
+        for path in (path for path in system_cubes(folder) if path.stem not in left_out):
             part, units[path.stem] = runs_of_cube(path)
             parts.append(part.assign(result=result) if len(folders) > 1 else part)
     if not parts:
@@ -71,6 +74,15 @@ def system_cubes(folder: Path) -> Iterator[Path]:
     for path in sorted(folder.glob("cubes/*.h5")):
         if store.attributes_of(path).get("system") == path.stem:
             yield path
+
+
+def former_systems(folder: Path) -> list[str]:
+    """Return the systems in ``folder`` that the config of its last run does not have; none without a manifest."""
+    try:
+        former = manifest.read(folder)["former"]
+    except ResultFileError:
+        return []
+    return [path.stem for path in system_cubes(folder) if path.relative_to(folder).as_posix() in former]
 
 
 def settings_of(attributes: Any) -> dict[str, Any]:

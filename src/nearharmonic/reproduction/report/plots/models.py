@@ -18,8 +18,8 @@ def script() -> str:
     return Path(bokeh.__file__).parent.joinpath("server/static/js/bokeh.min.js").read_text(encoding="utf-8")
 
 
-def document(roots: Sequence[Plot]) -> tuple[str, list[str]]:
-    """Return a document with the plots ``roots`` as JSON, and the ids of the roots in it.
+def document(roots: Sequence[Plot]) -> str:
+    """Return a document with the plots ``roots`` as JSON.
 
     Models are numbered in the order of writing, so that equal plots give equal texts.
     """
@@ -28,5 +28,4 @@ def document(roots: Sequence[Plot]) -> tuple[str, list[str]]:
     told["roots"] = Serializer(deferred=False).serialize(list(roots)).content
     text = json.dumps(told, separators=(",", ":"), allow_nan=False)
     ids: dict[str, str] = {}
-    text = re.sub(r'"id":"(\w+)"', lambda found: f'"id":"{ids.setdefault(found[1], f"m{len(ids)}")}"', text)
-    return text, [ids[root.id] for root in roots]
+    return re.sub(r'"id":"(\w+)"', lambda found: f'"id":"{ids.setdefault(found[1], f"m{len(ids)}")}"', text)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import inf
 
 from nearharmonic.reproduction.tasks.declarations import Declaration
 
@@ -24,12 +25,11 @@ def anchor_of(figure: Declaration) -> str:
 
 
 def in_order(figures: Iterable[Declaration]) -> list[Declaration]:
-    """Return each figure once, numbered figures first if the systems of the paper are present."""
+    """Return each figure once: energy errors of the config's own systems, numbered figures, and others."""
     drawn = list(figures)
     numbered = {one.cube for one in drawn if one.profile and number_of(one)}  # one drawing with two names
     distinct = {one.stem: one for one in drawn if number_of(one) or not (one.profile and one.cube in numbered)}.values()
-    later = bool(numbered)  # figures without a number
-    return sorted(distinct, key=lambda one: ((number_of(one) is None) is later, number_of(one) or 0, one.stem))
+    return sorted(distinct, key=lambda one: (number_of(one) or (0 if one.profile else inf), one.stem))
 
 
 def is_interactive(figure: Declaration) -> bool:

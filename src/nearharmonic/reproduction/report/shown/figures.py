@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from nearharmonic.integrators import integrators
 from nearharmonic.output.store import read
-from nearharmonic.plotting.levels import energy_error_label
+from nearharmonic.plotting.levels import energy_error_label, energy_of
 from nearharmonic.plotting.palette import style_of
 from nearharmonic.reproduction.experiments.paper.orbits.substeps import paper_panels
 from nearharmonic.reproduction.report.plots.decomposition import decomposition
@@ -60,6 +60,8 @@ class ShownFigure:
         Interactive panels; empty for a static figure.
     methods : dict of str to str
         Labels of the methods in the panels, by name.
+    is_own : bool
+        True for the energy errors of a system that the paper does not have.
     """
 
     anchor: str
@@ -73,6 +75,7 @@ class ShownFigure:
     hint: str = ""
     panels: list[Panel] = field(default_factory=list)
     methods: dict[str, str] = field(default_factory=dict)
+    is_own: bool = False
 
     @property
     def files(self) -> dict[str, str]:
@@ -120,12 +123,12 @@ def static(results: ShownResults, titles: Mapping[str, str]) -> Iterator[ShownFi
 
 
 def _caption(caption: str, cube: xr.Dataset) -> str:
-    """Return ``caption``, with the definition of the energy errors of ``cube`` unless they are relative to |H0|."""
+    """Return ``caption`` with the energy of ``cube``, and what its errors are unless they are relative to |H0|."""
     relative = "|ΔH/H₀|"
     label = energy_error_label(cube["max_energy_error"].attrs, "|ΔH|", relative)
-    if label == relative:
-        return caption
-    return f"{caption.replace('relative energy', 'energy')} Energy errors are {label}."
+    if label != relative:
+        caption = f"{caption.replace('relative energy', 'energy')} Energy errors are {label}."
+    return f"{caption} The energy at the start is H₀ = {H0}." if (H0 := energy_of(cube.attrs)) else caption
 
 
 def _figure(one: Declaration, results: ShownResults, title: str, **more: Any) -> ShownFigure:
@@ -138,6 +141,7 @@ def _figure(one: Declaration, results: ShownResults, title: str, **more: Any) ->
         cube=one.cube,
         picture=picture(results.svg(one.stem)),
         thumbnail=results.thumbnail(one.stem),
+        is_own=one.profile and number is None,
         **more,
     )
 

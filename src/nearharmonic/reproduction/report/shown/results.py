@@ -14,8 +14,9 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.store import attributes_of
 from nearharmonic.reproduction.claims.claim import OPEN
 from nearharmonic.reproduction.experiments.paper.grid.omissions import Totals, totals_in
+from nearharmonic.reproduction.experiments.paper.settings import PAPER
 from nearharmonic.reproduction.record.files.texts import Texts
-from nearharmonic.reproduction.report.shown.declared import in_order, number_of
+from nearharmonic.reproduction.report.shown.declared import in_order
 from nearharmonic.reproduction.report.shown.pictures import thumbnail
 from nearharmonic.reproduction.report.shown.tables import ShownTable, tables_of
 from nearharmonic.reproduction.tasks.declarations import Declaration, figures_of
@@ -32,21 +33,24 @@ VERDICTS = {
 
 
 class ShownResults:
-    """A folder of results, ``results/<name>``."""
+    """A folder of results, ``results/<name>``, without files of these names, which are leftovers of another config."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, leftovers: Sequence[str] = ()) -> None:
         self.folder = folder
+        self._leftovers = leftovers
         self._texts = Texts(folder)
 
     @cached_property
     def claims(self) -> list[dict[str, Any]]:
-        """The objects of ``tables/claims.json``.
+        """The objects of ``tables/claims.json``; none without a system of the paper.
 
         Raises
         ------
         ResultFileError
             The file is missing or damaged; the message names the command that makes it again.
         """
+        if not self.has_systems_of_the_paper:
+            return []
         name = "tables/claims.json"
         text = self._texts.read(name)
         try:
@@ -60,15 +64,20 @@ class ShownResults:
 
     @cached_property
     def figures(self) -> list[Declaration]:
-        """The existing declared figures: numbered figures first, if the systems of the paper are present."""
-        cubes = [path.stem for path in sorted((self.folder / "cubes").glob("*.h5"))]
-        declared = figures_of("reproduction.experiments", cubes, cubes)
-        return in_order(one for one in declared if (self.folder / self.drawing(one.stem)).is_file())
+        """The existing declared figures, in the order of the page."""
+        cubes = self.stems("cubes", ".h5")
+        drawn = self.stems("figures", ".svg")
+        return in_order(one for one in figures_of("reproduction.experiments", cubes, cubes) if one.stem in drawn)
 
     @property
     def has_systems_of_the_paper(self) -> bool:
-        """True if a figure of a system of the paper exists."""
-        return any(one.profile and number_of(one) for one in self.figures)
+        """True if a system of the paper has a cube."""
+        return not set(PAPER).isdisjoint(self.labels)
+
+    @property
+    def leftovers(self) -> list[str]:
+        """Names of the leftovers, each once for all its formats."""
+        return sorted({name.partition(".")[0] for name in self._leftovers})
 
     @staticmethod
     def drawing(stem: str) -> str:
@@ -93,11 +102,8 @@ class ShownResults:
     @property
     def files(self) -> dict[str, list[str]]:
         """Paths of all cubes and tables, by kind."""
-        kinds = {"cubes": "cubes/*.h5", "tables": "tables/*.csv"}
-        return {
-            kind: sorted(path.relative_to(self.folder).as_posix() for path in self.folder.glob(pattern))
-            for kind, pattern in kinds.items()
-        }
+        kinds = {"cubes": ".h5", "tables": ".csv"}
+        return {kind: [f"{kind}/{stem}{suffix}" for stem in self.stems(kind, suffix)] for kind, suffix in kinds.items()}
 
     def cube(self, name: str) -> Path:
         """Return the path of a cube."""
@@ -106,12 +112,13 @@ class ShownResults:
     @cached_property
     def labels(self) -> dict[str, str]:
         """Labels of the systems that have a cube, by name."""
-        attributes = {place.stem: attributes_of(place) for place in sorted((self.folder / "cubes").glob("*.h5"))}
+        attributes = {stem: attributes_of(self.cube(stem)) for stem in self.stems("cubes", ".h5")}
         return {stem: told["system_label"] for stem, told in attributes.items() if "system_label" in told}
 
-    def stems(self, folder: str, suffix: str, patterns: Sequence[str]) -> list[str]:
+    def stems(self, folder: str, suffix: str, patterns: Sequence[str] = ("*",)) -> list[str]:
         """Return the names of the files below ``folder`` that match one of ``patterns``, sorted by pattern and name."""
-        found = sorted(path.stem for path in (self.folder / folder).glob(f"*{suffix}"))
+        paths = (self.folder / folder).glob(f"*{suffix}")
+        found = sorted(path.stem for path in paths if f"{folder}/{path.name}" not in self._leftovers)
         return list(dict.fromkeys(stem for pattern in patterns for stem in found if fnmatch(stem, pattern)))
 
     def tables(self, patterns: Sequence[str], without: Sequence[str] = ()) -> list[ShownTable]:

@@ -1,7 +1,6 @@
 "use strict";
 (() => {
   const page = document.documentElement;
-  const roots = JSON.parse(document.getElementById("roots").textContent);
   const unpacked = (id) => {
     const bytes = Uint8Array.from(atob(document.getElementById(id).textContent), (letter) => letter.charCodeAt(0));
     return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
@@ -87,9 +86,10 @@
   const draw = async () => {
     const [bokeh, plots] = await Promise.all(["bokeh", "plots"].map(unpacked));
     document.head.append(Object.assign(document.createElement("script"), { textContent: bokeh }));
-    const placed = Object.fromEntries(Object.entries(roots).map(([element, model]) => [model, element]));
-    const items = [{ docid: "page", roots: placed, root_ids: Object.values(roots) }];
-    await Bokeh.embed.embed_items({ page: JSON.parse(plots) }, items);
+    const held = JSON.parse(plots);
+    const roots = held.roots.map((root) => [root.id, root.attributes.name]); // Bokeh pairs ids with roots by position
+    const items = [{ docid: "page", roots: Object.fromEntries(roots), root_ids: roots.map(([id]) => id) }];
+    await Bokeh.embed.embed_items({ page: held }, items);
     for (const root of Bokeh.documents[0].roots()) shown.set(root.name, root);
     connect();
     leaveFingers();

@@ -46,6 +46,7 @@ class OwnSystem(BaseModel):
     q0: list[str] | None = None
     p0: list[str] | None = None
     parameters: list[Annotated[list[str], Field(min_length=2, max_length=2)]] = []
+    energy: str | None = None
 
 
 class OwnIntegrator(BaseModel):

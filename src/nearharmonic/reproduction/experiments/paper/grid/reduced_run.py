@@ -10,8 +10,8 @@ from nearharmonic.output.dataset import Contents, Variables, assembled
 from nearharmonic.reproduction.experiments.paper.grid.earlier import Earlier, EarlierFile
 from nearharmonic.reproduction.experiments.paper.grid.plan import Run
 from nearharmonic.reproduction.experiments.paper.reduce import STATES, joined, numbers
-from nearharmonic.reproduction.experiments.paper.reductions import PAPER
 from nearharmonic.reproduction.experiments.paper.run import COORDINATES, contents, integrate_run
+from nearharmonic.reproduction.experiments.paper.settings import PAPER
 
 #: Samples of a run, from which its numbers are computed before it is dropped.
 SAMPLES = 500
