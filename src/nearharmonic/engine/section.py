@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from nearharmonic.engine.numbers.arrays import rows_of
 from nearharmonic.engine.numbers.initial_values import parameter_array, standard_parameters
 from nearharmonic.engine.runs.continuation import parameter_attributes
 from nearharmonic.engine.runs.description import problem_attributes
@@ -17,6 +19,7 @@ from nearharmonic.engine.stepper import stepper
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.written import is_real
 from nearharmonic.output.dataset import Variables, assembled, described
 from nearharmonic.systems.definition.system import System
 
@@ -135,11 +138,10 @@ def section(
 
 def _starts(given: Any, system: System) -> Floats:
     d = system.dimension
-    rows = np.array([[*system.start(float)[0], *system.start(float)[1]]] if given is None else given, float, ndmin=2)
-    if rows.ndim != 2 or rows.shape[1] != 2 * d or not np.isfinite(rows).all() or not len(rows):
-        what = f"an array (M, {2 * d}) of finite numbers, {d} positions and {d} momenta a row"
-        raise bad_setting("starts", f"array of shape {rows.shape}", what)
-    return rows
+    if given is None:
+        return np.concatenate(system.start(float))[None, :]
+    allowed = f"an array (M, {2 * d}) of finite numbers, {d} positions and {d} momenta a row"
+    return rows_of("starts", given, 2 * d, allowed)[..., 0]
 
 
 class _Function:
@@ -147,7 +149,7 @@ class _Function:
 
     def __init__(self, surface: int | Surface, system: System, constants: Sequence[float]) -> None:
         allowed = f"a coordinate from 0 to {system.dimension - 1}, or a function g(q, p, *parameters)"
-        whole = isinstance(surface, int | np.integer) and not isinstance(surface, bool)
+        whole = is_real(surface) and isinstance(surface, Integral)
         if not callable(surface) and not (whole and 0 <= int(surface) < system.dimension):
             raise bad_setting("surface", surface, allowed)
         self._constants = constants

@@ -7,7 +7,7 @@ used only if the last sample is as the run left it, which a digest in the attrib
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from hashlib import sha256
@@ -19,11 +19,12 @@ import numpy as np
 
 from nearharmonic.engine.batch.kernels import formulas_digest
 from nearharmonic.engine.batch.regularised import check_bound
-from nearharmonic.engine.numbers.arrays import array_of
+from nearharmonic.engine.numbers.arrays import doubles_of
 from nearharmonic.engine.numbers.initial_values import parameter_array, standard_parameters, start_array
 from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.errors import bad_setting
 from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.written import exact_value
 from nearharmonic.output.dataset import Variables
 from nearharmonic.systems.definition.system import System
 
@@ -231,11 +232,12 @@ def _mapping(parameters: object) -> Mapping[str, Any]:
 
 def _exact_text(value: Any) -> str:
     """Return the digits of a valid number; a float of any type gives its binary value."""
+    if not isinstance(value, str | Decimal | Rational):
+        value = np.ravel(value)[0]  # of one number
     if isinstance(value, str | Decimal | Rational):
         return str(value)
-    if isinstance(value, Sequence):  # of one number
-        return _exact_text(value[0])
-    return str(Decimal(np.asarray(value, float).item()))
+    number = exact_value(value)
+    return str(Decimal(float(number)) if number == float(number) else number)
 
 
 def _end_digest_of(start: xr.Dataset) -> str:
@@ -254,8 +256,8 @@ def _text(start: xr.Dataset, name: str) -> str:
 def _last(start: xr.Dataset, name: str, shape: tuple[int, ...]) -> Floats:
     """The last sample of a variable, of so many finite numbers."""
     one = start[name]
-    values = array_of(f"start.{name}", one.values) if one.dims[:1] == ("sample",) else None
-    if values is None or values.shape[1:] != shape:
+    values = doubles_of(f"start.{name}", one.values, "numbers") if one.dims[:1] == ("sample",) else None
+    if not isinstance(values, np.ndarray) or values.shape[1:] != shape:
         what = f"{one.dtype} of shape {one.shape} over {' and '.join(map(str, one.dims)) or 'nothing'}"
         raise bad_setting(f"start.{name}", what, f"numbers of shape {(start.sizes['sample'], *shape)} over the samples")
     if not np.isfinite(values[-1]).all():
@@ -266,7 +268,8 @@ def _last(start: xr.Dataset, name: str, shape: tuple[int, ...]) -> Floats:
 
 def _number(start: xr.Dataset, name: str) -> float:
     """A part of H0: a finite number, or NaN where energies were not asked for."""
-    values = array_of(f"start.{name}", start[name].values)
-    if values is None or values.ndim or np.isinf(values) or (np.isnan(values) and _text(start, "energy") != "none"):
+    values = doubles_of(f"start.{name}", start[name].values, "a finite number")
+    bad = np.isinf if _text(start, "energy") == "none" else lambda x: not np.isfinite(x)
+    if not isinstance(values, np.ndarray) or values.ndim or bad(values):
         raise bad_setting(f"start.{name}", start[name].values.tolist(), "a finite number")
     return float(values)

@@ -109,7 +109,7 @@ class Problem(Setup):
             A step size, initial value or parameter outside what is allowed, before any work.
         """
         try:
-            step = self._step_sizes.get(tau)
+            step = self._step_sizes.get((type(tau), tau))  # True equals 1.0
         except TypeError:  # a list or an array
             step = None
         if step is None:
@@ -140,7 +140,7 @@ class Problem(Setup):
         step = StepSize(float(size), steps, sample_marks(np.array([steps]), self.samples), self.moves([size]))
         if len(self._step_sizes) >= MOST_STEP_SIZES:
             self._step_sizes.clear()
-        self._step_sizes[tau] = step
+        self._step_sizes[type(tau), tau] = step
         return step
 
     def _new_batch(self, step: StepSize) -> Batch:

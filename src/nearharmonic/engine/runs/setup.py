@@ -16,8 +16,9 @@ from nearharmonic.engine.batch.queue import Batch
 from nearharmonic.engine.batch.regularised import check_bound
 from nearharmonic.engine.batch.results import Filled, Trajectories, trajectories_of
 from nearharmonic.engine.grid import check_fit, steps_of
+from nearharmonic.engine.numbers.arrays import exact
 from nearharmonic.engine.numbers.coefficients import moves_of
-from nearharmonic.engine.numbers.initial_values import exact, standard_parameters, standard_start
+from nearharmonic.engine.numbers.initial_values import standard_parameters, standard_start
 from nearharmonic.engine.runs.invariants import check_quantities
 from nearharmonic.engine.settings import (
     KINETIC_POTENTIAL,

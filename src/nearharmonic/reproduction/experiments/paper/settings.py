@@ -9,7 +9,7 @@ from math import isfinite
 from numbers import Real
 from typing import Annotated, Literal
 
-from nearharmonic.numerics.written import decimal_of
+from nearharmonic.numerics.written import ALL_DIGITS, decimal_of
 from nearharmonic.reproduction.entries import (
     AT_LEAST_LOWEST,
     POSITIVE,
@@ -38,7 +38,7 @@ def _exact_decimal(value: object) -> str:
         raise ValueError from None
     if not isfinite(float(number)):
         raise ValueError
-    return str(number.normalize() + 0)
+    return str(number.normalize(ALL_DIGITS) or 0)
 
 
 _NUMBER = (("type", ("number", "string")),)
