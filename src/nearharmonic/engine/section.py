@@ -13,8 +13,8 @@ from nearharmonic.engine.numbers.initial_values import parameter_array, standard
 from nearharmonic.engine.runs.continuation import parameter_attributes
 from nearharmonic.engine.runs.description import problem_attributes
 from nearharmonic.engine.runs.ensemble import ensemble
-from nearharmonic.engine.runs.setup import Setup
-from nearharmonic.engine.settings import one_of
+from nearharmonic.engine.runs.setup import Setup, warn_of_step
+from nearharmonic.engine.settings import checked_tau, one_of
 from nearharmonic.engine.stepper import stepper
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
@@ -113,6 +113,7 @@ def section(
     function(rows[:, :d], rows[:, d:])  # a surface that cannot be evaluated ends the call here
     step = stepper(subject, problem.tableau, parameters=parameters)
     steps = problem.steps_of(tau)
+    warn_of_step(problem, [asked_tau := checked_tau(tau)], [steps])
     size = float(problem.end) / steps
     found: list[list[tuple[float, Floats, Floats]]] = []
     block = max(1, MOST_BYTES // (PER_COORDINATE * d * (steps + 1)))
@@ -130,7 +131,7 @@ def section(
                 for i in _changes(values[one], signs)
             ])  # fmt: skip
     attributes = problem_attributes(problem) | parameter_attributes(subject, parameters or {})
-    attributes |= {"direction": direction, "surface_name": function.name}
+    attributes |= {"direction": direction, "surface_name": function.name, "tau_requested": asked_tau}
     variables = _variables(problem, found, rows, function, constants)
     variables["tau"] = (), np.array(size), described("step size as used, t_end / steps", subject.units["t"])
     return assembled(variables, [], attributes)

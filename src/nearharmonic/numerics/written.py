@@ -66,10 +66,10 @@ def fraction_of(text: str) -> Fraction:
     return number / divisor
 
 
-def is_real(value: object) -> bool:
+def is_real(value: Any) -> bool:
     """Return True for a real number of any type: no truth value, and no difference of times, an integer for numpy."""
     kind = getattr(getattr(value, "dtype", None), "kind", "")
-    return isinstance(value, Real) and not isinstance(value, bool) and kind != "m"
+    return not isinstance(value, bool) and isinstance(value, Real) and kind != "m"
 
 
 def exact_value(value: object) -> Fraction:

@@ -35,15 +35,15 @@ def checked_times(t: object, problem: Setup) -> list[Fraction]:
     last = float(end)
     near = [abs(float(time) - last) <= _rounding(value) * abs(last) for value, time in zip(given, times, strict=True)]
     times = [end if is_end else time for is_end, time in zip(near, times, strict=True)]
-    sign, last = (1 if end > 0 else -1), Fraction(0)
+    sign, before = (1 if end > 0 else -1), Fraction(0)
     for i, time in enumerate(times):
         if not 0 <= sign * time <= sign * end:
             narrow = isinstance(given[i], np.floating) and given[i].dtype.itemsize < 8
             what = f"; {given[i].dtype} has {np.finfo(given[i].dtype).precision} digits" if narrow else ""
             raise bad_setting(f"t[{i}]", given[i], f"a time from 0 to t_end = {problem.t_end}{what}")
-        if sign * time < sign * last:
+        if sign * time < sign * before:
             raise bad_setting(f"t[{i}]", given[i], "a time not earlier than the time before it")
-        last = time
+        before = time
     return times
 
 

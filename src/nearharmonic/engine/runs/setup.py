@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sys
+import warnings
 from collections.abc import Sequence
 from fractions import Fraction
 from math import nan
@@ -40,6 +42,8 @@ from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.oscillator import check_oscillator
 from nearharmonic.systems.numba.potential import numba_potential
 
+#: Relative difference between the steps that are asked for and that run, from which on a user is warned.
+WARNED = 0.01
 #: A method that fits every system, for checks of the system alone.
 ANY = "ruth"
 
@@ -209,6 +213,22 @@ class Setup:
         start, parameters = standard_start(self.system, self.plain), standard_parameters(self.system)
         H0 = np.array([self.system.energy(*self.system.start(float), self.system.constants(float))])
         return self.floor(start[None, :], parameters[None, :], H0)
+
+
+def warn_of_step(problem: Setup, asked: Sequence[float], steps: Sequence[int], key: str = "tau") -> None:
+    """Warn the caller of a public function of a step that is 1 % off the one that was asked for, or more.
+
+    This package itself asks for steps in the knowledge of what runs, and is not warned.
+    """
+    used = [abs(float(problem.end)) / n for n in steps]
+    off = [abs(size / tau - 1) for size, tau in zip(used, asked, strict=True)]
+    i = max(range(len(off)), key=off.__getitem__)
+    caller = sys._getframe(2).f_globals.get("__name__", "")
+    if off[i] < WARNED or caller.split(".")[0] == "nearharmonic":
+        return
+    name = key if len(asked) == 1 and key == "tau" else f"{key}[{i}]"
+    message = f"{name} = {asked[i]:.6g} runs as {used[i]:.6g}: t_end = {problem.t_end} is no multiple of it"
+    warnings.warn(f"{message}, and is covered by {steps[i]} equal steps", stacklevel=3)
 
 
 def checked_scale(value: object) -> float:

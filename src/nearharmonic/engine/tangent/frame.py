@@ -42,7 +42,7 @@ def initial_deviations(given: object, dimension: int) -> Floats:
     n = 2 * dimension
     allowed = f"an integer from 1 to {n}, or an array (k, {n}) of {dimension} q-parts and {dimension} p-parts a row"
     if is_real(given) and isinstance(given, Integral):
-        if not 1 <= given <= n:
+        if not 1 <= int(given) <= n:
             raise bad_setting("deviations", given, allowed)
         return orthonormal(quasi_random(n, n, 0).T[:, :, None] - 0.5)[0][:, : int(given), 0].T.copy()
     rows = np.ascontiguousarray(rows_of("deviations", given, n, allowed)[..., 0])

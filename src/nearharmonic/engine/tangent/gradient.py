@@ -11,8 +11,8 @@ import numpy as np
 from nearharmonic.engine.batch.kernels import formulas_digest
 from nearharmonic.engine.runs.continuation import parameter_attributes
 from nearharmonic.engine.runs.description import error_variables, over, problem_attributes
-from nearharmonic.engine.runs.setup import Setup
-from nearharmonic.engine.settings import KINETIC_POTENTIAL
+from nearharmonic.engine.runs.setup import Setup, warn_of_step
+from nearharmonic.engine.settings import KINETIC_POTENTIAL, checked_tau
 from nearharmonic.engine.tangent.coefficients import check_coefficients, coefficient_derivatives
 from nearharmonic.engine.tangent.description import parameter_variables
 from nearharmonic.engine.tangent.linearised import check_differentiable, kinetic_parameters, sensitive_system
@@ -117,6 +117,7 @@ def gradient(
     members = max(len(start), len(given))
     start = np.broadcast_to(start, (members, start.shape[1]))
     steps = [problem.steps_of(tau)] * members
+    warn_of_step(problem, [asked_tau := checked_tau(tau)], steps[:1])
     if coefficients:
         check_coefficients(backward.system, problem.tableau, steps[0], members)
     paths = problem.run(steps, 2, start=start, parameters=given)
@@ -148,7 +149,7 @@ def gradient(
     if subject.parameters:
         variables["parameter"] = ("parameter",), np.array(list(subject.parameters)), described("name of the parameter")
     attributes = problem_attributes(problem) | parameter_attributes(subject, parameters or {})
-    attributes |= {"formulas": formulas_digest(subject), "observable": function.name}
+    attributes |= {"formulas": formulas_digest(subject), "observable": function.name, "tau_requested": asked_tau}
     coordinates = ["parameter", *(name for name in variables if several and name.startswith("parameter_"))]
     return assembled(variables, coordinates, attributes)
 

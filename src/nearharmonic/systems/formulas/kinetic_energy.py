@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Sequence
 from fractions import Fraction
 from inspect import Parameter as Argument
 from inspect import signature
+from numbers import Rational
 from sys import float_info
 from typing import Any
 
@@ -134,7 +135,7 @@ def _number(key: str, value: Any) -> Fraction:
         It is not a number, or not a finite double.
     """
     try:
-        number = exact_number(decimal(value))
+        number = exact_number(value if isinstance(value, Rational) else decimal(value))
         float(number)
     except (ValueError, TypeError, OverflowError):
         what = "a decimal string or a fraction, such as '0.5', '1/3'"
