@@ -110,9 +110,9 @@ def test_trajectory_that_diverges_has_the_crossings_before_it():
         ),
         (
             {"surface": 0, "starts": [[1, 2, 3]]},
-            r"starts = 'array of shape \(1, 3\)' is not allowed: an array \(M, 4\)",
+            r"starts\[0\] = \[1, 2, 3\] is not allowed: an array \(M, 4\)",
         ),
-        ({"surface": 0, "starts": [[1, 2, 3, np.inf]]}, "of finite numbers"),
+        ({"surface": 0, "starts": [[1, 2, 3, np.inf]]}, r"starts\[0\]\[3\] = inf is not allowed: a finite number"),
         ({"surface": 0, "tau": 1e-9}, "takes|steps|bytes"),
     ],
 )

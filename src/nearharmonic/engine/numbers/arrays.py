@@ -50,7 +50,7 @@ def doubles_of(key: str, values: Any, allowed: str) -> Any:
         An array with a unit, with a masked entry, or of neither numbers nor text; the message begins with ``key``.
     """
     if hasattr(values, "magnitude") or hasattr(type(values), "unit") or hasattr(type(values), "units"):
-        raise bad_setting(key, values, f"{allowed}, in the system's units and without a unit of their own")
+        raise bad_setting(key, values, f"{allowed}, without a unit of their own")
     if not hasattr(values, "__array__"):
         return values
     if np.ma.is_masked(values):

@@ -195,6 +195,6 @@ def _starts(given: Any, system: System) -> Floats:
     if isinstance(given, str | os.PathLike):
         return read_starts(given, system.dimension)
     d = system.dimension
-    rows = rows_of("starts", given, 2 * d, f"rows of {2 * d} numbers, {d} positions and {d} momenta a start")[..., 0]
+    rows = rows_of("starts", given, 2 * d, f"{2 * d} finite numbers a start, {d} positions and {d} momenta")[..., 0]
     least_starts("starts", f"array of shape {rows.shape}", rows, d)
     return rows
