@@ -90,7 +90,7 @@ CALLS = {
     ),
     "split of a gradient": (lambda x: nh.gradient("sho", "ruth", 0.1, lambda q, p: q[0], split=x), NO_NAMES),
     "p0 of a gradient": (lambda x: nh.gradient("sho", "ruth", 0.1, lambda q, p: q[0], p0=x), [*NO_LISTS, [[]]]),
-    "methods": (lambda x: nh.recommend("sho", 1e-6, methods=x), [["ruht"], [], [5], "ruht", 5]),
+    "methods": (lambda x: nh.recommend("sho", 1e-6, methods=x), [np.array("ruth"), ["ruht"], [], [5], "ruht", 5]),
     "path": (store.read, [None, 5, "", "nothing.h5", "a\0b", b"x", "/", "/dev/null", ["x"], "x" * 5000]),
 }  # fmt: skip
 
@@ -140,8 +140,8 @@ TABLEAUS = {
     "source": [5, None],
     "note": [5],
     "requires": ["luck", 5],
-    "symmetric": ["yes", 5],
-    "square": [("1",), 5, ("x", "y")],
+    "symmetric": ["yes", 5, np.True_, np.ones(3)],
+    "square": [np.ones(3), ("1",), 5, ("x", "y")],
 }  # fmt: skip
 
 #: Files of coefficients, by their names and contents.

@@ -226,7 +226,7 @@ def warn_of_step(problem: Setup, asked: Sequence[float], steps: Sequence[int], k
     caller = sys._getframe(2).f_globals.get("__name__", "")
     if off[i] < WARNED or caller.split(".")[0] == "nearharmonic":
         return
-    name = key if len(asked) == 1 and key == "tau" else f"{key}[{i}]"
+    name = key if key == "tau" else f"{key}[{i}]"
     message = f"{name} = {asked[i]:.6g} runs as {used[i]:.6g}: t_end = {problem.t_end} is no multiple of it"
     warnings.warn(f"{message}, and is covered by {steps[i]} equal steps", stacklevel=3)
 

@@ -12,7 +12,7 @@ from nearharmonic.engine.runs.setup import ANY, Setup, as_python
 from nearharmonic.engine.settings import checked_count, checked_tau
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.numerics.types import Floats
-from nearharmonic.numerics.written import integer_of
+from nearharmonic.numerics.written import integer_of, is_real
 from nearharmonic.systems.definition.quantities import is_list
 from nearharmonic.systems.definition.system import System
 from nearharmonic.training.tailor.inputs.start_file import least_starts, read_starts
@@ -173,7 +173,7 @@ def _seconds(given: object, trials: object) -> float | None:
 
 
 def _seed(given: object) -> int:
-    if given == 0 and not isinstance(given, bool):
+    if is_real(given) and given == 0:
         return 0
     return checked_count("seed", given, LARGEST_SEED)
 
