@@ -14,6 +14,7 @@ from itertools import islice
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nearharmonic.engine.numbers.rotations import pair_of
 from nearharmonic.errors import bad_setting
@@ -41,31 +42,44 @@ def exact(key: str, value: object) -> Fraction:
     return number
 
 
+def array_of(key: str, values: Any) -> NDArray[Any] | None:
+    """Return ``values`` as a plain array if it is an array of integers or floats, else None.
+
+    Raises
+    ------
+    SettingError
+        A masked entry, or numbers with a unit of their own; the message begins with ``key``.
+    """
+    if hasattr(values, "magnitude") or hasattr(type(values), "unit") or hasattr(type(values), "units"):
+        raise bad_setting(key, values, "numbers in the system's units, without a unit of their own")
+    if not hasattr(values, "__array__"):
+        return None
+    if np.ma.is_masked(values):
+        place = np.argwhere(np.ma.getmaskarray(values))[0].tolist()
+        raise bad_setting(f"{key}{place or ''}", "masked", "numbers, none of them masked")
+    array = np.asarray(values)
+    return array if array.dtype.kind in "fiu" else None
+
+
 def doubles_of(key: str, values: Any, allowed: str) -> Any:
     """Return an array of numbers as doubles, if these hold them exactly, or as lists; return no array unchanged.
 
     Raises
     ------
     SettingError
-        An array with a unit, with a masked entry, or of neither numbers nor text; the message begins with ``key``.
+        As for :func:`array_of`, or an array of neither numbers, text nor objects.
     """
-    if hasattr(values, "magnitude") or hasattr(type(values), "unit") or hasattr(type(values), "units"):
-        raise bad_setting(key, values, f"{allowed}, without a unit of their own")
-    if not hasattr(values, "__array__"):
-        return values
-    if np.ma.is_masked(values):
-        place = np.argwhere(np.ma.getmaskarray(values))[0].tolist()
-        raise bad_setting(f"{key}{place or ''}", "masked", "numbers, none of them masked")
-    array = np.asarray(values)
-    if array.dtype.kind not in "fiuOU":
-        raise bad_setting(key, values, allowed)
-    if array.dtype.kind in "fiu":
+    array = array_of(key, values)
+    if array is not None:
         with np.errstate(all="ignore"):
             doubles = array.astype(float)
             exactly = np.abs(doubles) < 2.0**53 if array.dtype.kind in "iu" else doubles == array
-        if array.dtype.itemsize < 8 or array.dtype == float or exactly.all():
-            return doubles
-    return array.tolist()
+        return doubles if array.dtype == float or exactly.all() else array.tolist()
+    if not hasattr(values, "__array__"):
+        return values
+    if np.asarray(values).dtype.kind not in "OU":
+        raise bad_setting(key, values, allowed)
+    return np.asarray(values).tolist()
 
 
 def list_of(key: str, values: Any, allowed: str, most: int) -> list[Any]:
@@ -79,7 +93,7 @@ def list_of(key: str, values: Any, allowed: str, most: int) -> list[Any]:
         No list: a single value, text, bytes, a mapping or a set; an array of other than one dimension; a masked entry;
         or more than ``most`` entries. The message begins with ``key``.
     """
-    doubles_of(key, values, allowed)
+    array_of(key, values)  # for its checks
     if hasattr(values, "__array__"):
         array = np.asarray(values)
         if array.ndim != 1:

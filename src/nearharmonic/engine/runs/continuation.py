@@ -19,7 +19,7 @@ import numpy as np
 
 from nearharmonic.engine.batch.kernels import formulas_digest
 from nearharmonic.engine.batch.regularised import check_bound
-from nearharmonic.engine.numbers.arrays import doubles_of
+from nearharmonic.engine.numbers.arrays import array_of
 from nearharmonic.engine.numbers.initial_values import parameter_array, standard_parameters, start_array
 from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.errors import bad_setting
@@ -256,8 +256,8 @@ def _text(start: xr.Dataset, name: str) -> str:
 def _last(start: xr.Dataset, name: str, shape: tuple[int, ...]) -> Floats:
     """The last sample of a variable, of so many finite numbers."""
     one = start[name]
-    values = doubles_of(f"start.{name}", one.values, "numbers") if one.dims[:1] == ("sample",) else None
-    if not isinstance(values, np.ndarray) or values.shape[1:] != shape:
+    values = array_of(f"start.{name}", one.values) if one.dims[:1] == ("sample",) else None
+    if values is None or values.shape[1:] != shape:
         what = f"{one.dtype} of shape {one.shape} over {' and '.join(map(str, one.dims)) or 'nothing'}"
         raise bad_setting(f"start.{name}", what, f"numbers of shape {(start.sizes['sample'], *shape)} over the samples")
     if not np.isfinite(values[-1]).all():
@@ -268,8 +268,7 @@ def _last(start: xr.Dataset, name: str, shape: tuple[int, ...]) -> Floats:
 
 def _number(start: xr.Dataset, name: str) -> float:
     """A part of H0: a finite number, or NaN where energies were not asked for."""
-    values = doubles_of(f"start.{name}", start[name].values, "a finite number")
-    bad = np.isinf if _text(start, "energy") == "none" else lambda x: not np.isfinite(x)
-    if not isinstance(values, np.ndarray) or values.ndim or bad(values):
+    values = array_of(f"start.{name}", start[name].values)
+    if values is None or values.ndim or np.isinf(values) or (np.isnan(values) and _text(start, "energy") != "none"):
         raise bad_setting(f"start.{name}", start[name].values.tolist(), "a finite number")
     return float(values)
