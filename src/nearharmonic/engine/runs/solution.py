@@ -134,5 +134,5 @@ class Solution:
 
     def to_dataset(self) -> xr.Dataset:
         """Return the run as :func:`nearharmonic.integrate` does."""
-        made = trajectory_dataset(self.problem, self.trajectories, begin=self._begin or start_of(self.problem))
-        return made.assign_attrs(tau_requested=self.tau_requested)
+        begin = self._begin or start_of(self.problem)
+        return trajectory_dataset(self.problem, self.trajectories, begin=begin, asked=self.tau_requested)

@@ -135,7 +135,7 @@ def integrate(
         paths = run_at(problem, [steps], asked, **arrays)
         times = np.array([float(time) for time in asked]) + begin.t
     _check_start(problem, paths)
-    return trajectory_dataset(problem, paths, begin=begin, times=times).assign_attrs(tau_requested=asked_tau)
+    return trajectory_dataset(problem, paths, begin=begin, asked=asked_tau, times=times)
 
 
 def sweep(

@@ -149,7 +149,8 @@ def tangent(
     found = runs.follow(schedule, threads)
     several = members_are_given(q0, p0, parameters)
     made = deviations_dataset(problem, runs, found, only_end=kept == 1, several=several, asked=parameters or {})
-    return made.assign_attrs(tau_requested=asked_tau)
+    made.attrs["tau_requested"] = asked_tau
+    return made
 
 
 def checked_split(split: object) -> str:
