@@ -104,6 +104,7 @@ def test_trajectory_that_diverges_has_the_crossings_before_it():
         ({"surface": "x"}, "surface = 'x' is not allowed"),
         ({"surface": True}, "surface = True is not allowed"),
         ({"surface": lambda q: q[0]}, "it raises TypeError"),
+        ({"surface": lambda q, p: q[0] + 1j}, "it raises TypeError: Cannot cast"),
         (
             {"surface": 0, "direction": "upp"},
             "direction = 'upp' is not allowed: one of up, down, both. Did you mean 'up'",

@@ -162,7 +162,7 @@ class _Function:
         try:
             with np.errstate(all="ignore"):  # a state may be too large for it
                 value = self._function(tuple(np.moveaxis(q, -1, 0)), tuple(np.moveaxis(p, -1, 0)), *self._constants)
-            return np.array(np.broadcast_to(np.asarray(value, float), shape))
+            return np.array(np.broadcast_to(np.asarray(value).astype(float, casting="same_kind"), shape))
         except Exception as error:
             what = f"a function g(q, p, *parameters) of numbers and arrays; it raises {type(error).__name__}: {error}"
             raise bad_setting("surface", self.name, what) from error
