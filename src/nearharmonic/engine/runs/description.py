@@ -167,7 +167,7 @@ def trajectory_dataset(
     asked: float,
     times: Floats | None = None,
 ) -> xr.Dataset:
-    """Return the first of ``paths``, from ``begin`` and with ``asked`` as step, as :func:`nearharmonic.integrate` does."""
+    """Return the first of ``paths``, from ``begin`` with the step ``asked``, as :func:`nearharmonic.integrate` does."""
     variables = trajectory_variables(problem, paths, begin.constants, times) | error_variables(paths, problem)
     if problem.numerics.compensated:
         variables |= over_runs(low_digits(problem, paths))
