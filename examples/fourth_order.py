@@ -35,7 +35,7 @@ def main():
 
     methods = [TABLEAU, nh.integrators["ruth"], nh.integrators["babps9o7h"]]
     sizes = [0.01 * 10 ** (i / 12) for i in range(19)]  # per stage
-    sweeps = [nh.sweep("henon_heiles", one, [one.stages * size for size in sizes]) for one in methods]
+    sweeps = [nh.sweep("henon_heiles", one, tau_per_stage=sizes) for one in methods]
     print("wrote", save(nh.plot(sweeps), ["fourth_order.png"])[0].resolve())
 
 

@@ -48,7 +48,7 @@ def main():
     smooth = System(name="smooth", V=lambda q: q[0] ** 4 / 4 - q[0] ** 2 / 2, q0="1.42", p0="0.1", t_end=100)
     for name in ("ruth", "aba864", "babps9o7h"):
         for system, look in ((SYSTEM, {"label": nh.integrators[name].label}), (smooth, {"linestyle": "dotted"})):
-            curve = nh.sweep(system, name, tau * nh.integrators[name].stages, energy_scale=0.25)
+            curve = nh.sweep(system, name, energy_scale=0.25, tau_per_stage=tau)
             below.loglog(tau, curve.max_energy_error, **style_of(name).line(marker="none", **look))
     above.set(xlabel="$q$", ylabel="$V$")
     below.set(xlabel=r"step size per stage $\tau/s$", ylabel=r"$\max\,|\Delta H|/0.25$ (dotted: $q^4/4 - q^2/2$)")

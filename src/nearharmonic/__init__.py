@@ -12,9 +12,10 @@ from __future__ import annotations
 
 import warnings
 from importlib import import_module
+from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.errors import NearharmonicError
+from nearharmonic.errors import NearharmonicError, naming_arguments
 from nearharmonic.registry.moved import install
 
 if TYPE_CHECKING:
@@ -98,6 +99,12 @@ def __getattr__(name: str) -> Any:
         warnings.warn(f"nearharmonic.{name} is now nearharmonic.{present}", DeprecationWarning, stacklevel=2)
     module = import_module(f"nearharmonic.{_MODULES[present]}")
     found = module if present == "adapters" else getattr(module, present)
+    if isinstance(found, FunctionType):
+        found = naming_arguments(found, present)
+        found.__module__ = __name__  # where pickle finds it
+    elif isinstance(found, type):
+        for method in ("__init__", "__call__") if hasattr(found, "_prepared_step") else ("__init__",):
+            setattr(found, method, naming_arguments(getattr(found, method), present))
     globals()[name] = found
     return found
 

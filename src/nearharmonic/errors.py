@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
+from functools import wraps
+from typing import Any
 
 #: Most characters of a message about bad input, of a value in it, and of the names that are allowed.
 LONGEST, LONGEST_VALUE, LONGEST_NAMES = 300, 80, 120
@@ -50,6 +52,10 @@ class UnknownNameError(InputError, KeyError):
     """A name that no registry holds; a KeyError as well, which makes ``get`` of a mapping return its default."""
 
     __str__ = Exception.__str__  # KeyError would put the message in quotes
+
+
+class UnknownArgumentError(InputError, TypeError):
+    """A keyword that a public function does not take."""
 
 
 class SettingError(InputError):
@@ -112,6 +118,30 @@ def unknown_name(kind: str, name: object, known: Iterable[str], others: Iterable
 def bad_setting(key: str, value: object, allowed: str) -> SettingError:
     """Return the error for a ``value`` of ``key`` that is not ``allowed``."""
     return SettingError(f"{key} = {shown(value)} is not allowed: {allowed}")
+
+
+def naming_arguments(function: Callable[..., Any], name: str) -> Any:
+    """Return a function that answers an unknown keyword with the nearest argument of ``function`` and the list."""
+
+    @wraps(function)
+    def call(*args: Any, **given: Any) -> Any:
+        try:
+            return function(*args, **given)
+        except TypeError as error:
+            if error.__traceback__ is None or error.__traceback__.tb_next is not None:  # from inside of the function
+                raise
+            from inspect import signature
+
+            known = [key for key in signature(function).parameters if key != "self"]
+            unknown = [key for key in given if key not in known]
+            if not unknown:
+                raise
+            nearest = get_close_matches(unknown[0], known, n=1, cutoff=0.3)
+            hint = f" Did you mean {nearest[0]!r}?" if nearest else ""
+            message = f"{name} has no argument {shown(unknown[0])}.{hint} Arguments: {', '.join(known)}"
+            raise UnknownArgumentError(message) from None
+
+    return call
 
 
 def shown(value: object) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import itertools
 import os
+import pickle
 from decimal import Decimal
 from fractions import Fraction
 from functools import partial
@@ -71,6 +73,9 @@ CALLS = {
     "parameters": (lambda x: kepler(parameters=x), [{"GN": 1}, {"GM": "ten"}, {"GM": None}, {5: 1}, [1], "GM"]),
     "t": (lambda x: integrate(0.1, t_end=1, t=x), [*NO_LISTS, 0.5, [2], [-1], [0.5, 0.2], ["nan"]]),
     "start": (lambda x: integrate(0.1, start=x), [5, "x", {}, [1], True]),
+    "start of deviations": (lambda x: nh.tangent("sho", "ruth", 0.1, start=x), [5, "x", {}, [1], True]),
+    "start of a gradient": (lambda x: nh.gradient("sho", "ruth", 0.1, lambda q, p: q[0], start=x), [5, {}, True]),
+    "tau_per_stage": (lambda x: nh.sweep("sho", "ruth", tau_per_stage=x), [*NO_LISTS, 0.1, [0.1, 0], [0.1, "ten"]]),
     "highest": (partial(nh.kappa, "ruth"), [*NO_INTEGERS, None]),
     "error": (partial(nh.recommend, "sho"), [0, -1, "nan", "1e999999999", None, True, [1]]),
     "measure": (lambda x: nh.recommend("sho", 1e-6, measure=x), ["mx", None, 5, b"max"]),
@@ -250,3 +255,30 @@ def test_any_argument_is_accepted_or_refused_in_one_line(trials, here):
                 check_message(str(error))
 
     check()
+
+
+#: Unknown keywords of functions, and the nearest arguments.
+KEYWORDS = {
+    "integrate": ("q_0", "q0"), "problem": ("t", "t_end"), "System": ("gradV", "grad_V"), "tangent": ("taus", "tau"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", sorted({x for x in nh.__all__ if callable(getattr(nh, x))} - {"NearharmonicError"}))
+def test_unknown_keywords_are_answered_with_the_arguments(name):
+    function, (word, nearest) = getattr(nh, name), KEYWORDS.get(name, ("x7", None))
+    known = [key for key in inspect.signature(function).parameters if key != "self"]
+    text = refused(lambda: function(**{word: 1}), f"{name} has no argument '{word}'.")
+    assert f" Arguments: {', '.join(known)[:80]}" in text
+    assert nearest is None or f"Did you mean '{nearest}'?" in text
+    with pytest.raises(TypeError):
+        function(**{word: 1})
+    assert pickle.loads(pickle.dumps(function)) is function
+
+
+def test_unknown_keyword_of_a_prepared_run_is_answered():
+    refused(lambda: prepared(0.1, q=1), "problem has no argument 'q'. Did you mean 'q0'?")
+
+
+def test_type_errors_inside_of_a_function_remain_as_they_are():
+    with pytest.raises(TypeError, match="missing 1 required positional argument: 'tau'"):
+        nh.integrate("sho", "ruth")

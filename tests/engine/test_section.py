@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from fractions import Fraction
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
+from support.methods.own_systems import spring
 
 #: Starts of the Henon-Heiles system on x = 0, of energies from 0.05 to 0.15.
 STARTS = [[0, 0.1, 0.4, 0], [0, -0.2, 0.35, 0.1], [0, 0.3, 0.3, -0.2]]
@@ -87,13 +89,46 @@ def test_apsides_of_kepler_are_where_the_radial_momentum_vanishes():
     assert abs(found.energy_error).max() < 1e-8
 
 
-@pytest.mark.slow
 def test_trajectory_that_diverges_has_the_crossings_before_it():
-    found = nh.section("henon_heiles", "leapfrog", 0.5, surface=0, starts=[STARTS[0], [0, 0.9, 0.8, 0.9]], t_end=100)
-    assert found.crossings[0] > 10
-    assert found.crossings[1] < 10
-    assert np.isfinite(found.t[1, : int(found.crossings[1])]).all()
-    assert np.isnan(found.t[1, int(found.crossings[1]) :]).all()
+    """No energy of a crossing, by the formula, is beyond the limit |H - H0| <= |H0| of the system."""
+    starts = [[0, 0.1, 0.4, 0], [0.33, 0.27, 0.34, -0.2]]
+    found = nh.section("henon_heiles", "leapfrog", 1.0, surface=0, starts=starts, t_end=200)
+    assert found.crossings.values.tolist() == np.isfinite(found.t).sum("crossing").values.tolist()
+    assert found.status.values.tolist() == ["ok", "diverged"]
+    x, y, u, v = np.concatenate([found.q.values, found.p.values], axis=-1)[1, : int(found.crossings[1])].T
+    H, start = ((u * u + v * v + x * x + y * y) / 2 + x * x * y - y**3 / 3 for x, y, u, v in ((x, y, u, v), starts[1]))
+    assert len(H) > 5
+    assert (abs(H - start) <= start).all()
+    assert float(found.t[1, len(H) - 1]) <= float(found.diverged_at[1] * found.tau)
+
+
+def test_diverged_steps_that_stay_finite_have_no_crossings():
+    """Leapfrog at 2.1 grows by (1.05 + sqrt(1.05^2 - 1))^2 = 1.9 a step: beyond the limit 10^6 of energies in 12."""
+    with pytest.warns(UserWarning, match="its step 2.1 is above a quarter of the shortest period"):
+        found = nh.section("sho", "leapfrog", 2.1, surface=0, direction="both", t_end=210)
+    assert found.status.item() == "diverged"
+    assert found.crossings.item() < found.diverged_at.item() < 20
+
+
+@pytest.mark.parametrize(("share", "warns"), [(1, True), (0.26, True), (0.24, False)])
+def test_steps_above_a_quarter_period_are_warned_of(share, warns):
+    """The period of the oscillator is 2 pi."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        nh.section("sho", "babps8o7h", share * 2 * np.pi, surface=0, t_end=200 * np.pi)
+    assert [("above a quarter" in str(x.message), x.filename) for x in caught] == [(True, __file__)] * warns
+
+
+def test_search_calls_the_surface_for_all_crossings_at_once():
+    calls = []
+
+    def surface(q, p):
+        calls.append(np.shape(q[0]))
+        return q[0]
+
+    found = nh.section("henon_heiles", "babps9o7h", 0.5, surface=surface, starts=STARTS, t_end=1000)
+    assert found.crossings.sum() > 300
+    assert len(calls) < 40  # some ten iterations
 
 
 @pytest.mark.slow
@@ -115,10 +150,14 @@ def test_trajectory_that_diverges_has_the_crossings_before_it():
         ),
         ({"surface": 0, "starts": [[1, 2, 3, np.inf]]}, r"starts\[0\]\[3\] = inf is not allowed: a finite number"),
         ({"surface": 0, "tau": 1e-9}, "takes|steps|bytes"),
+        (
+            {"surface": 0, "system": spring("s", V=lambda q, t: q[0] * t, grad_V=None, time_dependent=True)},
+            r"of a force of period T, states at t=\[k \* T for k in range\(n\)\] of nearharmonic.integrate",
+        ),
     ],
 )
 def test_bad_surfaces_and_starts_are_refused_in_one_sentence(more, says):
-    given = {"tau": 0.5, "t_end": 10} | more
+    given = {"system": "henon_heiles", "tau": 0.5, "t_end": 10} | more
     with pytest.raises(SettingError, match=says) as caught:
-        nh.section("henon_heiles", "ruth", **given)
+        nh.section(integrator="ruth", **given)
     assert len(str(caught.value).splitlines()) == 1

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from dataclasses import replace
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from nearharmonic.core.layout import COLUMNS
+from nearharmonic.engine.batch.batch import single_steps
+from nearharmonic.engine.batch.lanes import with_lanes
 from nearharmonic.engine.numbers.arrays import rows_of
 from nearharmonic.engine.numbers.initial_values import parameter_array, standard_parameters
 from nearharmonic.engine.runs.continuation import parameter_attributes
@@ -15,10 +21,10 @@ from nearharmonic.engine.runs.description import problem_attributes
 from nearharmonic.engine.runs.ensemble import ensemble
 from nearharmonic.engine.runs.setup import Setup, warn_of_step
 from nearharmonic.engine.settings import checked_tau, one_of
-from nearharmonic.engine.stepper import stepper
+from nearharmonic.engine.stepper import check_single_step, coefficients_of
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.types import Floats, Integers
 from nearharmonic.numerics.written import is_real
 from nearharmonic.output.dataset import Variables, assembled, described
 from nearharmonic.systems.definition.system import System
@@ -28,6 +34,9 @@ if TYPE_CHECKING:
 
 #: Signs of the surface function before a crossing.
 DIRECTIONS = {"up": (-1,), "down": (1,), "both": (-1, 1)}
+#: Trajectories whose periods are looked at, over so many steps, in so many short ones, and the largest momentum over
+#: that of the other coordinates that is rounding noise.
+WATCHED, WINDOW, FINE, NOISE = 64, 8, 128, 1e-10
 #: Bytes of states at a time, and of the numbers of one state per coordinate.
 MOST_BYTES, PER_COORDINATE = 200_000_000, 8 * 8
 #: Most steps of a search for a crossing, twice as many as halve an interval to rounding; and steps in a row after
@@ -55,7 +64,8 @@ def section(
     The trajectories run with the step size ``tau``, in SIMD lanes. Where the surface function changes its sign in a
     step, this step is repeated with a smaller size, aside of the trajectory, so that it ends on the surface (after
     M. Henon, 1982, Physica D 5, 412, with steps of the integrator in place of another variable of integration). Such a
-    step is symplectic as all others, so that crossings conserve the energy as well as the trajectory does.
+    step is symplectic as all others, so that crossings conserve the energy as well as the trajectory does. Two
+    crossings in one step are not seen: a step above a quarter of the shortest period that the orbits show is warned of.
 
     Parameters
     ----------
@@ -81,8 +91,8 @@ def section(
     xarray.Dataset
         Over (member, crossing, component): ``q`` and ``p``; over (member, crossing): ``t``, ``energy_error``, ``(H -
         H0)/|H0|`` in double precision, or H - H0 if a start has H0 = 0, and ``surface``, the value of the function,
-        zero to rounding; over member ``crossings``, their number. Members with fewer crossings than others end with
-        NaN. A trajectory that diverges has the crossings before.
+        zero to rounding; over member ``crossings``, their number, ``status`` and ``diverged_at``. Members with fewer
+        crossings than others end with NaN. A trajectory that diverges has the crossings before.
 
     Raises
     ------
@@ -99,10 +109,11 @@ def section(
     >>> found.crossings.item()
     7
     """
-    problem = Setup(system, integrator, t_end=t_end, first=first, energy="none")
+    problem = Setup(system, integrator, t_end=t_end, first=first)
     subject, d = problem.system, problem.system.dimension
     if subject.time_dependent:
-        raise bad_setting("system", subject.name, "a section is of a system that does not depend on time")
+        remedy = "of a force of period T, states at t=[k * T for k in range(n)] of nearharmonic.integrate are one"
+        raise bad_setting("system", subject.name, f"a section is of a system that does not depend on time; {remedy}")
     signs = DIRECTIONS[one_of("direction", direction, tuple(DIRECTIONS))]
     rows = _starts(starts, subject)
     given = standard_parameters(subject)[None, :] if parameters is None else parameter_array(subject, parameters)
@@ -111,30 +122,46 @@ def section(
     constants = given[0, ::2].tolist()
     function = _Function(surface, subject, constants)
     function(rows[:, :d], rows[:, d:])  # a surface that cannot be evaluated ends the call here
-    step = stepper(subject, problem.tableau, parameters=parameters)
+    step = _ShortenedStep(problem, given)
     steps = problem.steps_of(tau)
     warn_of_step(problem, [asked_tau := checked_tau(tau)], [steps])
     size = float(problem.end) / steps
-    found: list[list[tuple[float, Floats, Floats]]] = []
     block = max(1, MOST_BYTES // (PER_COORDINATE * d * (steps + 1)))
-    for begin in range(0, len(rows), block):
-        some = rows[begin : begin + block]
-        runs = ensemble(
-            subject, problem.tableau, tau, q0=some[:, :d], p0=some[:, d:], parameters=parameters, t_end=problem.t_end,
-            samples=steps + 1, energy="none", threads=threads,
+
+    def runs(some: Floats, tau: float, t_end: str, samples: int) -> xr.Dataset:
+        return ensemble(
+            subject, problem.tableau, tau, q0=some[:, :d], p0=some[:, d:], parameters=parameters, t_end=t_end,
+            samples=samples, threads=threads,
         )  # fmt: skip
-        q, p = runs["q"].values, runs["p"].values
-        values = function(q, p)
-        for one, states in enumerate(zip(q, p, strict=True)):
-            found.append([
-                _crossing(step, function, (states[0][i], states[1][i]), i, size)
-                for i in _changes(values[one], signs)
-            ])  # fmt: skip
+
+    _warn_of_period(problem, size, runs, rows[:: -(-len(rows) // WATCHED)])
+    found, ended = [], []
+    for begin in range(0, len(rows), block):
+        orbits = runs(rows[begin : begin + block], tau, problem.t_end, steps + 1)
+        found.append(_crossings(step, function, orbits, signs, size, begin))
+        ended.append(orbits[["status", "diverged_at"]])
     attributes = problem_attributes(problem) | parameter_attributes(subject, parameters or {})
     attributes |= {"direction": direction, "surface_name": function.name, "tau_requested": asked_tau}
     variables = _variables(problem, found, rows, function, constants)
+    for name in ("status", "diverged_at"):
+        values = np.concatenate([one[name].values for one in ended])
+        variables[name] = ("member",), values, ended[0][name].attrs
     variables["tau"] = (), np.array(size), described("step size as used, t_end / steps", subject.units["t"])
     return assembled(variables, [], attributes)
+
+
+def _warn_of_period(problem: Setup, size: float, runs: Callable[..., xr.Dataset], rows: Floats) -> None:
+    """Warn of steps above a quarter of a period: the mean time between every other change of sign of a momentum."""
+    span = min(abs(float(problem.end)), WINDOW * abs(size))
+    p = runs(rows, span / FINE, repr(span), FINE + 1)["p"].values
+    with np.errstate(invalid="ignore"):
+        turns = np.sign(p[:, 1:]) * np.sign(p[:, :-1]) < 0
+        turns &= (sizes := abs(p).max(axis=1, keepdims=True)) > NOISE * sizes.max(axis=2, keepdims=True)
+    count = turns.sum(axis=1)
+    between = (FINE - 1 - turns[:, ::-1].argmax(axis=1) - turns.argmax(axis=1)) * span / FINE
+    if (shortest := (2 * between / np.maximum(count - 1, 1))[count > 2]).size and abs(size) > shortest.min() / 4:
+        message = f"nearharmonic.section misses crossings: its step {abs(size):.3g} is above a quarter of the shortest"
+        warnings.warn(f"{message} period that the orbits show, {shortest.min():.2g}", stacklevel=4)
 
 
 def _starts(given: Any, system: System) -> Floats:
@@ -168,75 +195,102 @@ class _Function:
             raise bad_setting("surface", self.name, what) from error
 
 
-def _changes(values: Floats, signs: Sequence[int]) -> list[int]:
-    """Return the steps in which the function changes its sign, from one of ``signs`` on; zero counts as behind it."""
-    before, after = values[:-1], values[1:]
-    changes = np.zeros(len(before), bool)
-    for sign in signs:
-        changes |= (sign * before > 0) & (sign * after <= 0)
-    return np.flatnonzero(changes).tolist()
+class _ShortenedStep:
+    """A single step of its own size from each of many states, with plain sums, in SIMD lanes."""
+
+    def __init__(self, problem: Setup, parameters: Floats) -> None:
+        check_single_step(problem)
+        self._problem = replaced = copy(problem)
+        replaced.numerics = replace(problem.numerics, summation="plain", energy="none")
+        self._parameters, self._coefficients = parameters, coefficients_of(problem.tableau)
+
+    def __call__(self, q: Floats, p: Floats, sizes: Floats) -> tuple[Floats, Floats]:
+        """Return the states (N, d) behind steps of ``sizes`` (N,)."""
+        from nearharmonic.core.stepper.products import fill_all
+
+        table, flags, power = self._coefficients
+        moves = np.zeros((len(sizes), len(flags), COLUMNS))
+        fill_all(table, flags, power, sizes, moves.reshape(len(sizes), len(flags) * COLUMNS))
+        start = np.concatenate([q, np.zeros_like(q), p, np.zeros_like(p)], axis=1)
+        marks, problem = single_steps(len(sizes)), self._problem
+        numerics = with_lanes(problem.numerics, marks[:, 1], problem.system, problem.tableau)
+        batch = problem.batch(moves, marks, np.arange(len(sizes)), start, self._parameters.copy(), numerics)
+        batch.run()
+        end, d = batch.filled.states[:, 1], q.shape[1]
+        return end[:, :d].copy(), end[:, 2 * d : 3 * d].copy()
 
 
-def _crossing(
-    step: Any, function: _Function, state: tuple[Floats, Floats], number: int, size: float
-) -> tuple[float, Floats, Floats]:
-    """Return time, position and momentum where a shortened step from ``state`` ends on the surface."""
+def _crossings(
+    step: _ShortenedStep, function: _Function, orbits: xr.Dataset, signs: Sequence[int], size: float, begin: int
+) -> tuple[Integers, Floats, Floats, Floats]:
+    """Return member, time, position and momentum (N, ...) where shortened steps of orbits end on the surface.
 
-    def at(share: float) -> tuple[float, Floats, Floats]:
-        q, p = state[0].copy(), state[1].copy()
-        step(q, p, share * size)
-        return float(function(q, p)), q, p
-
-    def same(a: float, b: float) -> bool:
-        return (a < 0) == (b < 0)
-
-    low, high, share, best = 0.0, 1.0, 1.0, at(1.0)
-    f_low, f_high, turn, in_vain = float(function(*state)), best[0], 0, 0
+    A step crosses it if the function changes its sign from one of ``signs`` on; zero counts as behind it.
+    """
+    q, p = orbits["q"].values, orbits["p"].values
+    values = function(q, p)
+    before, after = values[:, :-1], values[:, 1:]
+    member, number = np.nonzero(np.any([(sign * before > 0) & (sign * after <= 0) for sign in signs], axis=0))
+    q, p, f_low = q[member, number], p[member, number], before[member, number]
+    if not number.size:
+        return member, f_low, q, p
+    low, high, turn, in_vain = 0 * f_low, 0 * f_low + 1, 0 * number, 0 * number
+    share, (best_q, best_p) = high.copy(), step(q, p, high * size)
+    best = function(best_q, best_p)
+    f_high, going = best.copy(), np.arange(len(number))
     smallest = np.finfo(float).eps * (abs(f_low) + abs(f_high))
     for _ in range(MOST_TRIALS):
-        if abs(best[0]) <= smallest or in_vain == MOST_IN_VAIN:
+        going = going[(abs(best[going]) > smallest[going]) & (in_vain[going] < MOST_IN_VAIN)]
+        a, b, f_a, f_b = low[going], high[going], f_low[going], f_high[going]
+        with np.errstate(all="ignore"):
+            middle = b - f_b * (b - a) / (f_b - f_a)  # regula falsi, as modified at the Illinois computer
+        middle = np.where((a < middle) & (middle < b), middle, (a + b) / 2)
+        inside = (a < middle) & (middle < b)
+        going, middle = going[inside], middle[inside]
+        if not going.size:
             break
-        middle = high - f_high * (high - low) / (f_high - f_low)  # regula falsi, as modified at the Illinois computer
-        middle = middle if low < middle < high else (low + high) / 2
-        if not low < middle < high:
-            break
-        value = at(middle)
-        in_vain += 1
-        if abs(value[0]) < abs(best[0]):
-            best, share, in_vain = value, middle, 0
-        if same(value[0], f_low):
-            low, f_low, f_high = middle, value[0], f_high / 2 if turn < 0 else f_high
-            turn = -1
-        else:
-            high, f_high, f_low = middle, value[0], f_low / 2 if turn > 0 else f_low
-            turn = 1
-    return (number + share) * size, best[1], best[2]
+        trial_q, trial_p = step(q[going], p[going], middle * size)
+        value = function(trial_q, trial_p)
+        in_vain[going] += 1
+        nearer = abs(value) < abs(best[going])
+        found = going[nearer]
+        best[found], share[found], in_vain[found] = value[nearer], middle[nearer], 0
+        best_q[found], best_p[found] = trial_q[nearer], trial_p[nearer]
+        for side, near, f_near, f_far in ((-1, low, f_low, f_high), (1, high, f_high, f_low)):
+            here = ((value < 0) == (f_low[going] < 0)) == (side < 0)
+            at = going[here]
+            f_far[at] = np.where(turn[at] == side, f_far[at] / 2, f_far[at])
+            near[at], f_near[at], turn[at] = middle[here], value[here], side
+    return member + begin, (number + share) * size, best_q, best_p
 
 
 def _variables(
-    problem: Setup, found: Sequence[Sequence[tuple[float, Floats, Floats]]], rows: Floats, function: _Function,
-    constants: Sequence[float],
-) -> Variables:  # fmt: skip
+    problem: Setup, found: Sequence[tuple[Any, ...]], rows: Floats, function: _Function, constants: Sequence[float]
+) -> Variables:
     d, units = problem.system.dimension, problem.system.units
-    most = max(map(len, found))
-    t, q = np.full((len(found), most), np.nan), np.full((len(found), most, d), np.nan)
-    p, error = q.copy(), t.copy()
-    starts = [_energy(problem.system, row[:d], row[d:], constants) for row in rows]
-    relative = all(starts)  # one unit for all members
-    for i, (crossings, H0) in enumerate(zip(found, starts, strict=True)):
-        for j, (time, position, momentum) in enumerate(crossings):
-            t[i, j], q[i, j], p[i, j] = time, position, momentum
-            error[i, j] = (_energy(problem.system, position, momentum, constants) - H0) / (abs(H0) if relative else 1.0)
-    over, unit = ("member", "crossing"), "1" if relative else units["energy"]
+    member, t, q, p = map(np.concatenate, zip(*found, strict=True))
+    crossings = np.bincount(member, minlength=len(rows))
+    place = member, np.arange(len(member)) - (np.cumsum(crossings) - crossings)[member]
+    over, shape = ("member", "crossing"), (len(rows), int(crossings.max()))
+
+    def table(values: Floats) -> Floats:
+        filled = np.full((*shape, *values.shape[1:]), np.nan)
+        filled[place] = values
+        return filled
+
+    def energy(q: Floats, p: Floats) -> Floats:
+        return np.broadcast_to(problem.system.energy(tuple(q.T), tuple(p.T), constants), len(q))
+
+    starts = energy(rows[:, :d], rows[:, d:])
+    relative = bool(starts.all())  # one unit for all members
+    error = (energy(q, p) - starts[member]) / (abs(starts[member]) if relative else 1.0)
+    unit = "1" if relative else units["energy"]
+    q, p = table(q), table(p)
     return {
-        "t": (over, t, described("time of the crossing", units["t"])),
+        "t": (over, table(t), described("time of the crossing", units["t"])),
         "q": ((*over, "component"), q, described("position", units["q"])),
         "p": ((*over, "component"), p, described("momentum", units["p"])),
-        "energy_error": (over, error, described(f"(H - H0){'/|H0|' if relative else ''} at the crossing", unit)),
+        "energy_error": (over, table(error), described(f"(H - H0){'/|H0|' if relative else ''} at the crossing", unit)),
         "surface": (over, function(q, p), described("function that is zero on the surface", "unknown")),
-        "crossings": (("member",), np.array(list(map(len, found))), described("number of crossings")),
+        "crossings": (("member",), crossings, described("number of crossings")),
     }
-
-
-def _energy(system: System, q: Floats, p: Floats, constants: Sequence[float]) -> float:
-    return float(system.energy(tuple(q.tolist()), tuple(p.tolist()), constants, 0.0))

@@ -18,6 +18,7 @@ from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.engine.settings import KINETIC_POTENTIAL
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.definition.system import System
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ def stepper(
     problem = Setup(
         system, integrator, summation=summation, first=first, precision=precision, split=split, energy="none"
     )
-    _check(problem)
+    check_single_step(problem)
     return compiled.stepper(step_of(problem, parameters))
 
 
@@ -85,16 +86,11 @@ def step_of(problem: Setup, parameters: Mapping[str, Any] | None = None) -> Step
     """Return the machine code and the coefficients of a step of ``problem``."""
     from nearharmonic.core.loops.kernel import build_step, room, stages_of
     from nearharmonic.core.stepper.call import Step
-    from nearharmonic.core.stepper.products import table_of
 
     system, tableau = problem.system, problem.tableau
     numerics = replace(problem.numerics, width=1)
     given = parameters_at_run_time(system, numerics, start_of(problem, parameters=parameters).parameters)
-    rows, flags = tableau.moves(), np.zeros(tableau.moves_per_step + 2)
-    if tableau.modified:
-        power, flags = 3, np.ascontiguousarray(moves(tableau, [Fraction(1)], 1)[0, :, -1])
-    else:
-        power, rows = 2, [(k, e, k * e) for k, e, _ in rows]
+    table, flags, power = coefficients_of(tableau)
     physics = physics_of(system, **tableau.kernel_options)
     in_memory = physics.loops is not None or tableau.implicit
     if in_memory:
@@ -110,14 +106,26 @@ def step_of(problem: Setup, parameters: Mapping[str, Any] | None = None) -> Step
         stages=stages_of(physics),
         compensated=numerics.compensated,
         kick_first=tableau.first == "kick",
-        table=table_of(rows, (1, 1, power)),
+        table=table,
         flags=flags,
         power=power,
         parameters=given[0].copy(),
     )
 
 
-def _check(problem: Setup) -> None:
+def coefficients_of(tableau: Tableau) -> tuple[Floats, Floats, int]:
+    """Return table, flags and power of the moves: see :func:`nearharmonic.core.stepper.products.fill`."""
+    from nearharmonic.core.stepper.products import table_of
+
+    rows, flags, power = tableau.moves(), np.zeros(tableau.moves_per_step + 2), 2
+    if tableau.modified:
+        power, flags = 3, np.ascontiguousarray(moves(tableau, [Fraction(1)], 1)[0, :, -1])
+    else:
+        rows = [(k, e, k * e) for k, e, _ in rows]
+    return table_of(rows, (1, 1, power)), flags, power
+
+
+def check_single_step(problem: Setup) -> None:
     """Raise an error for settings that a single step does not have."""
     system, tableau, numerics = problem.system, problem.tableau, problem.numerics
     if numerics.parts > 1:

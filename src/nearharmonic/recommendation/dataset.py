@@ -94,7 +94,7 @@ def recommend(
         warnings.warn(
             f"no method has an error of at most {asked.error} within {asked.budget} evaluations: attributes missed and "
             "not_run say how near each came; a larger budget= tries smaller step sizes",
-            stacklevel=2,
+            stacklevel=3,
         )
     return as_dataset(found)
 

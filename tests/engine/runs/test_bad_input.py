@@ -152,6 +152,13 @@ def test_only_one_trajectory_of_its_own_system_can_be_continued():
         (lambda: nh.integrate("sho", "ruth", 1e-9), "would take 500000000000 steps"),
         (lambda: nh.integrate("sho", "ruth", 1, precision="extnded"), "Did you mean 'extended'?"),
         (lambda: nh.integrate("sho", "ruth", 1, summation="kahan"), "one of compensated, plain"),
+        (lambda: nh.sweep("sho", "ruth"), "taus = None is not allowed: a list of step sizes, or tau_per_stage"),
+        (
+            lambda: nh.sweep("sho", "ruth", [1], tau_per_stage=[1]),
+            "taus = [1] is not allowed: a list of step sizes, or",
+        ),
+        (lambda: nh.sweep("sho", "ruth", tau_per_stage=[0]), "tau_per_stage[0] = 0 is not allowed: a finite number"),
+        (lambda: nh.sweep("sho", "ruth", tau_per_stage=[1e-12]), "3 * tau_per_stage[0] = 3e-12"),
         (lambda: nh.integrate("sho", "ruth", 1, first="kik"), "Did you mean 'kick'?"),
         (lambda: nh.integrate("relativistic_oscillator", "srkn_b11", 0.1), "quadratic kinetic energy"),
         (lambda: nh.kappa("ruth", 0), "highest = 0"),
@@ -167,6 +174,13 @@ def test_step_sizes_may_come_in_any_sequence():
     as_list = nh.sweep("sho", "ruth", [0.5, 0.25], t_end=10).max_energy_error
     for taus in ((0.5, 0.25), np.array([0.5, 0.25]), iter([0.5, 0.25]), as_list.tau):
         assert (nh.sweep("sho", "ruth", taus, t_end=10).max_energy_error == as_list).all()
+
+
+def test_step_sizes_per_stage_are_multiplied_by_the_stages():
+    """Ruth's method has three kicks that no other step shares, and BAB's8o7H eight."""
+    for name, stages in (("ruth", 3), ("babps8o7h", 8)):
+        found = nh.sweep("sho", name, tau_per_stage=[0.125, "0.0625"], t_end=6)
+        assert found.identical(nh.sweep("sho", name, [stages / 8, stages / 16], t_end=6))
 
 
 # --- arrays: all arguments of all public functions --------------------------------------------------------------------
@@ -192,6 +206,7 @@ ARRAYS = {
     ("integrate", "parameters"): lambda x: nh.integrate("kepler", "ruth", 10, parameters={"GM": x}, t_end=20),
     ("integrate", "t"): lambda x: nh.integrate("henon_heiles", "ruth", 0.5, t=x, t_end=10),
     ("sweep", "taus"): lambda x: nh.sweep("henon_heiles", "ruth", x, t_end=60),
+    ("sweep", "tau_per_stage"): lambda x: nh.sweep("henon_heiles", "ruth", tau_per_stage=x, t_end=60),
     ("sweep", "q0"): lambda x: nh.sweep("henon_heiles", "ruth", [0.5], q0=x, t_end=1),
     ("sweep", "p0"): lambda x: nh.sweep("henon_heiles", "ruth", [0.5], p0=x, t_end=1),
     ("sweep", "parameters"): lambda x: nh.sweep("kepler", "ruth", [10], parameters={"GM": x}, t_end=20),

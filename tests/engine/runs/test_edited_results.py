@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -183,3 +185,62 @@ def test_member_of_ensemble_goes_on_with_its_own_parameters():
         )
         assert_equal(found, expected, ("q", "q_low", "p", "p_low", "energy_error"))
         assert json.loads(found.attrs["parameters"]) == json.loads(expected.attrs["parameters"])
+
+
+@pytest.mark.parametrize("precision", ["double", "extended"])
+def test_member_of_a_driven_ensemble_keeps_its_clock(precision):
+    """Bits of the run of this member alone, continued from its last sample."""
+    driven = spring("driven", V=lambda q, t: q[0] * q[0] / 2 - q[0] * cos(2 * t), grad_V=None, time_dependent=True)
+    how = {"t_end": 4, "precision": precision}
+    alone = nh.integrate(driven, "ruth", 0.1, q0=["0.3"], **how).drop_vars("running")
+    members = nh.ensemble(driven, "ruth", 0.1, q0=[["0.1"], ["0.3"]], **how)
+    for member in (members.isel(member=1), members.isel(member=1, drop=True), members.transpose().isel(member=1)):
+        found, expected = (nh.integrate(driven, "ruth", 0.1, start=start, **how) for start in (member, alone))
+        assert_equal(found, expected, ("t", "q", "q_low", "p", "p_low", "energy_error"))
+    with pytest.raises(SettingError, match="start = 'a Dataset without clock' is not allowed"):
+        nh.integrate(driven, "ruth", 0.1, start=members.isel(member=1).drop_vars("clock"), **how)
+
+
+def test_member_has_its_parameters_in_all_digits_or_is_refused():
+    """1.8 is no double: the digits below it are 1.8 minus its double, exactly."""
+    how = {"t_end": 400, "precision": "extended"}
+    members = nh.ensemble("kepler", "ruth", 20, parameters={"GM": ["1.7", "1.8"]}, **how)
+    member = members.isel(member=1)
+    assert Fraction(member.parameters_low.item()) == Fraction(float(Fraction(18, 10) - Fraction(1.8)))
+    alone = nh.integrate("kepler", "ruth", 20, parameters={"GM": "1.8"}, **how).drop_vars("running")
+    found, expected = (nh.integrate("kepler", "ruth", 20, start=start, **how) for start in (member, alone))
+    assert_equal(found, expected, ("t", "q", "q_low", "p", "p_low", "energy_error"))
+    for start in (members.isel(member=1, drop=True), member.drop_vars("parameters_low")):
+        with pytest.raises(SettingError, match=r"without parameter_GM or parameters_low' is not allowed: as"):
+            nh.integrate("kepler", "ruth", 20, start=start, **how)
+    other = dataclasses.replace(nh.systems["kepler"], V=lambda q, GM: -GM / (q[0] ** 2 + q[1] ** 2), grad_V=None)
+    with pytest.raises(SettingError, match="a result of another system of the name kepler"):
+        nh.integrate(other, "ruth", 20, start=member, **how)
+
+
+@pytest.mark.parametrize("how", HOW.values(), ids=HOW)
+def test_transposed_results_go_on_and_single_precision_is_refused(how):
+    run, whole = first(**how), nh.integrate("henon_heiles", "aba864", 0.1, t_end=10, samples=2, **how)
+    assert_equal(rest(run.transpose("component", ...), **how)[LAST], whole[LAST])
+    single = run.map(lambda x: x.astype("f4") if x.dtype == float else x, keep_attrs=True)
+    with pytest.raises(SettingError, match=r"start\.q = 'float32 of shape \(6, 2\).* is not allowed: float64 of shape"):
+        rest(single, **how)
+
+
+def test_results_in_chunks_of_dask_go_on():
+    pytest.importorskip("dask")
+    whole = nh.integrate("henon_heiles", "aba864", 0.1, t_end=10, samples=2)
+    assert_equal(rest(first().chunk())[LAST], whole[LAST])
+
+
+@pytest.mark.parametrize("how", HOW.values(), ids=HOW)
+@pytest.mark.parametrize("method", ["rowlands", "ruth"])
+def test_errors_of_continued_run_cover_its_own_samples(method, how):
+    """15 steps in 5 samples and 15 more: the maximum of one run of 30 steps if it has the same samples."""
+    how = how | {"energy": "samples"}
+    half = nh.integrate("kepler", method, 74, t_end=15 * 74, samples=6, **how)
+    run = nh.integrate("kepler", method, 74, t_end=15 * 74, samples=6, start=half, **how)
+    assert run.max_energy_error == abs(run.energy_error[1:]).max()
+    assert "behind t_start alone" in run.attrs["continued"]
+    whole = nh.integrate("kepler", method, 74, t_end=30 * 74, samples=11, **how)
+    assert max(half.max_energy_error, run.max_energy_error).item() == pytest.approx(whole.max_energy_error.item())

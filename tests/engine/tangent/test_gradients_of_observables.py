@@ -248,3 +248,22 @@ BRANCHING = nh.System(name="branching", V=branching, q0=["1"], p0=["0"], t_end="
 def test_runs_without_an_inverse_of_their_kind_are_refused(system, method, key):
     with pytest.raises(nh.NearharmonicError, match=f"^{key} = "):
         nh.gradient(system, method, 0.1, product)
+
+
+def test_gradient_and_deviations_go_on_at_the_clock_of_a_result():
+    """q'' = -q + cos 2t from (1, 0): q = (4 cos t - cos 2t)/3, and its derivatives over a time t are cos t, sin t."""
+    driven = nh.System(
+        name="driven_spring", V=lambda q, t: q[0] * q[0] / 2 - q[0] * cos(2 * t), q0=["1"], p0=["0"], t_end="4",
+        time_dependent=True,
+    )  # fmt: skip
+    many = nh.ensemble(driven, "babps8o7h", 0.1, q0=[["1"], ["2"]])
+    for start in (nh.problem(driven, "babps8o7h")(0.1), nh.integrate(driven, "babps8o7h", 0.1), many.isel(member=0)):
+        found = nh.gradient(driven, "babps8o7h", 0.1, lambda q, p: q[0], t_end=6, start=start)
+        end = float(4 * mp.cos(10) - mp.cos(20)) / 3
+        np.testing.assert_allclose([found.value, found.q0[0], found.p0[0]], [end, np.cos(6), np.sin(6)], atol=1e-8)
+        run = nh.tangent(driven, "babps8o7h", 0.1, t_end=6, deviations=[1, 0], start=start)
+        moved = np.exp(run.growth[-1, 0].item()) * np.array([run.deviation_q.item(), run.deviation_p.item()])
+        np.testing.assert_allclose([run.q[-1, 0], *moved], [end, np.cos(6), -np.sin(6)], atol=1e-8)
+        assert run.t.values[[0, -1]].tolist() == [4, 10]
+    several = nh.gradient(driven, "babps8o7h", 0.1, lambda q, p: q[0], t_end=6, start=many)
+    np.testing.assert_array_equal(several.value[0], found.value)

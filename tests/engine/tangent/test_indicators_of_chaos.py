@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
 
 import mpmath as mp
@@ -37,6 +38,55 @@ def test_growth_from_an_unstable_equilibrium_is_the_hyperbola():
     expected = [float(mp.log(mp.cosh(2 * t)) / 2) for t in run.t.values]
     np.testing.assert_allclose(run.growth[:, 0], expected, rtol=0, atol=1e-8)
     np.testing.assert_allclose(run.lyapunov_exponent[1:], expected[1:] / run.t.values[1:], rtol=0, atol=1e-9)
+    half = nh.tangent(one_coordinate(inverted), "babps8o7h", 0.1, t_end=17, deviations=[1, 0])
+    rest = nh.tangent(one_coordinate(inverted), "babps8o7h", 0.1, t_end=23, start=half, samples=9)
+    expected = np.array([float(mp.log(mp.cosh(2 * t)) / 2) for t in rest.t.values])
+    assert rest.t.values[[0, -1]].tolist() == [17, 40]
+    np.testing.assert_allclose(rest.growth[:, 0], expected, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(rest.lyapunov_exponent, expected / rest.t.values, rtol=0, atol=1e-9)
+
+
+INDICATORS = (
+    "q", "p", "q_low", "energy_error", "growth", "megno", "lyapunov_exponent", "lyapunov_spectrum", "sali", "gali",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("precision", ["double", "extended"])
+def test_indicators_of_a_continued_run_are_those_of_one(precision):
+    """In bits where both rescale at the same steps, but for the means of MEGNO: times are divided by the step."""
+    how = {"deviations": 4, "precision": precision}
+    starts = {"q0": [REGULAR["q0"], CHAOTIC["q0"]], "p0": [REGULAR["p0"], CHAOTIC["p0"]]}
+    whole = nh.tangent("henon_heiles", "babps8o7h", 0.3, t_end=120, samples=5, **starts, **how)
+    half = nh.tangent("henon_heiles", "babps8o7h", 0.3, t_end=60, samples=3, **starts, **how)
+    late, half = whole.isel(sample=[2, 3, 4]), half.transpose()
+    rest = nh.tangent("henon_heiles", "babps8o7h", 0.3, t_end=60, samples=3, start=half, **how)
+    own = nh.tangent("henon_heiles", "babps8o7h", 0.3, t_end=60, samples=3, start=half.isel(member=1), **how)
+    for name in INDICATORS:
+        for found, expected in ((rest[name], late[name]), (own[name], late[name].isel(member=1))):
+            np.testing.assert_allclose(found, expected, rtol=1e-13 if name == "megno" else 0, err_msg=name)
+    for name in ("deviation_q", "deviation_p"):
+        assert np.array_equal(rest[name], whole[name])
+
+
+@pytest.mark.parametrize(
+    ("change", "more", "says"),
+    [
+        (lambda run: run.isel(sample=[0]), {}, "start = 'a result whose last sample is not that of the run'"),
+        (
+            lambda run: run.drop_vars("running"),
+            {},
+            "start.running = 'float64 of shape (3, 2)' is not allowed: 19 finite",
+        ),
+        (lambda run: run, {"t_end": -3}, "t_end = '-3' is not allowed: with start=, indicators go on in the direction"),
+        (lambda run: run, {"deviations": 3}, "deviations = 3 is not allowed: those of start= go on, 2 in number"),
+        (lambda run: run, {"p0": [1, 1]}, "p0 = [1, 1] is not allowed: with start=, a run continues from the state"),
+        (lambda run: run.assign_attrs(system="sho"), {}, "start = 'a result of sho' is not allowed"),
+    ],
+)
+def test_deviations_that_cannot_go_on_are_refused(change, more, says):
+    run = nh.tangent("henon_heiles", "ruth", 0.1, t_end=1, samples=3)
+    with pytest.raises(nh.NearharmonicError, match=re.escape(says)):
+        nh.tangent("henon_heiles", "ruth", 0.1, start=change(run), **{"t_end": 1} | more)
 
 
 def test_spectrum_of_an_unstable_equilibrium_is_a_pair():

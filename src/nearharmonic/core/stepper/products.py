@@ -172,3 +172,10 @@ def fill(table: Floats, flags: Floats, n: int, tau: float, moves: Floats) -> Non
             moves[at + REST] = (product - moves[at + PRODUCT]) + error
         else:
             moves[at + REST] = flags[i]
+
+
+@jit
+def fill_all(table: Floats, flags: Floats, n: int, taus: Floats, moves: Floats) -> None:
+    """Fill in the moves (steps, rows COLUMNS) of steps of several sizes (steps,), as :func:`fill` does."""
+    for i in range(len(taus)):
+        fill(table, flags, n, taus[i], moves[i])

@@ -10,6 +10,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
+from fractions import Fraction
 from hashlib import sha256
 from math import nan
 from numbers import Rational
@@ -40,13 +41,13 @@ CLOCK = ("clock", "clock_low", "clock_momentum", "clock_momentum_low")
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """Initial values of one run, as a kernel takes them.
+    """Initial values of a run, or of M runs, as a kernel takes them.
 
     Attributes
     ----------
-    state : (1, 4 d) array of float
+    state : (1 or M, 4 d) array of float
         Position and momentum with the digits below them.
-    parameters : (1, 2 P) array of float
+    parameters : (1 or M, 2 P) array of float
         Parameters of the system, as pairs.
     system : System
         System of d coordinates.
@@ -54,7 +55,7 @@ class Start:
         Parameters in place of the system's own by name, as the caller gave them.
     t : float
         Time at which the run begins.
-    reference : pair of float
+    reference : pair of float, or of (M,) array of float
         H0 that errors are relative to, NaN for that of the state.
     running : (1, 5 d) array of float, optional
         The state of the last force of an earlier result, from which steps with the same moves go on.
@@ -67,7 +68,7 @@ class Start:
     system: System
     given: Mapping[str, Any]
     t: float = 0.0
-    reference: tuple[float, float] = (nan, nan)
+    reference: tuple[Any, Any] = (nan, nan)
     running: Floats | None = None
     moves: str = ""
 
@@ -89,7 +90,8 @@ class Start:
     def attributes(self) -> dict[str, str]:
         """Return its attributes for a Dataset."""
         notes = parameter_attributes(self.system, self.given) | {"formulas": formulas_digest(self.system)}
-        return notes | ({"t_start": repr(self.t)} if self.t else {})
+        over = "errors are over the steps, or the samples, behind t_start alone, and relative to H0 of the first run"
+        return notes | ({"t_start": repr(self.t), "continued": over} if self.t else {})
 
 
 def parameter_attributes(system: System, given: Mapping[str, Any]) -> dict[str, str]:
@@ -154,17 +156,19 @@ def _continued(problem: Setup, given: object, parameters: Mapping[str, Any] | No
     """The end of an earlier result, which keeps its H0 and ``running`` unless its parameters are replaced."""
     start = _checked(problem, given)
     own = _mapping(parameters)
-    asked = {**_parameters_of(start), **own}
+    asked = {**_parameters_of(start, problem.system), **own}
     rows = parameter_array(problem.system, asked)
     _check_one("parameters", rows)
     state = _last_state(problem, start)
-    reference = _number(start, "initial_energy"), _number(start, "initial_energy_low")
+    reference = nan, nan
+    if not own and _text(start, "energy") != "none":
+        reference = _number(start["initial_energy"]), _number(start["initial_energy_low"])
     kept = not own and "running" in start and _text(start, "end") == _end_digest_of(start)
     t = float(_last(start, "t", ()))
     check_bound(problem.system, state, rows)
     return Start(
         state=state, parameters=rows, system=problem.system, given=asked, t=t, moves=_text(start, "moves"),
-        reference=(nan, nan) if own else reference, running=start.running.values[None, :].copy() if kept else None,
+        reference=reference, running=start.running.values[None, :].copy() if kept else None,
     )  # fmt: skip
 
 
@@ -181,23 +185,24 @@ def _last_state(problem: Setup, start: xr.Dataset) -> Floats:
     return state.reshape(1, -1)
 
 
-def _checked(problem: Setup, start: Any) -> xr.Dataset:
-    """Return ``start``, if it is a result of the system of ``problem`` that did not diverge."""
+def _checked(problem: Setup, given: Any) -> xr.Dataset:
+    """Return ``given``, if it is a result of the system of ``problem`` that did not diverge."""
     import xarray as xr
 
-    if not (
-        isinstance(start, xr.Dataset)
-        and all(name in start for name in CONTINUED)
-        and start.q.dims == ("sample", "component")
-        and start.q.size
-    ):
-        allowed = "a Dataset that nearharmonic.integrate returned, with all its variables"
-        raise bad_setting("start", type(start).__name__, allowed)
+    allowed = "a Dataset that nearharmonic.integrate returned, or a member of an ensemble, with all its variables"
+    if not isinstance(given, xr.Dataset):
+        raise bad_setting("start", type(given).__name__, allowed)
     system = problem.system
+    start: xr.Dataset = given.transpose("sample", ..., missing_dims="ignore")
+    missing = [name for name in (*CONTINUED, *CLOCK * system.time_dependent) if name not in start]
+    if missing or start.q.dims != ("sample", "component") or not start.q.size:
+        what = f"without {', '.join(missing)}" if missing else f"whose q has {dict(start.q.sizes)}"
+        raise bad_setting("start", f"a Dataset {what}", allowed)
     if _text(start, "system") != system.name or start.q.shape[1] != system.dimension:
         raise bad_setting("start", f"a result of {start.attrs.get('system')}", f"a result of {system.name}")
-    if "formulas" in start.attrs and _text(start, "formulas") != formulas_digest(system):
+    if _text(start, "formulas") != formulas_digest(system):
         what = f"a result of another system of the name {system.name}"
+        what = what if "formulas" in start.attrs else "a result without its attribute formulas"
         raise bad_setting("start", what, "one of the same formulas, masses and parameters that are compiled in")
     if str(start.status.values) != "ok":
         what = f"a run that diverged at step {start.diverged_at.values}"
@@ -205,8 +210,8 @@ def _checked(problem: Setup, start: Any) -> xr.Dataset:
     return start
 
 
-def _parameters_of(start: xr.Dataset) -> Mapping[str, Any]:
-    """Return the parameters of a result by name: exact texts, or floats for coordinates of an ensemble."""
+def _parameters_of(start: xr.Dataset, system: System) -> Mapping[str, Any]:
+    """Return the parameters of a result by name: exact texts, or exact numbers for coordinates of an ensemble."""
     text = start.attrs.get("parameters", "{}")
     try:
         found = json.loads(text) if isinstance(text, str) else None
@@ -215,8 +220,15 @@ def _parameters_of(start: xr.Dataset) -> Mapping[str, Any]:
     if not isinstance(found, dict) or not all(isinstance(value, str) for value in found.values()):
         allowed = "those of a result, a mapping of names to decimals in JSON"
         raise bad_setting("start.attrs['parameters']", text, allowed)
-    names = {str(name).removeprefix("parameter_"): name for name in start.coords if str(name).startswith("parameter_")}
-    return {name: start[coordinate].values[()] for name, coordinate in names.items()} | found
+    for i, name in enumerate(system.parameters):
+        if name in found:
+            continue
+        if f"parameter_{name}" not in start or start.get("parameters_low", start.q).dims != ("parameter",):
+            allowed = "as many.isel(member=i) of an ensemble leaves it, without drop=True"
+            raise bad_setting("start", f"a Dataset without parameter_{name} or parameters_low", allowed)
+        parts = start[f"parameter_{name}"], start["parameters_low"][i]
+        found[name] = sum(Fraction(_number(part)) for part in parts)
+    return found
 
 
 def _check_one(key: str, rows: Floats) -> None:
@@ -256,19 +268,26 @@ def _text(start: xr.Dataset, name: str) -> str:
 def _last(start: xr.Dataset, name: str, shape: tuple[int, ...]) -> Floats:
     """The last sample of a variable, of so many finite numbers."""
     one = start[name]
-    values = array_of(f"start.{name}", one.values) if one.dims[:1] == ("sample",) else None
+    values = _doubles(f"start.{name}", one) if one.dims[:1] == ("sample",) else None
     if values is None or values.shape[1:] != shape:
         what = f"{one.dtype} of shape {one.shape} over {' and '.join(map(str, one.dims)) or 'nothing'}"
-        raise bad_setting(f"start.{name}", what, f"numbers of shape {(start.sizes['sample'], *shape)} over the samples")
+        allowed = f"float64 of shape {(start.sizes['sample'], *shape)} over the samples"
+        raise bad_setting(f"start.{name}", what, allowed)
     if not np.isfinite(values[-1]).all():
         raise bad_setting(f"start.{name}[-1]", values[-1].tolist(), "finite numbers, from which a run goes on")
     found: Floats = values[-1].astype(float)
     return found
 
 
-def _number(start: xr.Dataset, name: str) -> float:
-    """A part of H0: a finite number, or NaN where energies were not asked for."""
-    values = array_of(f"start.{name}", start[name].values)
-    if values is None or values.ndim or np.isinf(values) or (np.isnan(values) and _text(start, "energy") != "none"):
-        raise bad_setting(f"start.{name}", start[name].values.tolist(), "a finite number")
+def _number(one: xr.DataArray) -> float:
+    """The finite number that a variable without dimensions holds."""
+    values = _doubles(f"start.{one.name}", one)
+    if values is None or values.ndim or not np.isfinite(values):
+        raise bad_setting(f"start.{one.name}", one.values.tolist(), "a finite number, in float64")
     return float(values)
+
+
+def _doubles(key: str, one: xr.DataArray) -> Any:
+    """The values of a variable, or None if they are no numbers, or floats of another precision than the run left."""
+    values = array_of(key, one.values)
+    return None if values is None or (values.dtype.kind == "f" and values.dtype != np.float64) else values

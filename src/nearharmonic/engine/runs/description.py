@@ -195,6 +195,17 @@ def initial_energy_variables(problem: Setup, paths: Trajectories) -> Variables:
     })  # fmt: skip
 
 
+def parameter_variables(problem: Setup, parameters: Floats) -> Variables:
+    """Return parameters (M, 2 P) that differ between members, and the digits below them."""
+    if len(parameters) == 1:
+        return {}
+    low = described("digits below the parameters, in the order of the system", "unknown")
+    return {
+        f"parameter_{name}": (("member",), column, described(parameter.meaning, parameter.unit))
+        for (name, parameter), column in zip(problem.system.parameters.items(), parameters.T[::2], strict=True)
+    } | {"parameters_low": (("member", "parameter"), parameters[:, 1::2], low)}
+
+
 def tau_variable(problem: Setup, paths: Trajectories) -> Variables:
     """Return the step sizes of runs over tau_per_stage."""
     notes = described("step size as used, t_end / steps", problem.system.units["t"])

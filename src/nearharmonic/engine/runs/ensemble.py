@@ -13,6 +13,7 @@ import numpy as np
 from nearharmonic.core.layout import COUNTERS
 from nearharmonic.engine.batch import execution
 from nearharmonic.engine.batch.batch import sample_marks
+from nearharmonic.engine.batch.kernels import formulas_digest
 from nearharmonic.engine.batch.lanes import most_lanes_of
 from nearharmonic.engine.batch.queue import Batch
 from nearharmonic.engine.batch.regularised import check_bound
@@ -25,12 +26,14 @@ from nearharmonic.engine.numbers.initial_values import (
 )
 from nearharmonic.engine.runs.continuation import parameter_attributes
 from nearharmonic.engine.runs.description import (
+    clock_variables,
     error_variables,
     initial_energy_variables,
     invariant_variables,
     low_digits,
     over,
     over_runs,
+    parameter_variables,
     problem_attributes,
     trajectory_variables,
 )
@@ -132,7 +135,8 @@ def ensemble(
         asked = checked_times(t, problem)
         paths, times = members.at_times(asked), np.array([float(time) for time in asked])
     attributes = problem_attributes(problem) | parameter_attributes(problem.system, parameters or {})
-    attributes |= problem.floor(start, given, paths.energy) | {"tau_requested": asked_tau}
+    attributes |= {"formulas": formulas_digest(problem.system), "tau_requested": asked_tau}
+    attributes |= problem.floor(start, given, paths.energy)
     return _dataset(problem, paths, start, given, times, attributes)
 
 
@@ -249,13 +253,10 @@ def _dataset(
     variables = trajectory_variables(problem, paths, constants, times)
     if problem.numerics.compensated:
         variables |= over_runs(low_digits(problem, paths))
+    variables |= clock_variables(problem, paths)
     variables |= error_variables(paths, problem) | initial_energy_variables(problem, paths)
     variables |= invariant_variables(problem, paths, start, constants)
-    for name, column in zip(problem.system.parameters, parameters.T[::2], strict=True):
-        if len(parameters) > 1:
-            parameter = problem.system.parameters[name]
-            variables[f"parameter_{name}"] = ("tau_per_stage",), column, described(parameter.meaning, parameter.unit)
-    renamed = over("member", variables)
+    renamed = over("member", variables) | parameter_variables(problem, parameters)
     notes = described("step size as used, t_end / steps", problem.system.units["t"])
     renamed["tau"] = (), problem.taus(paths.steps[:1])[0], notes
     coordinates = [name for name in renamed if name.startswith("parameter_")]

@@ -135,7 +135,7 @@ class Setup:
 
     def steps_of(self, tau: object, key: str = "tau") -> int:
         """Return max(1, round(|t_end| / tau))."""
-        return steps_of(self.t_end.lstrip("-"), checked_tau(tau, key))
+        return steps_of(self.t_end.lstrip("-"), checked_tau(tau, key), key)
 
     def taus(self, steps: Integers) -> Floats:
         """Return the step sizes as used, rounded once."""
@@ -223,12 +223,14 @@ def warn_of_step(problem: Setup, asked: Sequence[float], steps: Sequence[int], k
     used = [abs(float(problem.end)) / n for n in steps]
     off = [abs(size / tau - 1) for size, tau in zip(used, asked, strict=True)]
     i = max(range(len(off)), key=off.__getitem__)
-    caller = sys._getframe(2).f_globals.get("__name__", "")
+    above = 2
+    while (caller := sys._getframe(above).f_globals.get("__name__", "")) == "nearharmonic.errors":
+        above += 1  # a public function is wrapped by naming_arguments
     if off[i] < WARNED or caller.split(".")[0] == "nearharmonic":
         return
     name = key if key == "tau" else f"{key}[{i}]"
     message = f"{name} = {asked[i]:.6g} runs as {used[i]:.6g}: t_end = {problem.t_end} is no multiple of it"
-    warnings.warn(f"{message}, and is covered by {steps[i]} equal steps", stacklevel=3)
+    warnings.warn(f"{message}, and is covered by {steps[i]} equal steps", stacklevel=above + 1)
 
 
 def checked_scale(value: object) -> float:

@@ -89,7 +89,8 @@ def integrate(
     start : xarray.Dataset or Solution, optional
         Continue from the last sample of this result, with its parameters and relative to its H0. ``t_end`` is then the
         length of the continuation. The bits are those of one long run, unless the last sample has been edited: the run
-        then goes on from what it says.
+        then goes on from what it says. Maximum and mean of the errors are over the steps of the continuation alone; or,
+        with energies at the samples, over its samples, which one long run has at other steps.
     split : {"kinetic_potential", "exact_oscillator"}
         What the two operators of the method solve: T by drifts and V by kicks; or, for a system that declares
         ``frequencies`` w, p.p/2 + sum w_i^2 q_i^2 / 2 by rotations in place of drifts, and the rest of V by kicks.
@@ -141,7 +142,7 @@ def integrate(
 def sweep(
     system: str | System,
     integrator: str | Tableau,
-    taus: Iterable[float],
+    taus: Iterable[float] | None = None,
     *,
     t_end: float | str | None = None,
     precision: str = "double",
@@ -154,6 +155,7 @@ def sweep(
     energy: str = "every",
     energy_scale: float | str | None = None,
     split: str = KINETIC_POTENTIAL,
+    tau_per_stage: Iterable[float] | None = None,
 ) -> xr.Dataset:
     """Integrate one run per step size, side by side in SIMD lanes, for their energy errors.
 
@@ -164,7 +166,7 @@ def sweep(
     system, integrator : str, or System and Tableau
         As for :func:`nearharmonic.integrate`.
     taus : iterable of float
-        Step sizes asked for, in the system's unit of time.
+        Step sizes asked for, in the system's unit of time; this or ``tau_per_stage``.
     t_end, precision, summation, first, q0, p0, parameters
         As for :func:`nearharmonic.integrate`.
     t : sequence of float or str, optional
@@ -172,6 +174,8 @@ def sweep(
     energy, energy_scale, split
         As for :func:`nearharmonic.integrate`; with ``energy="samples"`` the energy is measured at the times ``t``, or
         at the end.
+    tau_per_stage : iterable of float
+        Step sizes over the stages of the method, in place of ``taus``: equal ones have equal cost for all methods.
 
     Returns
     -------
@@ -199,10 +203,15 @@ def sweep(
         system, integrator, t_end=t_end, precision=precision, summation=summation, first=first, energy=energy,
         energy_scale=energy_scale, split=split,
     )  # fmt: skip
-    requested = _checked_taus(taus)
+    if (taus is None) == (tau_per_stage is None):
+        raise bad_setting("taus", taus, "a list of step sizes, or tau_per_stage in its place: exactly one of the two")
+    key, given = ("taus", taus) if tau_per_stage is None else ("tau_per_stage", tau_per_stage)
+    stages = 1 if tau_per_stage is None else problem.tableau.stages
+    requested = [stages * tau for tau in _checked_taus(key, given)]
     begin = start_of(problem, q0, p0, parameters)
-    steps = [problem.steps_of(tau, f"taus[{i}]") for i, tau in enumerate(requested)]
-    warn_of_step(problem, requested, steps, "taus")
+    times = "" if tau_per_stage is None else f"{stages} * "
+    steps = [problem.steps_of(tau, f"{times}{key}[{i}]") for i, tau in enumerate(requested)]
+    warn_of_step(problem, requested, steps, f"{times}{key}")
     variables: Variables = {}
     if t is None:
         paths = problem.run(steps, least_samples(problem.tableau), start=begin.state, parameters=begin.parameters)
@@ -230,11 +239,11 @@ def _check_start(problem: Setup, paths: Trajectories) -> None:
         raise SettingError(f"(q0, p0) = {start} is not allowed: the energy of {problem.system.name} there is {H}")
 
 
-def _checked_taus(taus: Iterable[float]) -> list[float]:
-    asked = list_of("taus", taus, "a list of step sizes", MOST_TAUS)
+def _checked_taus(key: str, taus: object) -> list[float]:
+    asked = list_of(key, taus, "a list of step sizes", MOST_TAUS)
     if not asked:
-        raise bad_setting("taus", asked, "at least one step size")
-    return [checked_tau(tau, f"taus[{i}]") for i, tau in enumerate(asked)]
+        raise bad_setting(key, asked, "at least one step size")
+    return [checked_tau(tau, f"{key}[{i}]") for i, tau in enumerate(asked)]
 
 
 def warm_up(system: str, precisions: Sequence[str] = ("double",)) -> dict[str, Any]:

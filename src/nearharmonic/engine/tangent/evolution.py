@@ -77,7 +77,8 @@ class Evolution:
     (M, S, k), logarithms as those of :class:`Frame`; ``sali`` (M, S) and ``gali`` (M, S, k - 1), if k > 1; ``megno``
     (M, S); ``blocks`` (M, 10), growth of the first deviation in each block; ``deviations`` (M, k, n) at the end;
     ``left_at`` (M,), the step at which a state or deviation was not finite, or 0; ``unsolved`` (M,), True where the
-    equations of an implicit step could not be solved there; ``evaluations`` (M,) of the gradient by all lanes.
+    equations of an implicit step could not be solved there; ``evaluations`` (M,) of the gradient by all lanes;
+    ``running`` (M, f + 3), the frame at the end, the time since the deviations began, and the means of MEGNO.
     """
 
     schedule: Schedule
@@ -92,6 +93,7 @@ class Evolution:
     left_at: Integers
     unsolved: Bools
     evaluations: Integers
+    running: Floats
 
     @classmethod
     def empty(cls, schedule: Schedule, members: int, count: int, dimensions: tuple[int, int]) -> Evolution:
@@ -103,7 +105,13 @@ class Evolution:
             np.full(shape, np.nan), np.full((members, len(schedule.bounds) - 1), np.nan),
             np.full((members, count, dimensions[1]), np.nan), np.zeros(members, np.int64),
             np.zeros(members, bool), np.zeros(members, np.int64),
+            np.full((members, running_size(count, dimensions[1])), np.nan),
         )  # fmt: skip
+
+
+def running_size(count: int, n: int) -> int:
+    """Return the numbers of a member that a continuation of ``count`` deviations of n components needs."""
+    return count * (n + count + 2) + 3
 
 
 @dataclass(frozen=True)
@@ -122,6 +130,8 @@ class Deviations:
         Parameters of each orbit, or of all.
     initial : (k, 2 d) array of float
         Initial deviations.
+    earlier : (M, f + 3) array of float, optional
+        ``running`` of the evolution that goes on, in place of the initial deviations.
     """
 
     problem: Setup
@@ -129,6 +139,7 @@ class Deviations:
     start: Floats
     parameters: Floats
     initial: Floats
+    earlier: Floats | None = None
 
     @property
     def members(self) -> int:
@@ -173,7 +184,12 @@ class _Block:
         rows[:, :, :2, :D] = (orbit := self.start.reshape(-1, 1, 4, D))[:, :, :2]
         rows[:, :, 2:, D:] = orbit[:, :, 2:]
         megno, step, sample = _Megno(members, self.schedule.bounds), 0, 1
-        self._keep(0, rows, frame, np.full(members, np.nan))
+        tau = float(self.runs.problem.end) / self.schedule.steps
+        if self.runs.earlier is not None:
+            *state, time, integral, mean = self.runs.earlier[self.block].T
+            frame.resume(np.array(state))
+            megno.resume(time / tau, frame.growth[0], integral, mean)
+        self._keep(0, rows, frame, megno.mean)
         moves = self.runs.problem.moves([self.runs.problem.end / self.schedule.steps])
         for part in self.schedule.parts:
             self._insert(rows, frame.basis)
@@ -192,6 +208,7 @@ class _Block:
                 sample += 1
         self.found.blocks[self.block] = np.diff(megno.at_bounds, axis=0).T
         self.found.deviations[self.block] = frame.deviations.transpose(2, 1, 0)
+        self.found.running[self.block] = np.concatenate([frame.state, megno.state(tau)]).T
 
     def _batch(self, part: tuple[int, ...], start: Floats, moves: Floats) -> Batch:
         """Return a batch for a part of the run that starts at these rows."""
@@ -263,7 +280,7 @@ class _Megno:
     """
 
     def __init__(self, members: int, bounds: Sequence[int]) -> None:
-        self._time, self._length = 0.0, np.zeros(members)
+        self._begin, self._time, self._length = np.zeros(members), np.zeros(members), np.zeros(members)
         self._integral, self._last, self._total = np.zeros(members), np.zeros(members), np.zeros(members)
         self._bounds = {bound: i for i, bound in enumerate(bounds)}
         #: L at the ends of the blocks.
@@ -272,18 +289,29 @@ class _Megno:
     def read(self, step: int, part: Sequence[int], lengths: Floats) -> None:
         """Take the readings ``lengths`` (n, M) of L at the n later marks of a part that begins at ``step``."""
         apart = np.diff(np.array(part, float))[:, None] / 2
-        times = step + np.array(part[1:], float)[:, None]
+        times = self._begin + (step + np.array(part[1:], float)[:, None])
         before = np.concatenate([self._length[None], lengths[:-1]])
         integral = np.cumsum(np.concatenate([self._integral[None], apart * (before + lengths)]), axis=0)[1:]
         values = 2 * (lengths - integral / times)
         earlier = np.concatenate([self._last[None], values[:-1]])
         self._total = np.cumsum(np.concatenate([self._total[None], apart * (earlier + values)]), axis=0)[-1]
-        self._time, self._length, self._integral, self._last = times[-1, 0], lengths[-1], integral[-1], values[-1]
+        self._time, self._length, self._integral, self._last = times[-1], lengths[-1], integral[-1], values[-1]
         for mark, length in zip(part[1:], lengths, strict=True):
             if (place := self._bounds.get(step + mark)) is not None:
                 self.at_bounds[place] = length
 
     @property
     def mean(self) -> Floats:
-        """Mean of Y over the time so far (M,)."""
+        """Mean of Y over the time so far (M,), NaN at its start."""
         return self._total / self._time
+
+    def state(self, tau: float) -> Floats:
+        """Return the time with its sign, the mean of L over it, and the mean of Y (3, M)."""
+        return np.stack([self._time * tau, self._integral / self._time, self.mean])
+
+    def resume(self, time: Floats, length: Floats, integral: Floats, mean: Floats) -> None:
+        """Go on from L after so much ``time``, and the means of L and Y over it."""
+        self._begin = self._time = time
+        self._length, self._integral, self._total = length.copy(), integral * time, mean * time
+        self._last = 2 * (length - integral)
+        self.at_bounds[0] = length

@@ -114,6 +114,19 @@ class Frame:
         self.stretching += log(np.einsum("jjm->jm", triangle))
 
     @property
+    def state(self) -> Floats:
+        """Basis, deviations in it, growth and stretching (f, M), from which :meth:`resume` goes on."""
+        parts = self.basis, self._columns, self.growth, self.stretching
+        return np.concatenate([part.reshape(-1, part.shape[-1]) for part in parts])
+
+    def resume(self, state: Floats) -> None:
+        """Go on from a :attr:`state`."""
+        n, k, members = self.basis.shape
+        parts = np.split(state, np.cumsum([n * k, k * k, k]))
+        self.basis, self._columns = parts[0].reshape(n, k, members), parts[1].reshape(k, k, members)
+        self.growth, self.stretching = parts[2].copy(), parts[3].copy()
+
+    @property
     def deviations(self) -> Floats:
         """The deviations (n, k, M), scaled to length 1."""
         found: Floats = sum(self.basis[:, j, None] * self._columns[j] for j in range(self.basis.shape[1]))

@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine.batch.kernels import formulas_digest
-from nearharmonic.engine.runs.continuation import parameter_attributes
-from nearharmonic.engine.runs.description import error_variables, over, problem_attributes
+from nearharmonic.engine.runs.description import error_variables, over, parameter_variables, problem_attributes
 from nearharmonic.engine.runs.setup import Setup, warn_of_step
+from nearharmonic.engine.runs.solution import Solution
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, checked_tau
 from nearharmonic.engine.tangent.coefficients import check_coefficients, coefficient_derivatives
-from nearharmonic.engine.tangent.description import parameter_variables
 from nearharmonic.engine.tangent.linearised import check_differentiable, kinetic_parameters, sensitive_system
 from nearharmonic.engine.tangent.observable import DifferentiableObservable
 from nearharmonic.engine.tangent.tangent import checked_split, initial_rows, members_are_given
@@ -47,6 +45,7 @@ def gradient(
     parameters: Mapping[str, Any] | None = None,
     split: str = KINETIC_POTENTIAL,
     coefficients: bool = False,
+    start: xr.Dataset | Solution | None = None,
 ) -> xr.Dataset:
     """Differentiate an observable at the end of a discrete run with respect to initial values and parameters.
 
@@ -67,6 +66,9 @@ def gradient(
     coefficients : bool
         True for the derivatives with respect to the coefficients of the method too. They need the states at the ends of
         all steps in memory, and are for methods with kicks by V alone.
+    start : xarray.Dataset or Solution, optional
+        Continue from the last sample of this result, as for :func:`nearharmonic.integrate`: ``q0`` and ``p0`` of the
+        derivatives are the state there.
 
     Returns
     -------
@@ -113,18 +115,19 @@ def gradient(
     check_differentiable(subject)
     backward = backward_problem(problem)
     function = DifferentiableObservable(observable, subject)
-    start, given = initial_rows(problem, q0, p0, parameters)
-    members = max(len(start), len(given))
-    start = np.broadcast_to(start, (members, start.shape[1]))
+    begin = initial_rows(problem, q0, p0, parameters, start)
+    given = begin.parameters
+    members = max(len(begin.state), len(given))
+    rows = np.broadcast_to(begin.state, (members, begin.state.shape[1]))
     steps = [problem.steps_of(tau)] * members
     warn_of_step(problem, [asked_tau := checked_tau(tau)], steps[:1])
     if coefficients:
         check_coefficients(backward.system, problem.tableau, steps[0], members)
-    paths = problem.run(steps, 2, start=start, parameters=given)
+    paths = problem.run(steps, 2, start=rows, parameters=given)
     end = np.stack([paths.q[:, -1], paths.q_low[:, -1], paths.p[:, -1], paths.p_low[:, -1]], axis=1)
     slopes = function.derivatives(problem, end[..., : subject.dimension], given)
     back = backward.run(steps, steps[0] + 1 if coefficients else 2, start=_behind(subject, end, slopes, given))
-    variables = _derivatives(problem, slopes, back) | _round_trip(problem, start, back)
+    variables = _derivatives(problem, slopes, back) | _round_trip(problem, rows, back)
     if coefficients:
         variables |= _by_coefficient(problem, backward, float(problem.end) / steps[0], back)
     d, units = subject.dimension, subject.units
@@ -140,7 +143,7 @@ def gradient(
     errors["evaluations"][1][:] += back.evaluations
     del errors["mean_energy_error"]
     variables |= errors
-    if several := members_are_given(q0, p0, parameters):
+    if several := members_are_given(q0, p0, parameters, start):
         variables |= parameter_variables(problem, given)
     else:
         variables = {name: (dims[1:], values[0], notes) for name, (dims, values, notes) in variables.items()}
@@ -148,8 +151,8 @@ def gradient(
     variables["tau"] = (), problem.taus(paths.steps[:1])[0], described("step size as used, t_end / steps", unit)
     if subject.parameters:
         variables["parameter"] = ("parameter",), np.array(list(subject.parameters)), described("name of the parameter")
-    attributes = problem_attributes(problem) | parameter_attributes(subject, parameters or {})
-    attributes |= {"formulas": formulas_digest(subject), "observable": function.name, "tau_requested": asked_tau}
+    attributes = problem_attributes(problem) | begin.attributes()
+    attributes |= {"observable": function.name, "tau_requested": asked_tau}
     coordinates = ["parameter", *(name for name in variables if several and name.startswith("parameter_"))]
     return assembled(variables, coordinates, attributes)
 

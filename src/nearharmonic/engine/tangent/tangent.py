@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,15 +15,16 @@ from nearharmonic.engine.numbers.initial_values import (
     standard_parameters,
     start_array,
 )
+from nearharmonic.engine.runs.continuation import Start, start_of
 from nearharmonic.engine.runs.setup import Setup, warn_of_step
+from nearharmonic.engine.runs.solution import Solution
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_THREADS, checked_count, checked_samples, checked_tau
 from nearharmonic.engine.tangent.description import deviations_dataset
-from nearharmonic.engine.tangent.evolution import Deviations, schedule_of
+from nearharmonic.engine.tangent.evolution import Deviations, running_size, schedule_of
 from nearharmonic.engine.tangent.frame import initial_deviations
 from nearharmonic.engine.tangent.linearised import check_differentiable, tangent_system
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.types import Floats
 from nearharmonic.systems.definition.system import System
 
 if TYPE_CHECKING:
@@ -48,6 +50,7 @@ def tangent(
     deviations: object = 2,
     split: str = KINETIC_POTENTIAL,
     threads: int = 1,
+    start: xr.Dataset | Solution | None = None,
 ) -> xr.Dataset:
     """Follow small deviations from orbits by the exact derivative of the discrete map, for indicators of chaos.
 
@@ -76,6 +79,9 @@ def tangent(
         As for :func:`nearharmonic.integrate`; no other split has deviations.
     threads : int
         Threads that share the members; bits do not depend on it.
+    start : xarray.Dataset or Solution, optional
+        Continue the orbits from the last sample of this result, as for :func:`nearharmonic.integrate`. The deviations
+        and indicators of a result of this function go on as in one run, to rounding; those of another begin there.
 
     Returns
     -------
@@ -94,9 +100,9 @@ def tangent(
 
         At the end, over member if there are several:
 
-        - ``lyapunov_low``, ``lyapunov_high``: 95 % interval of Student's t from ten blocks of time. It covers the
-          exponent of the chaotic region of the orbit if a block is longer than the memory of the orbit. It does not
-          cover the 0 of a regular orbit, for which growth over time falls like (ln t)/t.
+        - ``lyapunov_low``, ``lyapunov_high``: 95 % interval of Student's t from ten blocks of the time of this call. It
+          covers the exponent of the chaotic region of the orbit if a block is longer than the memory of the orbit. It
+          does not cover the 0 of a regular orbit, for which growth over time falls like (ln t)/t.
         - ``deviation_q``, ``deviation_p`` over (deviation, component): final deviations, scaled to length 1. Times
           exp(growth) and the initial length, they are the tangent map times the initial deviation.
         - ``max_energy_error`` over the samples, ``initial_energy``, ``status``, ``diverged_at``, ``evaluations`` of the
@@ -131,8 +137,9 @@ def tangent(
     )  # fmt: skip
     subject = problem.system
     check_differentiable(subject)
-    start, given = initial_rows(problem, q0, p0, parameters)
-    rows = initial_deviations(deviations, subject.dimension)
+    begin = initial_rows(problem, q0, p0, parameters, start)
+    earlier = None if start is None else earlier_indicators(problem, start, deviations)
+    rows = initial_deviations(deviations if earlier is None else earlier.sizes["deviation"], subject.dimension)
     kept, steps = checked_samples(samples), problem.steps_of(tau)
     warn_of_step(problem, [asked_tau := checked_tau(tau)], [steps])
     threads = checked_count("threads", threads, MOST_THREADS)
@@ -141,16 +148,42 @@ def tangent(
         tangent_system(subject), problem.tableau, t_end=problem.t_end, precision=precision, summation=summation,
         energy="none",
     )  # fmt: skip
-    runs = Deviations(extended, subject.dimension, start, given, rows)
+    going_on = None if earlier is None else np.atleast_2d(earlier["running"].values)
+    runs = Deviations(extended, subject.dimension, begin.state, begin.parameters, rows, going_on)
     size = runs.members * schedule.kept.size * (4 * problem.states_dimension + 3 * len(rows) + 2) * 8
     if size > MOST_BYTES:
         what = f"the samples of {runs.members} members would take {size:.1e} bytes"
         raise bad_setting("samples", samples, f"{what}, and a call keeps {MOST_BYTES:.0e}")
     found = runs.follow(schedule, threads)
-    several = members_are_given(q0, p0, parameters)
-    made = deviations_dataset(problem, runs, found, only_end=kept == 1, several=several, asked=parameters or {})
+    several = members_are_given(q0, p0, parameters, start)
+    made = deviations_dataset(problem, runs, found, only_end=kept == 1, several=several, begin=begin)
     made.attrs["tau_requested"] = asked_tau
     return made
+
+
+def earlier_indicators(problem: Setup, start: xr.Dataset | Solution, deviations: object) -> xr.Dataset | None:
+    """Return ``start``, a result of this function that goes on; None if it is a result without deviations.
+
+    Raises
+    ------
+    SettingError
+        Other ``deviations``, a direction of time that is not that of ``start``, or damaged numbers.
+    """
+    if isinstance(start, Solution) or "deviation" not in start.sizes:
+        return None
+    k = start.sizes["deviation"]
+    if not (isinstance(deviations, int) and deviations in (2, k)):
+        raise bad_setting("deviations", deviations, f"those of start= go on, {k} in number")
+    start = start.transpose("member", "sample", ..., missing_dims="ignore")
+    n, running = 2 * problem.system.dimension, start.get("running", start.q)
+    size, values = running_size(k, n), running.values
+    if running.dims[-1] != "running_component" or values.shape[-1] != size or not np.isfinite(values).all():
+        raise bad_setting("start.running", f"{values.dtype} of shape {values.shape}", f"{size} finite numbers a member")
+    if not np.array_equal(start["growth"].isel(sample=-1).values, values[..., k * (n + k) : k * (n + k + 1)]):
+        raise bad_setting("start", "a result whose last sample is not that of the run", "one with its last sample")
+    if (values[..., -3] * float(problem.end) <= 0).any():
+        raise bad_setting("t_end", problem.t_end, "with start=, indicators go on in the direction of their time")
+    return start
 
 
 def checked_split(split: object) -> str:
@@ -166,8 +199,10 @@ def checked_split(split: object) -> str:
     return KINETIC_POTENTIAL
 
 
-def initial_rows(problem: Setup, q0: object, p0: object, parameters: Mapping[str, Any] | None) -> tuple[Floats, Floats]:
-    """Return initial states (M or 1, 4 D) and parameters (M or 1, 2 P); arguments as for :func:`tangent`.
+def initial_rows(
+    problem: Setup, q0: object, p0: object, parameters: Mapping[str, Any] | None, start: xr.Dataset | Solution | None
+) -> Start:
+    """Return the initial states and parameters of all members; arguments as for :func:`tangent`.
 
     Raises
     ------
@@ -175,17 +210,40 @@ def initial_rows(problem: Setup, q0: object, p0: object, parameters: Mapping[str
         A value outside what is allowed, or numbers of rows that do not fit.
     """
     system = problem.system
-    start = start_array(system, q0, p0, plain=problem.plain)
-    given = standard_parameters(system)[None, :] if parameters is None else parameter_array(system, parameters)
-    members = max(len(start), len(given))
-    for key, rows in (("q0 and p0", start), ("parameters", given)):
-        if len(rows) not in (1, members):
-            raise bad_setting(key, f"{len(rows)} rows", f"one row, or one for each of {members} members")
-    check_bound(system, start, given)
-    parameters_at_run_time(system, problem.numerics, given)
-    return start, given
+    if start is not None:
+        given: Any = start.to_dataset() if isinstance(start, Solution) else start
+        several = "member" in getattr(given, "dims", ())
+        members = [given.isel(member=i) for i in range(given.sizes["member"])] if several else [given]
+        if not members:
+            raise bad_setting("start", "a Dataset without members", "a result of one member or more")
+        begin = _joined([start_of(problem, q0, p0, parameters, one) for one in members])
+    else:
+        state = start_array(system, q0, p0, plain=problem.plain)
+        rows = standard_parameters(system)[None, :] if parameters is None else parameter_array(system, parameters)
+        begin = Start(state=state, parameters=rows, system=system, given=parameters or {})
+    count = max(len(begin.state), len(begin.parameters))
+    for key, array in (("q0 and p0", begin.state), ("parameters", begin.parameters)):
+        if len(array) not in (1, count):
+            raise bad_setting(key, f"{len(array)} rows", f"one row, or one for each of {count} members")
+    check_bound(system, begin.state, begin.parameters)
+    parameters_at_run_time(system, problem.numerics, begin.parameters)
+    return begin
 
 
-def members_are_given(q0: Any, p0: Any, parameters: Mapping[str, Any] | None) -> bool:
+def _joined(begins: Sequence[Start]) -> Start:
+    """Return the starts of several members as one, with one row of parameters if they are equal."""
+    rows = np.concatenate([one.parameters for one in begins])
+    given = begins[0].given
+    if (rows == rows[0]).all():
+        rows = rows[:1]
+    else:
+        given = {name: [one.given[name] for one in begins] for name in given}
+    reference = tuple(np.array([one.reference for one in begins]).T)
+    state = np.concatenate([one.state for one in begins])
+    return replace(begins[0], state=state, parameters=rows, given=given, reference=reference)
+
+
+def members_are_given(q0: Any, p0: Any, parameters: Mapping[str, Any] | None, start: Any = None) -> bool:
     """Return True if initial values have rows, or a parameter has several values: results then have members."""
-    return any(np.ndim(x) == 2 for x in (q0, p0) if x is not None) or any(map(np.ndim, (parameters or {}).values()))
+    rows = any(np.ndim(x) == 2 for x in (q0, p0) if x is not None) or "member" in getattr(start, "dims", ())
+    return rows or any(map(np.ndim, (parameters or {}).values()))

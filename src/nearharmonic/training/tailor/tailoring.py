@@ -121,7 +121,7 @@ def tailor(
     message = (
         f"no gain over registered methods on starts that were not used: {found.test.gain} decades; this is {best.name}"
     )
-    warnings.warn(message, NoGainWarning, stacklevel=2)
+    warnings.warn(message, NoGainWarning, stacklevel=3)
     return best
 
 
