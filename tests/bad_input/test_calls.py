@@ -27,6 +27,7 @@ KIND = "E. bad calls"
 NO_NUMBERS = [
     "", "ten", "nan", "inf", float("nan"), float("inf"), -float("inf"), "1e999999999", "9" * 10**5, 10**400, "٣", "1_0",
     True, {}, {"a": 1}, b"1", 1j, object(), Decimal("nan"), np.ma.masked, "1e-401", "1 2", lambda: 1,
+    np.timedelta64(1, "s"), np.datetime64("2020"), np.bool_(True), np.complex128(1), np.ones(3),
 ]  # fmt: skip
 #: Values that are no positive number, no list of numbers, no integer, and no name.
 NOT_POSITIVE = [*NO_NUMBERS, None, [1], 0, -1, "-5", "0", -0.0, 5e-324, Fraction(-1, 3)]
@@ -41,7 +42,7 @@ NO_LISTS = [
     [[]],
     object(),
 ]
-NO_INTEGERS = [0, -1, 1.5, 10.0, "10", True, [1], 10**9, 10**400, float("nan"), b"1"]
+NO_INTEGERS = [0, -1, 1.5, 10.0, "10", True, [1], 10**9, 10**400, float("nan"), b"1", np.timedelta64(3, "s")]
 NO_NAMES = ["", "nobody", None, 5, True, ["ruth"], b"ruth", {}, "../x", "x.py", "/etc", "\0", "kepl\ner", "r" * 10**5]
 
 integrate = partial(nh.integrate, "sho", "ruth")
@@ -94,7 +95,7 @@ CALLS = {
     ),
     "split of a gradient": (lambda x: nh.gradient("sho", "ruth", 0.1, lambda q, p: q[0], split=x), NO_NAMES),
     "p0 of a gradient": (lambda x: nh.gradient("sho", "ruth", 0.1, lambda q, p: q[0], p0=x), [*NO_LISTS, [[]]]),
-    "methods": (lambda x: nh.recommend("sho", 1e-6, methods=x), [["ruht"], [], [5], "ruht", 5]),
+    "methods": (lambda x: nh.recommend("sho", 1e-6, methods=x), [np.array("ruth"), ["ruht"], [], [5], "ruht", 5]),
     "path": (store.read, [None, 5, "", "nothing.h5", "a\0b", b"x", "/", "/dev/null", ["x"], "x" * 5000]),
 }  # fmt: skip
 
@@ -104,14 +105,26 @@ SYSTEMS = {
     "V": [None, 5, "x", lambda: 1, lambda q, p: 1, lambda q: None],
     "q0": [(), ("ten",), ("1", "2"), ("1e999999999",), ("٣",), (None,), {"a": 1}, b"1", (True,), ("1e-401",), ((1,),)],
     "p0": [("nan",), (float("inf"),), ("9" * 10**5,), ((0, (1,), 2),)],
-    "t_end": ["", "ten", "nan", None, [1], True, "1e999999999", "1e400", b"1"],
+    "t_end": ["", "ten", "nan", None, [1], True, "1e999999999", "1e400", b"1", np.timedelta64(1, "s")],
     "units": [None, {}, {"q": 5}, {"q": "m"}, 5],
     "parameters": [{5: 1}, [1], {"a b": 1}, {"a": "1e999999999"}, {"a": None}],
-    "masses": [("0",), ("x",), ("1", "2"), ("1e999999999",), (True,), (None,), -5, {"a": 1}, (float("nan"),)],
+    "masses": [
+        (np.timedelta64(1, "s"),),
+        (np.array(1.0),),
+        ("0",),
+        ("x",),
+        ("1", "2"),
+        ("1e999999999",),
+        (True,),
+        (None,),
+        -5,
+        {"a": 1},
+        (float("nan"),),
+    ],
     "frequencies": [("x",), ("-1",), (None,), ("1", "2"), ("1e999999999",), (True,), 5],
     "invariants": [{"q": len}, {"x": 5}, [len], {5: len}],
     "observables": [{"q": len}, {"energy_error": len}, {"x": 5}, [len]],
-    "surface_limit": [float("nan"), 0, -1, "1", None, True],
+    "surface_limit": [np.timedelta64(1, "s"), float("nan"), 0, -1, "1", None, True],
     "energy_scale": ["0", "-1", "nan", "x", "1e999999999"],
     "time_dependent": ["yes", 1, None],
     "label": [5],
@@ -132,8 +145,8 @@ TABLEAUS = {
     "source": [5, None],
     "note": [5],
     "requires": ["luck", 5],
-    "symmetric": ["yes", 5],
-    "square": [("1",), 5, ("x", "y")],
+    "symmetric": ["yes", 5, np.True_, np.ones(3)],
+    "square": [np.ones(3), ("1",), 5, ("x", "y")],
 }  # fmt: skip
 
 #: Files of coefficients, by their names and contents.

@@ -139,15 +139,16 @@ def test_search_calls_the_surface_for_all_crossings_at_once():
         ({"surface": "x"}, "surface = 'x' is not allowed"),
         ({"surface": True}, "surface = True is not allowed"),
         ({"surface": lambda q: q[0]}, "it raises TypeError"),
+        ({"surface": lambda q, p: q[0] + 1j}, "it raises TypeError: Cannot cast"),
         (
             {"surface": 0, "direction": "upp"},
             "direction = 'upp' is not allowed: one of up, down, both. Did you mean 'up'",
         ),
         (
             {"surface": 0, "starts": [[1, 2, 3]]},
-            r"starts = 'array of shape \(1, 3\)' is not allowed: an array \(M, 4\)",
+            r"starts\[0\] = \[1, 2, 3\] is not allowed: an array \(M, 4\)",
         ),
-        ({"surface": 0, "starts": [[1, 2, 3, np.inf]]}, "of finite numbers"),
+        ({"surface": 0, "starts": [[1, 2, 3, np.inf]]}, r"starts\[0\]\[3\] = inf is not allowed: a finite number"),
         ({"surface": 0, "tau": 1e-9}, "takes|steps|bytes"),
         (
             {"surface": 0, "system": spring("s", V=lambda q, t: q[0] * t, grad_V=None, time_dependent=True)},

@@ -78,7 +78,7 @@ def plainly(dataset):
 
 
 def test_results_of_sweep_and_integrate_are_ordinary_datasets():
-    made = nh.sweep("sho", "ruth", [0.5, 0.25, 9.0, 0.5], t_end=20)
+    made = nh.sweep("sho", "ruth", [0.5, 0.25, 10.0, 0.5], t_end=20)
     xr.testing.assert_identical(made, plainly(made))
     assert made.indexes["tau"].identical(plainly(made).indexes["tau"])
     assert made.sel(tau=0.25).steps == 80

@@ -6,8 +6,9 @@ import re
 from fractions import Fraction
 from pathlib import Path
 
+import numpy as np
 import pytest
-from mpmath import mpf
+from mpmath import ldexp, mpf
 
 import nearharmonic as nh
 from nearharmonic.core.formulas.expression.size import MOST_UNROLLED
@@ -15,6 +16,7 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
 from nearharmonic.recommendation import choices
 from nearharmonic.recommendation.own import prepared_calls
+from nearharmonic.recommendation.question import question
 from support.methods.own_systems import spring
 from support.oracles.multiprecision import energy_errors
 
@@ -60,6 +62,11 @@ def test_returned_run_equals_integrate_bitwise_and_meets_error(system, error, me
     best = eval(found.attrs["call"], {"nh": nh})
     assert best.attrs["integrator"] == found.integrator[0].item()
     assert best.max_energy_error.item() == found.max_energy_error[0].item()
+
+
+def test_printed_call_has_all_digits_of_a_start():
+    asked = question("sho", 1e-2, q0=[ldexp(mpf(3**60, prec=96), -90)], p0=[np.longdouble(0.5)], t_end=10)
+    assert asked.arguments == ("'sho'", f"q0=['{Fraction(3**60, 2**90)}']", "p0=['1/2']")
 
 
 def test_errors_equal_those_of_steps_in_multiprecision():

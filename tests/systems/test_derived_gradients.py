@@ -127,6 +127,8 @@ def test_gradient_that_branches_on_parameter_keeps_it_constant():
                   parameters={"k": "1"})  # fmt: skip
     assert not made.parameters_at_run_time
     check_gradients(made)
+    bent = spring(V=lambda q, k: q[0] ** 2 if k < 0 else q[0] ** 4, grad_V=None, parameters={"k": "-1"})
+    assert bent.grad_V((mpf(2),), mpf(-1)) == (4,)
     assert nh.systems["kepler"].parameters_at_run_time
     assert nh.systems["sho"].parameters_at_run_time
 

@@ -190,6 +190,7 @@ def test_diverged_runs_have_infinite_energies():
     assert np.isfinite(found[:2]).all()
 
 
+@pytest.mark.filterwarnings("ignore:tau = .* runs as")
 @pytest.mark.parametrize("name", ["babs7o7h", "srkn_a14", "omelyan_g5o6", "chin_4a"])
 def test_errors_of_a_method_are_those_of_integrate(name):
     tableau = nh.integrators[name]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from numbers import Real
 from typing import Any
 
 import jax
@@ -15,6 +14,7 @@ from jax_md import dataclasses, quantity, simulate, util
 from nearharmonic.errors import bad_setting
 from nearharmonic.exchange.method import Method, method_for
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.written import is_real
 
 __all__ = ["NVEState", "nve"]
 
@@ -162,8 +162,7 @@ def _check_step(key: str, step: Any) -> None:
     if isinstance(step, jax.core.Tracer):
         return
     single = step.item() if isinstance(step, jax.Array | np.ndarray | np.generic) and step.ndim == 0 else step
-    number = isinstance(single, Real) and not isinstance(single, bool)
-    if not number or not 0 < float(single) < float("inf"):
+    if not is_real(single) or not 0 < float(single) < float("inf"):
         raise bad_setting(key, step, "a finite number above 0")
 
 
@@ -173,8 +172,8 @@ def _check_masses(mass: Any, position: Any) -> None:
     for leaf in jax.tree_util.tree_leaves(mass):
         if isinstance(leaf, jax.core.Tracer):
             continue
-        numbers = isinstance(leaf, Real | np.ndarray | jax.Array)
-        if not numbers or not np.all((np.asarray(leaf) > 0) & np.isfinite(leaf)):
+        numbers = isinstance(leaf, np.ndarray | jax.Array) and leaf.dtype.kind not in "bcmMOSU"
+        if not (numbers or is_real(leaf)) or not np.all((np.asarray(leaf) > 0) & np.isfinite(leaf)):
             raise bad_setting("mass", leaf, allowed)
     if isinstance(mass, np.ndarray | jax.Array) and isinstance(position, np.ndarray | jax.Array):
         n = position.shape[0]

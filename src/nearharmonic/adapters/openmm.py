@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import isfinite
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Any
 
 import openmm
@@ -13,6 +13,7 @@ from openmm import unit
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.exchange.method import Method, Move, method_for
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.written import is_real
 
 __all__ = ["integrator"]
 
@@ -153,7 +154,7 @@ def _bath(temperature: Any, friction: Any, seed: Any) -> tuple[float, float] | N
         if seed is not None:
             raise bad_setting("seed", seed, "None without temperature and friction, as there are no random numbers")
         return None
-    if seed is not None and not (isinstance(seed, Integral) and 0 < int(seed) <= LARGEST_SEED):
+    if seed is not None and not (is_real(seed) and isinstance(seed, Integral) and 0 < int(seed) <= LARGEST_SEED):
         raise bad_setting("seed", seed, f"an integer from 1 to {LARGEST_SEED}")
     allowed = {
         "temperature": "a temperature of at least 0, in K if it has no unit",
@@ -187,6 +188,6 @@ def _number(key: str, given: Any, standard: Any, allowed: str) -> float:
         if not given.unit.is_compatible(standard):
             raise bad_setting(key, given, allowed)
         value = given.value_in_unit(standard)
-    if isinstance(value, bool) or not isinstance(value, Real) or not isfinite(value):
+    if not is_real(value) or not isfinite(value):
         raise bad_setting(key, given, allowed)
     return float(value)

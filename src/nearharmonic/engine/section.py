@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
+from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,16 +14,18 @@ import numpy as np
 from nearharmonic.core.layout import COLUMNS
 from nearharmonic.engine.batch.batch import single_steps
 from nearharmonic.engine.batch.lanes import with_lanes
+from nearharmonic.engine.numbers.arrays import rows_of
 from nearharmonic.engine.numbers.initial_values import parameter_array, standard_parameters
 from nearharmonic.engine.runs.continuation import parameter_attributes
 from nearharmonic.engine.runs.description import problem_attributes
 from nearharmonic.engine.runs.ensemble import ensemble
-from nearharmonic.engine.runs.setup import Setup
-from nearharmonic.engine.settings import one_of
+from nearharmonic.engine.runs.setup import Setup, warn_of_step
+from nearharmonic.engine.settings import checked_tau, one_of
 from nearharmonic.engine.stepper import check_single_step, coefficients_of
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats, Integers
+from nearharmonic.numerics.written import is_real
 from nearharmonic.output.dataset import Variables, assembled, described
 from nearharmonic.systems.definition.system import System
 
@@ -121,6 +124,7 @@ def section(
     function(rows[:, :d], rows[:, d:])  # a surface that cannot be evaluated ends the call here
     step = _ShortenedStep(problem, given)
     steps = problem.steps_of(tau)
+    warn_of_step(problem, [asked_tau := checked_tau(tau)], [steps])
     size = float(problem.end) / steps
     block = max(1, MOST_BYTES // (PER_COORDINATE * d * (steps + 1)))
 
@@ -137,7 +141,7 @@ def section(
         found.append(_crossings(step, function, orbits, signs, size, begin))
         ended.append(orbits[["status", "diverged_at"]])
     attributes = problem_attributes(problem) | parameter_attributes(subject, parameters or {})
-    attributes |= {"direction": direction, "surface_name": function.name}
+    attributes |= {"direction": direction, "surface_name": function.name, "tau_requested": asked_tau}
     variables = _variables(problem, found, rows, function, constants)
     for name in ("status", "diverged_at"):
         values = np.concatenate([one[name].values for one in ended])
@@ -162,11 +166,10 @@ def _warn_of_period(problem: Setup, size: float, runs: Callable[..., xr.Dataset]
 
 def _starts(given: Any, system: System) -> Floats:
     d = system.dimension
-    rows = np.array([[*system.start(float)[0], *system.start(float)[1]]] if given is None else given, float, ndmin=2)
-    if rows.ndim != 2 or rows.shape[1] != 2 * d or not np.isfinite(rows).all() or not len(rows):
-        what = f"an array (M, {2 * d}) of finite numbers, {d} positions and {d} momenta a row"
-        raise bad_setting("starts", f"array of shape {rows.shape}", what)
-    return rows
+    if given is None:
+        return np.concatenate(system.start(float))[None, :]
+    allowed = f"an array (M, {2 * d}) of finite numbers, {d} positions and {d} momenta a row"
+    return rows_of("starts", given, 2 * d, allowed)[..., 0]
 
 
 class _Function:
@@ -174,7 +177,7 @@ class _Function:
 
     def __init__(self, surface: int | Surface, system: System, constants: Sequence[float]) -> None:
         allowed = f"a coordinate from 0 to {system.dimension - 1}, or a function g(q, p, *parameters)"
-        whole = isinstance(surface, int | np.integer) and not isinstance(surface, bool)
+        whole = is_real(surface) and isinstance(surface, Integral)
         if not callable(surface) and not (whole and 0 <= int(surface) < system.dimension):
             raise bad_setting("surface", surface, allowed)
         self._constants = constants
@@ -186,7 +189,7 @@ class _Function:
         try:
             with np.errstate(all="ignore"):  # a state may be too large for it
                 value = self._function(tuple(np.moveaxis(q, -1, 0)), tuple(np.moveaxis(p, -1, 0)), *self._constants)
-            return np.array(np.broadcast_to(np.asarray(value, float), shape))
+            return np.array(np.broadcast_to(np.asarray(value).astype(float, casting="same_kind"), shape))
         except Exception as error:
             what = f"a function g(q, p, *parameters) of numbers and arrays; it raises {type(error).__name__}: {error}"
             raise bad_setting("surface", self.name, what) from error

@@ -13,12 +13,12 @@ from difflib import get_close_matches
 from fractions import Fraction
 from functools import lru_cache
 from math import inf
-from numbers import Integral, Real
+from numbers import Integral
 from sys import float_info
 from typing import Any
 
 from nearharmonic.errors import bad_setting
-from nearharmonic.numerics.written import decimal_of, is_integer
+from nearharmonic.numerics.written import ALL_DIGITS, decimal, decimal_of, is_integer, is_real
 
 #: Steps of one run: at 3 ns a stage, half a minute for ten stages. More is a slip of the decimal point.
 MOST_STEPS = 10**9
@@ -53,10 +53,9 @@ def positive(key: str, value: object) -> Decimal:
 
 def _decimal(key: str, value: object, allowed: str) -> Decimal:
     """``value``, a number other than 0, exactly; subnormal numbers, of few digits, count as 0."""
-    if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
-        raise bad_setting(key, value, allowed)
+    text = decimal(value)
     try:
-        number = decimal_of(str(value) if isinstance(value, str | Decimal | int) else repr(float(value)))
+        number = decimal_of(str(text) if isinstance(text, str | Decimal) else "")
         usable = float_info.min <= abs(float(number)) < inf
     except (ValueError, OverflowError):
         usable = False
@@ -75,12 +74,12 @@ def checked_tau(tau: object, key: str = "tau") -> float:
 def checked_t_end(t_end: object) -> str:
     """Return ``t_end`` as a plain decimal string, if it is a finite number (or the decimal string of one) but 0."""
     number = _decimal("t_end", t_end, "a finite number above 0, or below 0 to run backwards")
-    return format(number.normalize(), "f")
+    return format(number.normalize(ALL_DIGITS), "f")
 
 
 def checked_count(key: str, value: object, most: int) -> int:
     """Return ``value``, the setting named ``key``, as an int if it is an integer from 1 to ``most``."""
-    if isinstance(value, bool) or not isinstance(value, Integral) or not 1 <= int(value) <= most:
+    if not is_real(value) or not isinstance(value, Integral) or not 1 <= int(value) <= most:
         raise bad_setting(key, value, f"an integer from 1 to {most}")
     return int(value)
 

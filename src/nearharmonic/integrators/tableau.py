@@ -116,7 +116,8 @@ class Tableau(Composition):
         object.__setattr__(self, "label", self.label or self.name)
         self._expect(self.first in ("drift", "kick"), "first", self.first, "'drift' or 'kick'")
         self._check_digits()
-        if self.square:
+        square: Any = self.square  # a user may pass anything
+        if not isinstance(square, tuple) or square:
             object.__setattr__(self, "requires", QUADRATIC_KINETIC_ENERGY)
         known = self.requires in (None, QUADRATIC_KINETIC_ENERGY)
         self._expect(known, "requires", self.requires, f"None or {QUADRATIC_KINETIC_ENERGY!r}")
@@ -208,7 +209,7 @@ class Tableau(Composition):
         recognisable by a "0" at one end, which no palindrome has.
         """
         symmetric: Any = self.symmetric  # None before this check
-        self._expect(symmetric in (None, True, False), "symmetric", symmetric, "True, False or None")
+        self._expect(symmetric is None or isinstance(symmetric, bool), "symmetric", symmetric, "True, False or None")
         off = [
             (f"{key}[{i}]", text, mirror)
             for key in ("kick", "drift", "square")

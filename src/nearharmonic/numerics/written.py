@@ -1,4 +1,4 @@
-"""Numbers written as text: decimals, quotients and integers, with limits on their length and size.
+"""Exact values of numbers of any type, and of numbers written as text: decimals, quotients and integers.
 
 ``Fraction("1e999999999")`` would fill the memory, and digits of other scripts are digits for Python. Text of a user is
 therefore read here alone.
@@ -7,14 +7,20 @@ therefore read here alone.
 from __future__ import annotations
 
 import re
-from decimal import Decimal
+from decimal import Context, Decimal
 from fractions import Fraction
-from numbers import Rational, Real
+from math import isfinite
+from numbers import Integral, Rational, Real
+from typing import Any
 
 #: Most characters of a number. The exact sum of two doubles has at most 1100 digits.
 LONGEST = 2000
 #: Numbers with larger exponents are outside the range of doubles, and their conversion to fractions is slow.
 LARGEST_EXPONENT = 400
+#: Digits of a fraction that is not a finite decimal: three times those of double-double.
+DIGITS = 100
+#: Arithmetic that keeps all digits of a decimal: that of Python rounds to 28, in ``normalize`` too.
+ALL_DIGITS = Context(prec=LONGEST)
 
 _DECIMAL = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d{1,9})?", re.ASCII | re.IGNORECASE)
 _INTEGER = re.compile(r"[+-]?\d{1,400}", re.ASCII)
@@ -60,6 +66,64 @@ def fraction_of(text: str) -> Fraction:
     return number / divisor
 
 
+def is_real(value: Any) -> bool:
+    """Return True for a real number of any type: no truth value, and no difference of times, an integer for numpy."""
+    kind = getattr(getattr(value, "dtype", None), "kind", "")
+    return not isinstance(value, bool) and isinstance(value, Real) and kind != "m"
+
+
+def exact_value(value: object) -> Fraction:
+    """Return the exact value of a number of any type, or of text such as "0.1", "1e-3" or "1/3".
+
+    Raises
+    ------
+    TypeError
+        No real number.
+    ValueError
+        Text or a decimal outside the limits of decimals, or a number that is no finite double.
+    """
+    if isinstance(value, str | Decimal):
+        return fraction_of(str(value))
+    if not is_real(value):
+        raise TypeError
+    number: Any = value
+    if isinstance(number, Rational):
+        return Fraction(int(number.numerator), int(number.denominator))
+    try:
+        rounded = float(number)
+    except OverflowError:
+        raise ValueError from None
+    if not isfinite(rounded) or (number and not rounded):  # its fraction may fill the memory
+        raise ValueError
+    if hasattr(number, "man_exp"):  # of mpmath, which is loaded
+        from nearharmonic.exact.decimals import as_fraction
+
+        return Fraction(*map(int, as_fraction(number).as_integer_ratio()))
+    if not hasattr(number, "as_integer_ratio"):
+        if number != rounded:  # digits below a double that cannot be asked for
+            raise ValueError
+        number = rounded
+    return Fraction(*map(int, number.as_integer_ratio()))
+
+
+def decimal(value: Any) -> Any:
+    """Return the shortest decimal that a double prints as; return what is no finite number unchanged.
+
+    Another number has all its digits, at most :data:`DIGITS`.
+    """
+    if not is_real(value):
+        return value
+    try:
+        number = exact_value(value)
+        if isinstance(value, Integral):
+            return str(number)
+        if not isinstance(value, Rational) and number == (rounded := float(value)):
+            return repr(rounded)
+    except ValueError:  # infinite, NaN, or an integer of more digits than Python writes
+        return value
+    return str(Context(prec=DIGITS).divide(Decimal(number.numerator), Decimal(number.denominator)))
+
+
 def exact_number(value: object) -> Fraction:
     """Return the exact value of text, an integer, a decimal or a fraction; a double is exact in its binary digits only.
 
@@ -70,11 +134,9 @@ def exact_number(value: object) -> Fraction:
     ValueError
         Text or a decimal outside the limits of decimals.
     """
-    if isinstance(value, str | Decimal):
-        return fraction_of(str(value))
-    if isinstance(value, bool) or not isinstance(value, Rational):
+    if not isinstance(value, str | Decimal | Rational):
         raise TypeError
-    return Fraction(value)
+    return exact_value(value)
 
 
 def integer_of(value: object) -> int:
@@ -87,11 +149,7 @@ def integer_of(value: object) -> int:
     ValueError
         No integer, or text outside the limits of decimals.
     """
-    if isinstance(value, float) and value - value != 0:  # the fraction of an infinity is an OverflowError
-        raise ValueError
-    if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
-        raise TypeError
-    number = fraction_of(str(value)) if isinstance(value, str | Decimal) else Fraction(value)  # type: ignore[call-overload]
+    number = exact_value(value)
     if number.denominator != 1:
         raise ValueError
     return number.numerator

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from decimal import Decimal
 from fractions import Fraction
 from functools import cached_property
+from numbers import Rational
 from typing import Any
 
 import numpy as np
@@ -20,10 +22,12 @@ from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.user_file import load_tableaus
+from nearharmonic.numerics.written import exact_value
 from nearharmonic.output.dataset import Attributes
 from nearharmonic.recommendation.curve import MEASURES, NAMES
 from nearharmonic.registry.registry import is_path, split_path
 from nearharmonic.systems import System, systems
+from nearharmonic.systems.definition.quantities import is_list
 
 #: Evaluations of the force in a run that may be recommended, unless another budget is given.
 EVALUATIONS = 200_000
@@ -139,7 +143,10 @@ def _numbers(given: Any) -> list[int | float | str]:
     """Return initial values as Python writes them: fractions and the like as text."""
     values = np.array(given, dtype=object, ndmin=1).tolist()
     plain = (x.item() if isinstance(x, np.generic) else x for x in values)
-    return [x if isinstance(x, int | float) else str(x) for x in plain]
+    return [
+        x if isinstance(x, int | float) else str(x if isinstance(x, str | Decimal | Rational) else exact_value(x))
+        for x in plain
+    ]
 
 
 def _started(problem: Setup, q0: object, p0: object) -> System:
@@ -159,12 +166,12 @@ def _decimals(values: Sequence[float], low: Sequence[float]) -> tuple[str, ...]:
     return tuple(texts)
 
 
-def _methods(asked: object) -> dict[str, Tableau]:
+def _methods(asked: Any) -> dict[str, Tableau]:
     """Return the methods by name, methods of users' files by path."""
     if asked is None:
         return dict(integrators)
     key, allowed = "methods", "a list of at least one name, file path or Tableau"
-    if isinstance(asked, str | Tableau) or not isinstance(asked, Iterable):
+    if isinstance(asked, Tableau) or not is_list(asked):
         raise bad_setting(key, asked, allowed)
     found: dict[str, Tableau] = {}
     for one in asked:

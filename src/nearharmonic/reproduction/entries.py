@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 from nearharmonic.engine.settings import positive
 from nearharmonic.errors import bad_setting
-from nearharmonic.numerics.written import integer_of
+from nearharmonic.numerics.written import ALL_DIGITS, integer_of
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def _positive_number(value: object) -> float:
 
 
 def _decimal_text(value: object) -> str:
-    return format(positive("", value).normalize(), "f")
+    return format(positive("", value).normalize(ALL_DIGITS), "f")
 
 
 _NUMBER = (("type", ("number", "string")),)

@@ -1,16 +1,31 @@
-"""Bad input: invalid arguments raise an error of this package with one sentence before any computation."""
+"""Bad input: invalid arguments raise an error of this package with one sentence before any computation.
+
+Numbers and arrays of every kind have the same exact values in all public functions, or are refused.
+"""
 
 from __future__ import annotations
 
+import inspect
+import json
 import math
 import re
+from decimal import Decimal
+from fractions import Fraction
 from functools import partial
 
+import gmpy2
+import mpmath
 import numpy as np
+import pandas as pd
 import pytest
+import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
+from support.bad_input import check_message
+from support.results.stated_numbers import ROOT
+
+RUNS_PAGE = (ROOT / "docs/how_to/runs.md").read_text(encoding="utf-8")
 
 FIELDS = {"name": "probe", "V": lambda q: q[0] * q[0] / 2, "q0": ("1",), "p0": ("0",), "t_end": "1"}
 UNITS = dict.fromkeys(("q", "p", "t", "energy"), "1")
@@ -164,63 +179,281 @@ def test_step_sizes_may_come_in_any_sequence():
 def test_step_sizes_per_stage_are_multiplied_by_the_stages():
     """Ruth's method has three kicks that no other step shares, and BAB's8o7H eight."""
     for name, stages in (("ruth", 3), ("babps8o7h", 8)):
-        found = nh.sweep("sho", name, tau_per_stage=[0.125, "0.0625"], t_end=10)
-        assert found.identical(nh.sweep("sho", name, [stages / 8, stages / 16], t_end=10))
+        found = nh.sweep("sho", name, tau_per_stage=[0.125, "0.0625"], t_end=6)
+        assert found.identical(nh.sweep("sho", name, [stages / 8, stages / 16], t_end=6))
 
 
-# --- masked, unordered ------------------------------------------------------------------------------------------------
+# --- arrays: all arguments of all public functions --------------------------------------------------------------------
 
-#: Tens of millions of steps: a value that is refused only after the work does not end.
-TAU = 1e-6
-MASKED = np.ma.array([0.3, 0.1], mask=[True, False])
 
-one = partial(nh.integrate, "henon_heiles", "leapfrog", TAU)
-many = partial(nh.ensemble, "henon_heiles", "leapfrog", TAU)
-sweep = partial(nh.sweep, "henon_heiles", "leapfrog")
-orbit = partial(nh.integrate, "kepler", "leapfrog", TAU)
-orbits = partial(nh.ensemble, "kepler", "leapfrog", TAU)
-prepared = partial(nh.problem("henon_heiles", "leapfrog"), TAU)
+def own(**members):
+    """What a declaration of two coordinates holds as numbers."""
+    two = {"q0": ("1", "2"), "p0": ("0", "0")}
+    made = nh.System(**({"name": "own", "V": lambda q, *k: q[0] * q[1], "t_end": "1"} | two | members))
+    return [
+        *made.start(Fraction),
+        made.T((1.0, 2.0)),
+        [*map(str, () if made.frequencies is None else made.frequencies)],
+    ]
 
-READERS = {
-    "q0": lambda x: one(q0=x),
-    "p0": lambda x: one(p0=x),
-    "q0 of a prepared run": lambda x: prepared(q0=x),
-    "q0 of a sweep": lambda x: sweep([TAU], q0=x),
-    "q0 of an ensemble": lambda x: many(q0=x),
-    "a row of an ensemble": lambda x: many(q0=[[0.3, 0.1], x]),
-    "a parameter": lambda x: orbit(parameters={"GM": x}),
-    "a parameter of an ensemble": lambda x: orbits(parameters={"GM": x}),
-    "t": lambda x: one(t=x),
-    "t of a sweep": lambda x: sweep([TAU], t=x),
-    "t of an ensemble": lambda x: many(t=x),
-    "taus": sweep,
-    "start of a system": lambda x: nh.System(name="s", V=lambda q: q[0] * q[1], q0=x, p0=("0", "0"), t_end="1"),
-    "masses": lambda x: nh.System(name="s", V=lambda q: q[0], q0=("0", "0"), p0=("0", "0"), t_end="1", masses=x),
-    "frequencies": lambda x: nh.System(
-        name="s", V=lambda q: q[0], q0=("0", "0"), p0=("0", "0"), t_end="1", frequencies=x
+
+#: Functions with a dimension of members.
+MEMBERS = ("ensemble", "tangent", "gradient")
+#: Calls with an array, by function and argument.
+ARRAYS = {
+    ("integrate", "q0"): lambda x: nh.integrate("henon_heiles", "ruth", 0.5, q0=x, t_end=1),
+    ("integrate", "p0"): lambda x: nh.integrate("henon_heiles", "ruth", 0.5, p0=x, t_end=1),
+    ("integrate", "parameters"): lambda x: nh.integrate("kepler", "ruth", 10, parameters={"GM": x}, t_end=20),
+    ("integrate", "t"): lambda x: nh.integrate("henon_heiles", "ruth", 0.5, t=x, t_end=10),
+    ("sweep", "taus"): lambda x: nh.sweep("henon_heiles", "ruth", x, t_end=60),
+    ("sweep", "tau_per_stage"): lambda x: nh.sweep("henon_heiles", "ruth", tau_per_stage=x, t_end=60),
+    ("sweep", "q0"): lambda x: nh.sweep("henon_heiles", "ruth", [0.5], q0=x, t_end=1),
+    ("sweep", "p0"): lambda x: nh.sweep("henon_heiles", "ruth", [0.5], p0=x, t_end=1),
+    ("sweep", "parameters"): lambda x: nh.sweep("kepler", "ruth", [10], parameters={"GM": x}, t_end=20),
+    ("sweep", "t"): lambda x: nh.sweep("henon_heiles", "ruth", [0.5], t=x, t_end=10),
+    ("ensemble", "q0"): lambda x: nh.ensemble("henon_heiles", "ruth", 0.5, q0=x, t_end=1),
+    ("ensemble", "p0"): lambda x: nh.ensemble("henon_heiles", "ruth", 0.5, p0=x, t_end=1),
+    ("ensemble", "parameters"): lambda x: nh.ensemble("kepler", "ruth", 10, parameters={"GM": x}, t_end=20),
+    ("ensemble", "t"): lambda x: nh.ensemble("henon_heiles", "ruth", 0.5, t=x, t_end=10),
+    ("problem", "q0"): lambda x: nh.problem("henon_heiles", "ruth", t_end=1)(0.5, q0=x).to_dataset(),
+    ("problem", "p0"): lambda x: nh.problem("henon_heiles", "ruth", t_end=1)(0.5, p0=x).to_dataset(),
+    ("problem", "parameters"): lambda x: nh.problem("kepler", "ruth", t_end=20)(10, parameters={"GM": x}).to_dataset(),
+    ("tangent", "q0"): lambda x: nh.tangent("henon_heiles", "ruth", 0.5, q0=x, t_end=1),
+    ("tangent", "p0"): lambda x: nh.tangent("henon_heiles", "ruth", 0.5, p0=x, t_end=1),
+    ("tangent", "parameters"): lambda x: nh.tangent("kepler", "ruth", 10, parameters={"GM": x}, t_end=20),
+    ("tangent", "deviations"): lambda x: nh.tangent("henon_heiles", "ruth", 0.5, deviations=x, t_end=1),
+    ("gradient", "q0"): lambda x: nh.gradient("henon_heiles", "ruth", 0.5, first_coordinate, q0=x, t_end=1),
+    ("gradient", "p0"): lambda x: nh.gradient("henon_heiles", "ruth", 0.5, first_coordinate, p0=x, t_end=1),
+    ("gradient", "parameters"): lambda x: nh.gradient(
+        "kepler", "ruth", 10, first_coordinate, parameters={"GM": x}, t_end=20
     ),
+    ("section", "starts"): lambda x: nh.section("henon_heiles", "ruth", 0.5, surface=0, starts=x, t_end=1),
+    ("section", "parameters"): lambda x: nh.section(
+        "kepler", "ruth", 10, surface=0, parameters={"GM": x}, t_end=20
+    ),
+    ("System", "q0"): lambda x: own(q0=x),
+    ("System", "p0"): lambda x: own(p0=x),
+    ("System", "masses"): lambda x: own(masses=x),
+    ("System", "frequencies"): lambda x: own(frequencies=x),
+}  # fmt: skip
+#: Calls that compile or search: what is refused is refused before.
+REFUSING = {
+    ("stepper", "parameters"): lambda x: nh.stepper("kepler", "ruth", parameters={"GM": x}),
+    ("recommend", "q0"): lambda x: nh.recommend("henon_heiles", 1e-3, q0=x),
+    ("recommend", "p0"): lambda x: nh.recommend("henon_heiles", 1e-3, p0=x),
+    ("tailor", "starts"): lambda x: nh.tailor("henon_heiles", starts=x),
+    ("tailor", "window"): lambda x: nh.tailor("henon_heiles", window=x),
 }
-UNORDERED = {
-    "bytes": b"ab", "bytearray": bytearray(b"ab"), "memoryview": memoryview(b"ab"), "mapping": {0.1: 1, 0.2: 1},
-    "keys": {0.1: 1, 0.2: 1}.keys(), "set": {0.1, 0.2},
+#: Arguments that are no arrays of numbers: one value, a name, a function, or tuples of exact coefficients.
+OTHER = {
+    "system", "integrator", "tau", "t_end", "precision", "summation", "first", "samples", "energy", "energy_scale",
+    "start", "split", "threads", "observable", "coefficients", "surface", "direction", "error", "measure", "methods",
+    "budget", "stages", "seconds", "trials", "seed", "variable", "highest", "potential_degree", "name", "label", "V",
+    "grad_V", "units", "source", "T", "grad_T", "time_dependent", "regularisation", "parameters", "invariants",
+    "observables", "period", "harmonic", "gravity", "exact_position", "position_t_end", "declared_for",
+    "surface_limit", "surface_reason", "order", "kick", "drift", "digits", "square", "processor", "requires", "note",
+    "aliases", "benchmarked", "harmonic_order", "generalised_order", "symmetric", "half", "centre", "function", "unit",
+    "meaning", "value", "runs", "path", "frames", "fps", "title", "datasets", "kind", "axes",
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("read", READERS.values(), ids=READERS)
-def test_a_masked_entry_is_no_number(read):
-    with pytest.raises(NearharmonicError, match="masked"):
-        read(MASKED)
+def first_coordinate(q, p):
+    return q[0]
 
 
-@pytest.mark.parametrize("value", UNORDERED.values(), ids=UNORDERED)
-@pytest.mark.parametrize("read", READERS.values(), ids=READERS)
-def test_bytes_mappings_and_sets_are_no_lists(read, value):
-    with pytest.raises(NearharmonicError):
-        read(value)
+class Metres:
+    """A number or an array with a unit, as other libraries make them."""
+
+    units = "metre"
+
+    def __init__(self, magnitude):
+        self.magnitude = magnitude
+
+    def __array__(self, *_, **__):
+        return np.asarray(self.magnitude)
+
+    def __float__(self):
+        return float(self.magnitude)
+
+    def __repr__(self):
+        return f"{self.magnitude} metre"
 
 
-@pytest.mark.parametrize("call", [lambda: one(t_end=MASKED), lambda: nh.System(
-    name="s", V=lambda q: q[0], q0=("0",), p0=("0",), t_end=MASKED)])  # fmt: skip
+#: Arrays that are no numbers in the system's units, made from a list of doubles.
+ODD = {
+    "differences of times": lambda x: (4 * np.array(x)).astype("m8[ns]"),
+    "list of such": lambda x: [np.timedelta64(1, "s")] * len(x),
+    "dates": lambda x: (4 * np.array(x)).astype("M8[D]"),
+    "truth": lambda x: np.array(x) > 0,
+    "list of truth": lambda x: [True] * len(x),
+    "complex": lambda x: np.array(x) + 0j,
+    "list of complex": lambda x: [complex(y) for y in x],
+    "masked": lambda x: np.ma.array(x, mask=[True, *[False] * (len(x) - 1)]),
+    "word": lambda x: "ab",
+    "words": lambda x: ["a"] * len(x),
+    "array of words": lambda x: np.array(["a"] * len(x)),
+    "bytes": lambda x: bytes(len(x)),
+    "bytearray": lambda x: bytearray(len(x)),
+    "memoryview": lambda x: memoryview(bytes(len(x))),
+    "array of bytes": lambda x: np.array([b"1"] * len(x)),
+    "mapping": dict.fromkeys,
+    "keys": lambda x: dict.fromkeys(x).keys(),
+    "set": set,
+    "nothing": lambda x: [None] * len(x),
+    "array of nothing": lambda x: np.array([None] * len(x)),
+    "NaN": lambda x: [*x[1:], float("nan")],
+    "array of NaN": lambda x: np.array([*x[1:], np.nan]),
+    "infinite": lambda x: [*x[1:], float("inf")],
+    "larger than doubles": lambda x: [*x[1:], 10**400],
+    "with a unit": Metres,
+    "list with units": lambda x: [*map(Metres, x)],
+    "fields": lambda x: np.array([tuple(x)], [(name, float) for name in "abcd"[: len(x)]]),
+    "ragged": lambda x: [x, [*x, 1.0]],
+    "three levels": lambda x: [[x]],
+    "three dimensions": lambda x: np.array([[x]]),
+    "object": lambda x: object(),
+    "function": lambda x: first_coordinate,
+    "empty": lambda x: [],
+    "empty array": lambda x: np.zeros(0),
+    "no rows": lambda x: np.zeros((0, len(x))),
+    "empty row": lambda x: [[]],
+}
+#: Arrays of the same numbers.
+KEPT = {
+    "tuple": tuple,
+    "array": np.array,
+    "single": np.float32,
+    "long": np.longdouble,
+    "strided": lambda x: np.repeat(x, 2)[::2],
+    "text": lambda x: [*map(str, x)],
+    "array of text": lambda x: np.array([*map(str, x)]),
+    "fractions": lambda x: [*map(Fraction, x)],
+    "decimals": lambda x: [*map(Decimal, x)],
+    "array of objects": lambda x: np.array([*map(Fraction, x)]),
+    "mpf": lambda x: [*map(mpmath.mpf, x)],
+    "mpfr": lambda x: np.array([*map(gmpy2.mpfr, x)]),
+    "mask of nothing": lambda x: np.ma.array(x, mask=False),
+    "labelled": lambda x: xr.DataArray(x, attrs={"units": "m"}),
+    "series": pd.Series,
+}
+
+
+def plain(function, argument):
+    """Valid numbers: as many as a row has, or one for a parameter of all runs."""
+    if argument == "parameters" and function not in MEMBERS:
+        return [0.25]
+    return [0.25, 0.5, 0.75, 1.0] if argument in ("deviations", "starts") else [0.25, 0.5]
+
+
+@pytest.mark.parametrize("odd", ODD.values(), ids=ODD)
+def test_no_function_takes_an_odd_array_for_numbers(odd):
+    for key, call in {**ARRAYS, **REFUSING}.items():
+        value = odd(plain(*key))
+        with pytest.raises(NearharmonicError) as caught:
+            pytest.fail(f"{key}: {call(value)}")
+        check_message(str(caught.value))
+
+
+#: A section compiles its step.
+KEYS = [pytest.param(key, marks=[pytest.mark.slow] * (key[0] == "section")) for key in ARRAYS]
+
+
+@pytest.mark.parametrize("key", [one for one in KEYS if one.values[0][1] != "frequencies"], ids="-".join)
+def test_arrays_of_every_kind_are_the_same_numbers(key):
+    call, given = ARRAYS[key], plain(*key)
+    expected = call(given)
+    for kind, convert in KEPT.items():
+        if (key[0], kind) == ("System", "labelled"):  # whose entries are arrays
+            continue
+        found = call(convert(given))
+        assert found.equals(expected) if isinstance(found, xr.Dataset) else found == expected, kind
+
+
+def test_every_argument_is_an_array_of_this_list_or_none():
+    for name in nh.__all__:
+        function = getattr(nh, name)
+        if inspect.isfunction(function) or (inspect.isclass(function) and name != "NearharmonicError"):
+            arguments = set(inspect.signature(function).parameters)
+            arrays = {argument for of, argument in {**ARRAYS, **REFUSING} if of == name}
+            assert arguments - arrays <= OTHER, name
+            if name == "problem":  # which a call takes
+                arrays -= {"q0", "p0", "parameters"}
+            assert arrays <= arguments
+
+
+SHAPES = [
+    (), (1,), (2,), (3,), (4,), (1, 1), (1, 2), (2, 1), (2, 2), (3, 2), (2, 3), (1, 4), (2, 4), (5, 4), (1, 1, 2),
+    (0,), (0, 2), (0, 4), (2, 0),
+]  # fmt: skip
+SIZES = {"d": {2}, "2 d": {4}, "k": {1, 2, 3, 4}, "1": {1}, "n": set(range(1, 9)), "M": set(range(1, 9))}
+
+
+def allowed_shapes(function, argument):
+    """Shapes for two coordinates that the table of docs/how_to/runs.md allows, as sets of sizes."""
+    (cells,) = [
+        line.strip("|").split("|")
+        for line in RUNS_PAGE.splitlines()
+        if line.startswith("|") and f"`{argument}`" in line.split("|")[1] and f"`{function}`" in line.split("|")[2]
+    ]
+    return [
+        [SIZES[size.strip()] for size in text.split(",") if size.strip()] for text in re.findall(r"\((.*?)\)", cells[1])
+    ]
+
+
+@pytest.mark.parametrize("key", KEYS, ids="-".join)
+def test_shapes_are_those_of_the_page(key):
+    """Numbers ascend, as times do, and masses are a diagonal matrix."""
+    allowed, fits = allowed_shapes(*key), []
+    for shape in SHAPES:
+        values = np.eye(2) / 2 if shape == (2, 2) else np.arange(1, np.prod(shape) + 1).reshape(shape) / 16
+        if key[1] == "frequencies":
+            values = values.astype(str)
+        try:
+            ARRAYS[key](values)
+        except NearharmonicError:
+            continue
+        fits.append(shape)
+    expected = [x for x in SHAPES if any(len(x) == len(y) and all(map(set.__contains__, y, x)) for y in allowed)]
+    assert fits == expected
+
+
+#: 96 and 61 binary digits, of which a double has 53.
+LONG, LONGER = 2**60 + 1, 3**60
+EXACT = {
+    "int64": (np.int64(LONG), Fraction(LONG)),
+    "longdouble": (np.longdouble(LONG) / np.longdouble(2**60), Fraction(LONG, 2**60)),
+    "mpf": (mpmath.ldexp(mpmath.mpf(LONGER, prec=96), -90), Fraction(LONGER, 2**90)),
+    "mpfr": (gmpy2.mpfr(gmpy2.mpq(LONGER, 2**90), 96), Fraction(LONGER, 2**90)),
+    "text": ("1.0000000000000000000000000000000000000001", 1 + Fraction(1, 10**40)),
+    "array of text": (np.array("1.0000000000000000000000000000000000000001"), 1 + Fraction(1, 10**40)),
+}
+
+
+@pytest.mark.parametrize(("value", "expected"), EXACT.values(), ids=EXACT)
+def test_digits_below_a_double_are_kept_everywhere(value, expected):
+    """A pair of doubles holds 106 binary digits: a decimal of 40 places is off by 2^-106 at most."""
+    within = Fraction(1, 2**106) * abs(expected)
+    scalar = value.item() if isinstance(value, np.ndarray) else value
+    for q0 in (value, np.array([value]), [scalar]):
+        run = nh.integrate("sho", "ruth", 1, t_end=1, q0=q0, precision="extended")
+        assert abs(Fraction(run.q.values[0, 0]) + Fraction(run.q_low.values[0, 0]) - expected) <= within
+    run = nh.integrate("kepler", "ruth", 1, t_end=1, parameters={"GM": value})
+    assert Fraction(json.loads(run.parameters)["GM"]) == expected
+    run = nh.integrate("sho", "ruth", scalar, t_end=scalar, energy="none")
+    assert Fraction(run.t_end) == expected
+    assert nh.problem("sho", "ruth", t_end=scalar, energy="none").t_end == run.t_end
+    made = nh.System(name="own", V=lambda q: q[0], q0=[scalar], p0=["0"], t_end="1", masses=[scalar])
+    assert Fraction(made.q0[0]) == expected
+    assert made.T((mpmath.mpf(1),)) == 1 / (2 * expected)
+
+
+MASKED = np.ma.array([0.3, 0.1], mask=[True, False])
+
+
+@pytest.mark.parametrize("call", [
+    lambda: nh.integrate("sho", "ruth", 0.1, t_end=MASKED),
+    lambda: nh.System(name="s", V=lambda q: q[0], q0=("0",), p0=("0",), t_end=MASKED),
+])  # fmt: skip
 def test_a_message_stays_on_one_line(call):
     with pytest.raises(NearharmonicError) as caught:
         call()

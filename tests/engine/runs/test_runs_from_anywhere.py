@@ -83,7 +83,7 @@ def test_between_two_steps_lies_one_shorter_step_from_step_before(method, how):
     asked = [0, Fraction(1, 12), 3, Fraction(37, 12), Fraction(37, 12), "10"]
     found = nh.integrate("henon_heiles", method, 0.25, t_end=10, t=asked, **how)
     whole = nh.integrate("henon_heiles", method, 0.25, t_end=3, samples=2, **how)
-    step = nh.integrate("henon_heiles", method, 1, t_end=1 / 12, start=whole, samples=2, **how)
+    step = nh.integrate("henon_heiles", method, 1 / 12, t_end=1 / 12, start=whole, samples=2, **how)
     assert np.array_equal(found.q[2], whole.q[-1])
     # 1/12 as a double differs from 1/12 by 5e-18.
     assert np.abs(found.q[3] - step.q[-1]).max() < 1e-15
@@ -104,6 +104,70 @@ def test_state_between_steps_is_shorter_step_from_one_before(sign):
     backwards = nh.integrate("henon_heiles", "ruth", 0.05, t_end=-0.05 * sign, start=behind)
     assert np.abs(between.q[-1] - shorter.q[-1]).max() < 1e-14
     assert np.abs(between.q[-1] - backwards.q[-1]).max() > 1e-6
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("t_end", "times"), [
+    ("0.1", np.linspace(0, 0.1, 11, dtype=np.float32)), ("0.7", np.linspace(0, 0.7, 8, dtype=np.float32)),
+    (0.3, [0, 0.1 * 3]), (0.3, [0, 0.3 - 2.0**-54]), (1e-3, np.array([0, 1e-3], np.float16)),
+])  # fmt: skip
+def test_a_time_within_a_rounding_of_the_end_is_the_end(t_end, times, sign):
+    """float32 of 0.1 is above it and of 0.7 below it, and 0.1 * 3 is the double behind 0.3."""
+    assert abs(float(times[-1]) - float(t_end)) > 0
+    found, run = (
+        nh.integrate("sho", "ruth", float(t_end) / 10, t_end=sign * float(t_end), **given)
+        for given in ({"t": [sign * x for x in times]}, {"samples": 2})
+    )
+    assert found.t[-1] == sign * float(t_end)
+    assert np.array_equal(found.q[-1], run.q[-1])
+    assert "running" in found
+
+
+@pytest.mark.parametrize(
+    ("times", "more"),
+    [([0, 0.3 + 2.0**-52], ""), (np.array([0, 0.3 + 2.0**-21], np.float32), "; float32 has 6 digits")],
+)
+def test_a_time_behind_the_end_is_refused_with_its_type(times, more):
+    with pytest.raises(NearharmonicError, match=f"is not allowed: a time from 0 to t_end = 0.3{more}$"):
+        nh.integrate("sho", "ruth", 0.1, t_end=0.3, t=times)
+
+
+CALLS = {
+    "integrate": lambda tau: nh.integrate("sho", "ruth", tau, t_end=1),
+    "integrate backwards": lambda tau: nh.integrate("sho", "ruth", tau, t_end=-1),
+    "ensemble": lambda tau: nh.ensemble("sho", "ruth", tau, q0=[[1], [2]], t_end=1),
+    "tangent": lambda tau: nh.tangent("sho", "ruth", tau, t_end=1),
+    "gradient": lambda tau: nh.gradient("sho", "ruth", tau, lambda q, p: q[0], t_end=1),
+    "section": lambda tau: nh.section("sho", "ruth", tau, surface=0, t_end=1),
+    "problem": lambda tau: nh.problem("sho", "ruth", t_end=1)(tau).to_dataset(),
+}
+
+
+@pytest.mark.parametrize(
+    "call", [pytest.param(x, marks=[pytest.mark.slow] * (key == "section")) for key, x in CALLS.items()], ids=CALLS
+)
+def test_step_one_percent_off_is_warned_of_where_asked(call):
+    """1/0.0099 = 101.01 are 101 steps, off by 0.01 %. The warning is of the line that calls."""
+    with pytest.warns(
+        UserWarning, match="^tau = 0.66 runs as 0.5: t_end = -?1 is no multiple .* by 2 equal steps$"
+    ) as told:
+        found = call(0.66)
+    assert [one.filename for one in told] == [__file__]
+    assert (found.tau_requested, abs(found.tau)) == (0.66, 0.5)
+    assert call("0.0099").tau_requested == 0.0099
+
+
+def test_a_sweep_names_the_worst_of_its_steps():
+    with pytest.warns(UserWarning, match=r"^taus\[1\] = 0.7 runs as 1: ") as told:
+        nh.sweep("sho", "ruth", [0.1, 0.7, 0.3], t_end=1)
+    assert [one.filename for one in told] == [__file__]
+
+
+def test_a_truth_value_is_no_step_of_a_prepared_run():
+    run = nh.problem("sho", "ruth", t_end=1)
+    assert run(1.0).tau_requested == 1
+    with pytest.raises(NearharmonicError, match="tau = True is not allowed"):
+        run(True)
 
 
 def test_output_times_backwards():

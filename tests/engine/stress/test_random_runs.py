@@ -20,6 +20,8 @@ from support.oracles.multiprecision import digits_of
 from support.stress.random_cases import random_case
 from support.stress.rounding_bounds import bounded_run, formulas
 
+#: Steps are drawn, and many are no divisor of the interval.
+pytestmark = pytest.mark.filterwarnings("ignore:taus?.* runs as")
 STATES = ("q", "p", "energy_error")
 
 

@@ -59,7 +59,7 @@ CASES = {
     "modified": (SPRING, "chin_4a", 0.2, 8, product),
     "oscillator": ("sho", "mclachlan_atela_3", 0.2, 10, product),
     "spring": (SPRING, "mclachlan_atela_4", 0.1, 8, product),
-    "masses": (MASSES, "babps8o7h", 0.3, 8, weighted),
+    "masses": (MASSES, "babps8o7h", 0.25, 8, weighted),
     "kinetic": (KINETIC, "ruth", 0.1, -8, weighted),
     "driven": (DRIVEN, "ruth", 0.1, 8, product),
 }

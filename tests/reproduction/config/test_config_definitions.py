@@ -40,10 +40,10 @@ def test_system_is_named_by_its_key_in_all_look_ups():
 
 
 def test_config_values_replace_initial_values_and_parameters_of_file():
-    load(changed(q0=["3", 0], p0=[0, 1.25], parameters={"b": "0.50000000000000000000000001"}, label="wide"))
+    load(changed(q0=["3", 0], p0=[0, 1.25], parameters={"b": "0.500000000000000000000000000000000001"}, label="wide"))
     mine = nh.systems["mine"]
     assert (mine.label, mine.q0, mine.p0) == ("wide", ("3", "0"), ("0", "1.25"))
-    assert mine.parameters["b"].value == "0.50000000000000000000000001"
+    assert mine.parameters["b"].value == "0.500000000000000000000000000000000001"
     assert mine.parameters["b"].meaning == "strength of the quartic term"
     # H = p.p/2 + q.q/2 + b (q.q)^2/4 with q.q = 9 and p.p = 25/16.
     assert mine.energy(*mine.start(float), mine.constants(float)) == pytest.approx(25 / 32 + 9 / 2 + 81 / 8, rel=1e-15)

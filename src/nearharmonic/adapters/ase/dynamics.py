@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import isfinite
-from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from ase.md.md import MolecularDynamics
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.exchange.method import method_for
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.written import is_real
 
 #: Constraints that are linear in positions and momenta alike, or forces: kicks and drifts remain exact flows.
 LINEAR = (FixAtoms, FixCartesian, FixedLine, FixedPlane, Hookean, ExternalForce)
@@ -125,7 +125,7 @@ class Splitting(MolecularDynamics):  # type: ignore[misc]  # ASE has no types
 
 def positive(key: str, given: Any, allowed: str) -> float:
     """Return a finite number above 0 as a float; a user may pass anything."""
-    if isinstance(given, bool) or not isinstance(given, Real) or not (isfinite(given) and float(given) > 0):
+    if not is_real(given) or not (isfinite(given) and float(given) > 0):
         raise bad_setting(key, given, allowed)
     return float(given)
 

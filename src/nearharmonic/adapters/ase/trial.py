@@ -16,6 +16,7 @@ from nearharmonic.adapters.ase.dynamics import Splitting, check_constraints, mas
 from nearharmonic.errors import RefusedError, bad_setting
 from nearharmonic.exchange.method import Method, method_for
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.written import is_real
 from nearharmonic.output.dataset import assembled, described
 
 if TYPE_CHECKING:
@@ -253,7 +254,7 @@ def _methods(asked: Any) -> dict[str, Method]:
 
 
 def _count(budget: Any) -> int:
-    if isinstance(budget, bool) or not isinstance(budget, Integral) or int(budget) < 1:
+    if not is_real(budget) or not isinstance(budget, Integral) or int(budget) < 1:
         raise bad_setting("budget", budget, "an integer of at least 1")
     return int(budget)
 

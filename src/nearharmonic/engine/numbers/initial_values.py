@@ -1,53 +1,21 @@
-"""Initial values and parameters that a caller gives in place of a system's own, as the rows that a kernel takes.
-
-Decimal strings and fractions are exact: a double and the digits below it. Floats mean their binary value.
-"""
+"""Initial values and parameters that a caller gives in place of a system's own, as the rows that a kernel takes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from decimal import Decimal
+from collections.abc import Mapping
 from fractions import Fraction
-from numbers import Rational, Real
 from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.numbers.arrays import array_of
+from nearharmonic.engine.numbers.arrays import column_of, rows_of
 from nearharmonic.engine.numbers.coefficients import parameter_row, start_row
-from nearharmonic.engine.numbers.rotations import pair_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting, unknown_name
 from nearharmonic.numerics.types import Floats
-from nearharmonic.numerics.written import fraction_of
-from nearharmonic.systems.definition.quantities import is_list
 from nearharmonic.systems.definition.remembered import remembered
 from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.oscillator import frequency_parameters
-
-#: Description of a valid number in errors.
-NUMBER = "a finite number: a float, or an exact decimal string or fraction"
-
-
-def exact(key: str, value: object) -> Fraction:
-    """Return the exact value of a number, or of a string such as "0.1", "1e-3" or "1/3".
-
-    Raises
-    ------
-    SettingError
-        No number, NaN, or one whose modulus no double holds.
-    """
-    if isinstance(value, bool) or not isinstance(value, str | Decimal | Real):
-        raise bad_setting(key, value, NUMBER)
-    try:
-        if isinstance(value, str | Decimal):
-            number = fraction_of(str(value))
-        else:
-            number = Fraction(value if isinstance(value, Rational | float) else float(value))
-        float(number)
-    except (ValueError, ArithmeticError):
-        raise bad_setting(key, value, NUMBER) from None
-    return number
 
 
 @remembered
@@ -84,7 +52,12 @@ def start_array(system: System, q0: object, p0: object, *, plain: bool) -> Float
         Another number of components or rows, or a component that is masked or no finite number.
     """
     d, own = system.dimension, standard_start(system, plain)
-    given = [(k, _rows(key, values, d)) for k, key, values in ((0, "q0", q0), (2, "p0", p0)) if values is not None]
+    allowed = f"{d} number{'s' if d > 1 else ''}, one per coordinate, or rows of {d}"
+    for key, values in (("q0", q0), ("p0", p0)):
+        if hasattr(values, "data_vars"):
+            raise bad_setting(key, "a Dataset", f"{allowed}; a run is continued by start=")
+    named = ((0, "q0", q0), (2, "p0", p0))
+    given = [(k, rows_of(key, values, d, allowed)) for k, key, values in named if values is not None]
     members = max([1, *(len(pairs) for _, pairs in given)])
     rows = np.empty((members, 4, own.size // 4))
     rows[:] = own.reshape(4, -1)
@@ -118,7 +91,7 @@ def parameter_array(system: System, parameters: Mapping[str, Any]) -> Floats:
     for name in parameters:
         if name not in system.parameters:
             raise unknown_name(f"parameter of {system.name}", name, system.parameters)
-    columns = {name: _column(f"parameters[{name!r}]", value) for name, value in parameters.items()}
+    columns = {name: column_of(f"parameters[{name!r}]", value) for name, value in parameters.items()}
     members = max([1, *map(len, columns.values())])
     rows = np.empty((members, len(system.parameters), 2))
     rows[:] = standard_parameters(system).reshape(-1, 2)
@@ -161,56 +134,3 @@ def _check_frequencies(system: System, parameters: Floats) -> None:
         given = parameters[:, 2 * i : 2 * i + 2]
         if (given != own[2 * i : 2 * i + 2]).any():
             raise bad_setting(f"parameters[{names[i]!r}]", float(given[0, 0]), f"{remedy} dataclasses.replace")
-
-
-def _pair(key: str, value: object) -> tuple[float, float]:
-    """A double and the digits below it."""
-    if type(value) is float and value - value == 0:
-        return value, 0.0
-    return pair_of(exact(key, value))
-
-
-def _rows(key: str, values: Any, d: int) -> Floats:
-    """Pairs (R, d, 2) of the components of one or more rows."""
-    allowed = f"{d} number{'s' if d > 1 else ''}, one per coordinate, or rows of {d}"
-    if hasattr(values, "data_vars"):
-        raise bad_setting(key, "a Dataset", f"{allowed}; a run is continued by start=")
-    array = array_of(key, values)
-    if array is not None:
-        if array.ndim == 0:
-            array = array[None]
-        if array.ndim > 2 or array.shape[-1] != d or not len(array):
-            raise bad_setting(key, f"array of shape {array.shape}", allowed)
-        return _pairs_of(key, array.reshape(-1, d))
-    if isinstance(values, str | Real | Decimal):
-        values = [values]
-    if not isinstance(values, Sequence) or not is_list(values) or not values:
-        raise bad_setting(key, values, allowed)
-    if isinstance(values[0], Sequence | np.ndarray) and not isinstance(values[0], str):
-        return np.concatenate([_rows(f"{key}[{i}]", row, d) for i, row in enumerate(values)])
-    if len(values) != d:
-        raise bad_setting(key, values, allowed)
-    if all(type(value) is float for value in values):
-        return _pairs_of(key, np.array([values]))
-    return np.array([[_pair(f"{key}[{i}]", value) for i, value in enumerate(values)]])
-
-
-def _column(key: str, value: Any) -> Floats:
-    """Pairs (R, 2) of one value, or of an array of them."""
-    array = array_of(key, value)
-    if array is not None:
-        if array.ndim > 1 or not array.size:
-            raise bad_setting(key, f"array of shape {array.shape}", "a number, or one a member")
-        return _pairs_of(key, array.reshape(-1, 1))[:, 0]
-    if isinstance(value, Sequence) and is_list(value):
-        return np.array([_pair(f"{key}[{i}]", x) for i, x in enumerate(value)]).reshape(-1, 2)
-    return np.array([_pair(key, value)])
-
-
-def _pairs_of(key: str, array: Any) -> Floats:
-    pairs = np.zeros((*array.shape, 2))
-    pairs[..., 0] = array
-    if not np.isfinite(pairs).all():
-        where = tuple(int(i) for i in np.argwhere(~np.isfinite(pairs))[0][:-1])
-        raise bad_setting(f"{key}{list(where)}", float(array[where]), NUMBER)
-    return pairs

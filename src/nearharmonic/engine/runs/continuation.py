@@ -7,7 +7,7 @@ used only if the last sample is as the run left it, which a digest in the attrib
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
@@ -25,6 +25,7 @@ from nearharmonic.engine.numbers.initial_values import parameter_array, standard
 from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.errors import bad_setting
 from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.written import exact_value
 from nearharmonic.output.dataset import Variables
 from nearharmonic.systems.definition.system import System
 
@@ -243,11 +244,12 @@ def _mapping(parameters: object) -> Mapping[str, Any]:
 
 def _exact_text(value: Any) -> str:
     """Return the digits of a valid number; a float of any type gives its binary value."""
+    if not isinstance(value, str | Decimal | Rational):
+        value = np.ravel(value)[0]  # of one number
     if isinstance(value, str | Decimal | Rational):
         return str(value)
-    if isinstance(value, Sequence):  # of one number
-        return _exact_text(value[0])
-    return str(Decimal(np.asarray(value, float).item()))
+    number = exact_value(value)
+    return str(Decimal(float(number)) if number == float(number) else number)
 
 
 def _end_digest_of(start: xr.Dataset) -> str:

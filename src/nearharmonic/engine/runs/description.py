@@ -164,16 +164,17 @@ def trajectory_dataset(
     paths: Trajectories,
     *,
     begin: Start,
+    asked: float,
     times: Floats | None = None,
 ) -> xr.Dataset:
-    """Return the first of ``paths``, which began at ``begin``, as :func:`nearharmonic.integrate` does."""
+    """Return the first of ``paths``, from ``begin`` with the step ``asked``, as :func:`nearharmonic.integrate` does."""
     variables = trajectory_variables(problem, paths, begin.constants, times) | error_variables(paths, problem)
     if problem.numerics.compensated:
         variables |= over_runs(low_digits(problem, paths))
     variables |= clock_variables(problem, paths)
     variables |= invariant_variables(problem, paths, begin.state, begin.constants)
     variables |= tau_variable(problem, paths) | initial_energy_variables(problem, paths)
-    one, notes = first_run(variables), problem_attributes(problem) | begin.attributes()
+    one, notes = first_run(variables), problem_attributes(problem) | begin.attributes() | {"tau_requested": asked}
     notes |= problem.floor(begin.state, begin.parameters, paths.energy[:1])
     ends = times is None or np.ravel(times)[-1] == float(problem.end) + begin.t  # the last sample is the end of the run
     if ends and paths.running.size:

@@ -38,8 +38,8 @@ from nearharmonic.engine.runs.description import (
     trajectory_variables,
 )
 from nearharmonic.engine.runs.output_times import checked_times, run_at
-from nearharmonic.engine.runs.setup import Setup
-from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_THREADS, checked_count, checked_samples
+from nearharmonic.engine.runs.setup import Setup, warn_of_step
+from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_THREADS, checked_count, checked_samples, checked_tau
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats, Integers
@@ -75,6 +75,8 @@ def ensemble(
     threads: int = 1,
 ) -> xr.Dataset:
     """Integrate many trajectories that differ in initial values or parameters.
+
+    Each covers [0, t_end] in ``steps = max(1, round(|t_end| / tau))`` equal steps.
 
     Parameters
     ----------
@@ -125,6 +127,7 @@ def ensemble(
     _check_rows(start, given)
     check_bound(problem.system, start, given)
     steps, kept = problem.steps_of(tau), checked_samples(samples)
+    warn_of_step(problem, [asked_tau := checked_tau(tau)], [steps])
     members = _Members(problem, steps, start, given, checked_count("threads", threads, MOST_THREADS))
     if t is None:
         paths, times = members.sampled(kept), None
@@ -132,7 +135,7 @@ def ensemble(
         asked = checked_times(t, problem)
         paths, times = members.at_times(asked), np.array([float(time) for time in asked])
     attributes = problem_attributes(problem) | parameter_attributes(problem.system, parameters or {})
-    attributes["formulas"] = formulas_digest(problem.system)
+    attributes |= {"formulas": formulas_digest(problem.system), "tau_requested": asked_tau}
     attributes |= problem.floor(start, given, paths.energy)
     return _dataset(problem, paths, start, given, times, attributes)
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
+from sys import float_info
 
 import numpy as np
 
 from nearharmonic.engine.batch.batch import single_steps
 from nearharmonic.engine.batch.results import Trajectories, energy_unit
-from nearharmonic.engine.numbers.arrays import list_of
-from nearharmonic.engine.numbers.initial_values import exact
+from nearharmonic.engine.numbers.arrays import exact, list_of
 from nearharmonic.engine.runs.setup import Setup
 from nearharmonic.engine.settings import MOST_SAMPLES
 from nearharmonic.errors import bad_setting
@@ -21,26 +21,37 @@ from nearharmonic.numerics.types import Floats, Integers
 def checked_times(t: object, problem: Setup) -> list[Fraction]:
     """Return output times exactly, sorted from 0 towards the end of the interval, which may be negative.
 
-    Floats mean their binary value, and one that rounds to the end is the end.
+    Floats mean their binary value, and one within a rounding of the end, in its own precision, is the end.
 
     Raises
     ------
     SettingError
-        No list, no times, too many, a masked one, one outside the interval, or one before its predecessor.
+        No list of one dimension, no times, too many, a masked one, one outside the interval, or one before another.
     """
     given, end = list_of("t", t, "a list of output times", MOST_SAMPLES), problem.end
     if not 1 <= len(given) <= MOST_SAMPLES:
         raise bad_setting("t", f"{len(given)} times", f"from 1 to {MOST_SAMPLES} output times")
     times = [exact(f"t[{i}]", value) for i, value in enumerate(given)]
-    times = [end if time != end and float(time) == float(end) else time for time in times]
-    sign, last = (1 if end > 0 else -1), Fraction(0)
+    last = float(end)
+    near = [abs(float(time) - last) <= _rounding(value) * abs(last) for value, time in zip(given, times, strict=True)]
+    times = [end if is_end else time for is_end, time in zip(near, times, strict=True)]
+    sign, before = (1 if end > 0 else -1), Fraction(0)
     for i, time in enumerate(times):
         if not 0 <= sign * time <= sign * end:
-            raise bad_setting(f"t[{i}]", given[i], f"a time from 0 to t_end = {problem.t_end}")
-        if sign * time < sign * last:
+            narrow = isinstance(given[i], np.floating) and given[i].dtype.itemsize < 8
+            what = f"; {given[i].dtype} has {np.finfo(given[i].dtype).precision} digits" if narrow else ""
+            raise bad_setting(f"t[{i}]", given[i], f"a time from 0 to t_end = {problem.t_end}{what}")
+        if sign * time < sign * before:
             raise bad_setting(f"t[{i}]", given[i], "a time not earlier than the time before it")
-        last = time
+        before = time
     return times
+
+
+def _rounding(value: object) -> float:
+    """Relative rounding of a time of this type; text and fractions have none."""
+    if isinstance(value, np.floating):
+        return float(np.finfo(value.dtype).eps)
+    return float_info.epsilon if isinstance(value, float) else 0.0
 
 
 def run_at(

@@ -14,8 +14,9 @@ from nearharmonic.engine.batch.kernels import kernel_of
 from nearharmonic.engine.batch.queue import Batch
 from nearharmonic.engine.numbers.initial_values import standard_parameters, standard_start
 from nearharmonic.engine.runs.continuation import Start, start_of
-from nearharmonic.engine.runs.setup import Setup
+from nearharmonic.engine.runs.setup import Setup, warn_of_step
 from nearharmonic.engine.runs.solution import Solution, StepSize
+from nearharmonic.engine.settings import checked_tau
 
 #: Step sizes whose coefficients a problem keeps: half a kilobyte each.
 MOST_STEP_SIZES = 4096
@@ -37,8 +38,8 @@ class Problem(Setup):
     A call ``run(tau, q0=None, p0=None, parameters=None)`` integrates one trajectory, from several threads at once if
     wanted. The three arguments are those of :func:`nearharmonic.integrate`. The result has the arrays ``t`` (S,), ``q``
     and ``p`` (S, d) of its S samples, ``energy_error`` (S,), and the numbers ``max_energy_error``,
-    ``mean_energy_error``, ``tau``, ``steps``, ``evaluations``, ``status`` and ``diverged_at``; its method
-    ``to_dataset()`` returns the Dataset of :func:`nearharmonic.integrate`.
+    ``mean_energy_error``, ``tau``, ``tau_requested``, ``steps``, ``evaluations``, ``status`` and ``diverged_at``; its
+    method ``to_dataset()`` returns the Dataset of :func:`nearharmonic.integrate`.
 
     Parameters
     ----------
@@ -92,7 +93,7 @@ class Problem(Setup):
         Parameters
         ----------
         tau : float
-            Step size asked for; the step as used is t_end / steps.
+            Step size asked for; the step as used is t_end / steps. A difference of 1 % or more is warned of.
         q0, p0 : sequence of d numbers or decimal strings, optional
             Initial values in place of the system's own: strings and fractions exact, floats as their binary value.
         parameters : mapping, optional
@@ -109,11 +110,12 @@ class Problem(Setup):
             A step size, initial value or parameter outside what is allowed, before any work.
         """
         try:
-            step = self._step_sizes.get(tau)
+            step = self._step_sizes.get((type(tau), tau))  # True equals 1.0
         except TypeError:  # a list or an array
             step = None
         if step is None:
             step = self._prepared_step(tau)
+            warn_of_step(self, [step.tau_requested], [step.steps])
         slots = self._slots.setdefault(step.marks.size, [])
         try:
             slot = slots.pop()  # a call in another thread finds another slot, or makes one
@@ -137,10 +139,12 @@ class Problem(Setup):
     def _prepared_step(self, tau: object) -> StepSize:
         steps = self.steps_of(tau)
         size = self.end / steps
-        step = StepSize(float(size), steps, sample_marks(np.array([steps]), self.samples), self.moves([size]))
+        step = StepSize(
+            float(size), checked_tau(tau), steps, sample_marks(np.array([steps]), self.samples), self.moves([size])
+        )
         if len(self._step_sizes) >= MOST_STEP_SIZES:
             self._step_sizes.clear()
-        self._step_sizes[tau] = step
+        self._step_sizes[type(tau), tau] = step
         return step
 
     def _new_batch(self, step: StepSize) -> Batch:

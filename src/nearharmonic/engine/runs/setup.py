@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sys
+import warnings
 from collections.abc import Sequence
 from fractions import Fraction
 from math import nan
@@ -16,8 +18,9 @@ from nearharmonic.engine.batch.queue import Batch
 from nearharmonic.engine.batch.regularised import check_bound
 from nearharmonic.engine.batch.results import Filled, Trajectories, trajectories_of
 from nearharmonic.engine.grid import check_fit, steps_of
+from nearharmonic.engine.numbers.arrays import exact
 from nearharmonic.engine.numbers.coefficients import moves_of
-from nearharmonic.engine.numbers.initial_values import exact, standard_parameters, standard_start
+from nearharmonic.engine.numbers.initial_values import standard_parameters, standard_start
 from nearharmonic.engine.runs.invariants import check_quantities
 from nearharmonic.engine.settings import (
     KINETIC_POTENTIAL,
@@ -39,6 +42,8 @@ from nearharmonic.systems.definition.system import System
 from nearharmonic.systems.formulas.oscillator import check_oscillator
 from nearharmonic.systems.numba.potential import numba_potential
 
+#: Relative difference between the steps that are asked for and that run, from which on a user is warned.
+WARNED = 0.01
 #: A method that fits every system, for checks of the system alone.
 ANY = "ruth"
 
@@ -208,6 +213,24 @@ class Setup:
         start, parameters = standard_start(self.system, self.plain), standard_parameters(self.system)
         H0 = np.array([self.system.energy(*self.system.start(float), self.system.constants(float))])
         return self.floor(start[None, :], parameters[None, :], H0)
+
+
+def warn_of_step(problem: Setup, asked: Sequence[float], steps: Sequence[int], key: str = "tau") -> None:
+    """Warn the caller of a public function of a step that is 1 % off the one that was asked for, or more.
+
+    This package itself asks for steps in the knowledge of what runs, and is not warned.
+    """
+    used = [abs(float(problem.end)) / n for n in steps]
+    off = [abs(size / tau - 1) for size, tau in zip(used, asked, strict=True)]
+    i = max(range(len(off)), key=off.__getitem__)
+    above = 2
+    while (caller := sys._getframe(above).f_globals.get("__name__", "")) == "nearharmonic.errors":
+        above += 1  # a public function is wrapped by naming_arguments
+    if off[i] < WARNED or caller.split(".")[0] == "nearharmonic":
+        return
+    name = key if key == "tau" else f"{key}[{i}]"
+    message = f"{name} = {asked[i]:.6g} runs as {used[i]:.6g}: t_end = {problem.t_end} is no multiple of it"
+    warnings.warn(f"{message}, and is covered by {steps[i]} equal steps", stacklevel=above + 1)
 
 
 def checked_scale(value: object) -> float:

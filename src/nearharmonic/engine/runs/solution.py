@@ -21,9 +21,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class StepSize:
-    """A step size as used, with its marks and moves."""
+    """A step size as used and as asked for, with its marks and moves."""
 
     tau: float
+    tau_requested: float
     steps: int
     marks: Integers
     moves: Floats
@@ -46,6 +47,11 @@ class Solution:
     def tau(self) -> float:
         """The step size as used."""
         return self._step.tau
+
+    @property
+    def tau_requested(self) -> float:
+        """The step size asked for."""
+        return self._step.tau_requested
 
     @property
     def steps(self) -> int:
@@ -128,4 +134,5 @@ class Solution:
 
     def to_dataset(self) -> xr.Dataset:
         """Return the run as :func:`nearharmonic.integrate` does."""
-        return trajectory_dataset(self.problem, self.trajectories, begin=self._begin or start_of(self.problem))
+        begin = self._begin or start_of(self.problem)
+        return trajectory_dataset(self.problem, self.trajectories, begin=begin, asked=self.tau_requested)

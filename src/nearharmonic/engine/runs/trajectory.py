@@ -22,7 +22,7 @@ from nearharmonic.engine.runs.description import (
     trajectory_variables,
 )
 from nearharmonic.engine.runs.output_times import checked_times, run_at
-from nearharmonic.engine.runs.setup import Setup
+from nearharmonic.engine.runs.setup import Setup, warn_of_step
 from nearharmonic.engine.runs.solution import Solution
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_TAUS, checked_samples, checked_tau
 from nearharmonic.errors import SettingError, bad_setting
@@ -61,7 +61,8 @@ def integrate(
     system, integrator : str, or System and Tableau
         Problem and method, or their names.
     tau : float
-        Step size asked for, in the system's unit of time; the step as used is t_end / steps.
+        Step size asked for, in the system's unit of time; the step as used is t_end / steps. A difference of 1 % or
+        more is warned of.
     t_end : float or str, optional
         End of the interval; a decimal string is exact, and a negative one runs backwards. By default the system's own.
     precision : {"double", "extended"}
@@ -103,7 +104,7 @@ def integrate(
         ``mean_energy_error`` of ``|H - H0|/|H0|`` over every step, ``steps``, ``evaluations`` of the force, ``status``,
         ``diverged_at``, ``initial_energy``; ``running``, from which ``start`` goes on with the same step size. A run
         that leaves its energy surface ends there: its status is "diverged", ``diverged_at`` its step, both errors
-        infinite; later samples are left out.
+        infinite; later samples are left out. The attribute ``tau_requested`` is the step size asked for.
 
     Raises
     ------
@@ -125,6 +126,7 @@ def integrate(
     )  # fmt: skip
     begin = start_of(problem, q0, p0, parameters, start.to_dataset() if isinstance(start, Solution) else start)
     steps, kept = problem.steps_of(tau), checked_samples(samples)
+    warn_of_step(problem, [asked_tau := checked_tau(tau)], [steps])
     arrays = begin.arrays(problem, steps)
     if t is None:
         paths = problem.run([steps], kept, **arrays)
@@ -134,7 +136,7 @@ def integrate(
         paths = run_at(problem, [steps], asked, **arrays)
         times = np.array([float(time) for time in asked]) + begin.t
     _check_start(problem, paths)
-    return trajectory_dataset(problem, paths, begin=begin, times=times)
+    return trajectory_dataset(problem, paths, begin=begin, asked=asked_tau, times=times)
 
 
 def sweep(
@@ -156,6 +158,8 @@ def sweep(
     tau_per_stage: Iterable[float] | None = None,
 ) -> xr.Dataset:
     """Integrate one run per step size, side by side in SIMD lanes, for their energy errors.
+
+    A run covers [0, t_end] in ``max(1, round(|t_end| / tau))`` equal steps.
 
     Parameters
     ----------
@@ -207,6 +211,7 @@ def sweep(
     begin = start_of(problem, q0, p0, parameters)
     times = "" if tau_per_stage is None else f"{stages} * "
     steps = [problem.steps_of(tau, f"{times}{key}[{i}]") for i, tau in enumerate(requested)]
+    warn_of_step(problem, requested, steps, f"{times}{key}")
     variables: Variables = {}
     if t is None:
         paths = problem.run(steps, least_samples(problem.tableau), start=begin.state, parameters=begin.parameters)

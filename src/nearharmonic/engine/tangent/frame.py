@@ -8,14 +8,16 @@ columns scaled to length 1, so that their volumes are products of diagonal entri
 
 from __future__ import annotations
 
+from numbers import Integral
+
 import numpy as np
 
-from nearharmonic.engine.numbers.arrays import array_of, check_mask
+from nearharmonic.engine.numbers.arrays import rows_of
 from nearharmonic.errors import bad_setting
 from nearharmonic.math import log
 from nearharmonic.numerics.quasi_random import quasi_random
 from nearharmonic.numerics.types import Floats
-from nearharmonic.systems.definition.quantities import is_list
+from nearharmonic.numerics.written import is_real
 
 #: Smallest part of a deviation of length 1 that is perpendicular to those before it.
 INDEPENDENT = 1e-10
@@ -39,24 +41,13 @@ def initial_deviations(given: object, dimension: int) -> Floats:
     """
     n = 2 * dimension
     allowed = f"an integer from 1 to {n}, or an array (k, {n}) of {dimension} q-parts and {dimension} p-parts a row"
-    if isinstance(given, int | np.integer) and not isinstance(given, bool):
-        if not 1 <= given <= n:
+    if is_real(given) and isinstance(given, Integral):
+        if not 1 <= int(given) <= n:
             raise bad_setting("deviations", given, allowed)
         return orthonormal(quasi_random(n, n, 0).T[:, :, None] - 0.5)[0][:, : int(given), 0].T.copy()
-    rows = array_of("deviations", given)
-    if rows is None and is_list(given) and not hasattr(given, "__array__"):
-        check_mask("deviations", given)
-        try:
-            rows = np.array(given, dtype=float)
-        except (TypeError, ValueError, OverflowError):
-            rows = None
-    if rows is None or rows.dtype.kind not in "fiu":
-        raise bad_setting("deviations", given, allowed)
-    shape, rows = rows.shape, np.atleast_2d(rows).astype(float)
-    if rows.ndim != 2 or rows.shape[1] != n or not 1 <= len(rows) <= n:
-        raise bad_setting("deviations", f"array of shape {shape}", allowed)
-    if not np.isfinite(rows).all():
-        raise bad_setting("deviations", f"array of shape {shape} with NaN or inf", allowed)
+    rows = np.ascontiguousarray(rows_of("deviations", given, n, allowed)[..., 0])
+    if len(rows) > n:
+        raise bad_setting("deviations", f"array of shape {rows.shape}", allowed)
     with np.errstate(all="ignore"):
         triangle = orthonormal(unit_rows(rows).T[:, :, None])[1]
     if not (np.diagonal(triangle[..., 0]) > INDEPENDENT).all():

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.engine.runs.description import error_variables, over, parameter_variables, problem_attributes
-from nearharmonic.engine.runs.setup import Setup
+from nearharmonic.engine.runs.setup import Setup, warn_of_step
 from nearharmonic.engine.runs.solution import Solution
-from nearharmonic.engine.settings import KINETIC_POTENTIAL
+from nearharmonic.engine.settings import KINETIC_POTENTIAL, checked_tau
 from nearharmonic.engine.tangent.coefficients import check_coefficients, coefficient_derivatives
 from nearharmonic.engine.tangent.linearised import check_differentiable, kinetic_parameters, sensitive_system
 from nearharmonic.engine.tangent.observable import DifferentiableObservable
@@ -120,6 +120,7 @@ def gradient(
     members = max(len(begin.state), len(given))
     rows = np.broadcast_to(begin.state, (members, begin.state.shape[1]))
     steps = [problem.steps_of(tau)] * members
+    warn_of_step(problem, [asked_tau := checked_tau(tau)], steps[:1])
     if coefficients:
         check_coefficients(backward.system, problem.tableau, steps[0], members)
     paths = problem.run(steps, 2, start=rows, parameters=given)
@@ -150,7 +151,8 @@ def gradient(
     variables["tau"] = (), problem.taus(paths.steps[:1])[0], described("step size as used, t_end / steps", unit)
     if subject.parameters:
         variables["parameter"] = ("parameter",), np.array(list(subject.parameters)), described("name of the parameter")
-    attributes = problem_attributes(problem) | begin.attributes() | {"observable": function.name}
+    attributes = problem_attributes(problem) | begin.attributes()
+    attributes |= {"observable": function.name, "tau_requested": asked_tau}
     coordinates = ["parameter", *(name for name in variables if several and name.startswith("parameter_"))]
     return assembled(variables, coordinates, attributes)
 

@@ -16,9 +16,9 @@ from nearharmonic.engine.numbers.initial_values import (
     start_array,
 )
 from nearharmonic.engine.runs.continuation import Start, start_of
-from nearharmonic.engine.runs.setup import Setup
+from nearharmonic.engine.runs.setup import Setup, warn_of_step
 from nearharmonic.engine.runs.solution import Solution
-from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_THREADS, checked_count, checked_samples
+from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_THREADS, checked_count, checked_samples, checked_tau
 from nearharmonic.engine.tangent.description import deviations_dataset
 from nearharmonic.engine.tangent.evolution import Deviations, running_size, schedule_of
 from nearharmonic.engine.tangent.frame import initial_deviations
@@ -55,7 +55,8 @@ def tangent(
     """Follow small deviations from orbits by the exact derivative of the discrete map, for indicators of chaos.
 
     The derivative of a step is the same step of a separable system of twice as many coordinates, whose formulas are
-    derived from those of ``system``. It is symplectic to rounding. A deviation is integrated in a SIMD lane of its own.
+    derived from those of ``system``. It is symplectic to rounding. The interval [0, t_end] has
+    ``steps = max(1, round(|t_end| / tau))`` equal steps. A deviation is integrated in a SIMD lane of its own.
     Deviations are orthonormalised after at most a hundred steps, so that none overflows.
 
     Parameters
@@ -140,6 +141,7 @@ def tangent(
     earlier = None if start is None else earlier_indicators(problem, start, deviations)
     rows = initial_deviations(deviations if earlier is None else earlier.sizes["deviation"], subject.dimension)
     kept, steps = checked_samples(samples), problem.steps_of(tau)
+    warn_of_step(problem, [asked_tau := checked_tau(tau)], [steps])
     threads = checked_count("threads", threads, MOST_THREADS)
     schedule = schedule_of(steps, max(kept, 2))
     extended = Setup(
@@ -154,7 +156,9 @@ def tangent(
         raise bad_setting("samples", samples, f"{what}, and a call keeps {MOST_BYTES:.0e}")
     found = runs.follow(schedule, threads)
     several = members_are_given(q0, p0, parameters, start)
-    return deviations_dataset(problem, runs, found, only_end=kept == 1, several=several, begin=begin)
+    made = deviations_dataset(problem, runs, found, only_end=kept == 1, several=several, begin=begin)
+    made.attrs["tau_requested"] = asked_tau
+    return made
 
 
 def earlier_indicators(problem: Setup, start: xr.Dataset | Solution, deviations: object) -> xr.Dataset | None:

@@ -21,6 +21,7 @@ from nearharmonic.exact.words import logarithm, words
 from nearharmonic.integrators.order_conditions import errors_of, highest_of, proved_order, step_of, tolerance, weighted
 from nearharmonic.integrators.tableau import HIGHEST_ORDER, First, Tableau
 from nearharmonic.integrators.theory.oscillator import method_of, tableau_of
+from nearharmonic.numerics.written import is_real
 
 #: Length of the words that are examined first for a generalised order: most methods fail at these.
 _SHORT = 7
@@ -295,6 +296,6 @@ def _highest(tableau: Tableau, asked: int | None) -> int:
 
 
 def _integer(key: str, number: Any) -> int:
-    if isinstance(number, bool) or not isinstance(number, Integral) or number < 1:
+    if not is_real(number) or not isinstance(number, Integral) or number < 1:
         raise bad_setting(key, number, "an integer >= 1")
     return int(number)

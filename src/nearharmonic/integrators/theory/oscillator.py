@@ -24,6 +24,7 @@ from nearharmonic.integrators.collocation import Method
 from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.order_conditions import step_of
 from nearharmonic.integrators.tableau import First, Tableau
+from nearharmonic.numerics.written import is_real
 
 #: Components of the new state that can be decomposed.
 Variable = Literal["position", "momentum"]
@@ -86,9 +87,7 @@ def kappa(
 
 
 def _is_number_of_terms(value: Any) -> bool:
-    if isinstance(value, bool) or not isinstance(value, Integral):
-        return False
-    return 1 <= int(value) <= MOST_TERMS
+    return is_real(value) and isinstance(value, Integral) and 1 <= int(value) <= MOST_TERMS
 
 
 def zeta(

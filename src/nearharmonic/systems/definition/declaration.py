@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from decimal import Decimal
 from fractions import Fraction
 from math import isinf
-from numbers import Real
 from typing import Any
 
 from nearharmonic.errors import SystemDefinitionError, shown
-from nearharmonic.numerics.written import any_decimal_of, exact_number, is_extreme
+from nearharmonic.numerics.written import any_decimal_of, exact_number, is_extreme, is_real
 from nearharmonic.systems.definition.members import UNITS, Members
 from nearharmonic.systems.definition.quantities import is_list
 
@@ -43,8 +42,7 @@ def check_members(system: Members) -> None:
     if not isinstance(system.time_dependent, bool):
         raise _not_allowed(system, "time_dependent", system.time_dependent, "True or False")
     limit: Any = system.surface_limit
-    is_number = not isinstance(limit, bool) and isinstance(limit, Real)
-    if not is_number or not limit > 0:
+    if not is_real(limit) or not limit > 0:
         raise _not_allowed(system, "surface_limit", limit, "a number above 0")
 
 

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from nearharmonic.systems.definition.quantities import Observable, Parameter, Vector, decimal, is_list
+from nearharmonic.numerics.written import decimal
+from nearharmonic.systems.definition.quantities import Observable, Parameter, Vector, is_list
 from nearharmonic.systems.formulas.kinetic_energy import quadratic_T
 from nearharmonic.systems.formulas.regularisation import Regularisation
 

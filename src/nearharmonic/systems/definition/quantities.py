@@ -1,18 +1,16 @@
-"""Parameters and observables of a system, and decimal numbers."""
+"""Parameters and observables of a system."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
-from decimal import Context, Decimal
-from numbers import Rational, Real
 from typing import Any
+
+from nearharmonic.numerics.written import decimal
 
 #: A coordinate tuple of any number type: float, numpy array, mpf, or a number traced into a kernel.
 Vector = tuple[Any, ...]
-#: Digits of a fraction that is not a finite decimal: three times those of double-double.
-DIGITS = 100
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,20 +77,6 @@ class Observable:
             Parameters of the system.
         """
         return self.function(q, p, *parameters)
-
-
-def decimal(value: Any) -> Any:
-    """Return the shortest decimal that a number prints as; return other objects unchanged.
-
-    A fraction that is not a finite decimal is rounded to :data:`DIGITS` digits.
-    """
-    if isinstance(value, bool):
-        return value
-    if isinstance(value, int):
-        return str(value)
-    if isinstance(value, Rational):
-        return str(Context(prec=DIGITS).divide(Decimal(int(value.numerator)), Decimal(int(value.denominator))))
-    return repr(float(value)) if isinstance(value, Real) else value
 
 
 def is_list(values: Any) -> bool:

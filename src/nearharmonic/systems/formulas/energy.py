@@ -19,6 +19,7 @@ from nearharmonic.core.formulas.expression.nodes import Value, Variable
 from nearharmonic.core.formulas.expression.size import becomes_loops, check_size, operations
 from nearharmonic.core.formulas.number import Constant, Number, call, constant, scalar
 from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.numerics.written import exact_value
 
 if TYPE_CHECKING:
     from nearharmonic.core.formulas.expression.program import Program
@@ -204,8 +205,7 @@ class Energy:
 def _as_constant(parameter: Any) -> Constant:
     """A parameter as a constant, for a formula that needs its value."""
     if hasattr(parameter, "man_exp"):
-        mantissa, exponent = parameter.man_exp
-        return Constant(int(mantissa) * Fraction(2) ** int(exponent))
+        return Constant(exact_value(parameter))
     value = constant(parameter)
     if value is None:
         raise SystemDefinitionError(f"a parameter that a formula branches on must be a constant, not {parameter!r}")

@@ -6,13 +6,14 @@ from collections.abc import Callable, Collection, Sequence
 from fractions import Fraction
 from inspect import Parameter as Argument
 from inspect import signature
+from numbers import Rational
 from sys import float_info
 from typing import Any
 
 from nearharmonic.core.formulas.number import Constant
 from nearharmonic.errors import SystemDefinitionError, shown
-from nearharmonic.numerics.written import exact_number
-from nearharmonic.systems.definition.quantities import decimal, is_list
+from nearharmonic.numerics.written import decimal, exact_number
+from nearharmonic.systems.definition.quantities import is_list
 from nearharmonic.systems.formulas.energy import constants_beside
 
 Vector = tuple[Any, ...]
@@ -60,7 +61,7 @@ class MassKineticEnergy:
             raise SystemDefinitionError(f"masses has {len(masses)} entries, expected {dimension}, one per coordinate")
         self.inverse: tuple[tuple[Constant, ...], ...] | None = None
         self.masses: tuple[int | Constant, ...] = ()
-        if all(hasattr(row, "__len__") and not isinstance(row, str) for row in masses):
+        if all(map(is_list, masses)):
             self.inverse = _inverse(_matrix(masses))
         else:
             names = list(parameters)
@@ -134,7 +135,7 @@ def _number(key: str, value: Any) -> Fraction:
         It is not a number, or not a finite double.
     """
     try:
-        number = exact_number(decimal(value) if isinstance(value, float) else value)
+        number = exact_number(value if isinstance(value, Rational) else decimal(value))
         float(number)
     except (ValueError, TypeError, OverflowError):
         what = "a decimal string or a fraction, such as '0.5', '1/3'"

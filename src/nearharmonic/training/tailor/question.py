@@ -6,15 +6,14 @@ import os
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from nearharmonic.engine.numbers.initial_values import exact
+from nearharmonic.engine.numbers.arrays import exact, rows_of
 from nearharmonic.engine.runs.invariants import energy_at_start
 from nearharmonic.engine.runs.setup import ANY, Setup, as_python
 from nearharmonic.engine.settings import checked_count, checked_tau
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.numerics.types import Floats
-from nearharmonic.numerics.written import integer_of
+from nearharmonic.numerics.written import integer_of, is_real
+from nearharmonic.systems.definition.quantities import is_list
 from nearharmonic.systems.definition.system import System
 from nearharmonic.training.tailor.inputs.start_file import least_starts, read_starts
 
@@ -157,7 +156,7 @@ def _window(given: Any) -> tuple[float, float]:
 def _parts(given: Any) -> list[Any]:
     if isinstance(given, str):
         return given.split(":")
-    return list(given) if isinstance(given, list | tuple) else [given]
+    return list(given) if is_list(given) and hasattr(given, "__len__") else [given]
 
 
 def _error(given: object) -> float:
@@ -174,7 +173,7 @@ def _seconds(given: object, trials: object) -> float | None:
 
 
 def _seed(given: object) -> int:
-    if given == 0 and not isinstance(given, bool):
+    if is_real(given) and given == 0:
         return 0
     return checked_count("seed", given, LARGEST_SEED)
 
@@ -195,6 +194,7 @@ def _surface(given: object, system: System, H0: float) -> float:
 def _starts(given: Any, system: System) -> Floats:
     if isinstance(given, str | os.PathLike):
         return read_starts(given, system.dimension)
-    rows = np.array(given, dtype=float, ndmin=2)
-    least_starts("starts", f"array of shape {rows.shape}", rows, system.dimension)
+    d = system.dimension
+    rows = rows_of("starts", given, 2 * d, f"{2 * d} finite numbers a start, {d} positions and {d} momenta")[..., 0]
+    least_starts("starts", f"array of shape {rows.shape}", rows, d)
     return rows

@@ -45,6 +45,7 @@ def cubes(tmp_path_factory):
     return found
 
 
+@pytest.mark.filterwarnings("ignore:tau = .* runs as")
 @pytest.mark.parametrize("system", ["sho", "henon_heiles"])
 @pytest.mark.parametrize("name", METHODS)
 def test_a_cube_has_the_errors_and_evaluations_of_single_runs(cubes, system, name):

@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from math import isfinite
-from numbers import Real
 from typing import Annotated, Literal
 
-from nearharmonic.numerics.written import decimal_of
+from nearharmonic.numerics.written import ALL_DIGITS, decimal, decimal_of
 from nearharmonic.reproduction.entries import (
     AT_LEAST_LOWEST,
     POSITIVE,
@@ -34,15 +33,13 @@ FINITE = "a finite number, or a decimal string, which keeps all its digits"
 
 def _exact_decimal(value: object) -> str:
     """Convert a finite number of any sign, or a decimal string, to a plain decimal string."""
-    if isinstance(value, bool) or not isinstance(value, Real | Decimal | str):
+    text = decimal(value)
+    if not isinstance(text, str | Decimal):
         raise TypeError
-    try:
-        number = decimal_of(str(value) if isinstance(value, str | Decimal | int) else repr(float(value)))
-    except OverflowError:
-        raise ValueError from None
+    number = decimal_of(str(text))
     if not isfinite(float(number)):
         raise ValueError
-    return str(number.normalize() + 0)
+    return str(number.normalize(ALL_DIGITS) or 0)
 
 
 _NUMBER = (("type", ("number", "string")),)
