@@ -119,8 +119,8 @@ class VelocityCheck:
     step: int = 0
 
     def due(self, step: int, *, last: bool = False) -> bool:
-        """Return True before the first step of a run, steps 2, 3, 5, 9, ..., and the last one unless one was near."""
-        return not self.compared or step >= 2 * max(self.step, 0.5) or (last and 2 * step > 3 * self.step)
+        """Return True before steps 1, 2, 3, 5, 9, ..., and the last step unless a comparison was in the last fifth."""
+        return not self.compared or step >= 2 * max(self.step, 0.5) or (last and 4 * step > 5 * self.step)
 
     def direction(self, size: int) -> Any:
         """Return ``size`` different numbers from -1 to 1, which change with each comparison."""
@@ -149,7 +149,7 @@ class VelocityCheck:
             shift = SIZES[self.compared % len(SIZES)] * scale * self.direction(np.size(velocities))
             self.compared += 1
             change = np.abs(force(shift.reshape(np.shape(velocities))) - known).max()
-            # A force may be a sum of threads in any order, or an iteration that stops early: repetitions show its noise.
+            # A force may be a sum of threads in any order, or an iteration that stops early: repetitions show noise.
             if not (change <= bound or any(change <= 10 * np.abs(force(velocities) - known).max() for _ in range(8))):
                 return True
         return False
