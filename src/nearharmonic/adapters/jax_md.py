@@ -157,7 +157,7 @@ def _step(
         known = isinstance(state, NVEState) and "t" not in fixed  # a stored force belongs to a position, not to a time
         carry = (state, lists)
         state, lists = jax.lax.cond(
-            _anywhere(_has_moved(state)) if known else True, lambda c: evaluated(*c, start), lambda c: c, carry
+            _anywhere(_has_moved(state)) if known else True, lambda c: evaluated(c[0], c[1], start), lambda c: c, carry
         )
         state = simulate.momentum_step(state, lengths[0])
     pairs = (lengths[1:] if kick_first else lengths[:-1]).reshape(-1, 2)
