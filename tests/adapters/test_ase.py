@@ -371,6 +371,19 @@ def test_crystal_of_argon_keeps_its_energy():
     assert errors[2] < errors[0] / 3
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("make", "step"), [(copper, 84), (argon, 140)])
+def test_neighbour_lists_are_those_of_each_force(make, step):
+    """Steps in which atoms move by more than the skin of a list, against calculators without a past."""
+    atoms = make(kelvin=200)
+    dynamics, fresh = Splitting(atoms, step * units.fs, "babs7o7h"), make()
+    for _ in range(5):
+        dynamics.step()
+        fresh.positions = atoms.positions
+        fresh.calc = type(atoms.calc)(**atoms.calc.parameters)
+        np.testing.assert_allclose(atoms.get_forces(), fresh.get_forces(), rtol=0, atol=ROUNDING)
+
+
 class TestRecommend:
     def test_steps_found_meet_the_bound_in_a_run(self):
         atoms = wells()

@@ -100,17 +100,9 @@ class Splitting(MolecularDynamics):  # type: ignore[misc]  # ASE has no types
     """
 
     def __init__(
-        self,
-        atoms: Atoms,
-        step: float | None = None,
-        method: str | Tableau = "",
-        *,
-        trajectory: Any = None,
-        logfile: Any = None,
-        loginterval: int = 1,
-        timestep: float | None = None,
-        **more: Any,
-    ) -> None:
+        self, atoms: Atoms, step: float | None = None, method: str | Tableau = "", *, trajectory: Any = None,
+        logfile: Any = None, loginterval: int = 1, timestep: float | None = None, **more: Any,
+    ) -> None:  # fmt: skip
         if not isinstance(atoms, Atoms):
             raise bad_setting("atoms", atoms, "an ase.Atoms")
         if step is not None and timestep is not None:
