@@ -16,12 +16,12 @@ from ase.build import bulk  # noqa: E402
 from ase.calculators.calculator import CalculationFailed, Calculator, all_changes  # noqa: E402
 from ase.calculators.emt import EMT  # noqa: E402
 from ase.calculators.lj import LennardJones  # noqa: E402
+from ase.calculators.mixing import SumCalculator  # noqa: E402
 from ase.constraints import FixAtoms, FixBondLengths, FixCartesian, FixedLine, FixedPlane, Hookean  # noqa: E402
 from ase.io import read  # noqa: E402
 from ase.md.verlet import VelocityVerlet  # noqa: E402
 
-from nearharmonic.adapters.ase import Splitting, recommend  # noqa: E402
-from nearharmonic.adapters.ase.trial import fewest_steps  # noqa: E402
+from nearharmonic.adapters.ase import Splitting, fewest_steps, recommend  # noqa: E402
 
 # ASE 3.23 opens the null device for a log that nobody asks for, and closes it at the end of a `with` alone.
 pytestmark = [
@@ -115,8 +115,10 @@ class TestForces:
         dynamics.run(1)
         atoms.calc.calls = 0
         dynamics.run(10)
-        # ASE evaluates at the beginning of a run; kicks of the first step share that force.
-        assert atoms.calc.calls in ({10 * forces, 10 * forces + 1} if forces_end(method) else {10 * forces})
+        # Before steps 2, 3, 5 and 9 other momenta are compared, after a drift with one more force. ASE evaluates at the
+        # beginning of a run; kicks of the first step share that force.
+        compared = 8 if forces_end(method) else 4
+        assert 0 <= atoms.calc.calls - 10 * forces - compared <= forces_end(method)
 
     @pytest.mark.parametrize(("method", "forces"), METHODS)
     def test_a_log_costs_nothing_after_a_kick(self, method, forces, tmp_path):
@@ -125,7 +127,7 @@ class TestForces:
             dynamics.run(1)
             atoms.calc.calls = 0
             dynamics.run(10)
-        assert atoms.calc.calls <= 10 * forces + 3 * forces_end(method)
+        assert atoms.calc.calls <= 10 * forces + (11 if forces_end(method) else 4)
 
     @pytest.mark.parametrize("method", ["verlet", "babs7o7h", "bcss_s4"])
     def test_changed_atoms_get_new_forces(self, method):
@@ -277,7 +279,66 @@ class TestConstraints:
         assert np.isfinite(state_of(atoms)).all()
 
 
+class Friction(Wells):
+    """Springs with a force that depends on velocities in a part of the states."""
+
+    def __init__(self, drag):
+        super().__init__()
+        self.drag = drag
+
+    def calculate(self, atoms=None, properties=("energy",), system_changes=all_changes):
+        super().calculate(atoms, properties, system_changes)
+        self.results["forces"] = self.results["forces"] + self.drag(atoms.positions, atoms.get_velocities())
+
+
+class TestVelocities:
+    @pytest.mark.parametrize("method", ["verlet", "babs7o7h", "bcss_s4"])
+    @pytest.mark.parametrize(
+        "drag",
+        [
+            lambda x, v: v[::-1] - v,  # vanishes if all velocities are equal
+            lambda x, v: -1e-3 * v,
+            lambda x, v: -v * (abs(v) > 5),  # faster than any atom
+            lambda x, v: -v * (x[0, 0] < 0),
+        ],
+    )
+    def test_calculator_with_friction_is_refused(self, drag, method):
+        atoms = wells()
+        atoms.calc = Friction(drag)
+        with pytest.raises(nh.NearharmonicError, match="depend on velocities"):
+            Splitting(atoms, STEP, method).run(40)
+
+    def test_friction_in_a_sum_of_calculators_is_refused(self):
+        atoms = wells()
+        atoms.calc = SumCalculator([Wells(), Friction(lambda x, v: -v)])
+        with pytest.raises(nh.NearharmonicError, match="depend on velocities"):
+            recommend(atoms, 20.0, time=1.0)
+
+    def test_noise_of_a_calculator_is_no_friction(self):
+        noise = np.random.default_rng(2)
+        atoms = wells()
+        atoms.calc = Friction(lambda x, v: 1e-6 * noise.normal(size=x.shape))
+        Splitting(atoms, STEP, "babs7o7h").run(100)
+
+    def test_cached_forces_stay_those_of_atoms(self):
+        atoms = wells()
+        dynamics = Splitting(atoms, STEP, "babs7o7h")
+        dynamics.run(1)
+        dynamics.step()
+        assert np.array_equal(atoms.get_forces(), Wells().get_forces(ase.Atoms("H3", positions=atoms.positions)))
+
+
 class TestSettings:
+    def test_timestep_of_ase_is_another_name_of_step(self):
+        atoms, same = wells(), wells()
+        Splitting(atoms, timestep=STEP, method="babs7o7h").run(2)
+        Splitting(same, STEP, "babs7o7h").run(2)
+        assert np.array_equal(state_of(atoms), state_of(same))
+        with pytest.raises(nh.NearharmonicError, match="timestep = "):
+            Splitting(wells(), STEP, "babs7o7h", timestep=STEP)
+        with pytest.raises(nh.NearharmonicError, match="unknown integrator"):
+            Splitting(wells(), timestep=STEP)
+
     @pytest.mark.parametrize("step", [0, -1, float("nan"), float("inf"), "1", None, True, [1]])
     def test_a_bad_step_raises_an_error(self, step):
         with pytest.raises(nh.NearharmonicError, match="step = "):
@@ -308,6 +369,19 @@ def test_crystal_of_argon_keeps_its_energy():
     errors = [largest_error(argon(), method, 20 * units.fs, 77) for method in ("verlet", "babs7o7h", "trained_light")]
     assert errors[1] < errors[0] / 3
     assert errors[2] < errors[0] / 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("make", "step"), [(copper, 84), (argon, 140)])
+def test_neighbour_lists_are_those_of_each_force(make, step):
+    """Steps in which atoms move by more than the skin of a list, against calculators without a past."""
+    atoms = make(kelvin=200)
+    dynamics, fresh = Splitting(atoms, step * units.fs, "babs7o7h"), make()
+    for _ in range(5):
+        dynamics.step()
+        fresh.positions = atoms.positions
+        fresh.calc = type(atoms.calc)(**atoms.calc.parameters)
+        np.testing.assert_allclose(atoms.get_forces(), fresh.get_forces(), rtol=0, atol=ROUNDING)
 
 
 class TestRecommend:

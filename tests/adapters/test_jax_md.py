@@ -248,6 +248,41 @@ def test_step_of_a_call_replaces_step():
         apply(state, dt=-1)
 
 
+@pytest.mark.parametrize("method", ["babs7o7h", "abas5o6h"])
+def test_force_is_evaluated_at_the_time_of_positions(method):
+    """x'' = t from rest has the solution t^3 / 6, which a method of order three or more solves exactly."""
+    init, apply = adapter.nve(lambda R, t=0.0, **_: -t * jnp.sum(R), free, 0.5, method)
+    state = started(init, [[0.0]], [[0.0]])
+    for i in range(6):
+        state = apply(state, t=0.5 * i)
+    assert float(state.position[0, 0]) == pytest.approx(4.5, abs=ROUNDING)
+    assert float(state.momentum[0, 0]) == pytest.approx(4.5, abs=ROUNDING)
+
+
+@SLOW
+@pytest.mark.filterwarnings("ignore:scatter inputs:FutureWarning")  # of JAX MD
+@pytest.mark.parametrize("method", ["babs7o7h", "abas5o6h"])
+def test_atoms_that_meet_within_a_step_repel(method):
+    """A step of 0.6 carries one particle past the cut-off of another, of which the list knows nothing before."""
+    jax.clear_caches()  # JAX cannot compare lists of two potentials
+    displacement, shift = space.periodic(10.0)
+    neighbours, energy_of = energy.soft_sphere_neighbor_list(displacement, 10.0, dr_threshold=0.02)
+    pair = energy.soft_sphere_pair(displacement)
+    positions, momenta = jnp.array([[1.0, 5.0], [2.2, 5.1]]), jnp.array([[1.0, 0.0], [0.0, 0.0]])
+    ends = []
+    for potential, capacity in ((energy_of, 1), (pair, None), (energy_of, 0)):
+        init, apply = adapter.nve(potential, shift, 0.6, method)
+        listed = {} if capacity is None else {"neighbor": neighbours.allocate(positions, extra_capacity=capacity)}
+        state = init(jnp.array(KEY, jnp.uint32), positions, kT=0.0, **listed).set(momentum=momenta)
+        if capacity == 0:
+            with pytest.warns(UserWarning, match="neighbor overflowed within a step"):
+                jax.block_until_ready((apply(state, **listed), jax.effects_barrier()))
+            break
+        ends.append(apply(state, **listed))
+    np.testing.assert_allclose(ends[0].momentum, ends[1].momentum, rtol=0, atol=ROUNDING)
+    assert abs(ends[1].momentum[1, 0]) > 1e-3
+
+
 @SLOW
 def test_arguments_of_energy_reach_it():
     init, apply = adapter.nve(lambda R, stiffness: 0.5 * stiffness * jnp.sum(R**2), free, 0.1, "babs7o7h")

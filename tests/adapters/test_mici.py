@@ -233,6 +233,23 @@ def test_system_without_explicit_flows_is_refused():
             integrator(system, 0.1, "leapfrog")
 
 
+@pytest.mark.parametrize("method", ["leapfrog", "babs7o7h", "aba864"])
+def test_force_that_depends_on_momenta_is_refused(method):
+    class Friction(EuclideanMetricSystem):
+        drag = 0.1
+
+        def dh1_dpos(self, state):
+            return state.pos + self.drag * (state.mom - state.mom[::-1]) * (state.pos[0] < 0.2)
+
+    def system():
+        return Friction(neg_log_dens=lambda q: q @ q / 2, grad_neg_log_dens=lambda q: q, metric=np.ones(2))
+
+    with pytest.raises(SettingError, match="depends on the momenta"):
+        after(20, integrator(system(), 0.25, method), start())
+    Friction.drag = 0.0
+    after(20, integrator(system(), 0.25, method), start())
+
+
 def test_tableau_of_the_user_runs():
     own = replace(nh.integrators["leapfrog"], name="mine", aliases=())
     ours, theirs = (after(3, integrator(henon_heiles().system(), 0.1, m), start()) for m in (own, "verlet"))

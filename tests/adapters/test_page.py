@@ -33,7 +33,7 @@ FACE_CENTRED = np.array([[0, 0, 0], [0.5, 0.5, 0], [0.5, 0, 0.5], [0, 0.5, 0.5]]
 METHODS = ("leapfrog", "babs7o7h", "trained_light")
 #: Blocks that compile for seconds.
 LONGER = {"blackjax", "diffrax", "jax_md"}
-MOST_WORDS = 1500
+MOST_WORDS = 1600
 
 
 def rows(heading):
@@ -313,6 +313,20 @@ def test_lowest_version_of_page_is_that_of_extra(library):
     assert (bound.operator, Version(bound.version)) == (">=", tested[0])
     (pinned,) = re.findall(rf"^{normal(PACKAGES[name])}==(\S+)$", CONSTRAINTS, re.MULTILINE)
     assert Version(pinned) == tested[-1]
+
+
+@needs("ase")
+@pytest.mark.filterwarnings("ignore")
+def test_bound_of_recommend_has_the_unit_of_results():
+    import ase
+    from ase.calculators.lj import LennardJones
+
+    atoms = ase.Atoms("Ar2", positions=[[0, 0, 0], [1.1, 0, 0]], momenta=[[0.1, 0, 0], [-0.1, 0, 0]])
+    atoms.calc = LennardJones()
+    found = nh.adapters.ase.recommend(atoms, 1.0, time=1, methods=["verlet"])
+    error = found.max_energy_error.attrs
+    assert error["long_name"].endswith("per atom")
+    assert f"at\nmost 0.01 {error['units']} per atom on your atoms" in PAGE
 
 
 def test_page_is_short():

@@ -79,8 +79,10 @@ def test_trajectory_is_that_of_integrate(system, method):
 def test_run_calls_force_once_a_stage(method, vectorized):
     field = henon_heiles()
     found = solved(field, method, 0.25, vectorized=vectorized)
-    # Two calls check what fun returns. A method with a kick at its beginning alone needs the first of them anyway.
-    once = 1 if method in ("mclachlan_atela_3", "ruth_s3o3") else 2
+    # The first call, three at the start, two at most after each of the steps 1, 2, 4, ..., 64, and four at the end. A
+    # method with a kick at its beginning alone needs the first call anyway.
+    ends_with_kick, asymmetric = nh.integrators[method].first == "kick", method in ("mclachlan_atela_3", "ruth_s3o3")
+    once = 1 - asymmetric + 3 + (1 if ends_with_kick and not asymmetric else 2) * (7 + 2)
     assert found.nfev == field.calls == 80 * nh.integrators[method].stages + once
 
 
@@ -253,6 +255,57 @@ def test_momenta_friction_and_wrong_shapes_are_refused():
     for message, fun in refused.items():
         with pytest.raises(SettingError, match=message):
             solved(fun, "leapfrog", 0.1, y0=(1.0, 0.0))
+
+
+#: Accelerations that depend on velocities: at all states, or at some.
+FRICTION = {
+    "difference of velocities": lambda t, q, v: 0.3 * (v[::-1] - v),
+    "where x > 0.5": lambda t, q, v: -0.1 * v * (q[0] > 0.5),
+    "where x < -0.9": lambda t, q, v: -0.1 * v * (q[0] < -0.9),
+    "after t = 5": lambda t, q, v: -0.1 * v * (t > 5),
+    "in the last step": lambda t, q, v: -0.1 * v * (t > 19.96),
+    "above a speed": lambda t, q, v: -0.1 * v * (abs(v) > 3),
+    "below a speed": lambda t, q, v: -0.1 * v * (abs(v) < 0.01),
+}
+
+
+@pytest.mark.parametrize("step", [0.05, 0.25])
+@pytest.mark.parametrize("method", ["leapfrog", "babs7o7h", "aba864", "ruth_s3o3"])
+@pytest.mark.parametrize("place", FRICTION)
+def test_friction_is_found_wherever_it_acts(place, method, step):
+    def fun(t, y, drag=FRICTION[place]):
+        q, v = np.split(y, 2)
+        return np.concatenate([v, -q + drag(t, q, v)])
+
+    with pytest.raises(SettingError, match="depend on the velocities, at t ="):
+        solved(fun, method, step, y0=(0.0, 0.0, 1.0, 0.0))
+
+
+def test_forces_of_a_matrix_and_of_threads_pass():
+    """A sum with products of velocities and 0, and one that is rounded differently each time."""
+    matrix, noise = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-2, 1, 0, 0], [1, -2.0, 0, 0]]), np.random.default_rng(1)
+    assert solved(lambda t, y: matrix @ y, "babs7o7h", 0.25).success
+    rounded = Field(lambda t, q: -q * (1 + 1e-7 * noise.standard_normal(2)))
+    assert solved(rounded, "babs7o7h", 0.25).success
+
+
+def test_function_may_return_the_same_array_each_time():
+    out = np.empty(4)
+
+    def fun(t, y):
+        out[:2], out[2:] = y[2:], -y[:2] - 0.1 * y[:2] ** 3
+        return out
+
+    found = solved(fun, "babs7o7h", 0.25, dense_output=True, events=zero)
+    assert np.array_equal(found.y, solved(lambda t, y: fun(t, y).copy(), "babs7o7h", 0.25).y)
+
+
+@pytest.mark.parametrize("end", [np.inf, -np.inf, np.nan])
+def test_endless_run_raises_clear_error(end):
+    with pytest.raises(SettingError, match="t_span = "):
+        solved(oscillator(), "leapfrog", 0.1, end=end)
+    with pytest.raises(SettingError, match="max_step = inf"):
+        solved(oscillator(), "leapfrog", np.inf, end=end)
 
 
 @pytest.mark.parametrize("dimension", [0, -1, 1.5, True, "2"])

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from mici.integrators import TractableFlowIntegrator
 from mici.states import ChainState
 from mici.systems import System
 
 from nearharmonic.engine.settings import checked_tau
-from nearharmonic.errors import bad_setting
-from nearharmonic.exchange.method import Method, Move, method_for
+from nearharmonic.errors import SettingError, bad_setting
+from nearharmonic.exchange.method import Method, Move, VelocityCheck, method_for
 from nearharmonic.integrators.tableau import Tableau
+
+#: Length of a kick whose force is compared: the rounding of the momenta has no part in it.
+LONG = 2.0**40
 
 
 class SplittingIntegrator(TractableFlowIntegrator):  # type: ignore[misc]  # its types are skipped
@@ -32,8 +37,19 @@ class SplittingIntegrator(TractableFlowIntegrator):  # type: ignore[misc]  # its
         # A kick of length zero would evaluate a gradient.
         moves: tuple[Move, ...] = tuple(move for move in method.moves if move.coefficient)
         self._forward, self._backward = moves, moves[::-1]
+        # Classes of mici hand positions alone to the gradient of a user.
+        self._momenta = None if type(system).__module__.startswith("mici.") else VelocityCheck()
+        self._taken = 0
 
     def _step(self, state: ChainState, time_step: float) -> None:
+        def force(momenta: Any) -> Any:
+            fresh = ChainState(pos=state.pos, mom=momenta.copy(), dir=1)
+            self.system.h1_flow(fresh, LONG)
+            return (fresh.mom - momenta) / LONG
+
+        if self._momenta and self._momenta.due(self._taken) and self._momenta.finds(force, state.mom, self._taken):
+            raise SettingError("h1_flow of the system depends on the momenta: a splitting method needs h1(q)")
+        self._taken += 1
         flows = {"kick": self.system.h1_flow, "drift": self.system.h2_flow}
         for move in self._forward if time_step > 0 else self._backward:
             flows[move.flow](state, move.coefficient * time_step)
@@ -51,6 +67,9 @@ def integrator(system: System, step: float | None, method: str | Tableau) -> Spl
     step and the first kick of the next step share it: a step costs ``method.stages`` gradients in both roles, and a
     trajectory of a method with kicks first costs one more unless mici already has it. An assignment to ``state.pos``
     clears the gradient; an assignment to an element of it does not.
+
+    ``h1_flow`` of a class of your own is called with several momenta before the first step, four times, and twice
+    before steps 2, 3, 5, 9, 17, ..., with an error if the kicks differ. Classes of mici cannot depend on momenta.
 
     Parameters
     ----------

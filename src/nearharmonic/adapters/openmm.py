@@ -22,14 +22,9 @@ LARGEST_SEED = 2**31 - 1
 
 
 def integrator(
-    method: str | Tableau,
-    step: Any,
-    *,
-    temperature: Any = None,
-    friction: Any = None,
-    seed: int | None = None,
+    method: str | Tableau, step: Any, *, temperature: Any = None, friction: Any = None, seed: int | None = None,
     system: openmm.System | None = None,
-) -> openmm.CustomIntegrator:
+) -> openmm.CustomIntegrator:  # fmt: skip
     """Return an integrator of OpenMM that runs a splitting method.
 
     A step has as many forces as the method has stages: OpenMM keeps the force of the last kick for the first kick of
@@ -49,7 +44,8 @@ def integrator(
 
     Virtual sites are not possible. A ``CustomIntegrator`` on the platforms Reference and CPU moves them at the end of a
     step only, so that kicks inside of the step have forces of a former position and the error has order 1. OpenMM tells
-    an integrator nothing about its system: ``system`` lets this function refuse.
+    an integrator nothing about its system: ``system`` lets this function refuse. Forces must not depend on velocities,
+    which nothing checks.
 
     Parameters
     ----------

@@ -18,31 +18,34 @@ from rebound.integrator import Integrator, IntegratorConfiguration
 
 from nearharmonic.errors import MissingPackageError
 from nearharmonic.exchange.description import identifier
-from nearharmonic.exchange.method import Method, method_for
+from nearharmonic.exchange.method import Method, VelocityCheck, method_for
 from nearharmonic.integrators.tableau import Tableau
 
 _C = rebound.clibrebound
 _Function = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
+_Predicate = ctypes.CFUNCTYPE(ctypes.c_bool, ctypes.c_void_p)
 _update_acceleration = _Function(("reb_simulation_update_acceleration", _C))
 
 #: Size of a simulation in bytes, and of a particle in doubles.
 SIZE, PARTICLE = ctypes.sizeof(rebound.Simulation), ctypes.sizeof(rebound.Particle) // 8
 #: Places of members of a simulation: in units of 8 bytes, and in units of 4 bytes.
-T, DT, DT_LAST_DONE, N, N_VAR, PARTICLES = (
+T, DT, DT_LAST_DONE, N, N_VAR, PARTICLES, STEPS, ADDITIONAL = (
     getattr(rebound.Simulation, member).offset // 8
-    for member in ("t", "dt", "dt_last_done", "N", "N_var", "_particles")
+    for member in ("t", "dt", "dt_last_done", "N", "N_var", "_particles", "steps_done", "_additional_forces")
 )
-VELOCITY_DEPENDENT, GRAVITY, GRAVITY_IGNORE = (
+VELOCITY_DEPENDENT, GRAVITY, GRAVITY_IGNORE, STATUS = (
     getattr(rebound.Simulation, member).offset // 4
-    for member in ("force_is_velocity_dependent", "_gravity", "gravity_ignore")
+    for member in ("force_is_velocity_dependent", "_gravity", "gravity_ignore", "_status")
 )
 #: Number of the gravity routine in Jacobi coordinates, which leaves out terms of the force.
 JACOBI = rebound.simulation.GRAVITIES["jacobi"]
-#: REBOUND's status of a simulation after an error.
-GENERIC_ERROR = 1
+#: REBOUND's status of a simulation after an error, and in the last step of ``integrate``.
+GENERIC_ERROR, LAST_STEP = 1, -2
 
 #: Registered methods by name. REBOUND keeps the address of each function, which must live as long as the process.
 _REGISTERED: dict[str, tuple[Tableau, Any]] = {}
+#: Comparisons of additional forces by the address of the simulation.
+_CHECKS: dict[int, VelocityCheck] = {}
 
 
 @intrinsic
@@ -61,12 +64,38 @@ def _refuse(address: int) -> None:
     simulation = rebound.Simulation.from_address(address)
     if simulation.N_var:
         reason = "variational particles need tangent maps, which the methods of nearharmonic do not have here"
-    elif simulation.force_is_velocity_dependent:
+    elif simulation.gravity != "jacobi":
         reason = "forces depend on velocities, but a splitting method needs forces of positions and time alone"
     else:
         reason = "gravity = 'jacobi' leaves out forces; set gravity = 'basic'"
     _C.reb_simulation_error(ctypes.byref(simulation), reason.encode())
     simulation._status = GENERIC_ERROR
+
+
+@_Predicate  # type: ignore[untyped-decorator]
+def _depends_on_velocities(address: int) -> bool:
+    """Return True if forces of a simulation at several velocities are found to differ; the velocities stay."""
+    simulation = rebound.Simulation.from_address(address)
+    n, taken, check = simulation.N, simulation.steps_done, _CHECKS.get(address)
+    if check is None or taken < check.step:  # another simulation in the memory of an earlier one
+        check = _CHECKS[address] = VelocityCheck()
+    if not check.due(taken, last=simulation._status == LAST_STEP):
+        return False
+
+    def columns(first: int) -> Any:
+        doubles = ctypes.POINTER(ctypes.c_double).from_address(address + 8 * PARTICLES)
+        return np.ctypeslib.as_array(doubles, (n, PARTICLE))[:, first : first + 3]
+
+    def force(velocities: Any) -> Any:
+        columns(3)[:] = velocities
+        _update_acceleration(address)
+        return columns(6).copy()
+
+    velocities = columns(3).copy()
+    try:
+        return check.finds(force, velocities, taken)
+    finally:
+        columns(3)[:] = velocities
 
 
 def register(method: str | Tableau) -> str:
@@ -83,7 +112,11 @@ def register(method: str | Tableau) -> str:
 
     Test particles (``N_active``), collisions and boundaries work: REBOUND handles them in the forces and between two
     steps. Variational particles need tangent maps, and forces that depend on velocities have no potential. Both are
-    refused by ``simulation.steps`` and ``simulation.integrate``, with RuntimeError.
+    refused by ``simulation.steps`` and ``simulation.integrate``, with RuntimeError: REBOUND's flag
+    ``force_is_velocity_dependent`` decides, and without it forces at several velocities, which are compared if there
+    are ``additional_forces``. This costs four forces before the first step, two before steps 2, 3, 5, 9, 17, ..., and
+    two before the last step of ``integrate`` unless a comparison was near. The energy is not compared: a step that is
+    too large for a close encounter raises no error.
 
     The step is compiled, which takes about a second for each method. It then costs what its forces cost.
 
@@ -146,10 +179,13 @@ def _compiled(method: Method) -> Any:
             carray(simulation, SIZE // 8, np.uint64),
             carray(simulation, SIZE // 4, np.int32),
         )
-        if sizes[N_VAR] or integers[VELOCITY_DEPENDENT] or integers[GRAVITY] == JACOBI:
+        integers[GRAVITY_IGNORE] = 0  # an integrator used before may have left out terms of the force
+        taken = sizes[STEPS]
+        due = sizes[ADDITIONAL] and (taken & (taken - 1) == 0 or integers[STATUS] == LAST_STEP)
+        refused = sizes[N_VAR] or integers[VELOCITY_DEPENDENT] or integers[GRAVITY] == JACOBI
+        if refused or (due and _depends_on_velocities(simulation)):
             _refuse(simulation)
             return
-        integers[GRAVITY_IGNORE] = 0  # an integrator used before may have left out terms of the force
         start, dt, drifted, n = doubles[T], doubles[DT], 0.0, np.int64(sizes[N])
         for move in range(kicks.size):
             length = coefficients[move] * dt

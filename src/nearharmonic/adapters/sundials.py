@@ -20,10 +20,10 @@ def table(method: str | Tableau) -> Any:
     ends with a drift of zero and costs ``stages + 1`` forces a step. A method with drifts first begins with a kick of
     zero, whose force SUNDIALS 7.9 leaves out: it costs ``stages`` forces a step, and one more up to SUNDIALS 7.5.
 
-    In ``SPRKStepCreate(f1, f2, t0, y0, context)`` f1 sets dp/dt = -dV/dq alone and f2 sets dq/dt = dT/dp alone. For a T
-    that is not quadratic, choose a method that does not require a quadratic kinetic energy: ``tableau.requires`` is
-    None. V must not depend on time, because ARKODE evaluates the force at the time of the kicks, not of the positions.
-    ``ARKodeSetFixedStep`` sets the step.
+    In ``SPRKStepCreate(f1, f2, t0, y0, context)`` f1 sets dp/dt = -dV/dq alone and f2 sets dq/dt = dT/dp alone;
+    nothing checks it. For a T that is not quadratic, choose a method that does not require a quadratic kinetic energy:
+    ``tableau.requires`` is None. V must not depend on time, because ARKODE evaluates the force at the time of the
+    kicks, not of the positions. ``ARKodeSetFixedStep`` sets the step.
 
     Parameters
     ----------

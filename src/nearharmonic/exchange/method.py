@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
+
+import numpy as np
 
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import integrators
@@ -11,6 +14,13 @@ from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.tableau import First, Tableau
 
 Flow = Literal["kick", "drift"]
+
+#: Relative difference of two forces that rounding may cause, for a sum of a thousand terms.
+ROUNDING = 1e-12
+#: Sizes of the velocities at which a force is compared, relative to the largest velocity of the state.
+SIZES = (1.0, 2.0**-10, 2.0**10)
+#: Angle in radians: cosines of its multiples are spread evenly, without a period.
+GOLDEN_ANGLE = np.pi * (3 - 5**0.5)
 
 
 @dataclass(frozen=True)
@@ -88,3 +98,58 @@ def method_for(library: str, method: str | Tableau) -> Method:
     for c_inner, c_outer in zip(inner, outer[1:], strict=True):
         moves += [Move(names[1], c_inner), Move(names[0], c_outer)]
     return Method(tableau, tuple(moves))
+
+
+@dataclass
+class VelocityCheck:
+    """Comparisons of a force from outside at one position and several velocities, in a few steps of a run.
+
+    The first comparison takes three further velocities, of all :data:`SIZES`, and each later one a single velocity.
+    Components of a velocity differ, so that forces of velocity differences are found as well.
+
+    Attributes
+    ----------
+    compared : int
+        Velocities compared so far; each costs a force.
+    step : int
+        Number of steps before the last comparison.
+    """
+
+    compared: int = 0
+    step: int = 0
+
+    def due(self, step: int, *, last: bool = False) -> bool:
+        """Return True before steps 1, 2, 3, 5, 9, ..., and the last step unless a comparison was in the last fifth."""
+        return not self.compared or step >= 2 * max(self.step, 0.5) or (last and 4 * step > 5 * self.step)
+
+    def direction(self, size: int) -> Any:
+        """Return ``size`` different numbers from -1 to 1, which change with each comparison."""
+        return np.cos(GOLDEN_ANGLE * (self.compared + 1) * np.arange(1, size + 1))
+
+    def finds(self, force: Callable[[Any], Any], velocities: Any, step: int, known: Any = None) -> bool:
+        """Return True if a force depends on velocities.
+
+        Parameters
+        ----------
+        force : callable
+            Forces or accelerations of given velocities at the time and the positions of a state.
+        velocities : array
+            Velocities of the state, or momenta.
+        step : int
+            Number of steps before.
+        known : array, optional
+            Force at ``velocities``. By default it is evaluated.
+        """
+        known = force(velocities) if known is None else known
+        if not np.isfinite(known).all():
+            return False
+        scale, bound = float(np.abs(velocities).max()) or 1.0, ROUNDING * np.abs(known).max()
+        self.step = step
+        for _ in range(1 if self.compared else len(SIZES)):
+            shift = SIZES[self.compared % len(SIZES)] * scale * self.direction(np.size(velocities))
+            self.compared += 1
+            change = np.abs(force(shift.reshape(np.shape(velocities))) - known).max()
+            # A force may be a sum of threads in any order, or an iteration that stops early: repetitions show noise.
+            if not (change <= bound or any(change <= 10 * np.abs(force(velocities) - known).max() for _ in range(8))):
+                return True
+        return False

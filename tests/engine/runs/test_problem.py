@@ -51,6 +51,18 @@ def test_states_are_read_without_energies_and_are_the_readers_own():
     assert found.q.any()
 
 
+def test_plunge_without_energies_causes_one_warning():
+    start = {"q0": [46, 0], "p0": [0, "0.001"]}
+    with pytest.warns(UserWarning, match="checks nothing: at the end H is off by") as caught:
+        run = nh.integrate("kepler", "leapfrog", 1, t_end=4000, energy="none", samples=1, **start)
+    gm = 1.71994752  # of Nielsen's units
+    first = -gm / 46 + 5e-7
+    change = run.p.values[-1] @ run.p.values[-1] / 2 - gm / np.hypot(*run.q.values[-1]) - first
+    assert len(caught) == 1
+    assert f"off by {change:.2g}, and H0 = {first:.2g}" in str(caught[0].message)
+    nh.integrate("kepler", "leapfrog", 40, t_end=4000, energy="none")  # no warning, which would be an error
+
+
 def test_a_problem_and_its_copy_show_system_and_method():
     problem = nh.problem("kepler", "srkn_a14", t_end=4000, energy="samples", samples=5)
     copy = pickle.loads(pickle.dumps(problem))

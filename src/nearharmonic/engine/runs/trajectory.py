@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.engine.batch.kernels import STANDARD, kernel_of
-from nearharmonic.engine.batch.results import Trajectories, least_samples
+from nearharmonic.engine.batch.results import Trajectories, least_samples, surface_limit
 from nearharmonic.engine.numbers.arrays import list_of
 from nearharmonic.engine.runs.continuation import start_of
 from nearharmonic.engine.runs.description import (
@@ -27,6 +28,7 @@ from nearharmonic.engine.runs.solution import Solution
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_TAUS, checked_samples, checked_tau
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Variables, assembled, described
 from nearharmonic.systems import systems
 from nearharmonic.systems.definition.system import System
@@ -83,7 +85,8 @@ def integrate(
         shorter step of the method from the step before, which the run itself does not take.
     energy : {"every", "samples", "none"}
         When the energy is measured: at every step; at the samples, so that errors are over the samples and a run counts
-        as diverged at the first sample that says so; never: errors are NaN, and only what is not finite has diverged.
+        as diverged at the first sample that says so; never: errors are NaN, and only what is not finite has diverged;
+        a warning says so if the last state is off the energy surface.
     energy_scale : float or str, optional
         Energy that errors are relative to, in the system's unit; by default ``|H0|``, or that unit where H0 = 0.
     start : xarray.Dataset or Solution, optional
@@ -136,6 +139,8 @@ def integrate(
         paths = run_at(problem, [steps], asked, **arrays)
         times = np.array([float(time) for time in asked]) + begin.t
     _check_start(problem, paths)
+    if problem.numerics.energy == "none" and not problem.system.time_dependent:
+        _warn_of_plunge(problem, begin.state[0], paths, begin.constants)
     return trajectory_dataset(problem, paths, begin=begin, asked=asked_tau, times=times)
 
 
@@ -237,6 +242,21 @@ def _check_start(problem: Setup, paths: Trajectories) -> None:
     if problem.numerics.energy != "none" and not isfinite(H):
         start = f"({paths.q[0, 0].tolist()}, {paths.p[0, 0].tolist()})"
         raise SettingError(f"(q0, p0) = {start} is not allowed: the energy of {problem.system.name} there is {H}")
+
+
+def _warn_of_plunge(problem: Setup, start: Floats, paths: Trajectories, constants: Sequence[float]) -> None:
+    """Warn of a run without energies that ends off its energy surface, by the energies of its two ends."""
+    d, energy = paths.q.shape[-1], problem.system.energy
+    with np.errstate(all="ignore"):
+        try:
+            H0 = float(energy(start[:d].tolist(), start[2 * d : 3 * d].tolist(), constants))
+            change = abs(float(energy(paths.q[0, -1].tolist(), paths.p[0, -1].tolist(), constants)) - H0)
+        except ArithmeticError:  # not even a number: the status says so, or the last state is at a pole
+            return
+    unit = problem.scale or abs(H0)
+    if change > surface_limit(problem.system, problem.scale) * unit > 0:
+        message = f"energy='none' checks nothing: at the end H is off by {change:.2g}, and H0 = {H0:.2g}"
+        warnings.warn(message, stacklevel=3)
 
 
 def _checked_taus(key: str, taus: object) -> list[float]:

@@ -1,4 +1,4 @@
-"""Choice of a method by a short trial on the atoms and the calculator of a user."""
+"""ASE: a method as molecular dynamics at constant energy, and a trial of methods on the atoms of a user."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from ase import Atoms, units
-from ase.calculators.calculator import CalculatorError, PropertyNotImplementedError
+from ase.calculators.calculator import BaseCalculator, CalculatorError, PropertyNotImplementedError
+from ase.constraints import ExternalForce, FixAtoms, FixCartesian, FixedLine, FixedPlane, Hookean
+from ase.md.md import MolecularDynamics
 
-from nearharmonic.adapters.ase.dynamics import Splitting, check_constraints, masses_of, positive
-from nearharmonic.errors import RefusedError, bad_setting
-from nearharmonic.exchange.method import Method, method_for
+from nearharmonic.errors import RefusedError, SettingError, bad_setting
+from nearharmonic.exchange.method import Method, VelocityCheck, method_for
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.written import is_real
 from nearharmonic.output.dataset import assembled, described
@@ -22,6 +23,10 @@ from nearharmonic.output.dataset import assembled, described
 if TYPE_CHECKING:
     import xarray as xr
 
+__all__ = ["Splitting", "recommend"]
+
+#: Constraints that are linear in positions and momenta alike, or forces: kicks and drifts remain exact flows.
+LINEAR = (FixAtoms, FixCartesian, FixedLine, FixedPlane, Hookean, ExternalForce)
 #: Methods of plain kicks and drifts that are tried by default: leapfrog, methods of order 2 for few forces and large
 #: steps, and near-harmonic and trained methods for smaller errors.
 CANDIDATES = (
@@ -36,6 +41,171 @@ LEAST_STEPS = 20
 #: Step sizes that are tried are ``RESOLUTION`` times the time of a trial over an integer.
 RESOLUTION = 10
 MILLI = 1000
+
+
+class Splitting(MolecularDynamics):  # type: ignore[misc]  # ASE has no types
+    """Molecular dynamics at constant energy by a splitting method of kicks and drifts.
+
+    A step evaluates as many forces as the method has stages. The last kick of a step and the first of the next share
+    one: the calculator keeps it with its positions, as all calculators of ASE do, so a change of atoms, cell or momenta
+    between two steps never meets an old force. The roles are those of the method. A method that begins with a drift
+    ends with one, and its last positions need no force: it costs one more force in each step whose forces an observer,
+    a trajectory or a log asks for. The kinetic energy is quadratic, so Nystrom methods keep their order.
+
+    Fixed atoms, coordinates, lines and planes are exact, as are Hookean restraints and external forces. Fixed bond
+    lengths and other constraints raise an error: a drift along them is no straight line, and the order falls to 2.
+
+    Forces that depend on velocities raise an error. The calculator is called with other momenta: three times before the
+    first step, and once before steps 2, 3, 5, 9, 17, ... and before the last step of a run unless a comparison was
+    near. After a drift each comparison evaluates the force at the momenta of the atoms as well.
+
+    Parameters
+    ----------
+    atoms : ase.Atoms
+        Atoms with a calculator. Atoms without momenta begin at rest.
+    step : float
+        Size of a whole step, above 0, in ASE's unit of time: ``5 * ase.units.fs``. The time of a force is
+        ``step / stages``. ASE's name ``timestep`` is possible as well.
+    method : str or Tableau
+        Name of an integrator, path of a file, or a tableau, of plain kicks and drifts.
+    trajectory : str, Path or ase.io.Trajectory, optional
+        File or object to which configurations are written.
+    logfile : str or file, optional
+        File of a log of energies and temperatures; "-" prints it.
+    loginterval : int
+        Steps between two configurations in the trajectory, and between two lines of the log.
+    **more
+        Further arguments of ``ase.md.md.MolecularDynamics``, such as ``append_trajectory``.
+
+    Raises
+    ------
+    NearharmonicError
+        An unknown method, one with modified potentials or a processor, a bad step, a mass that is not positive of an
+        atom that may move, a constraint that is not linear, or, from a run, forces that depend on velocities.
+
+    Notes
+    -----
+    The hook is ``ase.md.md.MolecularDynamics``, the class of ASE's own dynamics; ``"verlet"`` is
+    ``ase.md.verlet.VelocityVerlet``.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> from ase import units
+    >>> from ase.build import bulk
+    >>> from ase.calculators.emt import EMT
+    >>> atoms = bulk("Cu", cubic=True)
+    >>> atoms.calc = EMT()
+    >>> nh.adapters.ase.Splitting(atoms, 28 * units.fs, "babs7o7h").run(2)
+    True
+    """
+
+    def __init__(
+        self, atoms: Atoms, step: float | None = None, method: str | Tableau = "", *, trajectory: Any = None,
+        logfile: Any = None, loginterval: int = 1, timestep: float | None = None, **more: Any,
+    ) -> None:  # fmt: skip
+        if not isinstance(atoms, Atoms):
+            raise bad_setting("atoms", atoms, "an ase.Atoms")
+        if step is not None and timestep is not None:
+            raise bad_setting("timestep", timestep, "another name of step, of which one is given")
+        self.method = method_for("ASE", method)
+        given = step if timestep is None else timestep
+        size = positive("step", given, "a time above 0 in ASE's unit, such as 5 * ase.units.fs")
+        masses_of(atoms)
+        check_constraints(atoms)
+        super().__init__(atoms, size, trajectory=trajectory, logfile=logfile, loginterval=loginterval, **more)
+        self.velocity_check, self._taken = VelocityCheck(), 0
+
+    def step(self) -> None:
+        """Take one step."""
+        atoms = self.atoms
+        check_constraints(atoms)
+        masses = masses_of(atoms)
+        self._compare_forces(masses)
+        for move in self.method.moves:
+            if move.coefficient == 0:  # a kick would evaluate a force for nothing
+                continue
+            length = move.coefficient * self.dt
+            if move.flow == "kick":
+                atoms.set_momenta(atoms.get_momenta() + length * atoms.get_forces(md=True))
+            else:
+                atoms.set_positions(atoms.get_positions() + length * atoms.get_momenta() / masses)
+
+    def _compare_forces(self, masses: np.ndarray) -> None:
+        """Raise an error if the calculator is found to use velocities, which its cache does not know."""
+        atoms, check, taken = self.atoms, self.velocity_check, self._taken
+        self._taken += 1
+        if not check.due(taken, last=self.nsteps + 1 == self.max_steps):
+            return
+        velocities = atoms.get_momenta() / masses
+
+        def force(given: np.ndarray) -> np.ndarray:
+            other = atoms.copy()
+            other.arrays["momenta"] = given * masses
+            other.calc = atoms.calc
+            forget(other.calc)
+            return np.asarray(other.get_forces(md=True))
+
+        if check.finds(force, velocities, taken, atoms.get_forces(md=True)):
+            raise SettingError("the forces of the calculator depend on velocities: a splitting method needs V(q)")
+
+    def todict(self) -> dict[str, Any]:
+        """Return what a trajectory writes about its dynamics, with the name of the method."""
+        return {**super().todict(), "method": self.method.tableau.name}
+
+    def call_observers(self) -> None:
+        """Call the observers that are due; after a last drift they find energy and forces of the last positions."""
+        intervals = [interval for _, interval, _, _ in self.observers]
+        due = any(self.nsteps % one == 0 if one > 0 else self.nsteps == -one for one in intervals)
+        if due and self.method.first == "drift":
+            self.atoms.get_forces()
+        super().call_observers()
+
+    def _refresh_properties(self) -> None:
+        """Evaluate forces at the end of a step for ASE, unless they would be thrown away."""
+        if self.method.first == "kick":
+            super()._refresh_properties()
+
+
+def forget(calculator: Any) -> None:
+    """Let a calculator evaluate known positions again, and a sum of calculators its parts, as if atoms had moved.
+
+    A reset would build neighbour lists anew, which changes the order of sums, and some calculators return nothing if
+    nothing has changed.
+    """
+    for one in (calculator, *getattr(getattr(calculator, "mixer", None), "calcs", ())):
+        if isinstance(one, BaseCalculator) and one.atoms is not None:
+            one.atoms = one.atoms.copy()
+            one.atoms.positions += 1
+
+
+def positive(key: str, given: Any, allowed: str) -> float:
+    """Return a finite number above 0 as a float; a user may pass anything."""
+    if not is_real(given) or not (isfinite(given) and float(given) > 0):
+        raise bad_setting(key, given, allowed)
+    return float(given)
+
+
+def masses_of(atoms: Atoms) -> np.ndarray:
+    """Return the masses as a column; those of fixed atoms are 1, as they may be 0 and their momenta are."""
+    masses = np.array(atoms.get_masses(), dtype=float)
+    for constraint in atoms.constraints:
+        if isinstance(constraint, FixAtoms):
+            masses[constraint.index] = 1
+    bad = np.flatnonzero(~((masses > 0) & np.isfinite(masses)))
+    if bad.size:
+        raise bad_setting(f"mass of atom {bad[0]}", masses[bad[0]], "a number above 0, unless FixAtoms holds the atom")
+    return masses[:, np.newaxis]
+
+
+def check_constraints(atoms: Atoms) -> None:
+    """Raise an error for a constraint along which a drift is no straight line."""
+    for constraint in atoms.constraints:
+        if not isinstance(constraint, LINEAR):
+            raise SettingError(
+                f"constraint {type(constraint).__name__}: a drift along it is no straight line, so the order falls; "
+                f"possible are {', '.join(one.__name__ for one in LINEAR)}"
+            )
 
 
 @dataclass(frozen=True)
@@ -67,7 +237,7 @@ def recommend(
     the end of every step of the trial differs from the first by at most the bound. A run that misses the bound ends at
     once. The largest step is found within 5 %, and a step smaller by 10 % meets the bound too. A trial sees the motions
     of its own time only: it should last for several periods of the slowest vibration. There are some ten runs for each
-    method: the seven methods take about 5000 forces on copper at 0.01 meV per atom over 500 fs.
+    method: the eight methods take about 5000 forces on copper at 0.01 meV per atom over 500 fs.
 
     Parameters
     ----------
@@ -142,7 +312,7 @@ class Trial:
 
     def __init__(self, atoms: Atoms, duration: float, bound: float) -> None:
         self.atoms, self.duration, self.bound = atoms, duration, bound
-        self.forces = 0
+        self.forces, self._velocity_check = 0, VelocityCheck()
         self._bar: Any = None
         self._first = self._energy(self._copy())
         self.longest = _longest_time(self._copy())
@@ -161,7 +331,9 @@ class Trial:
         self._count(not begins_with_drift)  # the first kick
         # The forces of a step that is much too large overflow, which is no fault of the calculator.
         with Splitting(atoms, step, method.tableau) as dynamics, np.errstate(all="ignore"):
+            dynamics.velocity_check = self._velocity_check
             for _ in range(max(LEAST_STEPS, round(self.duration / step))):
+                compared = self._velocity_check.compared
                 try:
                     dynamics.step()
                     if not np.isfinite(atoms.positions).all():
@@ -169,7 +341,8 @@ class Trial:
                     error = abs(self._energy(atoms) - self._first)
                 except (CalculatorError, ArithmeticError):  # positions after much too large a step
                     return inf
-                self._count(method.stages + begins_with_drift)  # the energy after a last drift
+                # The energy after a last drift is one force more.
+                self._count(method.stages + begins_with_drift + self._velocity_check.compared - compared)
                 largest = max(largest, error) if isfinite(error) else inf
                 if largest > self.bound:
                     break
