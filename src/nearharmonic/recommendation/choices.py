@@ -34,9 +34,9 @@ from nearharmonic.recommendation.timings import TIMED, library_choices
 REPEATS = Patience(least=15, most=25, seconds=0.01)
 #: Relative margin of the mean below the bound: its last digits depend on the number of samples of a run.
 MEAN_ROUNDING = 1e-9
-#: Methods that take more than so many times the evaluations of the best, by coarse runs, are not searched: their
-#: times are longer too. Only where all registered methods are asked.
-DROPPED = 4
+#: Where all registered methods are asked, the coarse runs end at so many times the evaluations of the best method, and
+#: not before so many methods meet the bound: others would take longer.
+DROPPED, RANKED = 2, 10
 #: Finest steps of a search: so many times as many as those of the coarse run that meets the bound.
 REACH = 8
 #: Starts of an ensemble that the search runs, and starts at most whose errors are taken in the end.
@@ -47,7 +47,7 @@ KEPT = 2**22
 #: bound at which a step is confirmed.
 PERTURBED, LONGER, CONFIRMED = 3, 4, 2
 #: Ratio of numbers of steps that are tried one after the other until a step is confirmed.
-FINER = 1.25
+FINER = 1.1
 
 
 def to_terminal(line: str) -> None:
@@ -163,7 +163,7 @@ class Search:
             elif one_step > asked.budget:
                 found[name] = replace(choice, reason=f"a single step takes {one_step} evaluations")
         going = [name for name, one in found.items() if not isinstance(one, Choice)]
-        evaluations, best, last = 2, (inf, ""), asked.longest
+        evaluations, met, last = 2, list[tuple[int, str]](), asked.longest
         while going and evaluations < last:
             evaluations = min(2 * evaluations, last)
             for name in tuple(going):
@@ -173,14 +173,17 @@ class Search:
                 # No method is stable at a step above 2 a stage.
                 if steps < 1 or self._radians(steps) > 2 * tableau.stages:
                     continue
-                errors[steps] = self._errors(tableau, [steps])[0]
+                run = self._runs(tableau, [steps], _evenly(self.starts, SEARCHED))
+                errors[steps] = float(self._each(run).max())
                 if errors[steps] <= self.bound and steps >= self._least(tableau):
                     going.remove(name)
-                    best = min(best, (evaluations, name))
-                    last = min(last, DROPPED * best[0]) if asked.every else last
+                    # Those of an implicit method depend on its iterations.
+                    met = sorted([*met, (max(evaluations, int(run.evaluations.max())), name)])
+            if asked.every and len(met) >= RANKED:
+                last = min(last, max(DROPPED * met[0][0], met[RANKED - 1][0]))
             report(f"runs of {evaluations} evaluations: {len(found) - len(going)} of {len(found)} methods are decided")
         if last < asked.longest:
-            reason = f"takes over {DROPPED} times the evaluations of {best[1]}"
+            reason = f"it needs more than {evaluations} evaluations, and {met[0][1]} at most {met[0][0]}"
             dropped = {name: Choice(method=name, label=asked.methods[name].label, kind="splitting", status="not run",
                                     reason=reason) for name in going}  # fmt: skip
             return found | dropped
@@ -202,7 +205,7 @@ class Search:
         most, least, last = asked.longest // tableau.stages, self._least(tableau), max(errors, default=0)
         if errors and errors[last] <= self.bound and least <= last:
             finest = min(most, REACH * last)
-            rungs = sorted({max(least, last // 2), last, finest, *ladder(most)})
+            rungs = sorted({max(least, last // 2), last, finest, *ladder(finest)})
             rungs = [n for n in rungs if max(least, last // 2) <= n <= finest]
             floor = POSITION_ROUNDING if asked.measure == "position" else ROUNDING
             errors |= measured_errors(lambda steps: self._errors(tableau, steps), rungs, self.bound, floor)
