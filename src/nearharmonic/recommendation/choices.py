@@ -111,7 +111,7 @@ class Search:
     def orbits(self) -> Orbits:
         """Orbits from the starts that the search runs."""
         asked = self.asked
-        return orbits(asked.system, Fraction(asked.t_end), _evenly(self.starts, SEARCHED), asked.budget // 4)
+        return orbits(asked.system, Fraction(asked.t_end), _evenly(self.starts, SEARCHED), asked.budget)
 
     @cached_property
     def perturbation(self) -> float:

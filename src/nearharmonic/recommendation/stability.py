@@ -23,6 +23,8 @@ from nearharmonic.systems.definition.system import System
 
 #: A kick by the gradient of V, then a drift; its other role begins with the drift.
 KICK = Tableau(name="kick", order=1, first="kick", kick=("1", "0"), drift=("1",), source="Euler", digits=30)
+#: Method of the orbits, for any T: near a saddle leapfrog would leave for where an orbit of the system does not go.
+ACCURATE = "blanes_moan_s6o4"
 #: Sizes of differences of gradients relative to the extent of an orbit, whose truncation and rounding are alike.
 DIFFERENCE = 2.0**-17
 #: Smallest extent of a coordinate in a difference, relative to that of all coordinates.
@@ -37,7 +39,7 @@ POINTS, NUMBERS = 4096, 2**14
 
 @dataclass(frozen=True)
 class Orbits:
-    """Orbits with small steps of leapfrog.
+    """Orbits of an accurate method with small steps.
 
     ``extents`` (2, D) are the largest moduli of positions and momenta, or a small part of that of all coordinates.
     ``frequency`` is the largest frequency at their points, 0 without oscillations or for a regularised system, whose
@@ -51,10 +53,11 @@ class Orbits:
 def orbits(system: System, t_end: Fraction, start: Floats, evaluations: int) -> Orbits:
     """Return the orbits from the states ``start`` (K, 4 D), with so many evaluations of the force together."""
     members, D = len(start), start.shape[1] // 4
-    steps = max(1, evaluations // members)
+    tableau = integrators[ACCURATE]
+    steps = max(1, evaluations // members // tableau.stages)
     paths = integrate_batch(
-        system, integrators["leapfrog"], t_end=t_end, steps=[steps] * members, start=start,
-        samples=max(17, min(POINTS, NUMBERS // D) // members), numerics=Numerics(energy="none"),
+        system, tableau, t_end=t_end, steps=[steps] * members, start=start,
+        samples=max(17, min(POINTS, NUMBERS // D) // members), numerics=Numerics(energy="samples"),
     )  # fmt: skip
     points = np.stack([paths.q, paths.p]).reshape(2, -1, D)
     points = points[:, np.isfinite(points).all(axis=(0, 2))]
