@@ -260,9 +260,8 @@ def test_every_axis_of_a_recommendation_has_two_labels(least, most):
     for axis in (figure.axes[0].yaxis, *(axes.xaxis for axes in figure.axes)):
         low, high = axis.get_view_interval()
         ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
-        assert sum(bool(tick.label1.get_text()) and low <= tick.get_loc() <= high for tick in ticks) >= 2
-        assert low < least
-        assert high > most
+        labels = {tick.label1.get_text() for tick in ticks if low <= tick.get_loc() <= high} - {""}
+        assert len(labels) >= 2
 
 
 @pytest.mark.parametrize(
