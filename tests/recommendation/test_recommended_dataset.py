@@ -282,18 +282,19 @@ def half_trace(tableau, x):
     return abs(np.trace(K)) / 2
 
 
-def test_steps_are_stable_for_modes_that_do_not_move():
-    sites = 12
-    system = dataclasses.replace(chain(sites), q0=mode(sites).round(9).tolist(), t_end="200")
+def test_steps_are_stable_for_modes_that_do_not_move(monkeypatch):
+    monkeypatch.setattr(choices.Search, "_further_error", lambda *_: 0.0)  # which would find some of these steps
+    sites = 32
+    system = dataclasses.replace(chain(sites), q0=mode(sites).round(9).tolist(), t_end="250")
     found = nh.recommend(system, 1e-8, methods=["babps9o7h", "omelyan_v5", "predescu_s3"])
     assert found.sizes["rank"] == 3
     fastest = 2 * np.cos(np.pi / (2 * sites + 2))  # of the harmonic chain with fixed ends
     for name, tau in zip(found.integrator.values.tolist(), found.tau.values.tolist(), strict=True):
-        assert all(half_trace(integrators[name], x * fastest) <= 1 + 1e-8 for x in np.linspace(0.01, tau, 500)), name
+        assert max(half_trace(integrators[name], x * fastest) for x in np.linspace(0.01, tau, 500)) <= 1 + 1e-8, name
         # Seen from a start that moves every mode by little.
         longer = nh.integrate(system, name, tau, t_end=4000, q0=mode(sites) + 1e-7 * mode(sites, sites), samples=2)
         assert longer.max_energy_error < 2e-8, name
-    assert "the largest frequency along the orbit, 1.99, times the step is below" in found.attrs["basis"]
+    assert "the largest frequency along the orbit, 2, times the step is below" in found.attrs["basis"]
 
 
 @pytest.mark.slow
@@ -348,6 +349,15 @@ def test_a_step_that_is_not_confirmed_comes_last_and_is_named(monkeypatch):
     assert found.attrs["unconfirmed"] == "ruth (inf)"
     told = ranking(choices.recommendation(question("sho", 1e-3, methods=FEW, t_end=50)))
     assert "not confirmed from other starts and over a longer interval, and therefore last: ruth (inf)" in told.notes
+
+
+@pytest.mark.slow
+def test_a_start_beside_the_way_to_escape_is_not_confirmed():
+    speed = np.sqrt(2 * (1 / 6 - 1e-8))
+    found = nh.recommend("henon_heiles", 1e-8, methods=["babps9o7h"], q0=[0, 0], p0=[0, speed], t_end=300)
+    assert found.max_energy_error.item() <= 1e-8
+    assert found.further_error.item() > 0.1
+    assert found.attrs["unconfirmed"].startswith("babps9o7h (")
 
 
 def test_each_method_has_a_line_that_a_pipe_does_not_get(capsys):

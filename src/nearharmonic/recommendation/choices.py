@@ -284,7 +284,10 @@ class Search:
     def _errors(self, tableau: Tableau, steps: Sequence[int]) -> list[float]:
         """Return errors of runs with these numbers of steps, the largest of the starts that are searched."""
         starts = _evenly(self.starts, SEARCHED)
-        return self._each(self._runs(tableau, steps, starts)).reshape(len(steps), -1).max(axis=1).tolist()
+        errors: list[float] = (
+            self._each(self._runs(tableau, steps, starts)).reshape(len(steps), -1).max(axis=1).tolist()
+        )
+        return errors
 
     def _each(self, paths: Trajectories) -> Floats:
         """Return the error of each run in the requested measure, infinite where it failed."""
@@ -316,7 +319,8 @@ class Search:
 
 def _evenly(rows: Floats, most: int) -> Floats:
     """Return at most so many of ``rows``, in even distances."""
-    return rows[np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int)]
+    chosen: Floats = rows[np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int)]
+    return chosen
 
 
 def _quantile(errors: Floats) -> float:

@@ -71,9 +71,10 @@ def recommend(
         ``mean_energy_error``, which ``integrate`` finds for this ``tau`` and ``summation``, and ``position_error`` if
         that is the measure; ``time``, the least wall time of the run in s, of one trajectory on one core. Uncompensated
         sums are used where they do not increase the error. ``further_error`` is the largest error of the runs that
-        confirm the step. Methods for which it is above twice the bound come last, and the attribute ``unconfirmed``
-        names them. Methods that miss the bound are left out: the attributes ``missed`` and ``not_run`` name them with the reason, ``basis`` tells what was measured where,
-        ``call`` is the Python code of the first run, in which a system that is not registered has its own name.
+        confirm the step; methods for which it exceeds twice the bound come last, and the attribute ``unconfirmed``
+        names them. Methods that miss the bound are left out: the attributes ``missed`` and ``not_run`` name them with
+        the reason, ``basis`` tells what was checked and measured where, ``call`` is the Python code of the first run,
+        in which a system that is not registered, and the starts of an ensemble, have their own names.
 
     Raises
     ------
@@ -125,7 +126,8 @@ def as_dataset(found: Recommendation) -> xr.Dataset:
             for name, notes in asked.energy_attributes.items()
         },
         "further_error": over(
-            "further_error", float,
+            "further_error",
+            float,
             described("largest energy error from other starts and over a longer interval", further["units"]),
         ),
         "time": over("time", float, described("least wall time of one run on one core, without start-up", "s")),
