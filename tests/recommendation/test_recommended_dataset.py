@@ -286,8 +286,8 @@ def test_steps_are_stable_for_modes_that_do_not_move(monkeypatch):
     monkeypatch.setattr(choices.Search, "_further_error", lambda *_: 0.0)  # which would find some of these steps
     sites = 32
     system = dataclasses.replace(chain(sites), q0=mode(sites).round(9).tolist(), t_end="250")
-    found = nh.recommend(system, 1e-8, methods=["babps9o7h", "omelyan_v5", "predescu_s3"])
-    assert found.sizes["rank"] == 3
+    found = nh.recommend(system, 1e-8, methods=["babps9o7h", "predescu_s3"])
+    assert found.sizes["rank"] == 2
     fastest = 2 * np.cos(np.pi / (2 * sites + 2))  # of the harmonic chain with fixed ends
     for name, tau in zip(found.integrator.values.tolist(), found.tau.values.tolist(), strict=True):
         assert max(half_trace(integrators[name], x * fastest) for x in np.linspace(0.01, tau, 500)) <= 1 + 1e-8, name
