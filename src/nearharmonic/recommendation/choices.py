@@ -153,15 +153,18 @@ class Search:
     def _coarse(self, report: Callable[[str], None]) -> dict[str, Choice | dict[int, float]]:
         """Return for each method the errors of coarse runs, the last of which meets the bound, or its choice."""
         asked, found = self.asked, dict[str, Choice | dict[int, float]]()
+        unrun = {
+            name: Choice(method=name, label=tableau.label, kind="splitting", status="not run")
+            for name, tableau in asked.methods.items()
+        }
         for name, tableau in asked.methods.items():
-            choice = Choice(method=name, label=tableau.label, kind="splitting", status="not run")
             reason, _ = misfit(asked.system, tableau)
             one_step = tableau.evaluations(1)
             found[name] = {}
             if reason:
-                found[name] = replace(choice, reason=f"does not fit: {reason}")
+                found[name] = replace(unrun[name], reason=f"does not fit: {reason}")
             elif one_step > asked.budget:
-                found[name] = replace(choice, reason=f"a single step takes {one_step} evaluations")
+                found[name] = replace(unrun[name], reason=f"a single step takes {one_step} evaluations")
         going = [name for name, one in found.items() if not isinstance(one, Choice)]
         evaluations, met, last = 2, list[tuple[int, str]](), asked.longest
         while going and evaluations < last:
@@ -183,10 +186,8 @@ class Search:
                 last = min(last, max(DROPPED * met[0][0], met[RANKED - 1][0]))
             report(f"runs of {evaluations} evaluations: {len(found) - len(going)} of {len(found)} methods are decided")
         if last < asked.longest:
-            reason = f"it needs more than {evaluations} evaluations, and {met[0][1]} at most {met[0][0]}"
-            dropped = {name: Choice(method=name, label=asked.methods[name].label, kind="splitting", status="not run",
-                                    reason=reason) for name in going}  # fmt: skip
-            return found | dropped
+            reason = f"more than {evaluations} evaluations, and {met[0][1]} takes at most {met[0][0]}"
+            found |= {name: replace(unrun[name], reason=reason) for name in going}
         return found
 
     def _radians(self, steps: int) -> float:
@@ -195,7 +196,7 @@ class Search:
 
     def _least(self, tableau: Tableau) -> int:
         """Fewest steps that are linearly stable at the largest frequency."""
-        limit = float("inf") if tableau.implicit else float(stability_limit(tableau))
+        limit = float(stability_limit(tableau))  # infinite for an implicit method
         return int(self._radians(1) / limit) + 1
 
     def _choice(self, name: str, errors: dict[int, float]) -> Choice:

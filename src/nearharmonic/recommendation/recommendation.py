@@ -127,9 +127,12 @@ class Recommendation:
         return "; ".join(_at_best(choice, self.question) for choice in missed)
 
     def not_run(self) -> str:
-        """Return the methods that were not run, each with the reason."""
-        absent = [choice for choice in self.choices if choice.status == "not run"]
-        return "; ".join(f"{choice.shown} ({choice.reason})" for choice in absent)
+        """Return the methods that were not run, those of one reason together with it."""
+        absent: dict[str, list[str]] = {}
+        for choice in self.choices:
+            if choice.status == "not run":
+                absent.setdefault(choice.reason, []).append(choice.shown)
+        return "; ".join(f"{', '.join(names)} ({reason})" for reason, names in absent.items())
 
 
 def is_rounding(choice: Choice, asked: Question) -> bool:

@@ -6,10 +6,8 @@ gradients that kernels compute, so that they need no expression and no code of t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 
@@ -66,7 +64,8 @@ def orbits(system: System, t_end: Fraction, start: Floats, evaluations: int) -> 
     extents[extents == 0] = 1.0
     frequency = 0.0
     if system.regularisation is None and points.size:
-        frequency = float(np.sqrt(np.maximum(_largest_eigenvalues(system, points, extents), 0)).max())
+        with np.errstate(all="ignore"):  # a gradient beside a singularity may be infinite
+            frequency = float(np.sqrt(np.maximum(_largest_eigenvalues(system, points, extents), 0)).max(initial=0))
     return Orbits(extents, frequency)
 
 
@@ -96,16 +95,12 @@ def _largest_eigenvalues(system: System, points: Floats, extents: Floats) -> Flo
     x = _hessian_times(system, points, extents, 1, z)
     beside[-1] = np.sqrt(np.maximum((z * x).sum(axis=1), 0))
     matrices = np.zeros((M, count, count))
-    for k in range(count):
-        matrices[:, k, k] = diagonal[k]
-        if k:
-            matrices[:, k, k - 1] = matrices[:, k - 1, k] = beside[k - 1]
-    matrices = matrices[np.isfinite(matrices).all(axis=(1, 2))]
-    if not len(matrices):
-        return np.zeros(1)
-    values, vectors = np.linalg.eigh(matrices)
-    left = beside[-1][: len(values)] if len(values) == M else 0.0
-    found: Floats = values[:, -1] + left * np.abs(vectors[:, -1, -1])
+    matrices[:, range(count), range(count)] = diagonal.T
+    for k in range(1, count):
+        matrices[:, k, k - 1] = matrices[:, k - 1, k] = beside[k - 1]
+    usable = np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(beside[-1])
+    values, vectors = np.linalg.eigh(matrices[usable])
+    found: Floats = values[:, -1] + beside[-1, usable] * np.abs(vectors[:, -1, -1])
     return found
 
 
@@ -121,11 +116,9 @@ def _hessian_times(system: System, points: Floats, extents: Floats, which: int, 
     rows[:, :, 2 * which] = points[which]
     rows[0, :, 2 * which] += change
     rows[1, :, 2 * which] -= change
-    steps: Sequence[int] = [1] * (2 * M)
-    numerics: Any = Numerics(energy="none", summation="plain")
     paths = integrate_batch(
-        system, KICK.role("drift") if which else KICK, t_end=Fraction(1), steps=steps, samples=1,
-        start=rows.reshape(2 * M, -1), numerics=numerics,
+        system, KICK.role("drift") if which else KICK, t_end=Fraction(1), steps=[1] * (2 * M), samples=1,
+        start=rows.reshape(2 * M, -1), numerics=Numerics(energy="none", summation="plain"),
     )  # fmt: skip
     ahead, behind = (paths.q if which else -paths.p).reshape(2, M, D)
     found: Floats = (ahead - behind) / (2 * DIFFERENCE) * np.where(size > 0, size, 1)
