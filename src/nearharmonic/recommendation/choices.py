@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -141,14 +141,22 @@ class Search:
         kind = "an energy error at most twice its own" if self.exact else "at most twice the error"
         return f"{stable}; confirmed by {kind} from {others} and over {LONGER} times the interval"
 
-    def choices(self, report: Callable[[str], None]) -> Iterator[Choice]:
-        """Yield a choice for each method, not timed yet."""
+    def choices(self, report: Callable[[str], None]) -> Iterable[Choice]:
+        """Return a choice for each method, not timed yet; those of the fewest evaluations from a denser search."""
         coarse = self._coarse(report)
-        for i, (name, found) in enumerate(coarse.items(), 1):
-            choice = found if isinstance(found, Choice) else self._choice(name, found)
+        few = sum(not isinstance(one, Choice) for one in coarse.values()) <= RANKED
+        found: dict[str, Choice] = {}
+        for i, (name, one) in enumerate(coarse.items(), 1):
+            found[name] = choice = one if isinstance(one, Choice) else self._choice(name, one, dense=few)
             told = choice.reason or f"error {choice.error:.1e} at tau {choice.tau:.4g}"
             report(f"{i} of {len(coarse)}: {choice.shown}: {choice.status}, {told}")
-            yield choice
+        met = sorted((one for one in found.values() if one.status == "met"), key=lambda one: one.evaluations)
+        for choice in [] if few else met[:RANKED]:
+            errors = coarse[choice.method]
+            assert isinstance(errors, dict)
+            found[choice.method] = self._choice(choice.method, errors, dense=True)
+            report(f"{choice.shown}: searched with more step sizes")
+        return found.values()
 
     def _coarse(self, report: Callable[[str], None]) -> dict[str, Choice | dict[int, float]]:
         """Return for each method the errors of coarse runs, the last of which meets the bound, or its choice."""
@@ -184,7 +192,8 @@ class Search:
                     met = sorted([*met, (max(evaluations, int(run.evaluations.max())), name)])
             if asked.every and len(met) >= RANKED:
                 last = min(last, max(DROPPED * met[0][0], met[RANKED - 1][0]))
-            report(f"runs of {evaluations} evaluations: {len(found) - len(going)} of {len(found)} methods are decided")
+            if met:
+                report(f"runs of {evaluations} evaluations: {len(met)} of {len(found)} methods meet the error")
         if last < asked.longest:
             reason = f"more than {evaluations} evaluations, and {met[0][1]} takes at most {met[0][0]}"
             found |= {name: replace(unrun[name], reason=reason) for name in going}
@@ -199,14 +208,14 @@ class Search:
         limit = float(stability_limit(tableau))  # infinite for an implicit method
         return int(self._radians(1) / limit) + 1
 
-    def _choice(self, name: str, errors: dict[int, float]) -> Choice:
+    def _choice(self, name: str, coarse: Mapping[int, float], *, dense: bool) -> Choice:
         """Return the largest step of a method that meets the bound, after its coarse runs."""
-        asked, tableau = self.asked, self.asked.methods[name]
+        asked, tableau, errors = self.asked, self.asked.methods[name], dict(coarse)
         choice = Choice(method=name, label=tableau.label, kind="splitting", status="missed")
         most, least, last = asked.longest // tableau.stages, self._least(tableau), max(errors, default=0)
         if errors and errors[last] <= self.bound and least <= last:
             finest = min(most, REACH * last)
-            rungs = sorted({max(least, last // 2), last, finest, *ladder(finest)})
+            rungs = sorted({max(least, last // 2), last, finest, *ladder(most if dense else finest)})
             rungs = [n for n in rungs if max(least, last // 2) <= n <= finest]
             floor = POSITION_ROUNDING if asked.measure == "position" else ROUNDING
             errors |= measured_errors(lambda steps: self._errors(tableau, steps), rungs, self.bound, floor)
