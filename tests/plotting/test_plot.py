@@ -247,6 +247,23 @@ def test_a_recommendation_is_drawn_against_evaluations_and_time():
     assert legend(figure) == [f"{i}. {label}" for i, label in enumerate(found.label.values, start=1)]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("least", "most"), [(1100.0, 1900.0), (0.7, 0.7), (5.0, 600.0), (1e3, 1e9)])
+def test_every_axis_of_a_recommendation_has_two_labels(least, most):
+    found = nh.recommend("sho", 1e-3, t_end=10, methods=["ruth", "aba864"], budget=500)
+    found["max_energy_error"].values[:] = least, most
+    found["time"].values[:] = least / 1e3, most / 1e3
+    found["evaluations"] = found["evaluations"].dims, np.array([least, most])
+    found.attrs["error"] = most
+    figure = nh.plot(found)
+    figure.canvas.draw()
+    for axis in (figure.axes[0].yaxis, *(axes.xaxis for axes in figure.axes)):
+        low, high = axis.get_view_interval()
+        ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
+        labels = {tick.label1.get_text() for tick in ticks if low <= tick.get_loc() <= high} - {""}
+        assert len(labels) >= 2
+
+
 @pytest.mark.parametrize(
     ("more", "says"),
     [

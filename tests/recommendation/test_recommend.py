@@ -13,7 +13,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.output import store
 from nearharmonic.output.answers import printed
 from nearharmonic.recommendation.choices import recommendation
-from nearharmonic.recommendation.curve import Curve, Point
+from nearharmonic.recommendation.curve import Curve, Point, cross
 from nearharmonic.recommendation.question import question
 from nearharmonic.recommendation.timings import variables
 
@@ -214,3 +214,10 @@ def test_broken_timings_are_named_and_not_measured_around(tmp_path):
     (tmp_path / "cubes/work_precision.h5").write_bytes(b"not HDF5")
     with pytest.raises(ResultFileError, match="is truncated or no result file"):
         recommend("sho", 1e-9, results=tmp_path)
+
+
+def test_costs_between_two_points_are_those_of_the_power_law():
+    """Costs grow as the fourth root of 1/error: from 1 at 1e-2 to 100 at 1e-10, hence to 10 at 1e-6."""
+    for target, cost in ((1e-6, 10), (1e-8, 10**1.5), (1e-3, 10**0.25)):
+        status, (found, tau) = cross([1e-2, 1e-10], [[1, 100], [1, 0.01]], target)
+        assert (status, found, tau) == ("reached", pytest.approx(cost, rel=1e-14), pytest.approx(1 / cost, rel=1e-14))

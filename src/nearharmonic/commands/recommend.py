@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
@@ -55,7 +55,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return the ranking; the exit status is 1 if no method meets the error bound."""
     from nearharmonic.engine.settings import whole_number
-    from nearharmonic.recommendation.choices import recommendation
+    from nearharmonic.recommendation.choices import recommendation, to_terminal
     from nearharmonic.recommendation.question import question
 
     t_end: str | None = None
@@ -74,14 +74,8 @@ def answer(chosen: argparse.Namespace) -> Answer:
     limit = LIMIT if chosen.limit is None else whole_number(chosen.limit, "limit")
     if methods is not None:  # which are those of this package
         results = None
-    return ranking(recommendation(asked, results if chosen.results is None else chosen.results, _watched), limit)
-
-
-def _watched(methods: Iterable[str]) -> Iterator[str]:
-    """Yield the methods, with a bar on a terminal after two seconds."""
-    from tqdm import tqdm
-
-    yield from tqdm(methods, desc="trying methods", delay=2, leave=False, disable=None)
+    folder = results if chosen.results is None else chosen.results
+    return ranking(recommendation(asked, folder, to_terminal if chosen.format == "table" else lambda _: None), limit)
 
 
 def _configured(system: str, place: Path) -> tuple[str | None, str]:
@@ -135,6 +129,8 @@ def _notes(found: Recommendation, limit: int) -> Iterator[str]:
             yield f"not {where}: {words}"
     if words := found.not_run():
         yield f"not run: {words}"
+    if words := found.unconfirmed:
+        yield f"not confirmed from other starts and over a longer interval, and therefore last: {words}"
     if words := found.floor_in_words:
         yield words
     yield f"Time is that of one trajectory on one core, without start-up. Based on: {found.basis}"

@@ -123,7 +123,8 @@ def _two_or_five(value: float, axis: Axis) -> str:
     """Return the label of a minor tick: 2 and 5 times a power of ten on a short axis, nothing else."""
     least, most = axis.get_view_interval()
     digit, power = f"{value:.0e}".split("e")
-    if not 0 < least < most < least * 100 or digit not in "25":
+    exact = abs(float(f"{value:.0e}") / value - 1) < 1e-9  # on a short axis ticks lie between the digits
+    if not (exact and 0 < least < most < least * 100 and digit in "25"):
         return ""
     return rf"${digit}\times10^{{{int(power)}}}$"
 

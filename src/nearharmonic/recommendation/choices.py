@@ -2,41 +2,68 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from math import inf, isnan, nan
+from functools import cached_property
+from math import inf, isnan, nan, sqrt
 from pathlib import Path
 
 import numpy as np
 
 from nearharmonic.engine.batch.batch import integrate_batch
-from nearharmonic.engine.batch.results import Trajectories, least_samples
+from nearharmonic.engine.batch.results import Trajectories, joined, least_samples
 from nearharmonic.engine.grid import misfit
 from nearharmonic.engine.reference import Reference, reference
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.theory.linear_stability import stability_limit
 from nearharmonic.numerics.clock import Patience, interleaved, machine, pinned
+from nearharmonic.numerics.quasi_random import quasi_random
+from nearharmonic.numerics.types import Floats
 from nearharmonic.recommendation.curve import MEASURES
 from nearharmonic.recommendation.own import LOSSLESS, POSITION_ROUNDING, ROUNDING, prepared_calls
-from nearharmonic.recommendation.question import Question
+from nearharmonic.recommendation.question import QUANTILE, Question
 from nearharmonic.recommendation.recommendation import Choice, Recommendation
-from nearharmonic.recommendation.step_search import fewest_steps, ladder, measured_errors
+from nearharmonic.recommendation.stability import Orbits, orbits
+from nearharmonic.recommendation.step_search import MARGIN, fewest_steps, ladder, measured_errors
 from nearharmonic.recommendation.timings import TIMED, library_choices
 
 #: The ranking compares least times, most of them below 1 ms: more repeats than for curves.
 REPEATS = Patience(least=15, most=25, seconds=0.01)
 #: Relative margin of the mean below the bound: its last digits depend on the number of samples of a run.
 MEAN_ROUNDING = 1e-9
+#: Where all registered methods are asked, the coarse runs end at so many times the evaluations of the best method, and
+#: not before so many methods meet the bound: others would take longer.
+DROPPED, RANKED = 2, 10
+#: Finest steps of a search: so many times as many as those of the coarse run that meets the bound.
+REACH = 8
+#: Starts of an ensemble that the search runs, and starts at most whose errors are taken in the end.
+SEARCHED, MOST_STARTS = 8, 1024
+#: Numbers that one call keeps at most.
+KEPT = 2**22
+#: Perturbed starts, the length of the longer interval over that of the first, and the ratio of their errors to the
+#: bound at which a step is confirmed.
+PERTURBED, LONGER, CONFIRMED = 3, 4, 2
+#: Ratio of numbers of steps that are tried one after the other until a step is confirmed.
+FINER = 1.1
+
+
+def to_terminal(line: str) -> None:
+    """Write a line to standard error if that is a terminal."""
+    if sys.stderr.isatty():
+        print(line, file=sys.stderr, flush=True)
 
 
 def recommendation(
-    asked: Question, results: str | Path | None = None, watched: Callable[[Iterable[str]], Iterable[str]] = iter
+    asked: Question, results: str | Path | None = None, report: Callable[[str], None] = to_terminal
 ) -> Recommendation:
     """Rank methods by the wall time of the cheapest run of each method that meets an error bound.
 
-    Each recommended step was run over the whole interval and meets the bound, as do all finer steps that were run.
-    Times are measured during the call. Choices of other libraries are read from a finished target ``work_precision``.
+    Each recommended step was run over the whole interval and meets the bound, as do all finer steps that were run. It
+    is linearly stable at the largest frequency along the orbit. Times are measured during the call. Choices of other
+    libraries are read from a finished target ``work_precision``.
 
     Parameters
     ----------
@@ -44,8 +71,8 @@ def recommendation(
         System, error bound and methods.
     results
         Folder of results that may hold timings of other libraries; None to leave these out.
-    watched
-        Function of the names of the methods that returns them again, one by one as they are tried, to show progress.
+    report
+        Function that is given a line of text for each method that was tried.
 
     Raises
     ------
@@ -56,82 +83,264 @@ def recommendation(
     exact = reference(asked.system, asked.t_end) if asked.measure == "position" else None
     with pinned() as core:
         facts = machine(core)
-        choices = _timed(asked, [_choice(asked, name, exact) for name in watched(asked.methods)]) + libraries
+        search = Search(asked, exact)
+        choices = _timed(asked, list(search.choices(report))) + libraries
     basis = (
         f"measured on the spot, {facts['measured']} on {facts['cpu']}, load average {facts['load_average']}; each step "
         f"listed was run over the whole interval and meets the error, as do all finer steps that were run (these with "
-        f"compensated sums), up to {asked.longest} evaluations{origin and f'; other libraries: {origin}'}"
+        f"compensated sums), up to {REACH} times as many and {asked.longest} evaluations; {search.checks}"
+        f"{origin and f'; other libraries: {origin}'}"
     )
-    order = sorted(choices, key=lambda choice: inf if isnan(choice.time) else choice.time)
+    order = sorted(choices, key=lambda choice: (not choice.confirmed, inf if isnan(choice.time) else choice.time))
     return Recommendation(question=asked, choices=tuple(order), basis=basis)
 
 
-def _choice(asked: Question, name: str, exact: Reference | None) -> Choice:
-    """Return the largest step of a method that meets the bound, not timed yet."""
-    tableau = asked.methods[name]
-    choice = Choice(method=name, label=tableau.label, kind="splitting", status="not run")
-    reason, _ = misfit(asked.system, tableau)
-    if reason:
-        return replace(choice, reason=f"does not fit: {reason}")
-    one_step = tableau.evaluations(1)
-    if one_step > asked.budget:
-        return replace(choice, reason=f"a single step takes {one_step} evaluations")
+@dataclass(frozen=True)
+class Search:
+    """Search for the largest step of each method that answers a question."""
 
-    def run(steps: Sequence[int]) -> Sequence[float]:
-        return _errors(asked, _runs(asked, tableau, steps), exact)
+    asked: Question
+    exact: Reference | None
 
-    floor = POSITION_ROUNDING if asked.measure == "position" else ROUNDING
-    bound = asked.error * (1 - MEAN_ROUNDING) if asked.measure == "mean" else asked.error
-    errors = measured_errors(run, ladder(asked.longest // tableau.stages), bound, floor)
-    steps = fewest_steps(errors, bound)
-    met = steps is not None and tableau.evaluations(steps) <= asked.budget
-    if steps is None or not met:
-        steps = min((n for n in errors if tableau.evaluations(n) <= asked.budget), key=errors.__getitem__)
-    choice = replace(
-        choice,
-        status="met" if met else "missed",
-        tau=float(Fraction(asked.t_end) / steps),
-        steps=steps,
-        evaluations=tableau.evaluations(steps),
-    )
-    careful, plain = (_measured(asked, choice, exact, summation) for summation in ("compensated", "plain"))
-    if careful.evaluations > asked.budget:  # of an implicit method, whose iterations are known afterwards
-        return replace(careful, status="missed")
-    return plain if met and plain.error <= bound and _loses_nothing(plain, careful) else careful
+    @cached_property
+    def starts(self) -> Floats:
+        """The starts (M, 4 D) whose errors are taken: all, or as many of a larger ensemble in even distances."""
+        return _evenly(self.asked.starts, MOST_STARTS)
+
+    @cached_property
+    def orbits(self) -> Orbits:
+        """Orbits from the starts that the search runs."""
+        asked = self.asked
+        return orbits(asked.system, Fraction(asked.t_end), _evenly(self.starts, SEARCHED), asked.budget)
+
+    @cached_property
+    def perturbation(self) -> float:
+        """Relative change of a perturbed start, too small for its energy to matter unless it grows."""
+        return min(max(sqrt(self.asked.error) / 100, 1e-9), 1e-3)
+
+    @property
+    def bound(self) -> float:
+        """Largest error of a run of the search."""
+        return self.asked.error * (1 - MEAN_ROUNDING) if self.asked.measure == "mean" else self.asked.error
+
+    @property
+    def checks(self) -> str:
+        """What was checked beside the error of the run, as text."""
+        asked, omega = self.asked, self.orbits.frequency
+        where = "along the orbit" if len(asked.starts) == 1 else f"along {min(SEARCHED, len(asked.starts))} orbits"
+        stable = f"the largest frequency {where}, {omega:.3g}, times the step is below the limit of linear stability"
+        if asked.system.regularisation is not None:
+            stable = "linear stability is not checked for regularised systems"
+        elif not omega:
+            stable = f"there is no frequency {where} that bounds a step"
+        others = f"{PERTURBED} starts perturbed by {self.perturbation:.0e}"
+        if len(asked.starts) > 1:
+            others = f"all of {len(self.starts)} starts"
+            stable += f"; the search ran {min(SEARCHED, len(asked.starts))} of them, and the {QUANTILE:g} quantile of "
+            stable += f"{len(self.starts)} meets the error"
+        kind = "an energy error at most twice its own" if self.exact else "at most twice the error"
+        return f"{stable}; confirmed by {kind} from {others} and over {LONGER} times the interval"
+
+    def choices(self, report: Callable[[str], None]) -> Iterable[Choice]:
+        """Return a choice for each method, not timed yet; those of the fewest evaluations from a denser search."""
+        coarse = self._coarse(report)
+        few = sum(not isinstance(one, Choice) for one in coarse.values()) <= RANKED
+        found: dict[str, Choice] = {}
+        for i, (name, one) in enumerate(coarse.items(), 1):
+            found[name] = choice = one if isinstance(one, Choice) else self._choice(name, one, dense=few)
+            told = choice.reason or f"error {choice.error:.1e} at tau {choice.tau:.4g}"
+            report(f"{i} of {len(coarse)}: {choice.shown}: {choice.status}, {told}")
+        met = sorted((one for one in found.values() if one.status == "met"), key=lambda one: one.evaluations)
+        for choice in [] if few else met[:RANKED]:
+            errors = coarse[choice.method]
+            assert isinstance(errors, dict)
+            found[choice.method] = self._choice(choice.method, errors, dense=True)
+            report(f"{choice.shown}: searched with more step sizes")
+        return found.values()
+
+    def _coarse(self, report: Callable[[str], None]) -> dict[str, Choice | dict[int, float]]:
+        """Return for each method the errors of coarse runs, the last of which meets the bound, or its choice."""
+        asked, found = self.asked, dict[str, Choice | dict[int, float]]()
+        unrun = {
+            name: Choice(method=name, label=tableau.label, kind="splitting", status="not run")
+            for name, tableau in asked.methods.items()
+        }
+        for name, tableau in asked.methods.items():
+            reason, _ = misfit(asked.system, tableau)
+            one_step = tableau.evaluations(1)
+            found[name] = {}
+            if reason:
+                found[name] = replace(unrun[name], reason=f"does not fit: {reason}")
+            elif one_step > asked.budget:
+                found[name] = replace(unrun[name], reason=f"a single step takes {one_step} evaluations")
+        going = [name for name, one in found.items() if not isinstance(one, Choice)]
+        evaluations, met, last = 2, list[tuple[int, str]](), asked.longest
+        while going and evaluations < last:
+            evaluations = min(2 * evaluations, last)
+            for name in tuple(going):
+                errors, tableau = found[name], asked.methods[name]
+                assert isinstance(errors, dict)
+                steps = evaluations // tableau.stages
+                # No method is stable at a step above 2 a stage.
+                if steps < 1 or self._radians(steps) > 2 * tableau.stages:
+                    continue
+                run = self._runs(tableau, [steps], _evenly(self.starts, SEARCHED))
+                errors[steps] = float(self._each(run).max())
+                if errors[steps] <= self.bound and steps >= self._least(tableau):
+                    going.remove(name)
+                    # Those of an implicit method depend on its iterations.
+                    met = sorted([*met, (max(evaluations, int(run.evaluations.max())), name)])
+            if asked.every and len(met) >= RANKED:
+                last = min(last, max(DROPPED * met[0][0], met[RANKED - 1][0]))
+            if met:
+                report(f"runs of {evaluations} evaluations: {len(met)} of {len(found)} methods meet the error")
+        if last < asked.longest:
+            reason = f"more than {evaluations} evaluations, and {met[0][1]} takes at most {met[0][0]}"
+            found |= {name: replace(unrun[name], reason=reason) for name in going}
+        return found
+
+    def _radians(self, steps: int) -> float:
+        """Product of the largest frequency and the step size of so many steps."""
+        return float(self.asked.t_end) / steps * self.orbits.frequency
+
+    def _least(self, tableau: Tableau) -> int:
+        """Fewest steps that are linearly stable at the largest frequency."""
+        limit = float(stability_limit(tableau))  # infinite for an implicit method
+        return int(self._radians(1) / limit) + 1
+
+    def _choice(self, name: str, coarse: Mapping[int, float], *, dense: bool) -> Choice:
+        """Return the largest step of a method that meets the bound, after its coarse runs."""
+        asked, tableau, errors = self.asked, self.asked.methods[name], dict(coarse)
+        choice = Choice(method=name, label=tableau.label, kind="splitting", status="missed")
+        most, least, last = asked.longest // tableau.stages, self._least(tableau), max(errors, default=0)
+        if errors and errors[last] <= self.bound and least <= last:
+            finest = min(most, REACH * last)
+            rungs = sorted({max(least, last // 2), last, finest, *ladder(most if dense else finest)})
+            rungs = [n for n in rungs if max(least, last // 2) <= n <= finest]
+            floor = POSITION_ROUNDING if asked.measure == "position" else ROUNDING
+            errors |= measured_errors(lambda steps: self._errors(tableau, steps), rungs, self.bound, floor)
+            first = fewest_steps({n: error for n, error in errors.items() if n >= least}, self.bound)
+            if first is not None:
+                found = self._confirmed(choice, first, [n for n in errors if n > first])
+                if found.status == "met":
+                    plain = self._measured(found, "plain")
+                    harmless = plain.error <= self.bound and _loses_nothing(plain, found)
+                    return plain if harmless else found
+        within = [n for n in errors if tableau.evaluations(n) <= asked.budget]
+        if least > asked.budget // tableau.stages:
+            reason = f"a stable step is below {float(asked.t_end) / least:.2g}"
+            choice = replace(choice, reason=reason)
+        if not within:
+            return replace(choice, status="not run", reason=choice.reason or "its steps are not stable")
+        return self._measured(self._with_steps(choice, min(within, key=errors.__getitem__)), "compensated")
+
+    def _with_steps(self, choice: Choice, steps: int) -> Choice:
+        evaluations = self.asked.methods[choice.method].evaluations(steps)
+        return replace(choice, tau=float(Fraction(self.asked.t_end) / steps), steps=steps, evaluations=evaluations)
+
+    def _confirmed(self, choice: Choice, first: int, finer: Sequence[int]) -> Choice:
+        """Return a choice of ``first`` or more steps that meets the bound from all starts, confirmed if one is.
+
+        Its status is that of ``choice`` if there is none within the budget.
+        """
+        asked, met = self.asked, choice
+        steps, known = first, sorted(finer)
+        while asked.methods[choice.method].evaluations(steps) <= asked.budget:
+            if met.status == "met" and steps > MARGIN * met.steps:
+                break
+            one = self._measured(self._with_steps(choice, steps), "compensated")
+            # The iterations of an implicit method are known afterwards.
+            if one.evaluations <= asked.budget and one.error <= self.bound:
+                own = one.max_energy_error if self.exact else asked.error
+                limit = CONFIRMED * max(own, 10 * ROUNDING) + 10 * asked.floor
+                error = self._further_error(one)
+                one = replace(one, status="met", further_error=error, confirmed=error <= limit)
+                met = one if met.status != "met" or one.confirmed else met
+                if one.confirmed:
+                    break
+            wanted = max(steps + 1, int(steps * FINER))
+            steps = next((n for n in known if n >= wanted), wanted)
+        return met
+
+    def _further_error(self, choice: Choice) -> float:
+        """Largest energy error of the runs that confirm a choice."""
+        asked, tableau, steps = self.asked, self.asked.methods[choice.method], int(choice.steps)
+        name = MEASURES["max" if self.exact else asked.measure]
+        longer = self._runs(tableau, [LONGER * steps], _evenly(self.starts, SEARCHED), times=LONGER)
+        others = self._runs(tableau, [steps], self.starts if len(self.starts) > 1 else self._perturbed())
+        errors = np.concatenate([getattr(paths, name) for paths in (longer, others)])
+        return float(np.where(np.isnan(errors), inf, errors).max())
+
+    def _perturbed(self) -> Floats:
+        """Return starts (3, 4 D) near the one start."""
+        D, d = self.starts.shape[1] // 4, self.asked.system.dimension
+        rows = np.repeat(self.starts, PERTURBED, axis=0).reshape(PERTURBED, 4, D)
+        change = (2 * quasi_random(PERTURBED, 2 * d, 0) - 1).reshape(PERTURBED, 2, d)
+        rows[:, ::2, :d] += self.perturbation * change * self.orbits.extents[:, :d]
+        return rows.reshape(PERTURBED, -1)
+
+    def _measured(self, choice: Choice, summation: str) -> Choice:
+        """Return ``choice`` with the errors of its run, of several starts their quantile."""
+        run = self._runs(self.asked.methods[choice.method], [int(choice.steps)], self.starts, summation)
+        return replace(
+            choice,
+            summation=summation,
+            evaluations=int(run.evaluations.max()),
+            error=_quantile(self._each(run)),
+            max_energy_error=_quantile(run.max_energy_error),
+            mean_energy_error=_quantile(run.mean_energy_error),
+        )
+
+    def _errors(self, tableau: Tableau, steps: Sequence[int]) -> list[float]:
+        """Return errors of runs with these numbers of steps, the largest of the starts that are searched."""
+        starts = _evenly(self.starts, SEARCHED)
+        errors: list[float] = (
+            self._each(self._runs(tableau, steps, starts)).reshape(len(steps), -1).max(axis=1).tolist()
+        )
+        return errors
+
+    def _each(self, paths: Trajectories) -> Floats:
+        """Return the error of each run in the requested measure, infinite where it failed."""
+        if self.exact is None:
+            found = getattr(paths, MEASURES[self.asked.measure])
+        else:
+            found = np.where(paths.left_at > 0, inf, self.exact.error(*paths.ends))
+        return np.where(np.isnan(found), inf, found)
+
+    def _runs(
+        self, tableau: Tableau, steps: Sequence[int], starts: Floats, summation: str = "compensated", times: int = 1
+    ) -> Trajectories:
+        """Return runs from each of ``starts`` with each number of steps, over so many times the interval."""
+        asked, samples = self.asked, least_samples(tableau)
+        rows = np.tile(starts, (len(steps), 1))
+        if summation == "plain":
+            rows.reshape(len(rows), 4, -1)[:, 1::2] = 0.0
+        count = np.repeat(np.array(steps), len(starts))
+        size = max(1, KEPT // (samples * rows.shape[1]))
+        parts = [
+            integrate_batch(
+                asked.system, tableau, t_end=times * Fraction(asked.t_end), steps=count[i : i + size], samples=samples,
+                start=rows[i : i + size], scale=asked.scale, numerics=Numerics(summation=summation),
+            )
+            for i in range(0, len(rows), size)
+        ]  # fmt: skip
+        return parts[0] if len(parts) == 1 else joined(parts)
 
 
-def _measured(asked: Question, choice: Choice, exact: Reference | None, summation: str) -> Choice:
-    """Return ``choice`` with the errors of its run."""
-    run = _runs(asked, asked.methods[choice.method], [int(choice.steps)], summation)
-    return replace(
-        choice,
-        summation=summation,
-        evaluations=int(run.evaluations[0]),
-        error=_errors(asked, run, exact)[0],
-        max_energy_error=float(run.max_energy_error[0]),
-        mean_energy_error=float(run.mean_energy_error[0]),
-    )
+def _evenly(rows: Floats, most: int) -> Floats:
+    """Return at most so many of ``rows``, in even distances."""
+    chosen: Floats = rows[np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int)]
+    return chosen
+
+
+def _quantile(errors: Floats) -> float:
+    """Return the quantile of the errors of several starts that is bounded, one of them."""
+    return float(np.sort(errors)[int(np.ceil(QUANTILE * len(errors))) - 1])
 
 
 def _loses_nothing(plain: Choice, careful: Choice) -> bool:
     errors = ("error", "max_energy_error", "mean_energy_error")
     return all(getattr(plain, name) <= LOSSLESS * getattr(careful, name) for name in errors)
-
-
-def _runs(asked: Question, tableau: Tableau, steps: Sequence[int], summation: str = "compensated") -> Trajectories:
-    return integrate_batch(
-        asked.system, tableau, t_end=Fraction(asked.t_end), steps=steps, samples=least_samples(tableau),
-        scale=asked.scale, numerics=Numerics(summation=summation),
-    )  # fmt: skip
-
-
-def _errors(asked: Question, paths: Trajectories, exact: Reference | None) -> list[float]:
-    """Return the errors of runs in the requested measure, infinite where a run failed."""
-    if exact is None:
-        found = getattr(paths, MEASURES[asked.measure])
-    else:
-        found = np.where(paths.left_at > 0, inf, exact.error(*paths.ends))
-    return [inf if isnan(error) else float(error) for error in found]
 
 
 def _timed(asked: Question, choices: Sequence[Choice]) -> list[Choice]:

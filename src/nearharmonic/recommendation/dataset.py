@@ -37,7 +37,9 @@ def recommend(
     """Rank methods by the time that each takes to integrate a system within an error bound.
 
     The step of each method is searched for, run over the whole interval, and timed during the call. It meets the bound,
-    as do all finer steps that were run, of up to 5/4 of ``budget``.
+    as do all finer steps that were run. It is below the limit of linear stability at the largest frequency along the
+    orbit, and it is run again from perturbed starts and over four times the interval. On a terminal, a line for each
+    method tells how far the search is.
 
     Parameters
     ----------
@@ -53,8 +55,10 @@ def recommend(
         compared at ``position_t_end`` of the system if that is earlier.
     q0, p0 : sequence of d numbers or strings, optional
         Initial values in place of the system's own, as for :func:`nearharmonic.integrate`. Either may be given alone.
+        Rows (M, d) are an ensemble: errors are then the 0.99 quantile over its members, of at most 1024.
     methods : list, optional
-        Methods to choose from: names, paths of files (one for all methods of its file), or Tableaus. By default all.
+        Methods to choose from: names, paths of files (one for all methods of its file), or Tableaus. By default all,
+        of which those that need many more evaluations than ten others are not searched for.
     budget : int, optional
         Most evaluations of the force in a run that may be recommended, by default 200 000; the work of the search
         grows with it.
@@ -66,9 +70,11 @@ def recommend(
         ``label``; ``tau``, ``summation``, ``steps`` and ``evaluations`` of its run; ``max_energy_error`` and
         ``mean_energy_error``, which ``integrate`` finds for this ``tau`` and ``summation``, and ``position_error`` if
         that is the measure; ``time``, the least wall time of the run in s, of one trajectory on one core. Uncompensated
-        sums are used where they do not increase the error. Methods that miss the bound are left out: the
-        attributes ``missed`` and ``not_run`` name them with the reason, ``basis`` tells what was measured where,
-        ``call`` is the Python code of the first run, in which a system that is not registered has its own name.
+        sums are used where they do not increase the error. ``further_error`` is the largest error of the runs that
+        confirm the step; methods for which it exceeds twice the bound come last, and the attribute ``unconfirmed``
+        names them. Methods that miss the bound are left out: the attributes ``missed`` and ``not_run`` name them with
+        the reason, ``basis`` tells what was checked and measured where, ``call`` is the Python code of the first run,
+        in which a system that is not registered, and the starts of an ensemble, have their own names.
 
     Raises
     ------
@@ -102,7 +108,7 @@ def recommend(
 def as_dataset(found: Recommendation) -> xr.Dataset:
     """Return the methods that meet the bound over ``rank``."""
     asked, best = found.question, found.ranked
-    unit = asked.system.units["t"]
+    unit, further = asked.system.units["t"], asked.energy_attributes[MEASURES["max"]]
 
     def over(name: str, kind: type, attributes: dict[str, str]) -> tuple[tuple[str], Any, dict[str, str]]:
         return ("rank",), np.array([getattr(choice, name) for choice in best], dtype=kind), attributes
@@ -115,7 +121,15 @@ def as_dataset(found: Recommendation) -> xr.Dataset:
         "summation": over("summation", str, described("summation of the run, as integrate takes it")),
         "steps": over("steps", int, described("steps that cover [0, t_end]")),
         "evaluations": over("evaluations", int, described("force evaluations made")),
-        **{name: over(name, float, dict(notes)) for name, notes in asked.energy_attributes.items()},
+        **{
+            name: over(name, float, {**notes, "long_name": asked.over_members + notes["long_name"]})
+            for name, notes in asked.energy_attributes.items()
+        },
+        "further_error": over(
+            "further_error",
+            float,
+            described("largest energy error from other starts and over a longer interval", further["units"]),
+        ),
         "time": over("time", float, described("least wall time of one run on one core, without start-up", "s")),
     }
     if asked.measure == "position":
@@ -132,10 +146,10 @@ def _attributes(found: Recommendation) -> dict[str, Any]:
         "measure": asked.measure,
         "error": asked.error,
         "budget": asked.budget,
-        "q0": json.dumps(q0),
-        "p0": json.dumps(p0),
+        **({"q0": json.dumps(q0), "p0": json.dumps(p0)} if len(asked.starts) == 1 else {"starts": len(asked.starts)}),
         "missed": found.missed("splitting"),
         "not_run": found.not_run(),
+        "unconfirmed": found.unconfirmed,
         "basis": found.basis,
         "call": found.call,
         **({"energy_floor": asked.floor} if asked.floor else {}),

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from nearharmonic.engine.batch.regularised import check_bound
+from nearharmonic.engine.numbers.initial_values import standard_parameters, start_array
 from nearharmonic.engine.reference import position_t_end
-from nearharmonic.engine.runs.continuation import start_of
 from nearharmonic.engine.runs.setup import ANY, Setup, as_python, checked_scale
 from nearharmonic.engine.runs.trajectory import sweep
 from nearharmonic.engine.settings import MOST_STEPS, checked_count, checked_tau, one_of, positive
@@ -22,6 +23,7 @@ from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.user_file import load_tableaus
+from nearharmonic.numerics.types import Floats
 from nearharmonic.numerics.written import exact_value
 from nearharmonic.output.dataset import Attributes
 from nearharmonic.recommendation.curve import MEASURES, NAMES
@@ -31,6 +33,8 @@ from nearharmonic.systems.definition.quantities import is_list
 
 #: Evaluations of the force in a run that may be recommended, unless another budget is given.
 EVALUATIONS = 200_000
+#: Quantile of the errors of an ensemble that is bounded.
+QUANTILE = 0.99
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +60,11 @@ class Question:
         Candidate methods by name; methods of users' files by path.
     energy_attributes : mapping
         Attributes of the variables ``max_energy_error`` and ``mean_energy_error``: what they are relative to.
+    starts : (M, 4 d) array of float
+        Initial states, as :func:`nearharmonic.engine.numbers.initial_values.start_array` lays them out; ``system``
+        begins at the first.
+    every : bool
+        True if all registered methods are candidates: those that take many more evaluations than others are dropped.
     floor : float
         Energy error that is the rounding of a V in doubles; 0 if V is measured more precisely.
     """
@@ -68,6 +77,8 @@ class Question:
     budget: int
     methods: Mapping[str, Tableau]
     energy_attributes: Mapping[str, Attributes]
+    starts: Floats
+    every: bool
     floor: float = 0.0
 
     @property
@@ -82,7 +93,12 @@ class Question:
             return NAMES[self.measure]
         notes = self.energy_attributes[MEASURES[self.measure]]
         words, unit = notes["long_name"].partition(" over every step")[0], notes["units"]
-        return words if unit == "1" else f"{words} in {unit}"
+        return self.over_members + (words if unit == "1" else f"{words} in {unit}")
+
+    @property
+    def over_members(self) -> str:
+        """Words before an error of several starts: the quantile over them; "" for one start."""
+        return f"{QUANTILE:g} quantile over {len(self.starts)} starts of " if len(self.starts) > 1 else ""
 
     @cached_property
     def scale(self) -> float:
@@ -116,9 +132,15 @@ def question(
     problem = Setup(system, ANY, t_end=t_end)  # type: ignore[arg-type]
     positive("t_end", problem.t_end)  # the system's own may run backwards
     chosen = _methods(methods)
-    subject = problem.system if q0 is None and p0 is None else _started(problem, q0, p0)
+    starts = start_array(problem.system, q0, p0, plain=False)
+    check_bound(problem.system, starts, standard_parameters(problem.system)[None, :])
+    subject = problem.system if q0 is None and p0 is None else _started(problem.system, starts[0])
+    if len(starts) > 1 and kind == "position":
+        raise bad_setting("measure", kind, "max or mean for several starts: exact positions are known of one")
     # A run of one step refuses a start where the energy is no number, and says what errors are relative to.
     told = sweep(subject, ANY, [float(problem.end)], t_end=problem.t_end)
+    for i in np.flatnonzero(~np.isfinite(problem.run([1] * len(starts), 2, start=starts).energy)):
+        raise bad_setting(f"(q0, p0) of start {i}", starts[i, ::2].tolist(), "a start where the energy is finite")
     return Question(
         system=subject,
         arguments=_arguments(system, q0=q0, p0=p0),
@@ -128,6 +150,8 @@ def question(
         budget=most,
         methods=chosen,
         energy_attributes={name: told[name].attrs for name in (MEASURES["max"], MEASURES["mean"])},
+        starts=starts,
+        every=methods is None,
         floor=told.attrs.get("energy_floor", 0.0),
     )
 
@@ -136,12 +160,14 @@ def _arguments(system: str | os.PathLike[str] | System, **start: Any) -> tuple[s
     """Return Python code of a system, which is its name if it is an object, and of initial values."""
     if not (isinstance(system, System) or system in systems.registered or is_path(os.fspath(system))):
         return ()
-    return (as_python(system), *(f"{key}={_numbers(x)!r}" for key, x in start.items() if x is not None))
+    many = {key: np.ndim(x) > 1 and len(x) > 1 for key, x in start.items()}
+    texts = {key: key if many[key] else repr(_numbers(x)) for key, x in start.items() if x is not None}
+    return (as_python(system), *(f"{key}={text}" for key, text in texts.items()))
 
 
 def _numbers(given: Any) -> list[int | float | str]:
     """Return initial values as Python writes them: fractions and the like as text."""
-    values = np.array(given, dtype=object, ndmin=1).tolist()
+    values = np.array(given, dtype=object).ravel().tolist()
     plain = (x.item() if isinstance(x, np.generic) else x for x in values)
     return [
         x if isinstance(x, int | float) else str(x if isinstance(x, str | Decimal | Rational) else exact_value(x))
@@ -149,11 +175,10 @@ def _numbers(given: Any) -> list[int | float | str]:
     ]
 
 
-def _started(problem: Setup, q0: object, p0: object) -> System:
-    """Return the system of ``problem`` with other initial values: the exact pairs of doubles of its runs."""
-    state = start_of(problem, q0, p0).state.reshape(4, -1)[:, : problem.system.dimension]
-    q, q_low, p, p_low = state.tolist()
-    return replace(problem.system, q0=_decimals(q, q_low), p0=_decimals(p, p_low))
+def _started(system: System, start: Floats) -> System:
+    """Return the system with other initial values: the exact pairs of doubles of its runs."""
+    q, q_low, p, p_low = start.reshape(4, -1)[:, : system.dimension].tolist()
+    return replace(system, q0=_decimals(q, q_low), p0=_decimals(p, p_low))
 
 
 def _decimals(values: Sequence[float], low: Sequence[float]) -> tuple[str, ...]:

@@ -41,6 +41,11 @@ class Choice:
         Energy errors of this run; NaN if unknown.
     time
         Least wall time of this run in s; NaN unless the status is "met".
+    further_error
+        Largest error of the runs that confirm the choice, from perturbed starts or all members and over a longer
+        interval; of energies if positions are asked for. NaN if there is none.
+    confirmed
+        True if ``further_error`` is at most twice the bound.
     reason
         Reason why the method was not run, or why its runs ended early; empty otherwise.
     """
@@ -58,6 +63,8 @@ class Choice:
     max_energy_error: float = nan
     mean_energy_error: float = nan
     time: float = nan
+    further_error: float = nan
+    confirmed: bool = True
     reason: str = ""
 
     @property
@@ -75,7 +82,8 @@ class Recommendation:
     question
         System, error bound and methods.
     choices
-        Methods that meet the bound, the fastest first; then the others.
+        Methods that meet the bound, the fastest first, and behind them those whose step is not confirmed; then the
+        others.
     basis
         Origin of runs and times, as text.
     """
@@ -105,7 +113,13 @@ class Recommendation:
         system, *start = asked.arguments
         more = [] if asked.t_end == checked_t_end(asked.system.t_end) else [f"t_end={asked.t_end!r}"]
         more += ["summation='plain'"] if best.summation == "plain" else []
-        return f"nh.integrate({', '.join([system, repr(best.method), repr(best.tau), *start, *more])})"
+        function = "ensemble" if len(asked.starts) > 1 else "integrate"
+        return f"nh.{function}({', '.join([system, repr(best.method), repr(best.tau), *start, *more])})"
+
+    @property
+    def unconfirmed(self) -> str:
+        """The methods that meet the bound and are not confirmed, each with its error there."""
+        return "; ".join(f"{one.shown} ({one.further_error:.1e})" for one in self.ranked if not one.confirmed)
 
     def missed(self, kind: str) -> str:
         """Return the methods of one kind that miss the bound, each with its smallest error."""
@@ -113,9 +127,12 @@ class Recommendation:
         return "; ".join(_at_best(choice, self.question) for choice in missed)
 
     def not_run(self) -> str:
-        """Return the methods that were not run, each with the reason."""
-        absent = [choice for choice in self.choices if choice.status == "not run"]
-        return "; ".join(f"{choice.shown} ({choice.reason})" for choice in absent)
+        """Return the methods that were not run, those of one reason together with it."""
+        absent: dict[str, list[str]] = {}
+        for choice in self.choices:
+            if choice.status == "not run":
+                absent.setdefault(choice.reason, []).append(choice.shown)
+        return "; ".join(f"{', '.join(names)} ({reason})" for reason, names in absent.items())
 
 
 def is_rounding(choice: Choice, asked: Question) -> bool:

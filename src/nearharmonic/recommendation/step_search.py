@@ -90,7 +90,7 @@ def measured_errors(
         errors |= call
         if max(call.values()) <= min(floor, bound):
             break
-    while due := _neighbours(errors, rungs, bound) or _between(errors, bound):
+    while due := _neighbours(errors, rungs, bound) or _between(errors, rungs, bound):
         errors |= dict(zip(due, run(due), strict=True))
     return errors
 
@@ -104,14 +104,14 @@ def _neighbours(errors: Mapping[int, float], rungs: Sequence[int], bound: float)
     fewest = fewest_steps(errors, bound)
     if fewest is None:
         return []
-    missed = _missed(errors, fewest)
+    missed = _missed(errors, fewest, rungs)
     wanted = {steps for steps in rungs if missed < steps <= MARGIN * fewest}
     following = min(LANES // 2 * max(2, rungs[-1] // fewest), MARGIN * fewest, rungs[-1] - fewest)
     wanted.update(range(fewest + 1, fewest + following + 1))
     return sorted(wanted - errors.keys())
 
 
-def _between(errors: Mapping[int, float], bound: float) -> list[int]:
+def _between(errors: Mapping[int, float], rungs: Sequence[int], bound: float) -> list[int]:
     """Return up to ``LANES`` numbers of steps between the last that misses ``bound`` and the fewest that meet it.
 
     There are none if the two differ by less than ``CLOSE``.
@@ -119,12 +119,12 @@ def _between(errors: Mapping[int, float], bound: float) -> list[int]:
     fewest = fewest_steps(errors, bound)
     if fewest is None:
         return []
-    gap = fewest - _missed(errors, fewest)
+    gap = fewest - _missed(errors, fewest, rungs)
     if gap <= CLOSE * fewest:
         return []
     stride = ceil(gap / (LANES + 1))
     return list(range(fewest - gap + stride, fewest, stride))
 
 
-def _missed(errors: Mapping[int, float], fewest: int) -> int:
-    return max((steps for steps in errors if steps < fewest), default=0)
+def _missed(errors: Mapping[int, float], fewest: int, rungs: Sequence[int]) -> int:
+    return max((steps for steps in errors if steps < fewest), default=rungs[0] - 1)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from math import ceil, floor, inf, log10
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -60,8 +61,9 @@ def draw_ranking(found: xr.Dataset) -> Figure:
             if axes is left and rank < NAMED:
                 point.set_label(f"{rank + 1}. {found['label'].values[rank]}")
                 handles.append(point)
-        axes.axhline(float(found.attrs["error"]), color="#595959", linewidth=0.8, linestyle=(0, (6, 3)))
+        axes.axhline(bound := float(found.attrs["error"]), color="#595959", linewidth=0.8, linestyle=(0, (6, 3)))
         log_scale(axes, "xy")
+        axes.set(xlim=_between_labels(x), ylim=_between_labels([*found[measure].values, bound]))
     left.set_xlabel("evaluations of the force")
     right.set_xlabel("time (ms)")
     notes = found[measure].attrs
@@ -74,6 +76,17 @@ def draw_ranking(found: xr.Dataset) -> Figure:
     panel_letter(right, "B", "error and time")
     drawn.legend(handles=handles, **LEGEND)
     return drawn
+
+
+def _between_labels(values: Iterable[float]) -> tuple[float, float] | None:
+    """Return the range of an axis from a labelled tick below all positive values to one above, both inside."""
+    positive = [float(value) for value in values if 0 < value < inf]
+    if not positive:
+        return None
+    powers = range(floor(log10(min(positive))) - 1, ceil(log10(max(positive))) + 2)
+    labels = [float(f"{digit}e{power}") for power in powers for digit in (1, 2, 5)]
+    low = max(label for label in labels if label <= min(positive))
+    return low / 1.15, min(label for label in labels if label >= max(positive) and label > low) * 1.15
 
 
 def stages_of(dataset: xr.Dataset) -> int:
