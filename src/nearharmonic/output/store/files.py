@@ -112,7 +112,7 @@ def _foreign(variable: Any) -> str:
         return "has its values in another file"
     made = variable.id.get_create_plist()
     filters = {made.get_filter(number)[0] for number in range(made.get_nfilters())}
-    if not filters <= {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE}:
+    if not filters <= {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}:
         return "has another compression than gzip"
     text = h5py.check_string_dtype(variable.dtype)
     if variable.dtype.str[1:] not in NUMBERS and (text is None or text.length is not None):
