@@ -241,9 +241,7 @@ def verdicts(folder: str, readme: str, integrators: Sequence[str], files: Sequen
     text = str(decided(folder, integrators)["document"])
     undecided = [f"{entry['id']} ({entry['value']})" for entry in json.loads(text) if entry["verdict"] == OPEN]
     if undecided:
-        message = (
-            f"{folder} leaves {len(undecided)} statements undecided, like {undecided[0]}: no verdict is written"
-        )
+        message = f"{folder} leaves {len(undecided)} statements undecided, like {undecided[0]}: no verdict is written"
         raise NearharmonicError(message)
     return {"recorded": recorded(Path(folder)), "document": text, **documents(text, Path(readme).read_text("utf-8"))}
 
