@@ -14,10 +14,11 @@ import xarray as xr
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output import store
-from nearharmonic.output.dataset import flags
+from nearharmonic.output.dataset import Contents, flags
 from nearharmonic.output.store import writer
 from nearharmonic.output.store.earlier import PLACE, keep
 from nearharmonic.output.store.name import name_of
+from nearharmonic.reproduction.tasks import job
 from support.hostile.mutations import FOREIGN, make_foreign
 from support.results.result_folder import edited
 
@@ -155,6 +156,18 @@ def test_a_dataset_keeps_its_attributes_and_coordinates(tmp_path, variables):
     again = store.read(tmp_path / "1.h5")
     assert again.equals(cube)
     assert (again.attrs["orbital_period"], again.attrs["code_digest"]) == (2111.8, "abc")
+
+
+def test_provenance_of_a_file_is_that_of_its_job(tmp_path, variables):
+    """A data set from another file has the provenance of that file, and contents may name any attribute."""
+    places = [tmp_path / f"{number}.h5" for number in range(3)]
+    store.write(places[0], variables, {"code_digest": "old", "more": 1})
+    store.write_dataset(places[1], store.read(places[0]), {"code_digest": "new"})
+    made = Contents(variables=variables, attributes={"code_digest": "old", "more": 1})
+    job.write(made, places[2:], {"code_digest": "new"})
+    for place in places[1:]:
+        found = store.attributes_of(place)
+        assert (found["code_digest"], found["more"]) == ("new", 1)
 
 
 @pytest.mark.parametrize("lost", ["units", "long_name"])
