@@ -15,11 +15,15 @@ from zipfile import ZipFile, ZipInfo
 import h5py
 import numpy as np
 import pytest
+import xarray as xr
 
 from nearharmonic.cli import main
-from nearharmonic.errors import NearharmonicError
+from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.exchange.coefficient_file import read as read_coefficients
+from nearharmonic.output import store
 from nearharmonic.output.sealed_json import opened
+from nearharmonic.plotting.energy_error import problem_of
+from nearharmonic.recommendation.timings import read_parts
 from nearharmonic.registry.trust import trusting_only
 from nearharmonic.reproduction.config.reading import read as read_config
 from nearharmonic.reproduction.record.archive import pack, seal
@@ -189,6 +193,15 @@ def test_settings_of_no_job_are_one_sentence(settings, hostile, capsys):
             file.attrs["settings"] = settings
     write_manifest(hostile)
     check_commands(RESULTS["cubes"][2], capsys)
+
+
+@pytest.mark.parametrize("settings", ODD_SETTINGS)
+def test_odd_settings_are_no_title_and_odd_problems_refused(settings, tmp_path):
+    assert problem_of(xr.Dataset(attrs={"settings": settings})) == ""
+    steps = (("x",), np.ones(2), {"units": "1", "long_name": "steps"})
+    store.write(tmp_path / "work_precision.h5", {"steps": steps}, {"problems": settings})
+    with pytest.raises(ResultFileError, match="has other variables or settings than its job writes"):
+        read_parts(tmp_path / "work_precision.h5", "kepler")
 
 
 def changed_text(document, random):

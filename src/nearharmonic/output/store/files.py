@@ -60,15 +60,27 @@ def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
     import h5py
 
     try:
-        with h5py.File(path, "r", locking=False) as file:
-            yield file
-    except NearharmonicError:
-        raise
-    except UNREADABLE as error:
+        file = h5py.File(path, "r", locking=False)
+    except OSError as error:
         if "lock" in str(error):  # this variable overrides the argument
             message = f"{path} cannot be read: its file system has no locks. Set HDF5_USE_FILE_LOCKING=FALSE"
             raise ResultFileError(message) from error
         raise unusable(path, "cannot be read") from error
+    with as_written(path, "cannot be read"), file:
+        yield file
+
+
+@contextmanager
+def as_written(
+    path: str | os.PathLike[str], complaint: str = "has other variables or settings than its job writes"
+) -> Iterator[None]:
+    """Convert an error about the contents of a file inside the block to a ResultFileError with this complaint."""
+    try:
+        yield
+    except NearharmonicError:
+        raise
+    except UNREADABLE as error:
+        raise unusable(path, complaint) from error
 
 
 def foreign_in(path: str | os.PathLike[str]) -> str:

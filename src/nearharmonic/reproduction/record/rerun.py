@@ -18,7 +18,7 @@ from nearharmonic.reproduction.experiments.paper.grid.reduced_run import reduced
 from nearharmonic.reproduction.experiments.paper.run import integrate_run
 from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.files.trusted import check_files_of
-from nearharmonic.reproduction.record.query.run_table import SKIPPED, as_written, settings_of
+from nearharmonic.reproduction.record.query.run_table import SKIPPED, settings_of
 from nearharmonic.reproduction.tasks.definitions import defined, read_definitions
 
 #: Tasks that write run files.
@@ -77,14 +77,14 @@ def rerun(folder: Path, number: int, seed: int = 1) -> list[Rerun]:
 def _cells(folder: Path, name: str) -> Iterator[tuple[str, str, int]]:
     """Yield file, precision and index of every run of a file."""
     for precision, runs in store.read_precisions(folder / name).items():
-        with as_written(folder / name):
+        with store.as_written(folder / name):
             yield from ((name, precision, i) for i in np.flatnonzero(runs.status.values != SKIPPED).tolist())
 
 
 def _again(folder: Path, name: str, precision: str, index: int) -> Rerun:
     kept = store.read(folder / name, None if precision == "double" else precision)
     settings = settings_of(folder / name, kept.attrs)
-    with as_written(folder / name), defined(read_definitions(settings.get("definitions", {}))):
+    with store.as_written(folder / name), defined(read_definitions(settings.get("definitions", {}))):
         return _compared(name, precision, index, kept, settings)
 
 

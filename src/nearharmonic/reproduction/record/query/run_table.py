@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
-from nearharmonic.errors import NearharmonicError, unknown_name
+from nearharmonic.errors import unknown_name
 from nearharmonic.output import store
 from nearharmonic.reproduction.tasks.receipts.schema import complaint
 
@@ -76,17 +75,6 @@ def system_cubes(folder: Path) -> Iterator[Path]:
     for path in sorted(folder.glob("cubes/*.h5")):
         if str(store.attributes_of(path).get("system")) == path.stem:
             yield path
-
-
-@contextmanager
-def as_written(path: Path) -> Iterator[None]:
-    """Convert an error about a member of a file inside the block to a ResultFileError: its job writes others."""
-    try:
-        yield
-    except NearharmonicError:
-        raise
-    except (AttributeError, LookupError, TypeError, ValueError) as error:
-        raise store.unusable(path, "has other variables or settings than its job writes") from error
 
 
 def settings_of(path: Path, attributes: Mapping[str, Any]) -> dict[str, Any]:

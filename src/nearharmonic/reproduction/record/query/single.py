@@ -16,13 +16,7 @@ from nearharmonic.engine.settings import SharedSettings, checked_tau, one_of
 from nearharmonic.errors import NearharmonicError, bad_setting, unknown_name
 from nearharmonic.integrators import integrators
 from nearharmonic.output import store
-from nearharmonic.reproduction.record.query.run_table import (
-    SKIPPED,
-    as_written,
-    runs_of_cube,
-    settings_of,
-    system_cubes,
-)
+from nearharmonic.reproduction.record.query.run_table import SKIPPED, runs_of_cube, settings_of, system_cubes
 from nearharmonic.reproduction.tasks.definitions import defined, read_definitions
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
@@ -147,7 +141,7 @@ def _trajectory(folder: Path, cells: Mapping[str, Any]) -> tuple[Path | None, in
     """Return the run file of the run, and the number of its states there."""
     for path in sorted(folder.glob(f"runs/{cells['system']}/{cells['integrator']}/*.h5")):
         runs = store.read_precisions(path).get(cells["precision"])
-        with as_written(path):
+        with store.as_written(path):
             if runs is not None:
                 made = (runs.tau_per_stage == cells["tau_per_stage"]) & (runs.status != SKIPPED)
                 (rows,) = np.nonzero(made.values)
