@@ -7,6 +7,7 @@ import io
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -214,3 +215,31 @@ def test_help_loads_few_modules_and_makes_few_calls():
     calls, modules = map(int, output_of("-c", text, PYTHONPATH=path)[1].split())
     assert calls < 80_000
     assert modules < 150
+
+
+FULL = "nearharmonic: the answer cannot be written: No space left"
+
+
+@pytest.mark.parametrize(
+    ("words", "says", "status"),
+    [
+        ("list >&-", "nearharmonic: the answer cannot be written: the standard output is closed\n", 2),
+        pytest.param("list >/dev/full", FULL, 2, marks=pytest.mark.slow),
+        pytest.param("list >/dev/null 2>&-", "", 0, marks=pytest.mark.slow),
+        pytest.param("lis 2>&-", "", 2, marks=pytest.mark.slow),
+        pytest.param("lis 2>/dev/full", "", 2, marks=pytest.mark.slow),
+        pytest.param("list >/dev/full 2>/dev/full", "", 2, marks=pytest.mark.slow),
+        pytest.param(
+            "--version >/dev/full",
+            FULL,
+            2,
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_closed_or_full_stream_ends_in_one_sentence(words, says, status):
+    command = f"{shlex.quote(sys.executable)} -m nearharmonic.cli {words}"
+    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.returncode) == ("", status)
+    assert done.stderr.startswith(says)
+    assert len(done.stderr.splitlines()) == bool(says)

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
 
 from nearharmonic import __version__, commands
-from nearharmonic.errors import NearharmonicError, SettingError, unknown_name
+from nearharmonic.errors import FileWriteError, NearharmonicError, SettingError, unknown_name
 from nearharmonic.output.terminal import printable
 from nearharmonic.reproduction import commands as of_the_record
 
@@ -134,19 +134,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         Exit status: 0 for yes, 1 for no, 2 for bad input with a message, 130 for an interrupt by the user.
     """
+    if sys.stderr is None:  # closed; warnings and bars of progress are written to it without a question
+        sys.stderr = open(os.devnull, "w")  # noqa: PTH123, SIM115
     try:
         return _run(sys.argv[1:] if arguments is None else list(arguments))
     except NearharmonicError as error:
-        sys.stderr.write(printable(f"{PROGRAM}: {error}\n"))
-        return 2
+        return _refused(error)
     except ModuleNotFoundError as error:
         if error.name is None or error.name.partition(".")[0] in {*sys.stdlib_module_names, PROGRAM}:
             raise
-        sys.stderr.write(f"{PROGRAM}: {error.name} is not installed: pip install '{PROGRAM}[workflow]'\n")
-        return 2
+        return _refused(f"{error.name} is not installed: pip install '{PROGRAM}[workflow]'")
     except OSError as error:
-        sys.stderr.write(printable(f"{PROGRAM}: {error}\n"))
-        return 2
+        return _refused(error)
     except KeyboardInterrupt:
         return INTERRUPTED
 
@@ -177,14 +176,41 @@ def _run(words: Sequence[str]) -> int:
     return int(answer.status)
 
 
+def _refused(reason: object) -> int:
+    """Print why a command is refused, if anybody listens, and return the exit status."""
+    try:
+        sys.stderr.write(printable(f"{PROGRAM}: {reason}\n"))
+    except OSError:
+        _drop(sys.stderr)
+    return 2
+
+
 def _write(text: str) -> None:
-    """Print ``text``; control characters are escaped, letters that the terminal does not have are question marks."""
+    """Print ``text``; control characters are escaped, letters that the terminal does not have are question marks.
+
+    Raises
+    ------
+    FileWriteError
+        The output is closed, or its disk is full.
+    """
+    if sys.stdout is None:
+        if text:
+            raise FileWriteError("the answer cannot be written: the standard output is closed")
+        return
     encoding = sys.stdout.encoding or "utf-8"
     try:
         sys.stdout.write(printable(text).encode(encoding, "replace").decode(encoding))
         sys.stdout.flush()
     except BrokenPipeError:  # the reader, such as head, has closed the pipe
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop(sys.stdout)
+    except OSError as error:
+        _drop(sys.stdout)
+        raise FileWriteError(f"the answer cannot be written: {error.strerror}") from error
+
+
+def _drop(stream: TextIO) -> None:
+    """Let what a stream still holds go nowhere, so that the process does not fail at its exit."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 if __name__ == "__main__":

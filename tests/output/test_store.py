@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -13,10 +14,13 @@ import xarray as xr
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output import store
-from nearharmonic.output.dataset import flags
+from nearharmonic.output.dataset import Contents, flags
 from nearharmonic.output.store import writer
 from nearharmonic.output.store.earlier import PLACE, keep
 from nearharmonic.output.store.name import name_of
+from nearharmonic.reproduction.tasks import job
+from support.hostile.mutations import FOREIGN, make_foreign
+from support.results.result_folder import edited
 
 
 def described(dims, values, units="1", long_name="something"):
@@ -154,6 +158,18 @@ def test_a_dataset_keeps_its_attributes_and_coordinates(tmp_path, variables):
     assert (again.attrs["orbital_period"], again.attrs["code_digest"]) == (2111.8, "abc")
 
 
+def test_provenance_of_a_file_is_that_of_its_job(tmp_path, variables):
+    """A data set from another file has the provenance of that file, and contents may name any attribute."""
+    places = [tmp_path / f"{number}.h5" for number in range(3)]
+    store.write(places[0], variables, {"code_digest": "old", "more": 1})
+    store.write_dataset(places[1], store.read(places[0]), {"code_digest": "new"})
+    made = Contents(variables=variables, attributes={"code_digest": "old", "more": 1})
+    job.write(made, places[2:], {"code_digest": "new"})
+    for place in places[1:]:
+        found = store.attributes_of(place)
+        assert (found["code_digest"], found["more"]) == ("new", 1)
+
+
 @pytest.mark.parametrize("lost", ["units", "long_name"])
 def test_variable_without_units_or_meaning_is_refused_without_file(tmp_path, variables, lost):
     del variables["q"][2][lost]
@@ -236,6 +252,84 @@ def test_a_file_of_another_format_is_named(tmp_path, variables, monkeypatch):
     monkeypatch.undo()
     with pytest.raises(ResultFileError, match="has another format"):
         store.read(tmp_path / "0.h5")
+
+
+@pytest.mark.parametrize("group", ["", pytest.param("extended/", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", FOREIGN)
+def test_sealed_file_with_foreign_member_is_refused_unread(tmp_path, variables, kind, group):
+    """The pipe would block any reader that opens it; the digest is right, as anybody can write one."""
+    os.mkfifo(tmp_path / "pipe")
+    path = tmp_path / "0.h5"
+    store.write(path, variables | {"evaluations": variables["steps"]}, {}, {"extended": variables})
+    with edited(path) as file:
+        make_foreign(file, f"{group}q", FOREIGN[kind], tmp_path / "pipe")
+    for read in (store.read, store.read_precisions, store.attributes_of, store.groups_of):
+        with pytest.raises(ResultFileError, match=rf"0\.h5 has /{group}q.*, which .*\. Make it again: snakemake -j2"):
+            read(path)
+    assert f"/{group}q" in store.foreign_in(path)
+
+
+#: A C library in which no file can be locked, as on some network mounts.
+WITHOUT_LOCKS = """
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdarg.h>
+int flock(int file, int kind) { errno = ENOLCK; return -1; }
+int fcntl(int file, int kind, ...) {
+    va_list rest; va_start(rest, kind); void *given = va_arg(rest, void *); va_end(rest);
+    if (kind == F_SETLK || kind == F_SETLKW) { errno = ENOLCK; return -1; }
+    return ((int (*)(int, int, ...))dlsym(RTLD_NEXT, "fcntl"))(file, kind, given);
+}
+int fcntl64(int, int, ...) __attribute__((alias("fcntl")));
+"""
+
+
+#: A process that reads and records there.
+READS = """
+from pathlib import Path
+from nearharmonic.errors import ResultFileError
+from nearharmonic.output import store
+from nearharmonic.reproduction.record import history
+from nearharmonic.reproduction.record.running.lock import locked
+folder = Path("results/paper")
+with locked(folder):
+    history.append(folder, {"id": "a", "start": "", "config": {}})
+print(history.runs_of(folder)[0]["id"])
+try:
+    print(store.read(folder / "cubes/sho.h5").steps.values.tolist())
+except ResultFileError as error:
+    print(error)
+"""
+REFUSAL = "results/paper/cubes/sho.h5 cannot be read: its file system has no locks. Set HDF5_USE_FILE_LOCKING=FALSE"
+
+
+@pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")
+@pytest.mark.parametrize(
+    ("variable", "answer"), [("", "[4, 2, 1]"), pytest.param("TRUE", REFUSAL, marks=pytest.mark.slow)]
+)
+def test_files_are_read_and_recorded_on_mount_without_locks(tmp_path, variables, variable, answer):
+    """Without locks, two runs at once are not prevented, and a warning says so."""
+    (tmp_path / "locks.c").write_text(WITHOUT_LOCKS)
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", "locks.so", "locks.c", "-ldl"], cwd=tmp_path, check=True)
+    store.write(tmp_path / "results/paper/cubes/sho.h5", variables, {})
+    environment = os.environ | {"LD_PRELOAD": str(tmp_path / "locks.so"), "HDF5_USE_FILE_LOCKING": variable}
+    script = [sys.executable, "-c", READS]
+    done = subprocess.run(script, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == ["a", answer]
+    place = "results/paper/logs/lock: No locks available"
+    assert done.stderr == f"nearharmonic: warning: two runs at once are not prevented: {place}\n"
+
+
+@pytest.mark.parametrize("odd", [h5py.Empty("<f8"), 1j, np.zeros(2, [("a", "<f8")]), np.void(b"x")])
+def test_attribute_that_is_no_number_or_text_is_refused(tmp_path, variables, odd):
+    store.write(tmp_path / "0.h5", variables, {})
+    with edited(tmp_path / "0.h5") as file:
+        file.attrs["settings"] = odd
+    for read in (store.read, store.attributes_of):
+        with pytest.raises(ResultFileError, match="cannot be read"):
+            read(tmp_path / "0.h5")
 
 
 def test_an_empty_array_is_kept(tmp_path):

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
+import tabulate
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.table import Table, from_csv
@@ -21,6 +24,19 @@ def test_each_form_holds_the_digits_that_its_readers_see():
         ["c", "2"],
     ]
     assert TABLE.records()[1] == {"name": "c", "size": 2}
+
+
+def test_bytes_are_the_same_with_and_without_wcwidth(monkeypatch):
+    """Each cell is padded to its number of characters: a combining accent counts, a Chinese character counts once."""
+    odd = Table(header=["name", "size"], rows=[["He\u0301non", 1], ["\u7cfb", 2], ["plain", 3]], caption="Odd.")
+    found = []
+    for library in (SimpleNamespace(wcswidth=lambda text: 2 * len(text)), None):
+        monkeypatch.setattr(tabulate, "wcwidth", library)
+        monkeypatch.setattr(tabulate, "WIDE_CHARS_MODE", library is not None)
+        found.append((odd.markdown(), odd.latex(), odd.lines()))
+        assert (library is not None) is tabulate.WIDE_CHARS_MODE
+    assert found[0] == found[1]
+    assert len({len(line) for line in found[0][0].splitlines()[2:]}) == 1
 
 
 def test_table_read_from_its_csv_has_same_cells_as_texts():

@@ -63,7 +63,8 @@ def results(tmp_path_factory):
         runs = assembled(integrate_run(run), ["t"], {"system": "henon_heiles", "integrator": name})
         methods[name] = reduced_numbers(runs).expand_dims(precision=["double"])
         store.write_dataset(folder / f"results/paper/runs/henon_heiles/{name}/0.h5", runs, {})
-    store.write_dataset(folder / "results/paper/cubes/henon_heiles.h5", cube_of("henon_heiles", methods), {})
+    settings = {"settings": '{"sweep": {"t_end": "50"}}'}
+    store.write_dataset(folder / "results/paper/cubes/henon_heiles.h5", cube_of("henon_heiles", methods), settings)
     shutil.copytree(ROOT / "examples", folder / "examples")
     return folder
 

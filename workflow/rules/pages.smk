@@ -160,3 +160,33 @@ rule pages:
 rule pages_of_times:  # on a machine that does nothing else
     input:
         [_FILLED[page] for page in _OF_TIMES if page in _PAGES],
+
+
+if DOCS == "docs":
+    from nearharmonic.reproduction.claims.table import FILES as _DECISIVE
+
+    rule decide_committed:  # anew, from all targets
+        input:
+            files=[f"{RESULTS}/{name}" for name in _DECISIVE],
+        output:
+            recorded=update("tests/reproduction/claims/recorded.zip"),
+            document=update("docs/claims.json"),
+            page=update("docs/results/claims.md"),
+            readme=update("README.md"),
+        log:
+            LOG("pages/verdicts"),
+        params:
+            own=digest_of_own(),
+            task=task(
+                "reproduction.claims.pages.documents:verdicts",
+                folder=RESULTS,
+                readme="README.md",
+                integrators=plain_integrators.registered,
+            ),
+        script:
+            "../scripts/task.py"
+
+    rule verdicts:  # the results come first: what is committed exists in any checkout
+        input:
+            rules.decide_committed.input,
+            rules.decide_committed.output,

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 FLAG_MEANINGS, FLAG_VALUES = "flag_meanings", "flag_values"
 #: Meanings of integer coordinates, if "number of the ..." does not fit.
 COUNTED = {"component": "number of the coordinate"}
+#: Units by which xarray makes time differences of the numbers of a file, in some versions.
+DECODED = {f"{size}seconds" for size in ("", "milli", "micro", "nano")} | {"days", "hours", "minutes"}
 #: Attributes of a variable: ``units`` and ``long_name`` at least.
 Attributes = dict[str, str]
 #: A variable as xarray accepts it: names of dimensions, values, attributes.
@@ -36,9 +38,9 @@ def described(long_name: str, units: str = "1") -> Attributes:
     long_name : str
         Meaning of the variable.
     units : str
-        Unit of its values; "1" if they have none.
+        Unit of its values; "1" if they have none. A plural of time stands in the singular, which is the same unit.
     """
-    return {"units": units, "long_name": long_name}
+    return {"units": units.removesuffix("s") if units in DECODED else units, "long_name": long_name}
 
 
 def variable(dimensions: str | tuple[str, ...], values: Any, long_name: str, units: str = "1") -> Variable:

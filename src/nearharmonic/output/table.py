@@ -97,9 +97,14 @@ class Table:
 
 
 def _tabulate(header: Sequence[str], cells: Sequence[Sequence[str]], form: str, **options: Any) -> str:
-    from tabulate import tabulate
+    import tabulate
 
-    return str(tabulate(cells, list(header), tablefmt=form, disable_numparse=True, **options))
+    # Otherwise the widths, and with them the bytes of a file, depend on whether the package wcwidth is installed.
+    before, tabulate.WIDE_CHARS_MODE = tabulate.WIDE_CHARS_MODE, False
+    try:
+        return str(tabulate.tabulate(cells, list(header), tablefmt=form, disable_numparse=True, **options))
+    finally:
+        tabulate.WIDE_CHARS_MODE = before
 
 
 def _is_number(cell: Cell) -> bool:

@@ -89,7 +89,7 @@ def problem_of(results: xr.Dataset, unit: str = "1") -> str:
     try:
         settings = json.loads(results.attrs["settings"])
         t_end = {**settings.get("settings", {}), **settings.get("sweep", {})}["t_end"]
-    except (KeyError, TypeError, ValueError):
+    except (AttributeError, KeyError, TypeError, ValueError, RecursionError):
         t_end = None
     interval = "" if t_end is None else f"$t$ = {t_end}{'' if unit == '1' else f' {unit}'}"
     H0 = energy_of(results.attrs)

@@ -123,11 +123,12 @@ def read_parts(path: str | os.PathLike[str], system: str, quartile: str = "min")
     from nearharmonic.output import store
 
     attributes = store.attributes_of(path)
-    parts: list[Part] = [
-        (told["t_end"], tuple(told["measures"]), curves_of(store.read(path, name), quartile))
-        for name, told in json.loads(attributes["problems"]).items()
-        if told["system"] == system
-    ]
+    with store.as_written(path):
+        parts: list[Part] = [
+            (told["t_end"], tuple(told["measures"]), curves_of(store.read(path, name), quartile))
+            for name, told in json.loads(attributes["problems"]).items()
+            if told["system"] == system
+        ]
     return parts, attributes
 
 

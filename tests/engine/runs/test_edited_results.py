@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.errors import SettingError
+from nearharmonic.errors import SettingError, SystemDefinitionError
 from nearharmonic.math import cos
 from support.methods.own_systems import spring
 
@@ -86,6 +86,31 @@ def test_result_read_from_file_continues_with_bits_of_one_run(tmp_path):
     run.to_netcdf(tmp_path / "run.nc", engine="h5netcdf")
     with xr.open_dataset(tmp_path / "run.nc", engine="h5netcdf") as read:
         assert_equal(rest(read)[LAST], whole[LAST])
+
+
+@pytest.mark.parametrize("unit", ["days", pytest.param("microseconds", marks=pytest.mark.slow)])
+def test_file_with_units_of_time_continues_at_any_xarray(unit, tmp_path):
+    """Versions of xarray before 2025.4 decode such units without being asked to, as this reader does."""
+    import xarray as xr
+
+    clock = spring("clock", units={"t": unit, "q": unit, "p": "1", "energy": "1"})
+    run = first(clock)
+    run.to_netcdf(tmp_path / "run.nc", engine="h5netcdf")
+    with xr.open_dataset(tmp_path / "run.nc", engine="h5netcdf", decode_timedelta=True) as read:
+        assert {read[name].dtype for name in ("t", "q", "tau")} == {np.dtype(float)}
+        assert read.t.attrs["units"] == unit.removesuffix("s")
+        assert_equal(rest(read, clock), rest(run, clock))
+
+
+@pytest.mark.parametrize("where", ["t", "distance"])
+def test_unit_that_is_read_as_a_date_is_refused(where):
+    date, units = "days since 2000-01-01", {"t": "1", "q": "1", "p": "1", "energy": "1"}
+    observable = nh.Observable(function=lambda q, p: q[0], unit=date if where != "t" else "1", meaning="distance")
+    units |= {"t": date} if where == "t" else {}
+    with pytest.raises(
+        SystemDefinitionError, match=f"'{where}'.* = '{date}' is not allowed: a string without the word"
+    ):
+        spring("clock", units=units, observables={"distance": observable})
 
 
 def test_a_result_cut_short_goes_on_from_its_last_sample():

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
+from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import plain_integrators
-from nearharmonic.reproduction.claims.pages.documents import CARRYING, SUBSTANCE, failures_in_words
+from nearharmonic.reproduction.claims.pages.documents import (
+    CARRYING,
+    SUBSTANCE,
+    documents,
+    failures_in_words,
+    verdicts,
+)
 from nearharmonic.reproduction.claims.pages.summary import failures, of_the_paper
 from nearharmonic.reproduction.claims.table import decided
 from nearharmonic.reproduction.pages.targets import stability
@@ -26,19 +32,29 @@ PAGE = (ROOT / "docs/results/claims.md").read_text(encoding="utf-8")
 README = flat("README.md")
 
 
-def test_the_command_writes_all_pages_again_as_they_are(tmp_path):
-    (tmp_path / "docs/results").mkdir(parents=True)
+def test_page_and_readme_are_made_from_the_committed_verdicts():
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     damaged = re.sub(r"\*\*holds\*\*", "**fails**", readme)
     assert damaged != readme
-    (tmp_path / "README.md").write_text(damaged, encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, "-m", "nearharmonic.reproduction.claims.pages.documents", str(ROOT / "docs/claims.json")],
-        cwd=tmp_path, capture_output=True, text=True, check=False, env={"PYTHONPATH": str(ROOT / "src")},
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    for name in ("README.md", "docs/results/claims.md", "docs/claims.json"):
-        assert (tmp_path / name).read_bytes() == (ROOT / name).read_bytes(), name
+    assert documents(TEXT, damaged) == {"page": PAGE, "readme": readme}
+
+
+def test_recorded_results_are_those_of_every_registered_method(tmp_path):
+    """Sizes and symmetry from the coefficients, apart from the code that made the table."""
+    with (unpack(tmp_path) / "tables/integrators.csv").open(encoding="utf-8") as file:
+        rows = {row["integrator"]: row for row in csv.DictReader(file)}
+    assert rows.keys() == {*plain_integrators.registered}
+    mirrored = {
+        name for name, one in plain_integrators.items()
+        if name in rows and one.kick == one.kick[::-1] and one.drift == one.drift[::-1]
+    }  # fmt: skip
+    assert {name for name, row in rows.items() if row["symmetric"] == "yes"} == mirrored
+    assert VALUES["even-orders"] == f"{len(mirrored)} of {len(mirrored)} methods"
+
+
+def test_results_that_decide_not_all_write_nothing(tmp_path):
+    with pytest.raises(NearharmonicError, match=r"undecided, like even-orders \(tables/.*: no verdict is"):
+        verdicts(str(tmp_path), str(ROOT / "README.md"), plain_integrators.registered)
 
 
 def test_no_page_line_is_long_and_every_statement_is_folded():

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import re
 import shlex
 import signal
 from contextlib import contextmanager
@@ -10,16 +12,22 @@ from pathlib import Path
 from random import Random
 from zipfile import ZipFile, ZipInfo
 
+import h5py
+import numpy as np
 import pytest
+import xarray as xr
 
 from nearharmonic.cli import main
-from nearharmonic.errors import NearharmonicError
+from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.exchange.coefficient_file import read as read_coefficients
+from nearharmonic.output import store
 from nearharmonic.output.sealed_json import opened
+from nearharmonic.plotting.energy_error import problem_of
+from nearharmonic.recommendation.timings import read_parts
 from nearharmonic.registry.trust import trusting_only
 from nearharmonic.reproduction.config.reading import read as read_config
 from nearharmonic.reproduction.record.archive import pack, seal
-from support.hostile.mutations import change_file, mutated, mutated_bytes, resealed
+from support.hostile.mutations import FOREIGN, ODD_SETTINGS, change_file, make_foreign, mutated, mutated_bytes, resealed
 from support.results.result_folder import edited, write_manifest
 
 ROOT = Path(__file__).parents[3]
@@ -140,6 +148,60 @@ def test_hostile_result_is_answered_or_refused(kind, hostile, capsys, trials):
 @pytest.mark.parametrize("kind", RESULTS)
 def test_many_hostile_results_are_answered_or_refused(kind, hostile, capsys, trials):
     try_results(kind, range(4, 1000), hostile, capsys, trials)
+
+
+#: Values in place of a variable of a cube whose type or shape is another.
+ODD_SHAPES = {
+    "scalar": lambda file, name, shape, other: 1.0,
+    "text": lambda file, name, shape, other: file.create_dataset(name, shape, h5py.string_dtype()),
+    "number": lambda file, name, shape, other: file.create_dataset(name, data=np.zeros(shape)),
+    "one axis": lambda file, name, shape, other: np.zeros(shape[-1]),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["cubes/kepler.h5", "runs/kepler/ruth/0.h5"])
+@pytest.mark.parametrize("kind", FOREIGN)
+def test_file_that_reaches_outside_is_one_sentence(name, kind, project, copy, capsys):
+    os.mkfifo("pipe")
+    variable = "max_energy_error" if name.startswith("cubes") else "energy_error"
+    with edited(project / name) as file:
+        make_foreign(file, variable, FOREIGN[kind], Path("pipe").absolute())
+    write_manifest(project)
+    check_commands(RESULTS["cubes"][2], capsys)
+    for command in ("verify paper", "archive paper"):
+        with in_time():
+            assert main(command.split()) == 1
+        assert re.search(rf"{name} +has /{variable}.*, which", capsys.readouterr().out)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ODD_SHAPES)
+@pytest.mark.parametrize("variable", ["max_energy_error", "status", "label", "steps"])
+def test_variable_of_another_shape_is_one_sentence(kind, variable, hostile, capsys):
+    with edited(hostile / "cubes/kepler.h5") as file:
+        make_foreign(file, variable, ODD_SHAPES[kind], "")
+    write_manifest(hostile)
+    check_commands((*RESULTS["cubes"][2], "compare paper copy --figure a.png"), capsys)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("settings", ODD_SETTINGS)
+def test_settings_of_no_job_are_one_sentence(settings, hostile, capsys):
+    for name in ("cubes/kepler.h5", "runs/kepler/ruth/0.h5"):
+        with edited(hostile / name) as file:
+            file.attrs["settings"] = settings
+    write_manifest(hostile)
+    check_commands(RESULTS["cubes"][2], capsys)
+
+
+@pytest.mark.parametrize("settings", ODD_SETTINGS)
+def test_odd_settings_are_no_title_and_odd_problems_refused(settings, tmp_path):
+    assert problem_of(xr.Dataset(attrs={"settings": settings})) == ""
+    steps = (("x",), np.ones(2), {"units": "1", "long_name": "steps"})
+    store.write(tmp_path / "work_precision.h5", {"steps": steps}, {"problems": settings})
+    with pytest.raises(ResultFileError, match="has other variables or settings than its job writes"):
+        read_parts(tmp_path / "work_precision.h5", "kepler")
 
 
 def changed_text(document, random):

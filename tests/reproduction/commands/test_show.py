@@ -116,6 +116,14 @@ def test_cube_without_settings_is_shown_without_them(project, capsys):
     compile(told["python"], "shown", "exec")
 
 
+def test_damaged_line_of_history_is_told(project, copy, capsys):
+    first, *rest = (project / "history.jsonl").read_text().splitlines(keepends=True)
+    (project / "history.jsonl").write_text(first[:-9] + "\n" + "".join(rest))
+    for command in ("show paper kepler ruth 30", "compare paper copy", "compare copy paper"):
+        main(command.split())
+        assert "results/paper/history.jsonl: line 1 is damaged: its seal does not match, and" in capsys.readouterr().out
+
+
 def test_results_without_trajectories_or_manifest_say_so(project, capsys):
     shutil.rmtree(project / "runs")
     (project / "manifest.json").unlink()

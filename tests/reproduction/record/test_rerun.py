@@ -16,6 +16,8 @@ from nearharmonic.reproduction.record.rerun import rerun
 from nearharmonic.reproduction.tasks.job import write
 from nearharmonic.reproduction.tasks.provenance import function_of, provenance, task
 from nearharmonic.reproduction.tasks.receipts import Receipt
+from support.hostile.mutations import ODD_SETTINGS
+from support.results.result_folder import edited
 
 SWEEP = Sweep(
     system="sho", t_end="10", lowest=0.003, highest=1.5, points_per_decade=5, precision=("double", "extended"),
@@ -69,6 +71,16 @@ def test_run_without_samples_has_the_same_numbers_again(tmp_path, monkeypatch):
     again = rerun(folder, 1000)
     assert len(again) == sum(sizes(folder)) > 6
     assert [run.differs for run in again] == [()] * len(again)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("settings", ODD_SETTINGS)
+def test_settings_of_no_run_are_one_sentence(results, settings):
+    for path in results.rglob("*.h5"):
+        with edited(path) as file:
+            file.attrs["settings"] = settings
+    with pytest.raises(ResultFileError, match=r"0\.h5 has .*settings.* Make it again"):
+        rerun(results, 1000)
 
 
 @pytest.mark.slow

@@ -70,6 +70,24 @@ def history_faults():
     return [fault.says for fault in faults(Path("results/smoke")) if fault.file == "history.jsonl"]
 
 
+def test_flipped_receipt_with_its_old_time_is_healed(run, capsys):
+    make("cubes/a.h5", "a")
+    run.end(0, jobs_run=1, jobs_reused=0, refresh=lambda: None, makeable=MADE)
+    place = Path("results/smoke/logs/a.json")
+    before, content = place.stat(), place.read_bytes()
+    place.write_bytes(content[:100] + bytes([content[100] ^ 4]) + content[101:])
+    os.utime(place, ns=(before.st_atime_ns, before.st_mtime_ns))
+    config = load(yaml.safe_load(SMOKE.read_text(encoding="utf-8")))
+    again, last = (WorkflowRun("results/smoke", config, sources=".") for _ in range(2))
+    assert again.is_incomplete
+    again.recover()
+    again.complete(lambda: None, MADE, ())
+    again.save_state(MADE)
+    assert "1 receipts are not as their jobs wrote them, and are removed" in capsys.readouterr().err
+    assert not last.is_incomplete
+    assert [fault.says for fault in faults(Path("results/smoke")) if "receipt" in fault.says] == []
+
+
 @pytest.mark.parametrize("left", [0, 1])
 def test_lost_last_line_is_told_until_next_run_records_it(run, left):
     folder, place = Path("results/smoke"), Path("results/smoke/history.jsonl")

@@ -22,11 +22,56 @@ ODD_ATTRIBUTES = (
     '{"sweep": {"system": 1}}', '{"definitions": {"systems": {"kepler": {"file": "evil.py"}}}}', '{"definitions": 1}',
     '{"definitions": {"systems": 1}}', "evil.py", np.arange(3), np.array([b"x", b"y"]), np.array(True),
 )  # fmt: skip
+#: Settings in an attribute that are not those of a job.
+ODD_SETTINGS = (
+    "[" * 3000, "[]", "1", '{"sweep": 1}', '{"sweep": {}, "definitions": 1}', '{"a": ' * 900 + "1" + "}" * 900,
+    '{"definitions": {"systems": {"kepler": 1}}}', '{"sweep": {"samples": [1]}}',
+)  # fmt: skip
 #: What stands in a text where it does not belong.
 TOKENS = (
     b"[" * 3000, b"\x00", b"\xff\xfe", b"9" * 5000, b"&a [*a]", b"!!python/name:os.system ", b"e999999999", b"1/0",
     b"\r", b'"', b"\xd9\xa3",
 )  # fmt: skip
+
+#: Members that this package never writes, as values or makers of them: functions of an open file, a name, a shape, and
+#: the path of another file.
+FOREIGN = {
+    "external link": lambda file, name, shape, other: h5py.ExternalLink(other, "x"),
+    "soft link": lambda file, name, shape, other: h5py.SoftLink("/evaluations"),
+    "dangling link": lambda file, name, shape, other: h5py.SoftLink("/nothing"),
+    "external storage": lambda file, name, shape, other: file.create_dataset(
+        name, shape, "<f8", external=[(other, 0, h5py.h5f.UNLIMITED)]
+    ),
+    "virtual": lambda file, name, shape, other: file.create_virtual_dataset(name, _virtual(shape, other)),
+    "compound": lambda file, name, shape, other: np.zeros(shape, [("a", "<f8"), ("b", "<i4")]),
+    "complex": lambda file, name, shape, other: np.zeros(shape, complex),
+    "long double": lambda file, name, shape, other: np.zeros(shape, np.longdouble),
+    "opaque": lambda file, name, shape, other: np.zeros(shape, "V7"),
+    "references": lambda file, name, shape, other: file.create_dataset(name, shape, h5py.ref_dtype),
+    "texts of one length": lambda file, name, shape, other: np.full(shape, b"ok"),
+    "lists": lambda file, name, shape, other: file.create_dataset(name, shape, h5py.vlen_dtype("f8")),
+    "empty": lambda file, name, shape, other: h5py.Empty("<f8"),
+    "without values": lambda file, name, shape, other: file.create_dataset(name, (10**6,) * 3, "<f8", chunks=(9,) * 3),
+    "other compression": lambda file, name, shape, other: file.create_dataset(name, shape, "<f8", compression="lzf"),
+    "itself": lambda file, name, shape, other: file["/"],
+    "type": lambda file, name, shape, other: np.dtype("<f8"),
+    "group in a group": lambda file, name, shape, other: file.create_group(f"{name}/{name}"),
+}
+
+
+def _virtual(shape, other):
+    layout = h5py.VirtualLayout(shape, "<f8", maxshape=(None,) * len(shape))
+    layout[...] = h5py.VirtualSource(other, "x", shape, maxshape=(None,) * len(shape))[...]
+    return layout
+
+
+def make_foreign(file, name, make, other):
+    """Put a member of :data:`FOREIGN`, or another value that ``make`` returns, in the place of a variable."""
+    shape = file[name].shape
+    del file[name]
+    made = make(file, name, shape, str(other))
+    if name not in file:
+        file[name] = made
 
 
 def nested(levels):

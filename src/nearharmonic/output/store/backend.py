@@ -19,8 +19,6 @@ from nearharmonic.output.store.remake import unusable
 
 #: Attribute that names auxiliary coordinates (CF conventions, section 5).
 COORDINATES = "coordinates"
-#: Exceptions of the HDF5 library for a file that it cannot read, and of attributes of other types than were written.
-UNREADABLE = (OSError, AttributeError, LookupError, TypeError, ValueError, RuntimeError)
 
 
 class ResultFiles(xr.backends.BackendEntrypoint):
@@ -37,22 +35,17 @@ class ResultFiles(xr.backends.BackendEntrypoint):
     ) -> xr.Dataset:
         """Return the root of a file, or one of its groups; parameters as for ``xarray.open_dataset``."""
         with checked(filename_or_obj) as file:
-            try:
-                return _dataset(file, file if group is None else file[group], drop_variables or ())
-            except UNREADABLE as error:
-                says = "cannot be read" if group is None else f"has no readable group {group!r}"
-                raise unusable(filename_or_obj, says) from error
+            if group is not None and group not in groups_in(file):
+                raise unusable(filename_or_obj, f"has no readable group {group!r}")
+            return _dataset(file, file if group is None else file[group], drop_variables or ())
 
     def open_groups_as_dict(  # type: ignore[override]
         self, filename_or_obj: str, *, drop_variables: Collection[str] | None = None
     ) -> dict[str, xr.Dataset]:
         """Return the root of a file and each of its groups by path; parameters as for ``xarray.open_groups``."""
         with checked(filename_or_obj) as file:
-            try:
-                groups = {"/": file} | {f"/{name}": file[name] for name in groups_in(file)}
-                return {path: _dataset(file, group, drop_variables or ()) for path, group in groups.items()}
-            except UNREADABLE as error:
-                raise unusable(filename_or_obj, "cannot be read") from error
+            groups = {"/": file} | {f"/{name}": file[name] for name in groups_in(file)}
+            return {path: _dataset(file, group, drop_variables or ()) for path, group in groups.items()}
 
 
 def _dataset(file: Any, group: Any, leave_out: Collection[str]) -> xr.Dataset:

@@ -96,6 +96,6 @@ def kept_for(folder: Path, output: str | os.PathLike[str], origin: Mapping[str, 
             same = all(said[key] == origin[key] for key in ("code_digest", "coefficients_digest"))
             if same and settings.get("definitions") == ours:
                 found.append(KeptFile(path, settings))
-        except (NearharmonicError, AttributeError, KeyError, TypeError, ValueError):
+        except (NearharmonicError, AttributeError, KeyError, TypeError, ValueError, RecursionError):
             continue  # a file that does not say what it is
     return found

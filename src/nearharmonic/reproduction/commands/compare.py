@@ -29,6 +29,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each difference; the status is 1 if there is one."""
     from nearharmonic.reproduction.record.compare.comparison import compared
     from nearharmonic.reproduction.record.files.folders import folder_of
+    from nearharmonic.reproduction.record.history import doubts_in
 
     a, b = folder_of(chosen.a), folder_of(chosen.b)
     figure = None
@@ -53,7 +54,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
         document=document,
         status=0 if found.identical else 1,
         caption=f"a: {a}, b: {b}: {_summary(found)}",
-        notes=_notes(found),
+        notes=[*_notes(found), *doubts_in(a), *doubts_in(b)],
     )
 
 

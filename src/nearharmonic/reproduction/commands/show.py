@@ -87,12 +87,15 @@ def _title(run: SingleRun, asked: float, *, per_stage: bool) -> str:
 
 
 def _remarks(run: SingleRun, folder: Path, manifest: dict[str, Any]) -> list[str]:
+    from nearharmonic.reproduction.record.history import doubts_in
+
     remarks = []
     if run.file is None:
         remarks.append("The trajectory is not among the results: there is no run file that holds it.")
     file = run.definitions.get("systems", {}).get(run.cells["system"], {}).get("file")
     if file is not None and not run.system_units:
         remarks.append(f"The units of the system are those in {file}, Python code that this command does not run.")
+    remarks += doubts_in(folder)
     if not manifest:
         remarks.append(f"{folder} has no manifest.json, which would give the digests of its files.")
     return remarks

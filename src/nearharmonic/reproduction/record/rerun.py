@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import random
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -19,7 +18,7 @@ from nearharmonic.reproduction.experiments.paper.grid.reduced_run import reduced
 from nearharmonic.reproduction.experiments.paper.run import integrate_run
 from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.files.trusted import check_files_of
-from nearharmonic.reproduction.record.query.run_table import SKIPPED
+from nearharmonic.reproduction.record.query.run_table import SKIPPED, settings_of
 from nearharmonic.reproduction.tasks.definitions import defined, read_definitions
 
 #: Tasks that write run files.
@@ -78,13 +77,14 @@ def rerun(folder: Path, number: int, seed: int = 1) -> list[Rerun]:
 def _cells(folder: Path, name: str) -> Iterator[tuple[str, str, int]]:
     """Yield file, precision and index of every run of a file."""
     for precision, runs in store.read_precisions(folder / name).items():
-        yield from ((name, precision, i) for i in np.flatnonzero(runs.status.values != SKIPPED).tolist())
+        with store.as_written(folder / name):
+            yield from ((name, precision, i) for i in np.flatnonzero(runs.status.values != SKIPPED).tolist())
 
 
 def _again(folder: Path, name: str, precision: str, index: int) -> Rerun:
     kept = store.read(folder / name, None if precision == "double" else precision)
-    settings = json.loads(kept.attrs["settings"])
-    with defined(read_definitions(settings.get("definitions", {}))):
+    settings = settings_of(folder / name, kept.attrs)
+    with store.as_written(folder / name), defined(read_definitions(settings.get("definitions", {}))):
         return _compared(name, precision, index, kept, settings)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output.atomic import parts_in
-from nearharmonic.output.store import command_for, workflow_command
+from nearharmonic.output.store import command_for, foreign_in, workflow_command
 from nearharmonic.reproduction.record import history
 from nearharmonic.reproduction.record.files import manifest
 from nearharmonic.reproduction.record.files.trusted import integrator_files_not_run, is_edited, recorded_digests
@@ -55,7 +55,7 @@ def faults(folder: Path) -> list[Fault]:
     """Compare every file of ``folder`` with the record, and the code and coefficients here with those recorded.
 
     Only the record is parsed; all other files are compared as bytes, so that damaged files cannot mislead or block the
-    reader.
+    reader. Of HDF5 files with the recorded bytes the list of members is read, and no value.
 
     Returns
     -------
@@ -119,6 +119,8 @@ def _of_files(folder: Path, told: Mapping[str, Any]) -> Iterator[Fault]:
                 yield Fault(file=name, says="is extra: no job made it", mend="Move it elsewhere")
             else:
                 yield Fault(file=name, says="is damaged: its bytes are not those that its job wrote", mend=again)
+        elif name.endswith(".h5") and (says := foreign_in(folder / name)):
+            yield Fault(file=name, says=says, mend=again)
 
 
 def _of_inputs(folder: Path, entries: Entries) -> Iterator[Fault]:

@@ -11,7 +11,7 @@ from typing import Any
 from nearharmonic.errors import SystemDefinitionError, shown
 from nearharmonic.numerics.written import any_decimal_of, exact_number, is_extreme, is_real
 from nearharmonic.systems.definition.members import UNITS, Members
-from nearharmonic.systems.definition.quantities import is_list
+from nearharmonic.systems.definition.quantities import Observable, is_list
 
 #: Names of the variables and dimensions of every result; no invariant or observable may have such a name.
 VARIABLES = frozenset((
@@ -56,11 +56,15 @@ def _check_names(system: Members) -> None:
     for key in UNITS:
         if key not in units:
             raise SystemDefinitionError(f"{name}: units lack {key!r}")
-    for key, unit in units.items():
+    for key in units:
         if key not in UNITS:
             raise SystemDefinitionError(f"{name}: units has {key!r}, and names the units of {', '.join(UNITS)} alone")
-        if not isinstance(unit, str) or not unit:
-            raise _not_allowed(system, f"units[{key!r}]", unit, "a string, '1' for no unit")
+    named = {f"units[{key!r}]": unit for key, unit in units.items()}
+    for entry, function in (*system.invariants.items(), *system.observables.items()):
+        named |= {f"the unit of {entry!r}": function.unit} if isinstance(function, Observable) else {}
+    for key, unit in named.items():
+        if not isinstance(unit, str) or not unit or "since" in unit:  # xarray makes dates of the numbers
+            raise _not_allowed(system, key, unit, "a string without the word since, '1' for no unit")
     for key in ("label", "source"):
         if not isinstance(text := getattr(system, key), str):
             raise _not_allowed(system, key, text, "a string")

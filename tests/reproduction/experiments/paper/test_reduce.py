@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import mpmath
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import nearharmonic as nh
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import assembled, described
@@ -238,13 +240,37 @@ def test_precision_is_a_dimension_and_shards_are_ordered():
 
 
 def test_cube_describes_its_system_and_no_single_shard(layered):
-    assert layered.attrs == {"system": "sho", "system_label": "simple harmonic oscillator"}
+    start = {"q0": '["1"]', "p0": '["0"]', "parameters": "{}"}
+    assert layered.attrs == {"system": "sho", "system_label": "simple harmonic oscillator", **start}
+    assert layered.stages.values.tolist() == [3, 7]
     assert layered.status.attrs["long_name"] == "ok or not"
     assert {name: layered[name].attrs["units"] for name in layered.coords} == dict.fromkeys(layered.coords, "1")
     made = cube_of("kepler", {"ruth": {"double": [part(GRID, [1e-15] * 4)]}})
     assert made.attrs["system"] == "kepler"
     assert made.attrs["orbital_period"] == pytest.approx(PERIOD, rel=1e-13)
     assert made.tau_per_stage.attrs["units"] == "h"
+
+
+@pytest.mark.parametrize("precision", ["double", pytest.param("extended", marks=pytest.mark.slow)])
+def test_run_is_repeated_from_what_its_cube_holds(precision):
+    changed = SystemDefinition(base="kepler", q0=("46.1", "0.3"), parameters=(("GM", "1.7"),))
+    with systems.defining({"near_sun": changed}):
+        asked = sweep("near_sun", t_end="3000", lowest=20, precision=(precision,), highest=60)
+        cube = reduce.cube_of("near_sun", {"ruth": layers(asked)})
+    start = {name: json.loads(cube.attrs[name]) for name in ("q0", "p0", "parameters")}
+    assert start["q0"] == ["46.1", "0.3"]
+    assert start["parameters"] == {"GM": "1.7"}
+    for one in (cube.isel(precision=0, integrator=0, tau_per_stage=place) for place in (0, -1)):
+        tau = one.tau_per_stage.item() * one.stages.item()
+        assert one.tau.item() == pytest.approx(tau, rel=0.1)  # tau divides the interval
+        again = nh.integrate("kepler", "ruth", one.tau.item(), t_end="3000", precision=precision, **start)
+        assert again.max_energy_error.item() == one.max_energy_error.item() > 0
+
+
+def layers(asked):
+    """The numbers of Ruth's method over (precision, tau_per_stage)."""
+    made = runs_in_memory(asked, ["ruth"])["ruth"]
+    return reduce.joined([numbers(one).expand_dims(precision=[p]) for p, (one,) in made.items()], "precision")
 
 
 def taylor_errors(tableau, highest):

@@ -1,23 +1,27 @@
-"""The committed verdicts and the pages that show them.
+"""The committed verdicts and the pages that show them, which the target ``verdicts`` writes together.
 
-``python -m nearharmonic.reproduction.claims.pages.documents FILE`` writes all of them.
-
-``docs/claims.json`` is a copy of FILE, the ``tables/claims.json`` of a result with all targets. README shows some
-verdicts, ``docs/results/claims.md`` all.
+``docs/claims.json`` has the verdicts of results with all targets. README shows some of them, ``docs/results/claims.md``
+all. An archive of the results that decide is among the tests.
 """
 
 from __future__ import annotations
 
 import json
 import re
-import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from textwrap import wrap
+from typing import Any
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
-from nearharmonic.output.atomic import write_text
+from nearharmonic.errors import NearharmonicError
+from nearharmonic.output.atomic import write_bytes
 from nearharmonic.output.page import pipes
+from nearharmonic.output.store import read, write_dataset
+from nearharmonic.reproduction.claims.claim import OPEN
 from nearharmonic.reproduction.claims.judging.definitions import MEANINGS
 from nearharmonic.reproduction.claims.pages.in_short import SYSTEMS, by_system, in_short
 from nearharmonic.reproduction.claims.pages.summary import (
@@ -30,8 +34,9 @@ from nearharmonic.reproduction.claims.pages.summary import (
     sums,
     tally,
 )
-
-COPY, PAGE, README = "docs/claims.json", "docs/results/claims.md", "README.md"
+from nearharmonic.reproduction.claims.statements.performance.discussion import CLOSE, ROUND
+from nearharmonic.reproduction.claims.statements.tableaus.trained import ENSEMBLES
+from nearharmonic.reproduction.claims.table import FILES, decided
 
 #: Rows in README: words, and a statement, or several with a verdict for each system.
 SHOWN = (
@@ -211,15 +216,67 @@ def _cell(text: str) -> str:
     return text.replace("|", r"\|")
 
 
-def write_documents(source: Path, root: Path = Path()) -> None:
-    """Copy the verdicts in ``source`` to the folder ``root``, and write README's table and the page from them."""
-    text = source.read_text(encoding="utf-8")
+def verdicts(folder: str, readme: str, integrators: Sequence[str], files: Sequence[str] = ()) -> dict[str, str | bytes]:
+    """Decide all statements anew, and return the committed documents.
+
+    Parameters
+    ----------
+    folder, readme : str
+        The folder of results, and the path of README.
+    integrators : sequence of str
+        Names of the methods for statements about all methods.
+    files : sequence of str
+        The files of the results for decisions.
+
+    Returns
+    -------
+    dict
+        ``recorded``, the results that decide, as a zip file; ``document``, the verdicts as JSON; ``page``; ``readme``.
+
+    Raises
+    ------
+    NearharmonicError
+        A statement is not decided.
+    """
+    text = str(decided(folder, integrators)["document"])
+    undecided = [f"{entry['id']} ({entry['value']})" for entry in json.loads(text) if entry["verdict"] == OPEN]
+    if undecided:
+        message = f"{folder} leaves {len(undecided)} statements undecided, like {undecided[0]}: no verdict is written"
+        raise NearharmonicError(message)
+    return {"recorded": recorded(Path(folder)), "document": text, **documents(text, Path(readme).read_text("utf-8"))}
+
+
+def documents(text: str, readme: str) -> dict[str, str]:
+    """Return the page of verdicts in JSON, and ``readme`` with their table."""
     entries = json.loads(text)
-    readme = (root / README).read_text(encoding="utf-8")
-    write_text(root / COPY, text)
-    write_text(root / PAGE, page(entries))
-    write_text(root / README, _BLOCK.sub(lambda _: verdict_table(entries), readme, count=1))
+    return {"page": page(entries), "readme": _BLOCK.sub(lambda _: verdict_table(entries), readme, count=1)}
 
 
-if __name__ == "__main__":
-    write_documents(Path(sys.argv[1]))
+#: What is kept of cubes of which statements look at little.
+_ERRORS = ["max_energy_error", "mean_energy_error", "tau"]
+_KEPT: Mapping[str, Callable[[Any], Any]] = {
+    "sho": lambda cube: cube[_ERRORS],
+    "henon_heiles": lambda cube: cube[_ERRORS],
+    "kepler": lambda cube: cube[[*_ERRORS, *(name for name in cube if "perihelion" in name or "per_orbit" in name)]],
+    "stability_rounding": lambda cube: cube[["energy_error_rms", "time", "orbit"]].isel(sample=slice(-20, None)),
+    "stability_kepler": lambda cube: cube[["energy_error", "evaluations_per_orbit"]].sel(
+        eccentricity=[ROUND, CLOSE], method="nearest"
+    ),
+    "trained": lambda cube: cube[["mean_log_error", "tau_per_stage", "kind"]].sel(ensemble=list(ENSEMBLES)),
+    "kinetic_energy": lambda cube: cube[["max_energy_error"]],
+}
+
+
+def recorded(results: Path) -> bytes:
+    """Return the files that decide as a zip file, from which tests decide again; equal results give equal bytes."""
+    content = BytesIO()
+    with TemporaryDirectory() as place, ZipFile(content, "w") as archive:
+        for name in FILES:
+            path = Path(place, name)
+            if path.suffix == ".h5":
+                write_dataset(path, _KEPT.get(path.stem, lambda cube: cube)(read(results / name)), {})
+            else:
+                write_bytes(path, (results / name).read_bytes())
+            # Its time is the beginning of the format.
+            archive.writestr(ZipInfo(name), path.read_bytes(), ZIP_DEFLATED, 9)
+    return content.getvalue()

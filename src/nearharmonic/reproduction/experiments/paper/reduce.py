@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -70,13 +71,16 @@ def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:
     """Return the cube of a system, over (precision, integrator, tau_per_stage).
 
     ``methods`` has the numbers of each method over (precision, tau_per_stage), by its name. Runs that the plan omits
-    have the status "skipped" and NaN errors.
+    have the status "skipped" and NaN errors. A reader can run one again: the attributes ``q0``, ``p0`` and
+    ``parameters`` are JSON of exact digits, as the arguments of :func:`nearharmonic.integrate` are.
     """
     problem = systems[system]
     labels = [methods_by_name[name].label for name in methods]
     cube = joined([numbers.expand_dims(integrator=[name]) for name, numbers in methods.items()], "integrator")
     cube = cube.transpose("precision", "integrator", "tau_per_stage").assign_coords(label=("integrator", labels))
     cube = cube.assign(reduction.of(cube, over="tau_per_stage"))
+    stages = np.array([methods_by_name[name].stages for name in methods])
+    cube["stages"] = ("integrator", stages, described("stages s: tau is s times the step size per stage"))
     cube.tau_per_stage.attrs |= described("step size per stage", problem.units["t"])
     label = "name in the paper" if problem.name in systems.registered else "label"
     for name, text in (("integrator", "integrator"), ("label", label), ("precision", "precision")):
@@ -84,6 +88,9 @@ def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:
     attributes: dict[str, Any] = {"system": system, "system_label": problem.label}
     if system not in systems.registered:
         attributes |= {"energy_at_start": energy_at_start(problem), "energy_unit": problem.units["energy"]}
+    constants = {name: parameter.value for name, parameter in problem.parameters.items()}
+    start = {"q0": problem.q0, "p0": problem.p0, "parameters": constants}
+    attributes |= {name: json.dumps(value) for name, value in start.items()}
     if problem.period is not None:
         attributes["orbital_period"] = orbital_period(problem)
     if "energy_floor" in cube.attrs:  # of the run files

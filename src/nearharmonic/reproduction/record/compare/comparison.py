@@ -98,9 +98,9 @@ class _Pair:
                 config.pop("name", None)  # that of the folder
             yield from _differing("setting", configs, "config: {}")
         for name, attributes in self._attributes():
-            yield from _differing(
-                "setting", [dict(flattened(settings_of(told))) for told in attributes], f"{name}: {{}}"
-            )
+            places = [folder / name for folder in self._folders]
+            told = [dict(flattened(settings_of(*one))) for one in zip(places, attributes, strict=True)]
+            yield from _differing("setting", told, f"{name}: {{}}")
 
     def origins(self) -> Iterator[Difference]:
         """Yield differing digests of code and coefficients, and versions: of the newest runs, then of the cubes."""
@@ -127,7 +127,7 @@ class _Pair:
         for name in self._names("cubes/*.h5"):
             paths = [folder / name for folder in self._folders]
             if all(path.exists() for path in paths):
-                yield name, [store.attributes_of(path) for path in paths]
+                yield name, [{key: str(one) for key, one in store.attributes_of(path).items()} for path in paths]
 
     def _names(self, pattern: str) -> list[str]:
         return sorted(

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 from matplotlib.lines import Line2D
 
 from nearharmonic.errors import SettingError, bad_setting
-from nearharmonic.output import store
 from nearharmonic.output.dataset import double_runs
 from nearharmonic.plotting import style
-from nearharmonic.reproduction.record.query.run_table import system_cubes
+from nearharmonic.reproduction.record.query.run_table import system_cube, system_cubes
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,7 +48,7 @@ def save_overlay(results: Mapping[str, Path], place: str) -> Path:
     common = [name for name in cubes[0] if name in cubes[1]]
     if not common:
         raise SettingError(f"no figure: {' and '.join(results)} have no system in common")
-    pairs = {name: [double_runs(store.read(found[name])) for found in cubes] for name in common}
+    pairs = {name: [double_runs(system_cube(found[name])) for found in cubes] for name in common}
     (written,) = style.save(overlay(list(results), pairs), [path])
     return written
 

@@ -7,6 +7,7 @@ A run writes a marker at its start and removes it at its end. The next start rec
 from nearharmonic.reproduction.record.history.lines import HISTORY, Line, Run, append, faulty_lines, lines_of
 from nearharmonic.reproduction.record.history.markers import MARKERS, close_killed, mark, running_in, unmark
 from nearharmonic.reproduction.record.history.runs import (
+    doubts_in,
     flattened,
     makers_in,
     newest_finished,
@@ -22,6 +23,7 @@ __all__ = [
     "Run",
     "append",
     "close_killed",
+    "doubts_in",
     "faulty_lines",
     "flattened",
     "lines_of",

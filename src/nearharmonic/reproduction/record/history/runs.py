@@ -42,6 +42,13 @@ def makers_in(folder: Path) -> dict[str, str]:
     return {name: run["id"] for run in runs_of(folder) for name in run.get("made") or ()}
 
 
+def doubts_in(folder: Path) -> list[str]:
+    """Return a sentence for each line of the history that cannot be read."""
+    lines = (line for line in lines_of(folder / HISTORY) if line.run.get("status") == "damaged")
+    says = "what it recorded of files, configs and code is not known"
+    return [f"{folder / HISTORY}: line {line.number} {line.fault}, and {says}" for line in lines]
+
+
 def run_named(prefix: str, runs: Sequence[Run]) -> Run:
     """Return the run whose id begins with ``prefix``, the first of ``runs`` if that is empty.
 

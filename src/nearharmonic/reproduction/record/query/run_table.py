@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
@@ -13,6 +13,10 @@ from pandas.api.types import is_numeric_dtype
 from nearharmonic.errors import ResultFileError, unknown_name
 from nearharmonic.output import store
 from nearharmonic.reproduction.record.files import manifest
+from nearharmonic.reproduction.tasks.receipts.schema import complaint
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: Columns of every system, in the displayed order; columns of single systems follow.
 COLUMNS = (
@@ -72,7 +76,7 @@ def system_cubes(folder: Path) -> Iterator[Path]:
     Other cubes, such as that of the kinetic energies, also name a system, but have no single runs.
     """
     for path in sorted(folder.glob("cubes/*.h5")):
-        if store.attributes_of(path).get("system") == path.stem:
+        if str(store.attributes_of(path).get("system")) == path.stem:
             yield path
 
 
@@ -85,27 +89,47 @@ def former_systems(folder: Path) -> list[str]:
     return [path.stem for path in system_cubes(folder) if path.relative_to(folder).as_posix() in former]
 
 
-def settings_of(attributes: Any) -> dict[str, Any]:
-    """Return the settings of a file from its attributes; empty if it has none."""
-    try:
-        found = json.loads(attributes.get("settings", "{}"))
-    except (TypeError, ValueError):  # no text, or no JSON
-        return {}
-    return found if isinstance(found, dict) else {}
-
-
-def runs_of_cube(path: Path) -> tuple[pd.DataFrame, dict[str, str]]:
-    """Return the runs in the cube of one system, one per row, and the units of the columns.
+def settings_of(path: Path, attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the settings of a file from its attributes; empty if it has none.
 
     Raises
     ------
     ResultFileError
-        The cube cannot be read, or is incomplete.
+        They are no JSON of this package.
+    """
+    try:
+        found = json.loads(attributes.get("settings", "{}"))
+    except (TypeError, ValueError, RecursionError):
+        fault = "are no JSON"
+    else:
+        fault = complaint("settings", found)
+    if fault:
+        raise store.unusable(path, f"has settings that cannot be read: the text {fault}")
+    return dict(found)
+
+
+def system_cube(path: Path) -> xr.Dataset:
+    """Return the cube of one system.
+
+    Raises
+    ------
+    ResultFileError
+        The cube cannot be read, is incomplete, or has a variable of another type or shape than this package writes.
     """
     cube = store.read(path)
     missing = [name for name in COLUMNS if name not in cube.variables and name != "system"]
     if missing:
         raise store.unusable(path, f"has no {' and no '.join(missing)}")
+    for name in COLUMNS[1:]:
+        dims = {name} if name in DIMENSIONS else {"integrator"} if name == "label" else {*DIMENSIONS}
+        if {*cube[name].dims} != dims or (cube[name].dtype.kind in "OU") != (name in TEXTS):
+            raise store.unusable(path, f"has {name} of another type or shape")
+    return cube
+
+
+def runs_of_cube(path: Path) -> tuple[pd.DataFrame, dict[str, str]]:
+    """Return the runs in the cube of one system, one per row, and the units of the columns; errors are those above."""
+    cube = system_cube(path)
     names = [name for name in cube.data_vars if set(cube[name].dims) == set(DIMENSIONS)]
     frame = cube.set_coords("label")[names].sortby(list(DIMENSIONS)).to_dataframe(DIMENSIONS).reset_index()
     frame = frame[(frame["status"] != SKIPPED) & (frame["steps"] > 0)].assign(system=cube.attrs["system"])

@@ -101,7 +101,7 @@ def single_run(
     row = _nearest(taus, checked_tau(tau), f"{integrator} on {system}")
     (cells,) = runs[row : row + 1].to_dict("records")
     attributes = store.attributes_of(cubes[system])
-    told = settings_of(attributes)
+    told = settings_of(cubes[system], attributes)
     file, samples = _trajectory(folder, cells)
     return SingleRun(
         cells={str(name): cell for name, cell in cells.items()},
@@ -141,11 +141,12 @@ def _trajectory(folder: Path, cells: Mapping[str, Any]) -> tuple[Path | None, in
     """Return the run file of the run, and the number of its states there."""
     for path in sorted(folder.glob(f"runs/{cells['system']}/{cells['integrator']}/*.h5")):
         runs = store.read_precisions(path).get(cells["precision"])
-        if runs is not None:
-            made = (runs.tau_per_stage == cells["tau_per_stage"]) & (runs.status != SKIPPED)
-            (rows,) = np.nonzero(made.values)
-            if rows.size:
-                return path, int(np.isfinite(runs.t[rows[0]].values).sum())
+        with store.as_written(path):
+            if runs is not None:
+                made = (runs.tau_per_stage == cells["tau_per_stage"]) & (runs.status != SKIPPED)
+                (rows,) = np.nonzero(made.values)
+                if rows.size:
+                    return path, int(np.isfinite(runs.t[rows[0]].values).sum())
     return None, None
 
 

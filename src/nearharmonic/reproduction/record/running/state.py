@@ -68,7 +68,7 @@ def differing(folder: Path) -> set[str] | None:
     files = _saved(folder).get("files")
     if not isinstance(files, dict):
         return None
-    return {name for name, before in files.items() if _observed(folder, name) != before}
+    return {name for name, before in files.items() if _observed(folder, name) != before or _is_broken(folder, name)}
 
 
 def files_to_remake(folder: Path, makeable: Collection[str], different: Collection[str] | None) -> list[str]:
@@ -100,6 +100,14 @@ def _saved(folder: Path) -> dict[str, Any]:
         return opened(read_bytes(folder / STATE)) or {}
     except OSError:
         return {}
+
+
+def _is_broken(folder: Path, name: str) -> bool:
+    """Return True for a receipt whose seal does not match; a flipped bit leaves size and time as they were."""
+    try:
+        return name.startswith("logs/") and opened(read_bytes(folder / name)) is None
+    except OSError:
+        return True
 
 
 def _observed(folder: Path, name: str) -> Observed:

@@ -156,7 +156,20 @@ class HistoryLine(BaseModel):
     process: Process | None = None
 
 
-_KINDS: Mapping[str, Any] = {"manifest": Manifest, "receipt": dict[Name, ReceiptEntry], "run": HistoryLine}
+class Settings(BaseModel):
+    """The settings of a job in an attribute of its file."""
+
+    model_config = Plain
+    sweep: dict[str, Any] = {}
+    definitions: Definitions = Definitions()
+
+
+_KINDS: Mapping[str, Any] = {
+    "manifest": Manifest,
+    "receipt": dict[Name, ReceiptEntry],
+    "run": HistoryLine,
+    "settings": Settings,
+}
 
 
 @cache
@@ -164,7 +177,7 @@ def _adapter(kind: str) -> TypeAdapter[Any]:
     return TypeAdapter(_KINDS[kind])
 
 
-def complaint(kind: Literal["manifest", "receipt", "run"], document: object) -> str:
+def complaint(kind: Literal["manifest", "receipt", "run", "settings"], document: object) -> str:
     """Return the first reason why a document from JSON is not of this kind, as key, value and rule; empty if it is."""
     if _is_deep(document):
         return f"has more than {DEEPEST} levels of brackets"
