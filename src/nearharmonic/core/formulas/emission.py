@@ -38,11 +38,11 @@ _TELLING = frozenset(
 @lru_cache(maxsize=1)  # for the functions of one kernel; more would keep systems that are no longer used
 def fingerprint(rules: Rules) -> str:
     """Digest of the instructions that the formulas emit; compiled code depends on nothing else of a system."""
-    physics = rules.physics
+    physics, timed = rules.physics, " timed" if rules.timed else ""
     if physics.loops is not None:
         digests = " ".join(energy.digest for energy in physics.loops)
-        return sha256(f"{digests} {physics.unit_masses}".encode()).hexdigest()
-    given = "" if physics.numba is None else f" {physics.numba.digest}"
+        return sha256(f"{digests} {physics.unit_masses}{timed}".encode()).hexdigest()
+    given = timed if physics.numba is None else f" {physics.numba.digest}"
     return sha256(f"{module_of(rules, 1, _TELLING)} {moving(rules)} {physics.turning}{given}".encode()).hexdigest()
 
 
@@ -130,6 +130,7 @@ class _Formulas:
             self.define("moved", point, "PP", lambda new, old: [
                 x if moves[i] else y for i, (x, y) in enumerate(zip(new, old, strict=True))
             ], given=False)  # fmt: skip
+        self.define("timed", point, "PP", lambda time, others: [*others[:-1], time[-1]], given=False)
 
     def define(self, name: str, result: ir.Type, letters: str, body: Callable[..., Any], *, given: bool = True) -> None:
         """Write a function of points and, if they are ``given``, of the parameters."""

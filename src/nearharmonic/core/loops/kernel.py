@@ -211,7 +211,7 @@ def _form(rules: Rules, energy: str) -> Form:
         ahead=rules.looks_ahead and (physics.unit_masses or not large), modified=physics.modified is not None,
         turning=physics.turning is not None, resting=not large and not all(moving(rules)),
         quick=rules.quick_energy and energy == "every", large=large,
-        unit_masses=large and physics.unit_masses, stages=physics.stages is not None,
+        unit_masses=large and physics.unit_masses, stages=physics.stages is not None, timed=rules.timed,
     )  # fmt: skip
 
 
