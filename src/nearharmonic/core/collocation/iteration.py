@@ -42,7 +42,7 @@ SOLVED = {False: 2.0**-34, True: 2.0**-70}
 
 
 def continuing(*, extended: bool) -> Any:
-    """Return ``going(active, size, before, change, latest, count, vain)``: 0 where no more iteration helps, or ``active``.
+    """Return ``going(active, size, before, change, latest, count, vain)``: ``active`` where one more helps, or 0.
 
     ``size`` is the largest force, ``before``, ``change`` and ``latest`` the largest changes in the last three of
     ``count`` + 1 iterations, ``vain`` the number of the last ones without a new least change. The larger of the two
@@ -67,7 +67,7 @@ def continuing(*, extended: bool) -> Any:
 
 
 def missing(*, extended: bool) -> Any:
-    """Return ``missed(active, size, before, change, latest, count)``: 1 where a step that ends here is not solved, or 0.
+    """Return ``missed(active, size, before, change, latest, count)``: 1 where a step that ends so is not solved, or 0.
 
     ``active`` is the result of :func:`continuing`, whose arguments the others are; ``size`` is here the larger of the
     first two forces, as the guess of a step that starts at an equilibrium is 0.

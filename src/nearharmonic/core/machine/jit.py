@@ -20,6 +20,8 @@ from nearharmonic.core.machine.native import code_key
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 FLAGS = {"error_model": "numpy", "nogil": True}
+#: The module that makes a cache for each function.
+_MAKER: Any = dispatcher
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]
@@ -44,12 +46,12 @@ def jit(function: Function) -> Function:
     """
     beside = sorted(path for folder in _folders(function, {}) for path in folder.glob("*.py"))
     folder = disk.folder_of(f"numba-{code_key(sources=beside)}")
-    before = numba.config.CACHE_DIR, dispatcher.FunctionCache
-    numba.config.CACHE_DIR, dispatcher.FunctionCache = str(folder), _Cache
+    before = numba.config.CACHE_DIR, _MAKER.FunctionCache
+    numba.config.CACHE_DIR, _MAKER.FunctionCache = str(folder), _Cache
     try:
         return numba.njit(cache=folder is not None, **FLAGS)(function)  # type: ignore[no-any-return]
     finally:
-        numba.config.CACHE_DIR, dispatcher.FunctionCache = before
+        numba.config.CACHE_DIR, _MAKER.FunctionCache = before
 
 
 def generic(function: Function) -> Function:

@@ -100,7 +100,7 @@ class Stepper:
             raise
 
 
-@typeof_impl.register(Stepper)
+@typeof_impl.register(Stepper)  # type: ignore[untyped-decorator]
 def _type_of(step: Stepper, context: Any) -> Any:
     return types.Dispatcher(step.compiled)
 
