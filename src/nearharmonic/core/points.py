@@ -29,7 +29,7 @@ from nearharmonic.core.machine.reals import (
 #: Indices of rows: of coordinates, of the coefficients of a move, and of the running state.
 _dimension, _columns, _running = (linked_number(name) for name in ("dimension", "columns", "running"))
 #: ``_moved(new, old)``: coordinates that can move are taken from ``new``, the others from ``old``.
-#: ``_timed(time, others)``: the last coordinate is taken from ``time``.
+#: ``_timed(time, others)``: a coordinate that is the time is taken from ``time``.
 _moved, _timed = linked("moved", POINT), linked("timed", POINT)
 
 
@@ -79,7 +79,7 @@ def row_loader(form: Form) -> Any:
 
 @compiled
 def with_time(q, q_low, before, low_before, drift):  # type: ignore[no-untyped-def]
-    """The positions after a drift from those before, with a compensated sum for the last one, the time."""
+    """The positions after a drift from those before, with a compensated sum for the one that is the time."""
     time, low = step.compensated(before, low_before, drift, zero_like(before) + 1.0)
     return _timed(time, q), _timed(low, q_low)
 

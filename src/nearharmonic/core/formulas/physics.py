@@ -73,7 +73,7 @@ class Physics(Hamiltonian):
     stages : StageTable, or None
         Coefficients of a collocation method, whose stages are solved together.
     timed : bool
-        True if the last coordinate is the time.
+        True if the last coordinate of ``loops`` is the time.
     """
 
     parameters: int

@@ -48,11 +48,6 @@ class Rules:
         return known and not self.extended
 
     @property
-    def timed(self) -> bool:
-        """True if the last coordinate is the time, whose sum is compensated though the others are plain."""
-        return self.physics.timed and not (self.extended or self.compensated)
-
-    @property
     def columns(self) -> int:
         """Doubles in a row of coefficients."""
         if self.physics.modified is not None:

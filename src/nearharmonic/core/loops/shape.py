@@ -31,7 +31,7 @@ class Form:
     stages : bool
         True for a collocation method, one move of which is a step.
     timed : bool
-        True if the last coordinate is the time, and other sums are plain: that of the time is compensated.
+        True if a coordinate is the time, and other sums are plain: that of the time is compensated.
     """
 
     extended: bool = False
