@@ -54,6 +54,8 @@ def test_an_integrator_of_a_file_is_exported_by_its_path(tmp_path, capsys):
         (["ruth", "--to", "c", "--digits", "80"], "digits = 80 is not allowed: an integer from 1 to 79, the digits "
          "to which ruth is known"),
         (["ruth"], "the following arguments are required: --to"),
+        *((["gauss16", "--to", to], "'gauss16' is not allowed: it is implicit, and no sequence of kicks and drifts")
+          for to in TARGETS),
     ],
 )  # fmt: skip
 def test_bad_input_is_one_message(words, says, capsys):

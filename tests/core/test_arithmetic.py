@@ -68,6 +68,19 @@ def test_a_compensated_update_keeps_what_a_plain_one_drops():
     assert abs(exact(plain) - wanted) > Fraction(1, 10**7)
 
 
+def test_a_move_makes_up_for_the_rounding_of_its_product(monkeypatch):
+    """From rest by a force of 1; a second move, without a kick or a drift, adds what the first one lacks."""
+    monkeypatch.setattr(step, "compensated", step.compensated.py_func)
+    move = step.ahead_compensated(lambda p, parameters: p, lambda f, parameters: f).py_func
+    q, kick, drift = 0.3, 0.1, 0.6
+    rest = Fraction(kick) * Fraction(drift) - Fraction(kick * drift)
+    assert Fraction(float(rest)) == rest != 0
+    state = move((q, 0.0, 0.0, 0.0, 0.0), (kick, drift, kick * drift, float(rest)), 1.0, None)
+    state = move(state, (0.0, 0.0, 0.0, 0.0), 0.0, None)
+    off = exact(state[:2]) - Fraction(q) - Fraction(kick) * Fraction(drift)
+    assert abs(off) < U**2, f"position is off by {float(off / rest)} of the rest"
+
+
 @pytest.mark.parametrize("value", [float("inf"), float("nan")])
 def test_fma_passes_on_what_is_not_finite(value):
     assert not arithmetic.fma(value, 1.0, 1.0) < float("inf")

@@ -12,6 +12,7 @@ from mpmath import mpf
 
 import nearharmonic as nh
 from nearharmonic import math
+from nearharmonic.core.formulas.expression import size
 from nearharmonic.core.formulas.number import Constant
 from nearharmonic.engine.grid import check_fit
 from nearharmonic.engine.reference import reference
@@ -70,6 +71,37 @@ def test_driven_oscillators_follow_closed_forms_for_all_frequencies_and_amplitud
             assert abs(many.p.values[i, k, 0] - p) < 1e-11
     assert np.array_equal(many.parameter_F, F)
     assert np.array_equal(many.parameter_w, w)
+
+
+def relativistic(p):
+    return math.sqrt(1 + p[0] ** 2)
+
+
+@pytest.mark.parametrize(
+    ("method", "more"),
+    [
+        ("leapfrog", {}),
+        *(
+            pytest.param(method, more, marks=pytest.mark.slow)
+            for method, more in (
+                ("leapfrog", {"T": relativistic}), ("chin_4a", {}), ("gauss16", {}), ("gauss16", {"T": relativistic}),
+                ("leapfrog in memory", {}), ("gauss16 in memory", {}),
+            )
+        ),
+    ],
+)  # fmt: skip
+def test_the_clock_of_plain_sums_is_compensated(method, more, monkeypatch):
+    if method.endswith(" in memory"):
+        method = method.removesuffix(" in memory")
+        monkeypatch.setattr(size, "MOST_UNROLLED", 0)
+    t_end = 20_000 if method == "leapfrog" else 2000
+    run = nh.integrate(driven(**more), method, 0.01, t_end=t_end, samples=2, summation="plain", energy="none")
+    # The step size and its products with coefficients are rounded once; a sum of plain additions is off by 3e-7.
+    assert abs(run.clock[-1].item() - t_end + run.clock_low[-1].item()) < t_end * 2.0**-52, "clock"
+    half = nh.integrate(driven(**more), method, 0.01, t_end=t_end // 2, samples=2, summation="plain", energy="none")
+    for start in (half, half.drop_vars("running")):
+        rest = {"start": start, "t_end": t_end - t_end // 2, "samples": 2, "summation": "plain", "energy": "none"}
+        assert nh.integrate(driven(**more), method, 0.01, **rest).clock_low[-1] == run.clock_low[-1]
 
 
 def test_extended_energy_is_conserved_and_p_t_is_work():

@@ -29,7 +29,8 @@ from nearharmonic.core.machine.reals import (
 #: Indices of rows: of coordinates, of the coefficients of a move, and of the running state.
 _dimension, _columns, _running = (linked_number(name) for name in ("dimension", "columns", "running"))
 #: ``_moved(new, old)``: coordinates that can move are taken from ``new``, the others from ``old``.
-_moved = linked("moved", POINT)
+#: ``_timed(time, others)``: a coordinate that is the time is taken from ``time``.
+_moved, _timed = linked("moved", POINT), linked("timed", POINT)
 
 
 def _rates(form: Form) -> Any:
@@ -76,6 +77,13 @@ def row_loader(form: Form) -> Any:
     return compiled(lambda moves, at: (load(moves, at), load(moves, at + parts)))
 
 
+@compiled
+def with_time(q, q_low, before, low_before, drift):  # type: ignore[no-untyped-def]
+    """The positions after a drift from those before, with a compensated sum for the one that is the time."""
+    time, low = step.compensated(before, low_before, drift, zero_like(before) + 1.0)
+    return _timed(time, q), _timed(low, q_low)
+
+
 def _move(form: Form) -> Any:
     """The move of a form: :mod:`nearharmonic.core.step`, or :mod:`nearharmonic.core.rotation`."""
     if form.turning:
@@ -91,13 +99,18 @@ def _move(form: Form) -> Any:
         move = step.ahead_plain(velocity, acceleration)
     if form.modified:
         move = step.modified(form, move)
-    if not form.resting:
+    resting, timed = form.resting, form.timed
+    if not (resting or timed):
         return move
 
     @compiled
     def move_some(state, row, f, parameters):  # type: ignore[no-untyped-def]
         q, q_low, p, p_low, late = move(state, row, f, parameters)
-        return _moved(q, state[0]), _moved(q_low, state[1]), p, p_low, late
+        if timed:
+            q, q_low = with_time(q, q_low, state[0], state[1], row[DRIFT])
+        if resting:
+            q, q_low = _moved(q, state[0]), _moved(q_low, state[1])
+        return q, q_low, p, p_low, late
 
     return move_some
 

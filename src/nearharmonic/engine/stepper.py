@@ -57,7 +57,8 @@ def stepper(
         called from functions of numba, in threads if wanted, or from Python. The C-contiguous float64 arrays (d,) are
         changed in place; those of a system that depends on time end with the time and its momentum. ``tau`` is a
         finite number of either sign and means its binary value. A call has the bits of a run of one step of
-        :func:`nearharmonic.integrate`. Arrays of another length raise ValueError.
+        :func:`nearharmonic.integrate`. Arrays of another length raise ValueError, and from Python other arguments
+        SettingError.
 
     Raises
     ------

@@ -32,7 +32,7 @@ class Coefficients(Composition):
     Raises
     ------
     SettingError
-        The integrator has modified potentials.
+        The integrator is implicit, or has modified potentials.
     """
 
     tableau: Tableau
@@ -42,6 +42,8 @@ class Coefficients(Composition):
     rounding: str
 
     def __post_init__(self) -> None:
+        if self.tableau.implicit:
+            raise bad_setting("integrator", self.tableau.name, "it is implicit, and no sequence of kicks and drifts")
         if self.tableau.modified:
             allowed = "its kicks are of a modified potential, which no other program and no file format has"
             raise bad_setting("integrator", self.tableau.name, allowed)

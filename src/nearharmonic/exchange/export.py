@@ -37,7 +37,8 @@ def export(tableau: Tableau, to: str, digits: int | None = None) -> str:
     Raises
     ------
     SettingError
-        ``digits`` is below 1 or above the number of digits to which the coefficients are known.
+        ``digits`` is below 1 or above the number of digits to which the coefficients are known; or the integrator is
+        implicit or has modified potentials.
     """
     if digits is not None:
         coefficients = rounded(tableau, digits)

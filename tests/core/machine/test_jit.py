@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import resource
 import sys
 
 import pytest
@@ -59,9 +60,15 @@ def test_an_edit_of_a_callees_constant_compiles_the_caller_again(folder, place):
     assert loaded_anew() == (4.0, 0)
 
 
-def test_a_folder_that_others_can_change_costs_one_warning(folder, caplog):
+@pytest.mark.parametrize(("mode", "size"), [(0o777, resource.RLIM_INFINITY), (0o700, 100)])
+def test_a_shared_folder_and_a_full_disk_cost_one_warning(folder, caplog, mode, size):
     (folder / "cache").mkdir()
-    (folder / "cache").chmod(0o777)
-    assert [jit(function)(1.0) for function in (lambda x: x + 1, lambda x: x + 2)] == [2.0, 3.0]
+    (folder / "cache").chmod(mode)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        assert [jit(function)(1.0) for function in (lambda x: x + 1, lambda x: x + 2)] == [2.0, 3.0]
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert [record.getMessage().count("NEARHARMONIC_CACHE_DIR") for record in caplog.records] == [1]
     assert not list(folder.rglob("*.nb?"))

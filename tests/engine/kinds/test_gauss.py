@@ -88,6 +88,19 @@ def test_a_step_is_that_of_the_equations_in_forty_digits(case):
                 assert max(abs(x - y) for x, y in zip(found, numbers, strict=True)) < most
 
 
+@pytest.mark.parametrize(
+    ("q0", "p0"), [([0.26, 0.23], [-0.08, -0.19]), ([-0.3, 0.28], [-0.04, 0.25]), ([0.0, 0.0], [0.19, -0.11])]
+)
+def test_long_steps_are_solved_to_rounding(q0, p0):
+    """Changes grow for once on their way to rounding, or the first guess is a force of 0."""
+    exact = step_by_mpmath(lambda q: [-q[0] - 2 * q[0] * q[1], -q[1] - q[0] ** 2 + q[1] ** 2], lambda p: p, q0, p0, 4)
+    run = nh.integrate("henon_heiles", GAUSS, 4, t_end=4, samples=2, q0=q0, p0=p0)
+    assert run.status.item() == "ok"
+    for found, numbers in zip((run.q, run.p), exact, strict=True):
+        # The largest change of the forces with which an iteration may end.
+        assert max(abs(x - y) for x, y in zip(found.values[-1], numbers, strict=True)) < 2.0**-46
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("system", ["henon_heiles", "kepler"])
 def test_energy_errors_fall_with_the_sixteenth_power_of_the_step(system):

@@ -104,6 +104,12 @@ def test_dense_samples_of_a_near_collision_are_those_by_hand():
     assert int(run.steps) == len(states)
 
 
+def test_the_error_of_a_landing_counts_in_the_mean():
+    run = nh.integrate(SYSTEM, "ruth", 200, t_end=200, samples=2)
+    assert run.steps.item() == 1
+    assert run.mean_energy_error.item() == abs(run.energy_error[-1].item()) > 0, "mean energy error of one step"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("A", [pytest.param("0", marks=pytest.mark.long), "2"])
 def test_errors_over_three_steps_match_hand_calculation(A):

@@ -170,6 +170,21 @@ def test_a_truth_value_is_no_step_of_a_prepared_run():
         run(True)
 
 
+def test_energy_errors_at_output_times_are_exact():
+    """Of states between two steps, H in rational numbers; without the low half of H0 errors are off by 1e-7."""
+
+    def H(x, y, px, py):
+        return (x * x + y * y + px * px + py * py) / 2 + x * x * y - y**3 / 3
+
+    q0, p0 = ["0.1", "0.3"], ["0.35", "-0.1"]
+    run = nh.integrate("henon_heiles", "babps9o7h", 0.2, t_end=1, t=["0.3", "0.4", "0.9"], q0=q0, p0=p0)
+    H0 = H(*map(Fraction, q0 + p0))
+    for k, error in enumerate(run.energy_error.values):
+        halves = (zip(run[x].values[k], run[f"{x}_low"].values[k], strict=True) for x in "qp")
+        state = [Fraction(high) + Fraction(low) for pairs in halves for high, low in pairs]
+        assert error == pytest.approx(float(H(*state) / H0 - 1), rel=1e-13, abs=0), "energy error at an output time"
+
+
 def test_output_times_backwards():
     there = nh.integrate("sho", "aba864", 0.1, t_end=-3, t=[0, -1.05, -3])
     # cos is even; aba864 at tau = 0.1: phase and amplitude to 1e-8.

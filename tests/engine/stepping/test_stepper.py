@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from fractions import Fraction
 
 import numba
 import numpy as np
 import pytest
+import xarray as xr
 from numba.core.errors import NumbaWarning, TypingError
 
 import nearharmonic as nh
@@ -161,17 +163,27 @@ def test_arrays_of_another_length_are_refused(step):
 
 
 @pytest.mark.parametrize(
-    ("q", "tau", "named"),
+    ("given", "named"),
     [
-        (np.zeros(2, np.float32), 0.1, r"array\(float32, 1d, C\)"),
-        (np.zeros((2, 2))[:, 0], 0.1, r"array\(float64, 1d, A\)"),
-        (np.zeros((1, 2)), 0.1, r"array\(float64, 2d, C\)"),
-        (np.zeros(2), 1j, "complex128"),
+        ({"q": np.zeros(2, np.float32)}, "q = 'array of float32, of shape (2,)' is not allowed: a writable, C-contig"),
+        ({"p": np.zeros((2, 2))[:, 0]}, "p = 'strided array of float64, of shape (2,)' is not allowed: a writable"),
+        ({"q": np.frombuffer(bytes(16))}, "q = 'read-only array of float64, of shape (2,)' is not allowed: a writable"),
+        ({"q": np.zeros((1, 2))}, "q = 'array of float64, of shape (1, 2)' is not allowed: a writable, C-contiguous"),
+        ({"p": [0.1, 0.2]}, "p = [0.1, 0.2] is not allowed: a writable, C-contiguous array of float64"),
+        ({"q": xr.DataArray(np.zeros(2))}, "is not allowed: a writable, C-contiguous array of float64"),
+        ({"tau": 1j}, "tau = 1j is not allowed: a real number, behind the arrays"),
+        ({"tau": "0.1"}, "tau = '0.1' is not allowed: a real number, behind the arrays"),
     ],
 )
-def test_arguments_of_other_types_are_refused(step, q, tau, named):
-    with pytest.raises(TypingError, match=rf"a step takes .*; this is {named}"):
-        step(q, np.zeros(2), tau)
+def test_arguments_of_other_types_are_refused_in_a_sentence(step, given, named):
+    with pytest.raises(SettingError, match=re.escape(named)) as found:
+        step(**{"q": np.zeros(2), "p": np.zeros(2), "tau": 0.1} | given)
+    assert "\n" not in str(found.value)
+
+
+def test_callers_with_other_types_do_not_compile(step):
+    with pytest.raises(TypingError, match=r"a step takes a writable, .*; this is array\(float32, 1d, C\)"):
+        numba.njit(lambda q, p: step(q, p, 0.1))(np.zeros(2), np.zeros(2, np.float32))
 
 
 @pytest.mark.slow

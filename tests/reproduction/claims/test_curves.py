@@ -50,6 +50,11 @@ def test_runs_that_diverged_or_were_not_made_end_the_range():
     assert X[found.compared(found.errors(["fourth"])).asked].max() <= 0.05
 
 
+def test_the_longest_piece_is_that_of_the_largest_ratio():
+    x = np.array([1.0, 4.0, 5.0, 6.0, 16.0])  # a factor of four, and of 2.7 in a longer piece
+    assert Range(x, x > 0, "").longest(x != 5) == (1.0, 4.0), "longest piece"
+
+
 def test_statement_holds_in_part_over_half_decade_in_one_piece():
     everywhere = Range(X, np.ones(X.size, dtype=bool), " h")
     assert over(everywhere, X > 0).verdict == "holds"

@@ -7,11 +7,11 @@ after the other, at the running state (:mod:`nearharmonic.core.large.state`).
 
 from __future__ import annotations
 
-from math import nan
+from math import inf, nan
 from typing import Any
 
 from nearharmonic.core.arithmetic import fma
-from nearharmonic.core.collocation.iteration import MOST_ITERATIONS, continuing, missing
+from nearharmonic.core.collocation.iteration import MOST_ITERATIONS, continuing, counted, missing
 from nearharmonic.core.layout import FAILED, ITERATIONS, READY
 from nearharmonic.core.loops.shape import Form, Motion
 from nearharmonic.core.machine.reals import (
@@ -115,7 +115,7 @@ def _of_unit_masses(form: Form) -> tuple[Any, Any]:
 
 def _of_masses(form: Form) -> tuple[Any, Any]:
     """``positions`` and ``ended`` as above, for velocities that depend on all momenta."""
-    add = compensated if form.compensated else plain
+    add, timed = compensated if form.compensated else plain, form.timed
 
     @compiled
     def drifts(rows, h, at, places, start):  # type: ignore[no-untyped-def]
@@ -145,7 +145,11 @@ def _of_masses(form: Form) -> tuple[Any, Any]:
         for k in range(d):
             first = k * _stages()
             q, p = load_real(rows, start + k), load_real(rows, start + d + k)
-            q, q_low = add(q, load_real(rows, running + d + k), 1.0, _summed(load_stages(rows, places + first)))
+            q_low = load_real(rows, running + d + k)
+            if timed and k == d - 1:
+                q, q_low = compensated(q, q_low, h, 1.0)
+            else:
+                q, q_low = add(q, q_low, 1.0, _summed(load_stages(rows, places + first)))
             increments = kicks * load_stages(rows, at + first)
             p, p_low = add(p, load_real(rows, running + 3 * d + k), 1.0, _summed(increments))
             _put(rows, k, q, q_low, p, p_low)
@@ -164,6 +168,7 @@ def _solver(positions: Any) -> Any:
         size, before, change, failed, active, made = nothing, nothing, nothing, nothing, nothing + 1.0, 0
         for i in range(d * s):
             size = larger(absolute(load_real(rows, at + i)), size)
+        least, vain, scale = nothing + inf, nothing, size
         while not all_zero(active) and made < MOST_ITERATIONS:
             positions(rows, h, at, places, start)
             latest = nothing
@@ -173,9 +178,12 @@ def _solver(positions: Any) -> Any:
                 for k in range(d):
                     f = load_real(rows, _force_at() + k)
                     latest = larger(absolute(f - load_real(rows, at + k * s + j)), latest)
+                    if made == 0:
+                        scale = larger(absolute(f), scale)
                     store(rows, at + k * s + j, f)
-            failed = missed(size, before, change, latest, made)
-            active = going(active, size, before, change, latest, made)
+            least, vain = counted(least, vain, latest)
+            active = going(active, size, before, change, latest, made, vain)
+            failed = missed(active, scale, before, change, latest, made)
             made, before, change = made + 1, change, latest
         return made, all_zero(failed)
 

@@ -32,7 +32,7 @@ from nearharmonic.core.machine.reals import (
     where_zero,
     zero_like,
 )
-from nearharmonic.core.points import load_state, store_state
+from nearharmonic.core.points import load_state, store_state, with_time
 from nearharmonic.core.step import compensated, plain
 
 _dimension, _running, _counters = (linked_number(name) for name in ("dimension", "running", "counters"))
@@ -185,7 +185,7 @@ def _in_pairs(form: Form) -> tuple[Any, Any, Any]:
 
 def _step(form: Form) -> Any:
     """``step(state, row, parameters)``: the next state."""
-    extended, more = form.extended, 0.0
+    extended, more, timed = form.extended, 0.0, form.timed
     if extended:
         functions = _in_pairs
     elif form.turning:
@@ -209,7 +209,10 @@ def _step(form: Form) -> Any:
             f = where_zero(ready, at_start(q, q_low, parameters), f)
         given = begun((q, q_low, p, p_low), row, parameters)
         found, made, missed = solve((f, zero_like(f)) if extended else f, given, parameters)
+        before = q, q_low
         q, q_low, p, p_low = ended((q, q_low, p, p_low), found, given, parameters)
+        if timed:
+            q, q_low = with_time(q, q_low, before[0], before[1], row[0])
         q = where_zero(missed, q, nan)
         f, ready, iterations = found[0] if extended else found, zero_like(ready) + 1.0, iterations + (made + more)
         return q, q_low, p, p_low, f, ready, iterations, failed + missed

@@ -41,20 +41,36 @@ def fingerprint(rules: Rules) -> str:
     physics = rules.physics
     if physics.loops is not None:
         digests = " ".join(energy.digest for energy in physics.loops)
-        return sha256(f"{digests} {physics.unit_masses}".encode()).hexdigest()
+        more = " timed" if physics.timed else ""
+        return sha256(f"{digests} {physics.unit_masses}{more}".encode()).hexdigest()
     given = "" if physics.numba is None else f" {physics.numba.digest}"
     return sha256(f"{module_of(rules, 1, _TELLING)} {moving(rules)} {physics.turning}{given}".encode()).hexdigest()
 
 
 def moving(rules: Rules) -> tuple[bool, ...]:
     """Return True for each coordinate that can move: its dT/dp is not the constant 0."""
+    return tuple(v != 0 for v in _constant_velocities(rules))
+
+
+def clocks(rules: Rules) -> tuple[bool, ...]:
+    """Return True for each coordinate with a carry of its own: the time, whose dT/dp is the constant 1.
+
+    If sums are not plain, all coordinates have carries, and the result is False for each.
+    """
+    if rules.extended or rules.compensated:
+        return (False,) * rules.physics.dimension
+    return tuple(v == 1 for v in _constant_velocities(rules))
+
+
+def _constant_velocities(rules: Rules) -> tuple[Constant | None, ...]:
+    """The velocities that are constants; None for the others."""
     d = rules.physics.dimension
     kinds = [DOUBLE] * (2 * d + parameter_rows(rules.physics.parameters))
     function = ir.Function(ir.Module(), ir.FunctionType(ir.VoidType(), kinds), "moving")
     builder = ir.IRBuilder(function.append_basic_block())
     values = [LLVMValue(builder, argument) for argument in function.args]
     velocity = rules.velocity(values[: 2 * d], values[2 * d :])
-    return tuple(not (isinstance(v, Constant) and v == 0) for v in velocity)
+    return tuple(v if isinstance(v, Constant) else None for v in velocity)
 
 
 def module_of(rules: Rules, lanes: int, needed: Container[str]) -> ir.Module:
@@ -129,6 +145,10 @@ class _Formulas:
         if not all(moves := moving(rules)):
             self.define("moved", point, "PP", lambda new, old: [
                 x if moves[i] else y for i, (x, y) in enumerate(zip(new, old, strict=True))
+            ], given=False)  # fmt: skip
+        if any(times := clocks(rules)):
+            self.define("timed", point, "PP", lambda time, others: [
+                x if times[i] else y for i, (x, y) in enumerate(zip(time, others, strict=True))
             ], given=False)  # fmt: skip
 
     def define(self, name: str, result: ir.Type, letters: str, body: Callable[..., Any], *, given: bool = True) -> None:

@@ -72,6 +72,8 @@ class Physics(Hamiltonian):
         Code of V and grad_V that are functions of numba, for one lane.
     stages : StageTable, or None
         Coefficients of a collocation method, whose stages are solved together.
+    timed : bool
+        True if the last coordinate of ``loops`` is the time.
     """
 
     parameters: int
@@ -83,3 +85,4 @@ class Physics(Hamiltonian):
     modified: Callable[..., Any] | None = None
     numba: NumbaCode | None = None
     stages: StageTable | None = None
+    timed: bool = False

@@ -86,25 +86,30 @@ def _move_of_unit_masses(form: Form) -> Any:
 
 def _move_of_masses(form: Form) -> Any:
     """``moved(rows, row, to)`` as above, for velocities that depend on all momenta."""
-    update = step.update_of(form)
+    update, timed = step.update_of(form), form.timed
     force = _kept(_force_at, _force_plane, extended=form.extended)
     velocity = _kept(_velocity_at, _velocity_plane, extended=form.extended)
     velocities = linked("velocities", types.void)
 
     @compiled
     def moved(rows, row, to):  # type: ignore[no-untyped-def]
-        d, (kick, drift) = _dimension(), row
+        d, running, (kick, drift) = _dimension(), _running(), row
         for first in range(0, d, BLOCK):
             _, _, p, p_low, _ = _load(rows, first)
             p, p_low = update(p, p_low, kick, force(rows, first))
             _put(rows, to + 2 * d, first, p)
             _put(rows, to + 3 * d, first, p_low)
         velocities(rows, to)
+        time, low = load_real(rows, running + d - 1), load_real(rows, running + 2 * d - 1)
         for first in range(0, d, BLOCK):
             q, q_low, _, _, _ = _load(rows, first)
             q, q_low = update(q, q_low, drift, velocity(rows, first))
             _put(rows, to, first, q)
             _put(rows, to + d, first, q_low)
+        if timed:
+            time, low = step.compensated(time, low, drift, 1.0)
+            store(rows, to + d - 1, time)
+            store(rows, to + 2 * d - 1, low)
 
     return moved
 

@@ -203,8 +203,9 @@ def _begin(rules: Rules, width: int, energy: str) -> NativeFunction | int:
 
 
 def _form(rules: Rules, energy: str) -> Form:
-    from nearharmonic.core.formulas.emission import moving
+    from nearharmonic.core.formulas.emission import clocks, moving
 
+    plain = not (rules.extended or rules.compensated)
     physics, large = rules.physics, rules.physics.loops is not None
     return Form(
         extended=rules.extended, compensated=rules.compensated,
@@ -212,6 +213,7 @@ def _form(rules: Rules, energy: str) -> Form:
         turning=physics.turning is not None, resting=not large and not all(moving(rules)),
         quick=rules.quick_energy and energy == "every", large=large,
         unit_masses=large and physics.unit_masses, stages=physics.stages is not None,
+        timed=plain and physics.timed if large else any(clocks(rules)),
     )  # fmt: skip
 
 

@@ -30,6 +30,8 @@ class Form:
         True if T = p.p / 2, for states in memory.
     stages : bool
         True for a collocation method, one move of which is a step.
+    timed : bool
+        True if a coordinate is the time, and other sums are plain: that of the time is compensated.
     """
 
     extended: bool = False
@@ -42,6 +44,7 @@ class Form:
     large: bool = False
     unit_masses: bool = False
     stages: bool = False
+    timed: bool = False
 
     @property
     def parts(self) -> int:

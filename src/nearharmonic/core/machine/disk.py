@@ -50,7 +50,7 @@ def folder_of(name: str) -> Path | None:
     """Return the subfolder ``name`` of the folder of compiled code; None, with a warning, if it is not writable."""
     folder = _trusted() and _trusted(name)
     if folder and not os.access(folder, os.W_OK):
-        _warn(f"{folder} cannot be written to")
+        warn(f"{folder} cannot be written to")
         return None
     return folder
 
@@ -64,10 +64,10 @@ def _trusted(name: str = "") -> Path | None:
                 path.mkdir(mode=0o700, exist_ok=True)
         fault = _fault(folder.stat()) if folder.is_dir() else "is not a folder"
     except (OSError, RuntimeError) as error:
-        _warn(str(error))
+        warn(str(error))
         return None
     if fault:
-        _warn(f"{folder} {fault}")
+        warn(f"{folder} {fault}")
         return None
     return folder
 
@@ -107,7 +107,7 @@ def write(place: Path, name: str, code: bytes) -> None:
             discard(Path(part))
             raise
     except OSError as error:
-        _warn(str(error))
+        warn(str(error))
 
 
 @contextmanager
@@ -174,7 +174,7 @@ def _fault(status: os.stat_result) -> str:
     return "is writable by group or others" if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH) else ""
 
 
-def _warn(reason: str) -> None:
+def warn(reason: str) -> None:
     """Log ``reason`` once per process; a Python warning could end the run, where a filter makes it an error."""
     if not _WARNED:
         _WARNED.append(reason)

@@ -7,6 +7,8 @@ call them concurrently. The module is separate because it imports numba, which t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import update_wrapper
+from inspect import signature
 from typing import Any
 
 import numba
@@ -14,13 +16,16 @@ import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, errors
 from numba.core import types as numba_types
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic, overload, typeof_impl
 
 from nearharmonic.core.layout import COLUMNS, TALLY, Floats, Signature, running_at, running_rows
 from nearharmonic.core.machine.reals import at_address
 from nearharmonic.core.stepper.recent_moves import empty_slots, recall
+from nearharmonic.errors import bad_setting
 
 types: Any = numba_types
+#: What a step takes beside the step size.
+ARRAY = "writable, C-contiguous array of float64 with one dimension"
 #: Arrays whose addresses are constants in machine code.
 _KEPT: list[Floats] = []
 
@@ -67,6 +72,50 @@ class Step:
     parameters: Floats
 
 
+class Stepper:
+    """A step as a program calls it; numba takes the compiled function in its place.
+
+    Raises
+    ------
+    SettingError
+        An argument of another type.
+    """
+
+    def __init__(self, compiled: Any) -> None:
+        self.compiled = compiled
+        update_wrapper(self, compiled.py_func)
+
+    def __call__(self, *given: Any, **named: Any) -> None:
+        """Advance arrays by one step, in place."""
+        try:
+            self.compiled(*given, **named)
+        except errors.TypingError:
+            arguments = signature(self.compiled.py_func).bind(*given, **named).arguments
+            for name, value in arguments.items():
+                real = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+                if name == "tau" and not real:
+                    raise bad_setting(name, value, "a real number, behind the arrays") from None
+                if name != "tau" and (what := _other_type(value)) is not None:
+                    raise bad_setting(name, what, f"a {ARRAY}") from None
+            raise
+
+
+@typeof_impl.register(Stepper)  # type: ignore[untyped-decorator]
+def _type_of(step: Stepper, context: Any) -> Any:
+    return types.Dispatcher(step.compiled)
+
+
+def _other_type(value: Any) -> Any:
+    """What an argument is in place of an array that a step takes; None for such an array."""
+    if type(value) is not np.ndarray:
+        return value
+    flags = value.flags
+    wrong = "read-only " * (not flags.writeable) + "strided " * (not flags.c_contiguous)
+    if wrong or value.dtype != np.float64 or value.ndim != 1:
+        return f"{wrong}array of {value.dtype}, of shape {value.shape}"
+    return None
+
+
 def stepper(steps: Step) -> Any:
     """Return ``step(q, p, tau)``, or ``step(q, p, carry_q, carry_p, tau)`` if sums are compensated, compiled by numba.
 
@@ -94,7 +143,7 @@ def stepper(steps: Step) -> Any:
     made, arrays = (compensated_step, 4) if steps.compensated else (step, 2)
     compiled = numba.njit(nogil=True, _nrt=False)(made)
     compiled.compile((*[types.Array(types.float64, 1, "C")] * arrays, types.float64))
-    return compiled
+    return Stepper(compiled)
 
 
 @intrinsic
@@ -132,8 +181,7 @@ def _check(tau, *arrays):  # type: ignore[no-untyped-def]
     for array in arrays:
         fits = isinstance(array, types.Array) and array.dtype == types.float64 and array.ndim == 1
         if not (fits and array.layout == "C" and array.mutable):
-            what = "a step takes writable, C-contiguous arrays of float64 with one dimension, and tau behind them"
-            raise errors.TypingError(f"{what}; this is {array}")
+            raise errors.TypingError(f"a step takes a {ARRAY} in each place but the last; this is {array}")
     if not isinstance(tau, types.Integer | types.Float):
         raise errors.TypingError(f"a step takes arrays and a real number tau behind them; this is {tau}")
     return lambda tau, *arrays: None

@@ -127,4 +127,5 @@ def physics_of(system: System, numerics: Numerics = STANDARD, *, modified: bool 
         modified=square_gradient(system) if modified else None,
         stages=stage_table(stages) if stages else None,
         numba=None if numba is None else numba.code,
+        timed=loops is not None and system.time_dependent,
     )

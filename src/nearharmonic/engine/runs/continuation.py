@@ -173,14 +173,13 @@ def _continued(problem: Setup, given: object, parameters: Mapping[str, Any] | No
 
 
 def _last_state(problem: Setup, start: xr.Dataset) -> Floats:
-    """The state (1, 4 D) of the last sample, with the digits below it unless sums are plain."""
+    """The state (1, 4 D) of the last sample, with the digits below it; of plain sums only the clock has them."""
     d, state = problem.system.dimension, np.zeros((4, problem.states_dimension))
     for k, (name, clock) in enumerate(zip(STATE, CLOCK, strict=True)):
-        if k % 2 and problem.plain:
-            continue
-        if name in start:
+        below = k % 2 and problem.plain
+        if name in start and not below:
             state[k, :d] = _last(start, name, (d,))
-        if clock in start and problem.system.time_dependent:
+        if clock in start and problem.system.time_dependent and not (below and clock != "clock_low"):
             state[k, d] = _last(start, clock, ())
     return state.reshape(1, -1)
 
