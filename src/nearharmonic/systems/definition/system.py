@@ -187,6 +187,13 @@ class System(Energies):
                     object.__setattr__(self, name, getattr(System, name))
         object.__setattr__(self, "declared_for", {name: getattr(self, name) for name in ("V", "T", *DECLARED)})
 
+    def __copy__(self) -> System:
+        """Return the system itself, which cannot change."""
+        return self
+
+    def __deepcopy__(self, _: Any) -> System:
+        return self
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle a registered system by its name, the system of a file by its path, and any other by its fields.
 
