@@ -15,9 +15,10 @@ from nearharmonic.systems.definition.declaration import check_members, check_num
 from nearharmonic.systems.definition.energies import Energies
 from nearharmonic.systems.definition.extended import DerivedGradient
 from nearharmonic.systems.definition.quantities import Vector
+from nearharmonic.systems.definition.remembered import read_by
 from nearharmonic.systems.formulas.formulas import Formulas, formulas_of, regularised_formulas
 from nearharmonic.systems.formulas.kinetic_energy import MassKineticEnergy, of_masses, quadratic_grad_T, quadratic_T
-from nearharmonic.systems.numba.potential import potential_of
+from nearharmonic.systems.numba.potential import given_function, numba_potential, potential_of
 
 #: Members of a system that are valid only for its V and T.
 DECLARED = ("harmonic", "gravity", "exact_position", "position_t_end", "frequencies")
@@ -135,6 +136,36 @@ class System(Energies):
         if self.frequencies is not None:
             written_frequencies(self)
         check_arguments(self)
+        object.__setattr__(self, "_read", self._read_now())
+
+    def _read_now(self) -> list[object]:
+        formulas = [given_function(getattr(self, name)) for name in ("V", "grad_V", "T", "grad_T")]
+        return read_by(*formulas, self.regularisation and self.regularisation.perturbation)
+
+    def refresh(self) -> System:
+        """Return the system itself; forget what was derived from formulas that now read other values than before.
+
+        Raises
+        ------
+        SystemDefinitionError
+            Such a formula is a function of numba, which keeps the values of its first call.
+        """
+        read = self._read_now()
+        if read == vars(self)["_read"]:
+            return self
+        numba = numba_potential(self)
+        if numba is not None and "code" in vars(numba):
+            reason = "V and grad_V read other values than at their first call, which numba keeps"
+            raise SystemDefinitionError(f"{self.name}: {reason}: make them parameters, or decorate the functions again")
+        for name in vars(self).keys() - {x.name for x in fields(self)}:
+            del vars(self)[name]
+        for name, energy, timed in (
+            ("grad_V", self._potential, self.time_dependent), ("grad_T", self._kinetic_energy, False),
+        ):  # fmt: skip
+            if isinstance(getattr(self, name), DerivedGradient):
+                object.__setattr__(self, name, DerivedGradient(energy, timed))
+        object.__setattr__(self, "_read", read)
+        return self
 
     @property
     def facts(self) -> dict[str, object]:
