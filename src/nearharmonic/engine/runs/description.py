@@ -205,7 +205,7 @@ def problem_attributes(problem: Setup) -> dict[str, Any]:
     notes = {
         "system": problem.system.name,
         "integrator": problem.tableau.name,
-        **({} if problem.tableau.name in integrators else {"label": problem.tableau.label}),
+        **({} if _has_registered_label(problem.tableau) else {"label": problem.tableau.label}),
         **({} if problem.tableau.implicit else {"first": problem.tableau.first}),
         "t_end": problem.t_end,
         "precision": problem.numerics.precision,
@@ -220,6 +220,11 @@ def problem_attributes(problem: Setup) -> dict[str, Any]:
     if problem.numerics.exact_oscillator:
         notes["split"] = problem.numerics.split
     return notes
+
+
+def _has_registered_label(tableau: Any) -> bool:
+    """Return True if the name of a method tells its label; a method of a user may have a registered name."""
+    return tableau.name in integrators and integrators.entry(tableau.name).label == tableau.label
 
 
 def kernel_in_words(problem: Setup) -> str:

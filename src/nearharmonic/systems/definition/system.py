@@ -8,9 +8,9 @@ from typing import Any
 
 from nearharmonic.core.formulas.expression.graph import Graph
 from nearharmonic.core.formulas.number import vector
-from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.errors import SystemDefinitionError, unknown_name
 from nearharmonic.registry.user_module import pickled
-from nearharmonic.systems.definition.arguments import check_arguments
+from nearharmonic.systems.definition.arguments import SEPARABLE, check_arguments
 from nearharmonic.systems.definition.declaration import check_members, check_numbers, written_frequencies
 from nearharmonic.systems.definition.energies import Energies
 from nearharmonic.systems.definition.extended import DerivedGradient
@@ -22,6 +22,9 @@ from nearharmonic.systems.numba.potential import given_function, numba_potential
 
 #: Members of a system that are valid only for its V and T.
 DECLARED = ("harmonic", "gravity", "exact_position", "position_t_end", "frequencies")
+
+#: Names by which users give what is no sum of T(p) and V(q).
+WHOLE = ("H", "hamiltonian", "Hamiltonian", "L", "lagrangian", "Lagrangian", "A", "B")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)  # formulas are compared by identity only
@@ -111,6 +114,16 @@ class System(Energies):
     >>> print(f"{nh.integrate(spring, 'ruth', 0.1).max_energy_error.item():.1e}")
     1.3e-04
     """
+
+    def __new__(cls, **given: Any) -> System:
+        """Refuse unknown members before Python does."""
+        known = [x.name for x in fields(cls)]
+        for name in given:
+            if name in WHOLE:
+                raise SystemDefinitionError(f"System has no {name}: {SEPARABLE}")
+            if name not in known:
+                raise unknown_name("member of System", name, known)
+        return super().__new__(cls)
 
     def __post_init__(self) -> None:
         check_members(self)
