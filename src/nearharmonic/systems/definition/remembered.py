@@ -39,9 +39,14 @@ class remembered(Generic[Result]):
         """Return the result of the function for these settings."""
         found = vars(system).get(self._name)
         if found is None:
-            found = vars(system)[self._name] = cache(partial(self._function, system))
+            found = vars(system)[self._name] = cache(partial(self._evaluated, system))
             self._systems.add(system)
         result: Result = found(*args, **settings)
+        return result
+
+    def _evaluated(self, system: System, *args: Any, **settings: Any) -> Result:
+        result = self._function(system, *args, **settings)
+        system.read_again()  # a formula that counts its calls changes what it reads
         return result
 
     @property

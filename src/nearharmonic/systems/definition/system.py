@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, wraps
 from typing import Any
 
 from nearharmonic.core.formulas.expression.graph import Graph
@@ -115,16 +115,6 @@ class System(Energies):
     1.3e-04
     """
 
-    def __new__(cls, **given: Any) -> System:
-        """Refuse unknown members before Python does."""
-        known = [x.name for x in fields(cls)]
-        for name in given:
-            if name in WHOLE:
-                raise SystemDefinitionError(f"System has no {name}: {SEPARABLE}")
-            if name not in known:
-                raise unknown_name("member of System", name, known)
-        return super().__new__(cls)
-
     def __post_init__(self) -> None:
         check_members(self)
         self._write_out()
@@ -149,6 +139,10 @@ class System(Energies):
         if self.frequencies is not None:
             written_frequencies(self)
         check_arguments(self)
+        self.read_again()
+
+    def read_again(self) -> None:
+        """Take what formulas read from elsewhere as what derived results hold for."""
         object.__setattr__(self, "_read", self._read_now())
 
     def _read_now(self) -> list[object]:
@@ -311,3 +305,22 @@ class System(Energies):
 
 def _rebuilt(fields: dict[str, Any]) -> System:
     return System(**fields)
+
+
+def _refusing(init: Any) -> Any:
+    """Return ``__init__`` with one sentence in place of Python's for a member that a system does not have."""
+
+    @wraps(init)
+    def checked(self: System, **given: Any) -> None:
+        known = [x.name for x in fields(System)]
+        for name in given:
+            if name in WHOLE:
+                raise SystemDefinitionError(f"System has no {name}: {SEPARABLE}")
+            if name not in known:
+                raise unknown_name("member of System", name, known)
+        init(self, **given)
+
+    return checked
+
+
+System.__init__ = _refusing(System.__init__)  # type: ignore[method-assign]
