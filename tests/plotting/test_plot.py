@@ -216,6 +216,7 @@ def test_coarse_samples_behind_fine_ones_are_a_curve_too():
     far = np.array([2 * (69.82 - axis), 0])
     lengths = np.linalg.norm(curve, axis=1) + np.linalg.norm(curve - far, axis=1)
     assert lengths == pytest.approx(2 * axis, rel=1e-4)
+    assert len(curve) == 33 * POINTS + 1  # a polygon has the samples alone
 
 
 @pytest.mark.parametrize(
@@ -272,6 +273,11 @@ def test_observables_are_drawn_over_time():
     (axes,) = nh.plot(run, axes=("t", "E1")).axes
     line = line_of(axes, run.t, run.E1)
     assert (axes.get_xlabel(), axes.get_ylabel(), line.get_linestyle()) == ("time $t$", "E1", "-")
+
+
+def test_a_method_of_a_registered_name_keeps_its_own_label():
+    own = dataclasses.replace(nh.integrators["ruth"], label="mine")
+    assert legend(nh.plot(nh.sweep("sho", own, [0.5, 0.9], t_end=5))) == ["mine"]
 
 
 def test_methods_of_one_figure_have_colours_of_their_own():
