@@ -199,15 +199,103 @@ def test_ensembles_are_drawn_against_their_only_common_varied_parameter():
 
 
 def test_an_orbit_between_coarse_samples_is_the_exact_one():
-    """A cubic Hermite curve errs by h^4/384 of the fourth derivative, which is at most 1 here."""
+    """A step of order four of 1/32 errs by its fifth power over 120."""
     run = nh.integrate("sho", "babps9o7h", 0.5, t_end=20)
     (curve, _) = nh.plot(run, kind="phase").axes[0].lines
-    radius = np.hypot(curve.get_xdata(), curve.get_ydata())
-    assert abs(radius - 1).max() < 2 * 0.5**4 / 384
-    assert abs(radius - 1).max() > 1e-5  # not only the samples
-    own = spring()  # whose rates of change are not known to the plot: straight lines
-    (line, _) = nh.plot(nh.integrate(own, "ruth", 0.5, t_end=20), kind="phase").axes[0].lines
-    assert line.get_xdata().size == 41
+    assert curve.get_xdata().size == 40 * POINTS + 1
+    assert abs(np.hypot(curve.get_xdata(), curve.get_ydata()) - 1).max() < POINTS * (0.5 / POINTS) ** 5 / 120
+
+
+@pytest.mark.slow
+def test_coarse_samples_behind_fine_ones_are_a_curve_too():
+    """The focus is at the origin: the distance from both foci of the ellipse has one sum."""
+    times = np.concatenate([np.linspace(0, 100, 20), np.linspace(500, 8766, 14)])
+    run = nh.integrate("kepler", "trained_orbits", 80.0, t_end=8766, t=times)
+    curve = nh.plot(run, kind="orbit").axes[0].lines[0].get_xydata()
+    axis = 1 / (2 / 69.82 - 0.139896**2 / 1.71994752)  # the vis-viva equation, in 1e6 km
+    far = np.array([2 * (69.82 - axis), 0])
+    lengths = np.linalg.norm(curve, axis=1) + np.linalg.norm(curve - far, axis=1)
+    assert lengths == pytest.approx(2 * axis, rel=1e-4)
+    assert len(curve) == 33 * POINTS + 1  # a polygon has the samples alone
+
+
+@pytest.mark.parametrize(
+    ("make", "tau"),
+    [
+        (lambda folder: dataclasses.replace(nh.systems["henon_heiles"], masses=("16", "16")), 2.0),
+        (lambda folder: spring(), 0.5),
+        (lambda folder: spring(name=str(folder / "evil.py")), 0.5),
+    ],
+    ids=["another of its name", "own", "named as a file"],
+)
+def test_coarse_orbits_of_systems_that_only_bear_a_name_are_points(tmp_path, make, tau):
+    (tmp_path / "evil.py").write_text("raise SystemExit('it has run')\n")
+    run = nh.integrate(make(tmp_path), "ruth", tau, t_end=40 * tau)
+    line = nh.plot(run, kind="phase").axes[0].lines[0]
+    assert (line.get_linestyle(), line.get_marker()) == ("None", ".")
+    assert line.get_xdata().tolist() == run.q.values[:, 0].tolist()
+    fine = nh.integrate(make(tmp_path), "ruth", 0.1, t_end=3)
+    assert nh.plot(fine, kind="phase").axes[0].lines[0].get_linestyle() == "-"
+
+
+def test_registered_formulas_with_other_numbers_are_drawn_as_a_curve():
+    other = dataclasses.replace(nh.systems["sho"], name="sho", q0=("2",))
+    curve = nh.plot(nh.integrate(other, "babps9o7h", 0.5, t_end=20), kind="phase").axes[0].lines[0]
+    assert np.hypot(curve.get_xdata(), curve.get_ydata()) == pytest.approx(2, rel=1e-6)
+    assert curve.get_xdata().size > 500
+
+
+@pytest.mark.slow
+def test_a_tangent_result_shows_its_indicators_over_time():
+    starts = {"q0": [[0, 0.1], [0, -0.15]], "p0": [[0.4, 0.1], [0.49, 0]]}
+    for given in ({}, starts):
+        found = nh.tangent("kepler" if not given else "henon_heiles", "ruth", 20 if not given else 0.1, samples=9,
+                           t_end=2000 if not given else 20, **given)  # fmt: skip
+        figure = nh.plot(found)
+        names = ("lyapunov_exponent", "megno", "sali")
+        for axes, name, says in zip(figure.axes, names, ("exponent", "MEGNO", "SALI"), strict=True):
+            assert says in axes.get_ylabel()
+            for row, line in zip(np.atleast_2d(found[name]), axes.lines, strict=True):
+                np.testing.assert_array_equal(line.get_ydata(), row)
+        assert ("(1/h)" in figure.axes[0].get_ylabel(), "(h)" in figure.axes[2].get_xlabel()) == (
+            not given,
+            not given,
+        )
+        with pytest.raises(SettingError, match="kind = 'energy' is not allowed"):
+            nh.plot(found, kind="energy")
+    with pytest.raises(SettingError, match=r"^runs = "):
+        nh.animate(found)
+
+
+def test_observables_are_drawn_over_time():
+    observed = {"E1": lambda q, p: q[0] ** 2}
+    run = nh.integrate(spring(observables=observed), "ruth", 0.5, t_end=20)
+    (axes,) = nh.plot(run, axes=("t", "E1")).axes
+    line = line_of(axes, run.t, run.E1)
+    assert (axes.get_xlabel(), axes.get_ylabel(), line.get_linestyle()) == ("time $t$", "E1", "-")
+
+
+def test_a_method_of_a_registered_name_keeps_its_own_label():
+    own = dataclasses.replace(nh.integrators["ruth"], label="mine")
+    assert legend(nh.plot(nh.sweep("sho", own, [0.5, 0.9], t_end=5))) == ["mine"]
+
+
+def test_methods_of_one_figure_have_colours_of_their_own():
+    names = ("srkn_b11", "srkn_a14", "srkn_b6", "ruth", "leapfrog")
+    curves = [nh.sweep("sho", name, [0.5, 0.9], t_end=5) for name in names]
+    figure = nh.plot(curves)
+    colours = [line.get_color() for line in figure.axes[0].lines[:5]]
+    assert colours == [handle.get_color() for handle in figure.legends[0].legend_handles]
+    assert len(set(colours)) == 5
+
+
+def test_labels_of_short_axes_are_inside_of_the_figure():
+    figure = nh.plot(nh.sweep("sho", "leapfrog", np.geomspace(0.3, 0.9, 12), t_end=20))
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        box = axes.get_tightbbox()
+        assert box.x0 >= 0
+        assert box.x1 <= figure.bbox.width
 
 
 def test_kind_axes_and_title_select_what_is_drawn():
@@ -269,9 +357,12 @@ def test_every_axis_of_a_recommendation_has_two_labels(least, most):
     [
         ({"kind": "section"}, "kind = 'section' is not allowed: of a trajectory one of energy, orbit, phase"),
         ({"kind": ""}, "kind = '' is not allowed"),
-        ({"axes": ("q1", "p1")}, "axes = ('q1', 'p1') is not allowed: two quantities of an orbit"),
-        ({"kind": "phase", "axes": ("q1", "p3")}, "axes = ('q1', 'p3') is not allowed: two of q1, q2, p1, p2"),
-        ({"kind": "phase", "axes": "q1"}, "axes = 'q1' is not allowed: two of q1, q2, p1, p2"),
+        ({"kind": "energy", "axes": ("q1", "p1")}, "axes = ('q1', 'p1') is not allowed: two quantities of an orbit"),
+        (
+            {"kind": "phase", "axes": ("q1", "p3")},
+            "axes = ('q1', 'p3') is not allowed: two of q1, q2, p1, p2, energy_error, t",
+        ),
+        ({"kind": "phase", "axes": "q1"}, "axes = 'q1' is not allowed: two of q1, q2, p1, p2, energy_error, t"),
     ],
 )
 def test_unknown_kinds_and_axes_are_refused_with_known_ones(more, says):

@@ -14,7 +14,7 @@ from nearharmonic.core.formulas.emission import fingerprint
 from nearharmonic.core.formulas.number import Constant
 from nearharmonic.core.formulas.physics import Physics
 from nearharmonic.core.formulas.rules import Rules
-from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.errors import NearharmonicError, SystemDefinitionError
 from nearharmonic.systems.formulas.source import velocity_text
 from support.methods.own_systems import spring
 
@@ -182,3 +182,23 @@ def test_the_error_names_the_formula_that_failed(formula):
 def test_an_energy_that_is_no_number_is_refused(value, words):
     with pytest.raises(SystemDefinitionError, match=f"^mine: V returns {words}$"):
         traced(spring("mine", V=lambda q: value))
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"H": lambda q, p: p[0] ** 2 * q[0]},
+        {"V": lambda q, p: p[0] * q[0]},
+        {"T": lambda q, p: p[0] ** 2 / q[0]},
+        {"T": lambda p, q: p[0] ** 2 / q[0]},
+    ],
+)
+def test_energies_of_both_q_and_p_are_sent_elsewhere(more):
+    """Magnetic fields, rotating frames, double pendulums: docs/start/choosing.md says where to go."""
+    with pytest.raises(SystemDefinitionError, match=r"needs H = T\(p\) \+ V\(q\) .* 'The wrong tool'"):
+        spring(**({"grad_V": None} | more))
+
+
+def test_an_unknown_member_is_told_with_the_nearest():
+    with pytest.raises(NearharmonicError, match=r"^unknown member of System 'gradV'\. Did you mean 'grad_V'\?"):
+        spring(gradV=None)

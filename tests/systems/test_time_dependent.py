@@ -205,3 +205,19 @@ def test_the_time_is_no_component_of_the_coordinates():
     for formulas in ({"V": lambda q, t, F, w: q[1]}, {"grad_V": lambda q, t, F, w: (q[1],)}):
         with pytest.raises(SystemDefinitionError, match=r"V raises IndexError: .*range: q has 1 component$"):
             check_gradients(driven(**formulas))
+
+
+@pytest.mark.parametrize(
+    ("more", "says", "label"),
+    [
+        ({"energy_scale": 2}, "/(2 1), H = T + V + p_t", "relative to energy_scale 2"),
+        ({"q0": [2]}, "/|H0|, H = T + V + p_t", r"$|\Delta H/H_0|$ of $T + V + p_t$"),
+        ({"q0": [1]}, ", H = T + V + p_t", r"$|\Delta H|$ of $T + V + p_t$"),
+    ],
+)
+def test_labels_of_energy_errors_say_that_H_includes_p_t(more, says, label):
+    run = nh.integrate(driven(), "ruth", 0.1, t_end=1, **more)
+    assert run.energy_error.attrs["long_name"] == f"(H - H0){says}"
+    assert run.max_energy_error.attrs["long_name"] == f"maximum of |H - H0|{says}, over every step, inf if diverged"
+    assert label in nh.plot(run, kind="energy").axes[0].get_ylabel()
+    assert "p_t" not in nh.integrate("sho", "ruth", 0.1, t_end=1).energy_error.attrs["long_name"]

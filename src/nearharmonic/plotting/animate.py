@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from nearharmonic.errors import bad_setting
 from nearharmonic.output.atomic import write_bytes, write_text
-from nearharmonic.plotting.datasets.kinds import check_measured
+from nearharmonic.plotting.datasets.kinds import TRAJECTORY, check_measured, kind_of
 from nearharmonic.plotting.plot import with_matplotlib
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def animate(
         if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
             raise bad_setting(name, value, f"an integer from {least} to {most}")
     given: list[Any] = list(runs) if isinstance(runs, list | tuple) else [runs]
-    if not given or not all({"t", "q", "energy_error"} <= set(getattr(one, "variables", ())) for one in given):
+    if not given or any(kind_of(one) != TRAJECTORY for one in given):
         raise bad_setting("runs", type(runs).__name__, "a Dataset of nearharmonic.integrate, or a list of them")
     check_measured(given)
     film = with_matplotlib("film", "a film")

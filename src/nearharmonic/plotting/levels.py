@@ -31,6 +31,8 @@ def energy_error_label(attributes: Mapping[str, str], absolute: str, relative: s
         Symbols of |H - H0| and of |H - H0|/|H0|.
     """
     meaning = attributes.get("long_name", "|H - H0|/|H0|")
+    if "p_t" in meaning:
+        absolute, relative = f"{absolute} of $T + V + p_t$", f"{relative} of $T + V + p_t$"
     scale = re.search(r"\|H - H0\|/\((\S+) (.*?)\)(?: over|, |$)", meaning)
     if scale:
         return f"{absolute} relative to energy_scale {scale[1]}" + ("" if scale[2] == "1" else f", in {scale[2]}")

@@ -108,7 +108,8 @@ _STYLES |= {
     for name, marker in zip(names.split(), markers, strict=True)
 }
 
-_SPARE_COLOURS = ("#2a8f80", "#8a8a2e", "#332288", "#aa4499", "#cc6677", "#117733", "#5d5d5d")
+#: Colours of methods without an entry, and of those whose colour another method of the figure has.
+SPARE_COLOURS = ("#2a8f80", "#8a8a2e", "#332288", "#aa4499", "#cc6677", "#117733", "#5d5d5d")
 _SPARE_MARKERS = ("<", ">", "*", "h", "d", "8")
 
 
@@ -116,5 +117,5 @@ def style_of(integrator: str) -> Style:
     """Return the style of a method; a method without an entry has a hollow marker, from a hash of its name."""
     if integrator in _STYLES:
         return _STYLES[integrator]
-    rest, colour = divmod(crc32(integrator.encode()), len(_SPARE_COLOURS))
-    return Style(_SPARE_COLOURS[colour], _SPARE_MARKERS[rest % len(_SPARE_MARKERS)], filled=False)
+    rest, colour = divmod(crc32(integrator.encode()), len(SPARE_COLOURS))
+    return Style(SPARE_COLOURS[colour], _SPARE_MARKERS[rest % len(_SPARE_MARKERS)], filled=False)

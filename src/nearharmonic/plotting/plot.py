@@ -1,4 +1,4 @@
-"""Plots of the results of ``integrate``, ``sweep``, ``ensemble``, ``section`` and ``recommend``, and of cubes.
+"""Plots of results of ``integrate``, ``sweep``, ``ensemble``, ``section``, ``tangent`` and ``recommend``, and of cubes.
 
 matplotlib is loaded by the first plot, so that the library can be used without it.
 """
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ALLOWED = (
-    "a Dataset of nearharmonic.integrate, sweep, ensemble, section or recommend, or a list of those of one of the "
-    "first three, or the cube of a system"
+    "a Dataset of nearharmonic.integrate, sweep, ensemble, tangent, section or recommend, or a list of those of one of "
+    "the first four, or the cube of a system"
 )
 
 
@@ -37,20 +37,22 @@ def plot(
       one, otherwise against the number of the member.
     - The cube of a system, as ``xarray.open_dataset`` returns it: its energy-error figure.
     - One of ``section``: the crossings of each member, in one colour.
+    - One of ``tangent``: exponent, MEGNO and SALI over time, a line for each member.
     - One of ``recommend``: the error of each method against its evaluations and its time.
 
     Parameters
     ----------
     datasets : xarray.Dataset, or list of them
-        One or several results of ``integrate``, of ``sweep`` or of ``ensemble``, each with an entry in the legend; or
-        one cube, section or recommendation.
+        One or several results of ``integrate``, ``sweep``, ``ensemble`` or ``tangent``, each with an entry in the
+        legend; or one cube, section or recommendation.
     kind : {"energy", "orbit", "phase", "section", "work"}, optional
         What is drawn in place of the default: of a trajectory its energy error, its orbit or its phase space alone; of
-        ``sweep`` the error against the evaluations of the force, "work". Orbits are drawn as smooth curves between
-        coarse samples, where the system is registered. Samples that are about a period apart show no orbit: take
-        several per period by ``samples=`` or ``t=`` of ``integrate``.
+        ``sweep`` the error against the evaluations of the force, "work". An orbit between coarse samples is a smooth
+        curve if its formulas are those of a registered system. Of other systems, and where a curve would miss the
+        samples, fewer than about 20 samples a period are points: take more by ``samples=`` or ``t=`` of ``integrate``.
     axes : pair of str, optional
-        Quantities of an orbit, a phase space or a section, such as ("q1", "p2").
+        Quantities of an orbit, a phase space or a section, such as ("q1", "p2"), or variables over the samples such as
+        an observable: ("t", "E1").
     title : str, optional
         Text above the figure.
 
@@ -80,7 +82,9 @@ def plot(
         shown = " and ".join(several) or type(datasets).__name__
         raise bad_setting("datasets", shown, ALLOWED)
     (source,) = kinds
-    chosen = KINDS[source][0] if kind is None else kind
+    chosen = kind
+    if chosen is None:
+        chosen = "orbit" if axes is not None and "orbit" in KINDS[source] else KINDS[source][0]
     if chosen not in KINDS[source] or not (kind is None or chosen):
         allowed = f"of {source} one of {', '.join(filter(None, KINDS[source]))}"
         raise bad_setting("kind", kind, allowed)

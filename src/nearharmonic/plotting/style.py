@@ -23,8 +23,8 @@ from nearharmonic.output.atomic import write_bytes
 from nearharmonic.plotting.palette import Style, style_of
 
 __all__ = [
-    "SETTINGS", "Style", "house_style", "lettered", "log_scale", "log_ticks", "mark_every", "method_handles",
-    "new_figure", "panel_letter", "right_title", "save", "style_of", "write_beside",
+    "SETTINGS", "Style", "house_style", "keep_inside", "lettered", "log_scale", "log_ticks", "mark_every",
+    "method_handles", "new_figure", "panel_letter", "right_title", "save", "style_of", "write_beside",
 ]  # fmt: skip
 
 #: matplotlib settings of every figure: the fonts that matplotlib ships, so that figures are identical on all machines.
@@ -73,6 +73,17 @@ def new_figure(width: float, height: float) -> Figure:
     figure = NotebookFigure(figsize=(width, height))
     FigureCanvasAgg(figure)
     return figure
+
+
+@house_style
+def keep_inside(figure: Figure) -> None:
+    """Move the frames of a figure inwards if labels of their axes would be cut at its left or right edge."""
+    renderer = FigureCanvasAgg(figure).get_renderer()  # type: ignore[no-untyped-call]
+    boxes = [axis.get_tightbbox(renderer) for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)]
+    edges = [(box.x0 - 2, figure.bbox.width - 2 - box.x1) for box in boxes if box is not None]
+    left, right = (min(0.0, *column) / figure.bbox.width for column in zip(*edges, strict=True))
+    if left < 0 or right < 0:
+        figure.subplots_adjust(left=figure.subplotpars.left - left, right=figure.subplotpars.right + right)
 
 
 def panel_letter(axes: Axes, letter: str | int, says: str = "") -> None:

@@ -48,7 +48,8 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
     file in the folder. A module is also imported when it is looked up as an attribute of the package.
 
     A process can add entries by :meth:`define`. Other names of an entry, such as its label, are keys too, and so is the
-    path of a Python file: its value is the entry that the file declares. The mapping lists only names among its keys.
+    path of a Python file: its value is the entry that the file declares. The mapping lists only names among its keys;
+    other names are in it too, and paths are not, since they are read at look-up.
 
     Raises
     ------
@@ -99,7 +100,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
 
     def __getitem__(self, name: str | os.PathLike[str]) -> Entry:
         key: Any = self.name_of(os.fspath(name) if isinstance(name, os.PathLike) else name)
-        is_named = isinstance(key, str) and key in self
+        is_named = self._has(key)
         if not is_named and (self._read is None or not is_path(key)):
             raise unknown_name(self._kind, key, self, self._others or ())
         if self._covered is not None and not (is_named and self._is_covered(key)):
@@ -111,7 +112,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
 
     def name_of(self, key: str) -> str:
         """Return the name of the entry with this name or other name; a key that is neither is returned as it is."""
-        if key in self or not isinstance(key, str):
+        if self._has(key) or not isinstance(key, str):
             return key
         if self._others is None:
             self._others = {other: name for name, entry in self._load().items() for other in self._others_of(entry)}
@@ -119,6 +120,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
 
     def entry(self, name: str) -> Entry:
         """Return the entry of a name that the registry has, covered by digests or not: to select by what it is."""
+        name = self.name_of(name)
         if name in self._definitions and name not in self._made:
             self._made[name] = self._definitions[name].make(name)
         return self._made[name] if name in self._definitions else self._load()[name]
@@ -185,6 +187,9 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
             self._covered = None
 
     def __contains__(self, name: object) -> bool:
+        return self._has(name) or (isinstance(name, str) and self._has(self.name_of(name)))
+
+    def _has(self, name: object) -> bool:
         return isinstance(name, str) and (name in self._load() or name in self._definitions)
 
     def __iter__(self) -> Iterator[str]:
@@ -196,7 +201,8 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
 
     def module_of(self, name: str) -> str | None:
         """Return the dotted name of the module that declares ``name`` or its base; None if a file defines it."""
-        if name not in self:
+        name = self.name_of(name)
+        if not self._has(name):
             raise unknown_name(self._kind, name, self)
         base = self._definitions[name].base if name in self._definitions else name
         return None if base is None else self._modules[base]

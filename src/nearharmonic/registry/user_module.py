@@ -1,23 +1,29 @@
-"""Python files of users as modules: loaded once, and again after an edit of the file or of modules that it imports."""
+"""Python files of users as modules: loaded once, and again after an edit of the file or of modules that it imports.
+
+They are compiled from their text always. Python's kept bytecode hides an edit within a second that keeps the length.
+"""
 
 from __future__ import annotations
 
 import importlib.util
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
+from hashlib import sha256
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import Any
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.registry.trust import check_trust
 
-#: Size and time of the last change of each file that a module was loaded from.
-Files = dict[Path, tuple[int, int]]
+#: Text of each file that a module was loaded from.
+Files = dict[Path, bytes]
 
+_PACKAGE = __package__.partition(".")[0]
 _LOADED: dict[Path, tuple[ModuleType, Files]] = {}
 
 
@@ -47,23 +53,23 @@ def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicE
     check_trust(path)
     key = path.resolve()
     if key in _LOADED:
-        module, files = _LOADED[key]
-        if _state(files) == files:
+        module, known = _LOADED[key]
+        if _state(known) == known:
             return module
-    spec = importlib.util.spec_from_file_location(f"nearharmonic_user_{path.stem}", key)
-    if spec is None or spec.loader is None:
+    name, files = f"nearharmonic_user_{path.stem}", Files()
+    if key.suffix != ".py":
         raise error(f"{path} is no Python file: its name must end in .py. {declares}")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look up their module
-    files = {key: (0, 0)}
+    spec = importlib.util.spec_from_file_location(name, key, loader=_TextLoader(name, key, files))
+    module = importlib.util.module_from_spec(spec)  # type: ignore[arg-type]
+    sys.modules[name] = module  # dataclasses look up their module
     try:
         with _own_modules(key.parent, files):
-            spec.loader.exec_module(module)
+            spec.loader.exec_module(module)  # type: ignore[union-attr]
     except NearharmonicError:
         raise
     except (Exception, SystemExit) as fault:
         raise error(f"{path} cannot be run: {type(fault).__name__}: {fault}") from fault
-    _LOADED[key] = module, _state(files)
+    _LOADED[key] = module, files
     return module
 
 
@@ -101,18 +107,20 @@ def pickled(package: str, name: str, entry: Any) -> tuple[Any, ...] | None:
     if entry.name in registry.registered and registry.get(entry.name) is entry:
         return registry.__getitem__, (entry.name,)
     place = place_of(name, entry)
-    return None if place is None else (declared_in, (str(place), name))
+    return None if place is None else (declared_in, (str(place), name, _digest_of(_LOADED[place][1])))
 
 
-def declared_in(place: str, name: str) -> Any:
-    """Return the value of the variable ``name`` of a user's file.
+def declared_in(place: str, name: str, digest: str | None = None) -> Any:
+    """Return the value of the variable ``name`` of a user's file, whose texts have this ``digest`` if it is given.
 
     Raises
     ------
     NearharmonicError
-        The file cannot be loaded, or does not assign it.
+        The file cannot be loaded, does not assign the variable, or has changed.
     """
     module = load(place, f"It defined {name}", NearharmonicError)
+    if digest not in (None, _digest_of(_LOADED[Path(place).resolve()][1])):
+        raise NearharmonicError(f"{place}, or a module that it imports, has changed since its {name} was pickled")
     if not hasattr(module, name):
         raise NearharmonicError(f"{place} does not define {name} any more")
     return getattr(module, name)
@@ -127,32 +135,79 @@ def is_file(path: Path) -> bool:
 
 
 def _state(files: Files) -> Files:
-    """Return the present state of ``files``, without deleted ones."""
-    found: Files = {}
-    for path in files:
-        try:
-            told = path.stat()
-        except OSError:
-            continue
-        found[path] = told.st_size, told.st_mtime_ns
-    return found
+    """Return the present texts of ``files``, without deleted ones."""
+    return {path: path.read_bytes() for path in files if is_file(path)}
+
+
+def _digest_of(files: Files) -> str:
+    return sha256(repr(sorted((path.name, text) for path, text in files.items())).encode()).hexdigest()
+
+
+class _TextLoader(SourceFileLoader):
+    """Loader that compiles the text of a module, and adds the text to ``files``."""
+
+    def __init__(self, name: str, path: Path, files: Files) -> None:
+        super().__init__(name, str(path))
+        self._files = files
+
+    def get_code(self, fullname: str) -> CodeType:
+        text = self._files[Path(self.path)] = self.get_data(self.path)
+        return self.source_to_code(text, self.path)
+
+
+class _Beside:
+    """Finder of the modules in a folder, and of those in packages of the folder; ``found`` are their names."""
+
+    def __init__(self, folder: Path, files: Files) -> None:
+        self._folder, self._files = folder, files
+        self.found: set[str] = set()
+
+    def find_spec(self, name: str, path: Sequence[str] | None = None, target: Any = None) -> ModuleSpec | None:
+        """Return the spec of a module of the folder; None passes the name to the next finder."""
+        above = name.rpartition(".")[0]
+        if above and above not in self.found:
+            return None
+        spec = PathFinder.find_spec(name, path if above else [str(self._folder), *sys.path])
+        if spec is None or not (above or self._has(name, spec)):
+            return None
+        self.found.add(name)
+        if type(spec.loader) is SourceFileLoader:
+            spec.loader = _TextLoader(name, Path(spec.loader.path), self._files)
+        return spec
+
+    def _has(self, name: str, spec: ModuleSpec) -> bool:
+        place = Path(spec.origin or next(iter(spec.submodule_search_locations or ()), ""))
+        inside = place.relative_to(self._folder).parts if place.is_relative_to(self._folder) else ("",)
+        return inside[0].partition(".")[0] == name
 
 
 @contextmanager
 def _own_modules(folder: Path, files: Files) -> Iterator[None]:
-    """Allow imports of modules in ``folder`` inside the block, and add their files to ``files``."""
-    before = set(sys.modules)
-    # Bytecode would hide a second edit in one second.
-    writes, sys.dont_write_bytecode = sys.dont_write_bytecode, True
-    sys.path.insert(0, str(folder))
+    """Allow imports of modules in ``folder`` inside the block, and add their texts to ``files``.
+
+    A module of the same name that the program has imported stands aside, unless it is part of Python or installed.
+    """
+    others = {name.partition(".")[0] for name in sys.modules} - sys.stdlib_module_names - {_PACKAGE, "__main__"}
+    beside = {name for name in others if _is_beside(folder, name)}
+    hidden = {name: module for name, module in sys.modules.items() if name.partition(".")[0] in beside}
+    for name in hidden:
+        del sys.modules[name]
+    finder: Any = _Beside(folder, files)
+    sys.meta_path.insert(0, finder)
     importlib.invalidate_caches()
     try:
         yield
     finally:
-        sys.path.remove(str(folder))
-        sys.dont_write_bytecode = writes
-        for name in set(sys.modules) - before:
-            origin = getattr(sys.modules[name], "__file__", None)
-            if origin and Path(origin).is_relative_to(folder) and "site-packages" not in Path(origin).parts:
-                files[Path(origin)] = (0, 0)
-                del sys.modules[name]
+        sys.meta_path.remove(finder)
+        for name in finder.found:
+            sys.modules.pop(name, None)
+        sys.modules.update(hidden)
+
+
+def _is_beside(folder: Path, name: str) -> bool:
+    """Return True if a folder has a module of the name of an imported one, which is not installed."""
+    place = getattr(sys.modules.get(name), "__file__", None)
+    if "-packages" in str(place):
+        return False
+    has_text = is_file(folder / f"{name}.py") or is_file(folder / name / "__init__.py")
+    return has_text or (place is None and (folder / name).is_dir())

@@ -76,8 +76,14 @@ def test_labels_and_names_of_the_field_are_taken_for_names():
     assert registered["BAB's8o7H"] is registered["babps8o7h"]
     for alias in ("verlet", "velocity_verlet", "stormer_verlet", "strang"):
         assert integrators[alias] is registered[alias] is registered["leapfrog"]
+        assert alias in registered
+        assert alias in integrators
+        assert alias not in nh.implicit_integrators
+        assert alias not in list(registered)  # names are listed once
     assert nh.integrate("sho", "yoshida4", 0.1, t_end=1).attrs["integrator"] == "ruth"
-    assert "verlet" not in registered  # names are listed once
+    assert registered.module_of("verlet") == registered.module_of("leapfrog")
+    for other in ("verle", 3, "verlet.py"):  # a file is read at look-up alone
+        assert other not in registered
 
 
 @EVERY

@@ -108,6 +108,19 @@ def test_a_slightly_wrong_gradient_is_refused():
         nh.integrate(springs(grad_V=wrong), "ruth", 0.1)
 
 
+STIFFNESS = 1.0
+
+
+@numba.njit
+def stiff(q):
+    return STIFFNESS * q[0] * q[0] / 2
+
+
+@numba.njit
+def stiff_force(q):
+    return (STIFFNESS * q[0],)
+
+
 @numba.njit
 def single(q, k):
     return float(np.float32(k) * np.float32(q[0]) * np.float32(q[0]) / np.float32(2))
@@ -154,6 +167,16 @@ def test_copies_keep_the_functions_that_they_do_not_change():
     assert copy.V == SPRING.V
     assert copy.V((3.0,), 2.0) == 9
     np.testing.assert_array_equal(copy.grad_V((np.arange(3.0),), 2.0)[0], [0, 2, 4])
+
+
+def test_a_value_that_numba_keeps_must_not_change(monkeypatch):
+    made = nh.System(name="kept", V=stiff, grad_V=stiff_force, q0=["1"], p0=["0"], t_end="1")
+    monkeypatch.setitem(globals(), "STIFFNESS", 2.0)  # before the first call
+    run = nh.integrate(made, "aba864", 0.02, samples=1)
+    assert run.q.values[-1, 0] == pytest.approx(np.cos(2**0.5), abs=1e-7)
+    monkeypatch.setitem(globals(), "STIFFNESS", 4.0)
+    with pytest.raises(SystemDefinitionError, match="kept: V and grad_V read other values than at their first call"):
+        nh.integrate(made, "aba864", 0.02)
 
 
 def test_hessians_are_differences_of_gradients():

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import json
+import os
+import pickle
 import re
+import sys
 from decimal import Decimal, localcontext
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -168,6 +173,38 @@ def test_file_imports_its_own_neighbouring_modules(folder):
     assert [load_system(f"{name}/well.py").parameters["b"].value for name in ("one", "two")] == ["0.25", "0.75"]
     (folder / "one/common.py").write_text("STRENGTH = '0.125'\n")
     assert load_system("one/well.py").parameters["b"].value == "0.125"
+
+
+@pytest.mark.parametrize("name", ["shared", "shared.numbers"])
+def test_run_has_present_text_of_helper_whatever_bytecode_is_kept(folder, monkeypatch, name):
+    """Bytecode is kept under the second and the length of its source, which an edit may not change."""
+    (folder / "shared").mkdir()
+    helper = folder / ("shared/numbers.py" if "." in name else "shared/__init__.py")
+    (folder / "well.py").write_text(
+        WELL.replace('value="0.1"', "value=STRENGTH").replace("from near", f"from {name} import STRENGTH\nfrom near", 1)
+    )
+
+    def write(strength):
+        helper.write_text(f"STRENGTH = '{strength}'\n")
+        os.utime(helper, (1e9, 1e9))
+
+    write("0.25")
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    other = import_module(name)  # by another program, and by this one
+    assert list(folder.rglob("*.pyc"))
+    system = load_system("well.py")
+    told, run = pickle.dumps(system), nh.integrate(system, "ruth", 0.1, t_end=2)
+    write("0.75")
+    assert (load_system("well.py").parameters["b"].value, other.STRENGTH) == ("0.75", "0.25")
+    assert sys.modules.pop(name) is other
+    sys.modules.pop("shared", None)
+    assert copy.copy(system) is copy.deepcopy(system) is system
+    assert nh.integrate(copy.deepcopy(system), "ruth", 0.1, t_end=2).identical(run)
+    with refused("or a module that it imports, has changed since its SYSTEM was pickled"):
+        pickle.loads(told)
+    write("0.25")
+    assert pickle.loads(told).parameters["b"].value == "0.25"
 
 
 def code_of(config, system="mine"):

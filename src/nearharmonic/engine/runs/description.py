@@ -55,13 +55,17 @@ def status_variable(dimension: str, problem: Setup, left_at: Integers, unsolved:
 
 
 def energy_scale(paths: Trajectories, problem: Setup) -> tuple[str, str]:
-    """Return the divisor of energy errors as text, as in "|H - H0|/|H0|", and their unit."""
+    """Return the divisor of energy errors as text, as in "|H - H0|/|H0|", and their unit.
+
+    The text of a system that depends on time says that its H includes p_t, the momentum conjugate to time.
+    """
+    H = ", H = T + V + p_t," if problem.system.time_dependent else ""
     if problem.scale != 0:
-        return f"/({problem.scale:g} {problem.system.units['energy']})", "1"
+        return f"/({problem.scale:g} {problem.system.units['energy']}){H}", "1"
     unit, none = problem.system.units["energy"], paths.energy == 0
     if none.all():
-        return "", unit
-    return f"/|H0| (absolute, in {unit}, where H0 = 0)" if none.any() else "/|H0|", "1"
+        return H, unit
+    return f"/|H0|{f' (absolute, in {unit}, where H0 = 0)' if none.any() else ''}{H}", "1"
 
 
 def first_run(variables: Variables) -> Variables:
@@ -110,7 +114,7 @@ def trajectory_variables(
         "t": (np.broadcast_to(times, paths.marks.shape), "time", units["t"]),
         "q": (paths.q[..., :d], "position", units["q"]),
         "p": (paths.p[..., :d], "momentum", units["p"]),
-        "energy_error": (paths.energy_error, f"(H - H0){scale}", unit),
+        "energy_error": (paths.energy_error, f"(H - H0){scale}".rstrip(","), unit),
     }
     if problem.numerics.precision == "extended":
         table |= low_digits(problem, paths)
@@ -217,7 +221,7 @@ def problem_attributes(problem: Setup) -> dict[str, Any]:
     notes = {
         "system": problem.system.name,
         "integrator": problem.tableau.name,
-        **({} if problem.tableau.name in integrators else {"label": problem.tableau.label}),
+        **({} if _has_registered_label(problem.tableau) else {"label": problem.tableau.label}),
         **({} if problem.tableau.implicit else {"first": problem.tableau.first}),
         "t_end": problem.t_end,
         "precision": problem.numerics.precision,
@@ -232,6 +236,11 @@ def problem_attributes(problem: Setup) -> dict[str, Any]:
     if problem.numerics.exact_oscillator:
         notes["split"] = problem.numerics.split
     return notes
+
+
+def _has_registered_label(tableau: Any) -> bool:
+    """Return True if the name of a method tells its label; a method of a user may have a registered name."""
+    return tableau.name in integrators and integrators.entry(tableau.name).label == tableau.label
 
 
 def kernel_in_words(problem: Setup) -> str:

@@ -96,7 +96,7 @@ class Setup:
         split: str = KINETIC_POTENTIAL,
         samples: int = 2,
     ) -> None:
-        self.system = system if isinstance(system, System) else systems[system]
+        self.system = (system if isinstance(system, System) else systems[system]).refresh()
         tableau = integrator if isinstance(integrator, Composition) else integrators[integrator]
         role = None if first is None else one_of("first", first, OPERATORS)
         self.tableau = tableau.role(role)  # type: ignore[arg-type]

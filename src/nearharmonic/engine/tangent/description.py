@@ -51,10 +51,11 @@ def deviations_dataset(
         own = (found.growth[:, -1, 0] - found.growth[:, 0, 0]) / abs(times[-1])
     d = system.dimension
     q, p = found.states[..., 0, :d], found.states[..., 2, :d]
+    timed = ", H = T + V + p_t" if system.time_dependent else ""
     over_sample: dict[str, tuple[tuple[str, ...], Any, dict[str, str]]] = {
         "q": (("component",), q, described("position", system.units["q"])),
         "p": (("component",), p, described("momentum", system.units["p"])),
-        "energy_error": ((), error, described("(H - H0)/|H0|, or over the system's scale of energies")),
+        "energy_error": ((), error, described(f"(H - H0)/|H0|, or over the system's scale of energies{timed}")),
         "lyapunov_exponent": ((), exponent, described("ln|delta|/t of the first deviation delta up to the time", rate)),
         "lyapunov_spectrum": (("deviation",), spectrum, described("mean logarithmic growth of the axes", rate)),
         "growth": (("deviation",), found.growth, described("ln(|delta|/|delta(0)|)")),

@@ -13,23 +13,32 @@ from matplotlib.figure import Figure
 from nearharmonic.errors import bad_setting
 from nearharmonic.plotting.datasets.kinds import CUBE, MEMBER, PROFILE, RANKING, TRAJECTORY, check_measured
 from nearharmonic.plotting.datasets.legend import LEGEND, handles_of, in_brackets, looks_of
-from nearharmonic.plotting.datasets.members import draw_members, varying
+from nearharmonic.plotting.datasets.members import draw_chaos, draw_members, varying
 from nearharmonic.plotting.datasets.states import draw_curve, draw_points, name_of, pair_of
 from nearharmonic.plotting.datasets.work import draw_ranking, draw_work, stages_of
 from nearharmonic.plotting.energy_error import PANELS, Profile, draw_profile, draw_profiles
 from nearharmonic.plotting.floor import draw_floor
 from nearharmonic.plotting.levels import energy_error_label
-from nearharmonic.plotting.style import house_style, log_scale, new_figure, panel_letter, style_of
+from nearharmonic.plotting.style import house_style, keep_inside, log_scale, new_figure, panel_letter, style_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
 def draw(source: str, kind: str, given: Sequence[xr.Dataset], axes: Sequence[str] | None) -> Figure:
+    drawn = _drawn(source, kind, given, axes)
+    keep_inside(drawn)
+    return drawn
+
+
+def _drawn(source: str, kind: str, given: Sequence[xr.Dataset], axes: Sequence[str] | None) -> Figure:
     if source in (CUBE, RANKING):
         return (draw_profile if source == CUBE else draw_ranking)(given[0])
     if kind in ("orbit", "phase", "section"):
         return _states(given, kind, axes)
+    if kind == "chaos":
+        looks = looks_of(given)
+        return draw_chaos(given, handles_of(given, looks, marker="none"), looks, _common_unit(given, "t"))
     if source == TRAJECTORY:
         return _trajectories(given, with_orbit=not kind)
     check_measured(given)
@@ -122,7 +131,7 @@ def _states(given: Sequence[xr.Dataset], kind: str, asked: Sequence[str] | None)
     drawn.subplots_adjust(left=0.115, right=0.985, top=0.885, bottom=0.095)
     axes = drawn.subplots()
     _draw_states(axes, given, looks, kind, asked)
-    panel_letter(axes, "A", _says(kind, given))
+    panel_letter(axes, "A", _says(kind, given, asked))
     if kind != "section":
         drawn.legend(handles=handles_of(given, looks, marker="none"), **LEGEND)
     return drawn
@@ -144,7 +153,8 @@ def _draw_states(
     units = [_common_unit(given, name) for name, _ in pair]
     x, y = (name_of(one, given[0]) + in_brackets(unit) for one, unit in zip(pair, units, strict=True))
     axes.set(xlabel=x, ylabel=y)
-    if units[0] == units[1]:
+    axes.yaxis.get_offset_text().set_x(-0.125)  # beside the title
+    if units[0] == units[1] and all(index is not None for _, index in pair):
         axes.set_aspect("equal", adjustable="datalim")
 
 
@@ -162,11 +172,13 @@ def _finish_errors(axes: Axes, given: Sequence[xr.Dataset], unit: str) -> None:
     draw_floor(axes, given, "energy_error")
 
 
-def _says(kind: str, given: Sequence[xr.Dataset]) -> str:
+def _says(kind: str, given: Sequence[xr.Dataset], asked: object = None) -> str:
     """Return the title of a panel of states."""
     first = given[0]
     if kind == "section":
         surface = re.sub(r"^q_(\d+)$", r"$q_\1 = 0$", str(first.attrs["surface_name"]))
         return f"{int(first['crossings'].sum())} crossings of {surface}, {first.attrs['direction']}"
+    if asked is not None and any(index is None for _, index in pair_of(first, kind, asked)):
+        return "trajectory, from the dot on"
     phase = kind == "phase" or first["q"].sizes["component"] == 1
     return ("phase space" if phase else "orbit") + ", from the dot on"

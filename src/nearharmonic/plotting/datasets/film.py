@@ -16,7 +16,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from nearharmonic.plotting.datasets.legend import in_brackets
-from nearharmonic.plotting.palette import style_of
 from nearharmonic.plotting.plot import plot
 from nearharmonic.plotting.style import house_style, panel_letter, right_title
 
@@ -82,8 +81,7 @@ def truncator(figure: Figure, given: Sequence[xr.Dataset]) -> Callable[[float], 
     figure.draw_without_rendering()  # the limits of complete curves
     curves = [(orbit.lines[2 * k], energy.lines[k]) for k in range(len(given))]
     whole = [[np.array(line.get_xydata()) for line in pair] for pair in curves]
-    colours = [style_of(str(one.attrs["integrator"])).colour for one in given]
-    dots = [orbit.plot([], [], "o", markersize=6, color=colour)[0] for colour in colours]
+    dots = [orbit.plot([], [], "o", markersize=6, color=line.get_color())[0] for _, line in curves]
     times = [one["t"].values for one in given]
     first, last = min(t[0] for t in times), max(t[-1] for t in times)
     unit = in_brackets(str(given[0]["t"].attrs.get("units", "1")))

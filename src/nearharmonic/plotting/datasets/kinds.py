@@ -14,10 +14,11 @@ MEMBER = "member"
 #: Contents of a Dataset, by which its plots are found.
 PROFILE, TRAJECTORY, CUBE, ENSEMBLE = "energy errors over tau", "a trajectory", "a cube", "an ensemble"
 SECTION, RANKING = "a section", "a recommendation"
+DEVIATIONS, MANY_DEVIATIONS = "deviations from an orbit", "deviations from several orbits"
 #: What may be drawn of each kind of Dataset, the default first; "" is a trajectory's energy error above its orbit.
 KINDS = {
     PROFILE: ("energy", "work"), CUBE: ("energy",), ENSEMBLE: ("energy",), SECTION: ("section",), RANKING: ("work",),
-    TRAJECTORY: ("", "energy", "orbit", "phase"),
+    TRAJECTORY: ("", "energy", "orbit", "phase"), DEVIATIONS: ("chaos", "orbit", "phase"), MANY_DEVIATIONS: ("chaos",),
 }  # fmt: skip
 
 
@@ -26,11 +27,15 @@ def kind_of(dataset: Any) -> str:
     dims, attributes, variables = (getattr(dataset, name, ()) for name in ("dims", "attrs", "variables"))
     if not hasattr(dataset, "data_vars"):
         return ""
+    if "lyapunov_exponent" in variables and "t" in variables:
+        return MANY_DEVIATIONS if MEMBER in dims else DEVIATIONS
     if "max_energy_error" in variables:
-        if {"integrator", "tau_per_stage"} <= set(dims):
-            return CUBE
-        for dimension, kind in (("tau", PROFILE), (MEMBER, ENSEMBLE)):
-            if "integrator" in attributes and dimension in dims:
+        named = "integrator" in attributes
+        for holds, kind in (
+            ({"integrator", "tau_per_stage"} <= set(dims), CUBE), (named and "tau" in dims, PROFILE),
+            (named and MEMBER in dims, ENSEMBLE),
+        ):  # fmt: skip
+            if holds:
                 return kind
     if "crossing" in dims and "surface" in variables:
         return SECTION

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 
 from nearharmonic.integrators import integrators
 from nearharmonic.plotting.energy_error import dashed
-from nearharmonic.plotting.style import style_of
+from nearharmonic.plotting.palette import SPARE_COLOURS, style_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,7 +26,7 @@ LEGEND: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.545, 0.995
 def in_brackets(unit: str) -> str:
     """Return a unit in brackets, for the label of an axis; 1e6 is a power of ten."""
     shown = re.sub(r"1e(-?[0-9]+)", r"$10^{\1}$", unit)
-    return "" if unit == "1" else f"  ({shown})"
+    return "" if unit in ("1", "unknown") else f"  ({shown})"
 
 
 def labels_of(given: Sequence[xr.Dataset]) -> list[str]:
@@ -58,14 +58,22 @@ def _told(dataset: xr.Dataset, key: str) -> str:
 
 
 def looks_of(given: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
-    """Return the line style of each Dataset: Datasets of one integrator have different dashes."""
+    """Return the line style of each Dataset: integrators differ in colours, runs of one in dashes."""
     seen: dict[str, int] = {}
     looks = []
+    colours: dict[str, str] = {}
     for one in given:
         name = str(one.attrs["integrator"])
+        if name not in colours:
+            free = [c for c in (style_of(name).colour, *SPARE_COLOURS) if c not in colours.values()]
+            colours[name] = free[0] if free else style_of(name).colour
         turn = seen[name] = seen.get(name, -1) + 1
         extended = one.attrs.get("precision") == "extended" and turn > 0
-        looks.append(dashed() if extended else {"linestyle": DASHES[turn % len(DASHES)]} if turn else {})
+        look = dashed() if extended else {"linestyle": DASHES[turn % len(DASHES)]} if turn else {}
+        if colours[name] != style_of(name).colour:
+            face = colours[name] if style_of(name).filled else "white"
+            look |= {"color": colours[name], "markerfacecolor": face}
+        looks.append(look)
     return looks
 
 

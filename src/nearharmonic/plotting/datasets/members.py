@@ -1,4 +1,4 @@
-"""Energy errors of the members of ensembles, against a varied parameter or the number of the member."""
+"""Energy errors of the members of ensembles, and indicators of chaos of one orbit or of members, over time."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from nearharmonic.plotting.datasets.kinds import MEMBER
+from nearharmonic.plotting.datasets.legend import LEGEND, in_brackets
 from nearharmonic.plotting.energy_error import range_of, say_if_empty
 from nearharmonic.plotting.floor import draw_floor
 from nearharmonic.plotting.levels import energy_error_label
@@ -27,6 +29,40 @@ def varying(given: Sequence[xr.Dataset]) -> str:
     }
     names = found.pop()
     return str(names[0]) if len(names) == 1 and not found else MEMBER
+
+
+#: Indicators of chaos over time: name, label, and scale of the axis.
+INDICATORS = (
+    ("lyapunov_exponent", r"largest exponent, $\ln(|\delta|/|\delta_0|)/t$", "log"),
+    ("megno", "MEGNO", "linear"),
+    ("sali", "SALI", "log"),
+)
+
+
+@house_style
+def draw_chaos(
+    given: Sequence[xr.Dataset], handles: Sequence[Line2D], looks: Sequence[Mapping[str, Any]], unit: str
+) -> Figure:
+    """Draw the indicators of chaos of results of ``tangent`` over time, members in one colour each."""
+    shown = [one for one in INDICATORS if all(one[0] in dataset for dataset in given)]
+    drawn = new_figure(7, 0.9 + 2.3 * len(shown))
+    drawn.subplots_adjust(left=0.125, right=0.985, top=1 - 0.55 / (0.9 + 2.3 * len(shown)), bottom=0.07, hspace=0.16)
+    for number, (axes, (name, label, scale)) in enumerate(
+        zip(drawn.subplots(len(shown), 1, sharex=True, squeeze=False).flat, shown, strict=True)
+    ):
+        for one, look in zip(given, looks, strict=True):
+            rows = np.atleast_2d(one[name].values)
+            style = style_of(str(one.attrs["integrator"])).line(**{**look, "marker": "none", "linewidth": 0.8})
+            colours = colormaps["cividis"](np.linspace(0, 0.9, len(rows))) if len(rows) > 1 else [style["color"]]
+            for row, colour in zip(rows, colours, strict=True):
+                axes.plot(one["t"].values, row, **{**style, "color": colour})
+        if scale == "log":
+            log_scale(axes, "y")
+        axes.set_ylabel(label + in_brackets(str(given[0][name].attrs.get("units", "1"))))
+        panel_letter(axes, number, "one line for each member" if MEMBER in given[0].dims and not number else "")
+    axes.set_xlabel(r"time $t$" + in_brackets(unit))
+    drawn.legend(handles=handles, **LEGEND)
+    return drawn
 
 
 @house_style
@@ -54,7 +90,7 @@ def draw_members(
     panel_letter(axes, "A", _says(given))
     say_if_empty(axes, [one["max_energy_error"].values for one in given])
     draw_floor(axes, given, "max_energy_error")
-    drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.545, 0.995), ncols=4, columnspacing=1.8)
+    drawn.legend(handles=handles, **LEGEND)
     return drawn
 
 

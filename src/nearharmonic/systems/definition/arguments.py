@@ -12,6 +12,11 @@ from nearharmonic.systems.definition.members import Members
 from nearharmonic.systems.formulas.kinetic_energy import takes_parameters
 from nearharmonic.systems.numba.potential import given_function
 
+#: What cannot be split, and what solves it.
+SEPARABLE = (
+    "a splitting method needs H = T(p) + V(q) without terms of both; a magnetic field, a rotating frame or a double "
+    "pendulum needs another tool: see 'The wrong tool' in docs/start/choosing.md"
+)
 _POSITIONAL = (Argument.POSITIONAL_ONLY, Argument.POSITIONAL_OR_KEYWORD)
 
 
@@ -63,6 +68,9 @@ def _check_count(
 def _reason(system: Members, taken: list[Argument], given: tuple[str, ...]) -> str:
     behind = [x.name for x in taken if x.default is Argument.empty][len(given) :]
     unknown = [name for name in behind if name not in system.parameters]
+    mixed = "q" if given == ("p",) else "p"
+    if mixed in unknown or [x.name for x in taken[:2]] == ["q", "p"]:
+        return SEPARABLE
     if given == ("q",) and "t" in unknown:
         return "a potential that depends on the time t needs time_dependent=True"
     if unknown:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from nearharmonic.numerics.written import decimal
-from nearharmonic.systems.definition.quantities import Observable, Parameter, Vector, is_list
+from nearharmonic.systems.definition.quantities import Observable, Parameter, ReadOnly, Vector, fixed, is_list
 from nearharmonic.systems.formulas.kinetic_energy import quadratic_T
 from nearharmonic.systems.formulas.regularisation import Regularisation
 
@@ -83,6 +83,8 @@ class Members:
         given = ((key, getattr(self, key)) for key in ("q0", "p0"))
         rows = {key: tuple(map(decimal, x if is_list(x) else (x,))) for key, x in given}
         rows |= {key: decimal(getattr(self, key)) for key in ("t_end", "position_t_end", "energy_scale")}
-        written = {"label": self.label or self.name, "parameters": named, "observables": observed, **rows}
-        for key, value in written.items():
+        rows |= {key: fixed(getattr(self, key)) for key in ("masses", "frequencies")}
+        mappings = {"units": self.units, "parameters": named, "invariants": self.invariants, "observables": observed}
+        read_only = {key: ReadOnly(value) for key, value in mappings.items()}
+        for key, value in {"label": self.label or self.name, **rows, **read_only}.items():
             object.__setattr__(self, key, value)

@@ -7,6 +7,7 @@ from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from typing import Any
 
+from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.numerics.written import decimal
 
 #: A coordinate tuple of any number type: float, numpy array, mpf, or a number traced into a kernel.
@@ -79,7 +80,29 @@ class Observable:
         return self.function(q, p, *parameters)
 
 
+class ReadOnly(dict[str, Any]):
+    """A mapping of a system, which does not change: what is derived from it would not."""
+
+    def _refuse(self, *_: Any, **__: Any) -> Any:
+        what = "the mappings of a system are read-only: make a copy of the system by dataclasses.replace"
+        raise SystemDefinitionError(what)
+
+    __setitem__ = __delitem__ = __ior__ = clear = pop = popitem = setdefault = update = _refuse
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ReadOnly, (dict(self),)
+
+
 def is_list(values: Any) -> bool:
     """Return True if ``values`` is an ordered collection of numbers: not text, bytes, a mapping or a set."""
     other = isinstance(values, str | bytes | bytearray | memoryview | Mapping | AbstractSet)
     return isinstance(values, Iterable) and not other and getattr(values, "ndim", 1) > 0
+
+
+def fixed(values: Any) -> Any:
+    """Return lists and arrays of any depth as tuples, which do not change; return other objects unchanged."""
+    if not is_list(values) or not hasattr(values, "__len__"):
+        return values
+    found = tuple(map(fixed, values))
+    same = isinstance(values, tuple) and all(a is b for a, b in zip(found, values, strict=True))
+    return values if same else found

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, wraps
 from typing import Any
 
 from nearharmonic.core.formulas.expression.graph import Graph
 from nearharmonic.core.formulas.number import vector
-from nearharmonic.errors import SystemDefinitionError
+from nearharmonic.errors import SystemDefinitionError, unknown_name
 from nearharmonic.registry.user_module import pickled
-from nearharmonic.systems.definition.arguments import check_arguments
+from nearharmonic.systems.definition.arguments import SEPARABLE, check_arguments
 from nearharmonic.systems.definition.declaration import check_members, check_numbers, written_frequencies
 from nearharmonic.systems.definition.energies import Energies
 from nearharmonic.systems.definition.extended import DerivedGradient
 from nearharmonic.systems.definition.quantities import Vector
+from nearharmonic.systems.definition.remembered import read_by
 from nearharmonic.systems.formulas.formulas import Formulas, formulas_of, regularised_formulas
 from nearharmonic.systems.formulas.kinetic_energy import MassKineticEnergy, of_masses, quadratic_grad_T, quadratic_T
-from nearharmonic.systems.numba.potential import potential_of
+from nearharmonic.systems.numba.potential import given_function, numba_potential, potential_of
 
 #: Members of a system that are valid only for its V and T.
 DECLARED = ("harmonic", "gravity", "exact_position", "position_t_end", "frequencies")
+
+#: Names by which users give what is no sum of T(p) and V(q).
+WHOLE = ("H", "hamiltonian", "Hamiltonian", "L", "lagrangian", "Lagrangian", "A", "B")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)  # formulas are compared by identity only
@@ -135,6 +139,40 @@ class System(Energies):
         if self.frequencies is not None:
             written_frequencies(self)
         check_arguments(self)
+        self.read_again()
+
+    def read_again(self) -> None:
+        """Take what formulas read from elsewhere as what derived results hold for."""
+        object.__setattr__(self, "_read", self._read_now())
+
+    def _read_now(self) -> list[object]:
+        formulas = [given_function(getattr(self, name)) for name in ("V", "grad_V", "T", "grad_T")]
+        return read_by(*formulas, self.regularisation and self.regularisation.perturbation)
+
+    def refresh(self) -> System:
+        """Return the system itself; forget what was derived from formulas that now read other values than before.
+
+        Raises
+        ------
+        SystemDefinitionError
+            Such a formula is a function of numba, which keeps the values of its first call.
+        """
+        read = self._read_now()
+        if read == vars(self)["_read"]:
+            return self
+        numba = numba_potential(self)
+        if numba is not None and "code" in vars(numba):
+            reason = "V and grad_V read other values than at their first call, which numba keeps"
+            raise SystemDefinitionError(f"{self.name}: {reason}: make them parameters, or decorate the functions again")
+        for name in vars(self).keys() - {x.name for x in fields(self)}:
+            del vars(self)[name]
+        for name, energy, timed in (
+            ("grad_V", self._potential, self.time_dependent), ("grad_T", self._kinetic_energy, False),
+        ):  # fmt: skip
+            if isinstance(getattr(self, name), DerivedGradient):
+                object.__setattr__(self, name, DerivedGradient(energy, timed))
+        object.__setattr__(self, "_read", read)
+        return self
 
     @property
     def facts(self) -> dict[str, object]:
@@ -186,6 +224,13 @@ class System(Energies):
                 if getattr(self, name) is original[name]:
                     object.__setattr__(self, name, getattr(System, name))
         object.__setattr__(self, "declared_for", {name: getattr(self, name) for name in ("V", "T", *DECLARED)})
+
+    def __copy__(self) -> System:
+        """Return the system itself, which cannot change."""
+        return self
+
+    def __deepcopy__(self, _: Any) -> System:
+        return self
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle a registered system by its name, the system of a file by its path, and any other by its fields.
@@ -260,3 +305,22 @@ class System(Energies):
 
 def _rebuilt(fields: dict[str, Any]) -> System:
     return System(**fields)
+
+
+def _refusing(init: Any) -> Any:
+    """Return ``__init__`` with one sentence in place of Python's for a member that a system does not have."""
+
+    @wraps(init)
+    def checked(self: System, **given: Any) -> None:
+        known = [x.name for x in fields(System)]
+        for name in given:
+            if name in WHOLE:
+                raise SystemDefinitionError(f"System has no {name}: {SEPARABLE}")
+            if name not in known:
+                raise unknown_name("member of System", name, known)
+        init(self, **given)
+
+    return checked
+
+
+System.__init__ = _refusing(System.__init__)  # type: ignore[method-assign]
