@@ -277,18 +277,19 @@ def test_observables_are_drawn_over_time():
 
 def test_a_method_of_a_registered_name_keeps_its_own_label():
     own = dataclasses.replace(nh.integrators["ruth"], label="mine")
-    assert legend(nh.plot(nh.sweep("sho", own, [0.5, 0.9], t_end=5))) == ["mine"]
+    assert legend(nh.plot(nh.sweep("sho", own, [0.5, 0.625], t_end=5))) == ["mine"]
 
 
 def test_methods_of_one_figure_have_colours_of_their_own():
     names = ("srkn_b11", "srkn_a14", "srkn_b6", "ruth", "leapfrog")
-    curves = [nh.sweep("sho", name, [0.5, 0.9], t_end=5) for name in names]
+    curves = [nh.sweep("sho", name, [0.5, 0.625], t_end=5) for name in names]
     figure = nh.plot(curves)
     colours = [line.get_color() for line in figure.axes[0].lines[:5]]
     assert colours == [handle.get_color() for handle in figure.legends[0].legend_handles]
     assert len(set(colours)) == 5
 
 
+@pytest.mark.filterwarnings("ignore:taus.* runs as")
 def test_labels_of_short_axes_are_inside_of_the_figure():
     figure = nh.plot(nh.sweep("sho", "leapfrog", np.geomspace(0.3, 0.9, 12), t_end=20))
     figure.draw_without_rendering()

@@ -200,5 +200,5 @@ def test_energies_of_both_q_and_p_are_sent_elsewhere(more):
 
 
 def test_an_unknown_member_is_told_with_the_nearest():
-    with pytest.raises(NearharmonicError, match=r"^unknown member of System 'gradV'\. Did you mean 'grad_V'\?"):
+    with pytest.raises(NearharmonicError, match=r"^System has no argument 'gradV'\. Did you mean 'grad_V'\?"):
         spring(gradV=None)

@@ -429,6 +429,7 @@ EXACT = {
 }
 
 
+@pytest.mark.filterwarnings("ignore:energy='none' checks nothing")  # of a step of 2^60
 @pytest.mark.parametrize(("value", "expected"), EXACT.values(), ids=EXACT)
 def test_digits_below_a_double_are_kept_everywhere(value, expected):
     """A pair of doubles holds 106 binary digits: a decimal of 40 places is off by 2^-106 at most."""

@@ -8,7 +8,7 @@ from typing import Any
 
 from nearharmonic.core.formulas.expression.graph import Graph
 from nearharmonic.core.formulas.number import vector
-from nearharmonic.errors import SystemDefinitionError, unknown_name
+from nearharmonic.errors import SystemDefinitionError, naming_arguments
 from nearharmonic.registry.user_module import pickled
 from nearharmonic.systems.definition.arguments import SEPARABLE, check_arguments
 from nearharmonic.systems.definition.declaration import check_members, check_numbers, written_frequencies
@@ -308,16 +308,14 @@ def _rebuilt(fields: dict[str, Any]) -> System:
 
 
 def _refusing(init: Any) -> Any:
-    """Return ``__init__`` with one sentence in place of Python's for a member that a system does not have."""
+    """Return ``__init__`` with one sentence for a Hamiltonian that is given whole, and for unknown members."""
+    init = naming_arguments(init, "System")
 
     @wraps(init)
     def checked(self: System, **given: Any) -> None:
-        known = [x.name for x in fields(System)]
         for name in given:
             if name in WHOLE:
                 raise SystemDefinitionError(f"System has no {name}: {SEPARABLE}")
-            if name not in known:
-                raise unknown_name("member of System", name, known)
         init(self, **given)
 
     return checked
