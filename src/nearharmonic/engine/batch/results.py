@@ -193,7 +193,7 @@ def _means(total: Floats, steps: Integers, marks: Integers, numerics: Numerics) 
 def surface_limit(system: System, scale: float) -> float:
     """Return the largest energy error of a run, in units of |H0| or of ``scale``, beyond which it has diverged.
 
-    The energy of a system that depends on time starts at any value, so that |H0| is no measure of it: without a
-    ``scale`` only a state that is not finite has diverged.
+    The energy of a system that depends on time has no surface: unless its ``scale`` is one that was asked for, only a
+    state that is not finite has diverged.
     """
-    return inf if system.time_dependent and scale == 0 else system.surface_limit
+    return inf if system.time_dependent and scale == system.typical_energy else system.surface_limit

@@ -114,7 +114,8 @@ class Setup:
             raise bad_setting("precision", precision, f"{what} {self.system.name}")
         if self.numerics.exact_oscillator:
             check_oscillator(self.system)
-        self.scale = checked_scale(self.system.energy_scale if energy_scale is None else energy_scale)
+        asked_scale = self.system.energy_scale if energy_scale is None else energy_scale
+        self.scale = self.system.typical_energy if asked_scale is None else checked_scale(asked_scale)
         self.samples = checked_samples(samples)
 
     @property

@@ -49,6 +49,19 @@ class Energies(Members):
         """True if T = p.p / 2: accelerations are then minus grad_V."""
         return self.T is quadratic_T or self._kinetic_energy.is_half_square
 
+    @cached_property
+    def typical_energy(self) -> float:
+        """T(p0) + max |V(q0, t)| to two digits, over 17 times of the interval; 0 if V does not depend on time.
+
+        The energy at the start of a system that depends on time may be near 0 by accident.
+        """
+        if not self.time_dependent:
+            return 0.0
+        constants, times = self.constants(float), (float(self.t_end) * k / 16 for k in range(17))
+        q0, p0 = (tuple(map(float, x)) for x in (self.q0, self.p0))
+        V = max(abs(float(self.V(q0, t, *constants))) for t in times)
+        return float(f"{float(self._kinetic_energy.function(p0, *constants)) + V:.2g}")
+
     def energy(self, q: Vector, p: Vector, constants: Sequence[Any] = (), t: Any = None) -> Any:
         """Return H = T(p) + V(q), or T(p) + V(q, t).
 
