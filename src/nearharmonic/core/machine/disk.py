@@ -22,7 +22,10 @@ from pathlib import Path
 PATIENCE = 120.0
 #: Without it, opening a pipe would wait for its writer.
 _NO_WAIT = getattr(os, "O_NONBLOCK", 0)
+#: Bytes that are written to a folder on trial before numba writes to it: a few times its machine code.
+ROOM = 2**20
 _WARNED: list[str] = []
+_WRITTEN: set[Path] = set()
 
 
 def cache_folder() -> Path:
@@ -47,11 +50,19 @@ def place_of(key: str) -> Path | None:
 
 
 def folder_of(name: str) -> Path | None:
-    """Return the subfolder ``name`` of the folder of compiled code; None, with a warning, if it is not writable."""
+    """Return the subfolder ``name`` of the folder of compiled code; None, with a warning, if it has no room for code.
+
+    numba ends a program whose code it cannot write.
+    """
     folder = _trusted() and _trusted(name)
-    if folder and not os.access(folder, os.W_OK):
-        warn(f"{folder} cannot be written to")
-        return None
+    if folder and folder not in _WRITTEN:
+        try:
+            with tempfile.TemporaryFile(dir=folder) as file:
+                file.write(bytes(ROOM))
+        except OSError as error:
+            _warn(str(error))
+            return None
+        _WRITTEN.add(folder)
     return folder
 
 
@@ -64,10 +75,10 @@ def _trusted(name: str = "") -> Path | None:
                 path.mkdir(mode=0o700, exist_ok=True)
         fault = _fault(folder.stat()) if folder.is_dir() else "is not a folder"
     except (OSError, RuntimeError) as error:
-        warn(str(error))
+        _warn(str(error))
         return None
     if fault:
-        warn(f"{folder} {fault}")
+        _warn(f"{folder} {fault}")
         return None
     return folder
 
@@ -107,7 +118,7 @@ def write(place: Path, name: str, code: bytes) -> None:
             discard(Path(part))
             raise
     except OSError as error:
-        warn(str(error))
+        _warn(str(error))
 
 
 @contextmanager
@@ -174,7 +185,7 @@ def _fault(status: os.stat_result) -> str:
     return "is writable by group or others" if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH) else ""
 
 
-def warn(reason: str) -> None:
+def _warn(reason: str) -> None:
     """Log ``reason`` once per process; a Python warning could end the run, where a filter makes it an error."""
     if not _WARNED:
         _WARNED.append(reason)

@@ -10,8 +10,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
-from numba.core import dispatcher
-from numba.core.caching import FunctionCache
 from numba.core.dispatcher import Dispatcher
 
 from nearharmonic.core.machine import disk
@@ -20,19 +18,6 @@ from nearharmonic.core.machine.native import code_key
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 FLAGS = {"error_model": "numpy", "nogil": True}
-#: The module that makes a cache for each function.
-_MAKER: Any = dispatcher
-
-
-class _Cache(FunctionCache):  # type: ignore[misc]
-    """Machine code of a function on disk; a full disk costs a warning."""
-
-    def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep machine code if that is possible."""
-        try:
-            super().save_overload(sig, data)
-        except OSError as error:
-            disk.warn(str(error))
 
 
 def jit(function: Function) -> Function:
@@ -46,12 +31,12 @@ def jit(function: Function) -> Function:
     """
     beside = sorted(path for folder in _folders(function, {}) for path in folder.glob("*.py"))
     folder = disk.folder_of(f"numba-{code_key(sources=beside)}")
-    before = numba.config.CACHE_DIR, _MAKER.FunctionCache
-    numba.config.CACHE_DIR, _MAKER.FunctionCache = str(folder), _Cache
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(folder)
     try:
         return numba.njit(cache=folder is not None, **FLAGS)(function)  # type: ignore[no-any-return]
     finally:
-        numba.config.CACHE_DIR, _MAKER.FunctionCache = before
+        numba.config.CACHE_DIR = before
 
 
 def generic(function: Function) -> Function:

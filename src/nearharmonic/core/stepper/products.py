@@ -19,6 +19,7 @@ import numpy as np
 
 from nearharmonic.core.arithmetic import fma, two_product, two_sum
 from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, REST, SQUARE, Floats
+from nearharmonic.core.machine import reals  # noqa: F401 (it lets numba compile two_product)
 from nearharmonic.core.machine.jit import jit
 
 #: Smallest number of bits that a double of a sum adds.
