@@ -56,6 +56,8 @@ def test_run_files_hold_nothing_derived(after):
     """Variables that follow from others of a file are in the cube alone."""
     derived = {"max_energy_error", "mean_energy_error", "observed_order", "perihelion_advance", "evaluations_per_orbit"}
     for path in (results(after) / "runs").rglob("*.h5"):
+        if path.parent.name == "crystals":  # whose jobs compute errors and no trajectories
+            continue
         with h5py.File(path) as file:
             names = []
             file.visit(names.append)

@@ -140,11 +140,8 @@ def reduce(
     cube["drift"] = xr.concat(trends, crystals, coords="minimal", compat="override").assign_attrs(
         described("change of H over a long run, by a straight line, in units of the mean kinetic energy", "1")
     )
-    cube["kind"] = (
-        "integrator",
-        [kind_of(str(name)) for name in cube.integrator.values],
-        described("kind of the method"),
-    )
+    kinds = [kind_of(str(name)) for name in cube.integrator.values]
+    cube.coords["kind"] = ("integrator", kinds, described("kind of the method"))
     cube["window"] = (
         ("integrator", "bound"), [window_of(str(name)) for name in cube.integrator.values],
         described("step sizes per stage that the method was trained for, times the frequency", "1"),
