@@ -56,7 +56,7 @@ def older_processor():
 
 
 def printed_there(program, environment):
-    """What a program prints in this environment."""
+    """Output of a program in this environment."""
     paths = os.pathsep.join(map(str, (Path(nh.__file__).parents[1], ROOT / "tests")))
     environment = os.environ | {"PYTHONPATH": paths} | environment
     done = subprocess.run([sys.executable, program], env=environment, capture_output=True, text=True, check=False)
@@ -137,7 +137,7 @@ WIDE = "define <8 x double> @f(<8 x double> %x) {\n %y = fadd <8 x double> %x, %
 @pytest.mark.slow
 @pytest.mark.skipif(platform.machine() != "x86_64", reason="LLVM writes code for x86-64 only there")
 def test_every_processor_with_avx512_is_compared():
-    """Of the names that LLVM prints, those whose sums of eight doubles are one instruction."""
+    """Those of the names that LLVM prints whose sums of eight doubles are one instruction."""
     done = subprocess.run([sys.executable, "-c", NAMES], capture_output=True, text=True, check=True)
     names = re.findall(r"^\t(\S+)$", done.stderr, re.MULTILINE)
     assert len(names) > 50

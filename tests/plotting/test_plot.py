@@ -228,7 +228,7 @@ def test_coarse_samples_behind_fine_ones_are_a_curve_too():
     ],
     ids=["another of its name", "own", "named as a file"],
 )
-def test_coarse_orbits_of_systems_that_only_bear_a_name_are_points(tmp_path, make, tau):
+def test_coarse_orbits_of_systems_that_bear_a_name_are_points(tmp_path, make, tau):
     (tmp_path / "evil.py").write_text("raise SystemExit('it has run')\n")
     run = nh.integrate(make(tmp_path), "ruth", tau, t_end=40 * tau)
     line = nh.plot(run, kind="phase").axes[0].lines[0]

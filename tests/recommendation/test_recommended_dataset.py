@@ -344,7 +344,7 @@ def test_ensemble_near_escape_keeps_error_that_one_start_misses():
     assert eval(found.attrs["call"], {"nh": nh, **start}).sizes["member"] == 1000
 
 
-def test_a_step_that_is_not_confirmed_comes_last_and_is_named(monkeypatch):
+def test_step_that_is_not_confirmed_comes_last_and_is_named(monkeypatch):
     further = {"ruth": math.inf, "aba864": 1e-3, "babps9o7h": 2e-3}
     monkeypatch.setattr(choices.Search, "_further_error", lambda _, choice: further[choice.method])
     monkeypatch.setattr(choices, "interleaved", lambda calls, _: [[1.0 + i] for i, _ in enumerate(calls)])
@@ -365,7 +365,7 @@ def test_a_start_beside_the_way_to_escape_is_not_confirmed():
     assert found.attrs["unconfirmed"].startswith("babps9o7h (")
 
 
-def test_each_method_has_a_line_that_a_pipe_does_not_get(capsys):
+def test_each_method_has_a_line_on_a_terminal_alone(capsys):
     lines = []
     choices.recommendation(question("sho", 1e-3, methods=FEW, t_end=50), report=lines.append)
     for i, name in enumerate(FEW, 1):

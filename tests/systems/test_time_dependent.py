@@ -208,7 +208,7 @@ def test_the_time_is_no_component_of_the_coordinates():
 
 
 @pytest.mark.parametrize(("more", "scale"), [({"energy_scale": 2}, 2), ({"q0": [2]}, 0.99), ({"q0": [1]}, 0.99)])
-def test_energy_errors_of_T_V_and_p_t_have_a_stated_scale(more, scale):
+def test_energy_errors_that_include_p_t_have_a_stated_scale(more, scale):
     """H0 of q0 = 1 is 0 by accident. 0.5 - 0.5 cos(0.7 t) is largest at t = 13.75 of the 17 times: 0.990."""
     says, label = f"/({scale} 1), H = T + V + p_t", f"relative to energy_scale {scale}"
     absolute = nh.integrate(driven(), "ruth", 0.1, t_end=1, **(more | {"energy_scale": 1}))

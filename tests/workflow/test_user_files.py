@@ -138,7 +138,7 @@ def test_other_initial_values_run_that_system_alone(made):
     assert [name for name in jobs if name.startswith("draw_")] == ["draw_wide"]
 
 
-def test_removed_system_is_named_at_end_of_page_and_runs_alone(made, tmp_path):
+def test_removed_system_is_named_at_the_end_alone(made, tmp_path):
     project = made.copy(tmp_path / "removed")
     path = project.folder / "own/mine.yaml"
     config = yaml.safe_load(path.read_text())

@@ -125,7 +125,7 @@ class Search:
 
     @property
     def checks(self) -> str:
-        """What was checked beside the error of the run, as text."""
+        """Checks beside the error of the run, as text."""
         asked, omega = self.asked, self.orbits.frequency
         where = "along the orbit" if len(asked.starts) == 1 else f"along {min(SEARCHED, len(asked.starts))} orbits"
         stable = f"the largest frequency {where}, {omega:.3g}, times the step is below the limit of linear stability"

@@ -67,7 +67,7 @@ OTHER_FILES = {"reproduction/tasks/job.py", "core", "reproduction/record/archive
 def writes(node, in_memory=()):
     """True if a call opens or makes a file: Path.open("w"), write_text, savefig, to_csv, h5netcdf.File(..., "w")."""
     name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-    if name in ("open", "File", "savefig") and node.args and ast.unparse(node.args[0]) in in_memory:
+    if name in ("open", "File", "savefig") and node.args and ast.unparse(node.args[0]) in {*in_memory, "os.devnull"}:
         return False
     if name in ("open", "File"):
         modes = [*node.args, *(keyword.value for keyword in node.keywords)]

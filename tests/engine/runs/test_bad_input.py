@@ -187,7 +187,7 @@ def test_step_sizes_per_stage_are_multiplied_by_the_stages():
 
 
 def own(**members):
-    """What a declaration of two coordinates holds as numbers."""
+    """Numbers that a declaration of two coordinates holds."""
     two = {"q0": ("1", "2"), "p0": ("0", "0")}
     made = nh.System(**({"name": "own", "V": lambda q, *k: q[0] * q[1], "t_end": "1"} | two | members))
     return [

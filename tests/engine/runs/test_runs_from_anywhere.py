@@ -111,7 +111,7 @@ def test_state_between_steps_is_shorter_step_from_one_before(sign):
     ("0.1", np.linspace(0, 0.1, 11, dtype=np.float32)), ("0.7", np.linspace(0, 0.7, 8, dtype=np.float32)),
     (0.3, [0, 0.1 * 3]), (0.3, [0, 0.3 - 2.0**-54]), (1e-3, np.array([0, 1e-3], np.float16)),
 ])  # fmt: skip
-def test_a_time_within_a_rounding_of_the_end_is_the_end(t_end, times, sign):
+def test_time_within_a_rounding_of_the_end_is_the_end(t_end, times, sign):
     """float32 of 0.1 is above it and of 0.7 below it, and 0.1 * 3 is the double behind 0.3."""
     assert abs(float(times[-1]) - float(t_end)) > 0
     found, run = (
@@ -171,7 +171,7 @@ def test_a_truth_value_is_no_step_of_a_prepared_run():
 
 
 def test_energy_errors_at_output_times_are_exact():
-    """Of states between two steps, H in rational numbers; without the low half of H0 errors are off by 1e-7."""
+    """H of states between two steps in rational numbers; without the low half of H0 errors are off by 1e-7."""
 
     def H(x, y, px, py):
         return (x * x + y * y + px * px + py * py) / 2 + x * x * y - y**3 / 3

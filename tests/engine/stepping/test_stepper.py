@@ -83,6 +83,7 @@ def test_step_of_every_method_has_bits_of_run(name, summation, methods):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:energy='none' checks nothing")  # of a single step at a plunge
 @pytest.mark.parametrize(
     ("system", "method", "summation"),
     [

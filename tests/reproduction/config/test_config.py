@@ -221,7 +221,7 @@ def test_number_of_a_file_is_its_decimal_digits_or_refused(tmp_path, written, re
         load(mapping, files=[path])
 
 
-def test_numbers_of_the_command_line_are_their_decimal_digits_or_refused():
+def test_number_of_command_line_is_its_decimal_digits_or_refused():
     """``snakemake --config``, which reads numbers with Python, and text inside of sections without types."""
     given = parse_config(["samples=010", "job_seconds=08.5", "derive={starts: 010}"])
     config = load(SMALL | given)

@@ -285,7 +285,7 @@ def test_statements_are_folded_beneath_their_figures_worst_first(text):
     assert ids["figure-1"] == ["six", "seven", "one", "five"]
 
 
-def test_plots_stand_in_the_document_in_the_order_of_the_page(text, read):
+def test_plots_of_the_document_have_the_order_of_the_page(text, read):
     """Bokeh pairs them with ids by position: ids come from the document alone, and no list of them stands beside it."""
     roots = [root["attributes"]["name"] for root in written(text, "plots")["roots"]]
     assert roots == re.findall(r'<div class="plot" id="(.*?)"', text)

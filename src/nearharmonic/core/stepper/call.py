@@ -106,7 +106,7 @@ def _type_of(step: Stepper, context: Any) -> Any:
 
 
 def _other_type(value: Any) -> Any:
-    """What an argument is in place of an array that a step takes; None for such an array."""
+    """Description of an argument that is no array that a step takes; None for such an array."""
     if type(value) is not np.ndarray:
         return value
     flags = value.flags

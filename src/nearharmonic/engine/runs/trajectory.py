@@ -256,7 +256,7 @@ def _warn_of_plunge(problem: Setup, start: Floats, paths: Trajectories, constant
     unit = problem.scale or abs(H0)
     if change > surface_limit(problem.system, problem.scale) * unit > 0:
         message = f"energy='none' checks nothing: at the end H is off by {change:.2g}, and H0 = {H0:.2g}"
-        warnings.warn(message, stacklevel=3)
+        warnings.warn(message, stacklevel=4)  # behind naming_arguments
 
 
 def _checked_taus(key: str, taus: object) -> list[float]:

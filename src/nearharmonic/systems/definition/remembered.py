@@ -12,11 +12,8 @@ from functools import cache, partial, update_wrapper
 from hashlib import sha256
 from numbers import Number
 from types import CellType, CodeType, FunctionType, MethodType, ModuleType, SimpleNamespace
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+from typing import Any, Generic, TypeVar, cast
 from weakref import WeakSet
-
-if TYPE_CHECKING:
-    from nearharmonic.systems.definition.system import System
 
 Result = TypeVar("Result")
 
@@ -32,10 +29,10 @@ class remembered(Generic[Result]):
 
     def __init__(self, function: Callable[..., Result]) -> None:
         self._function, self._name = function, f"{function.__module__}.{function.__qualname__}"
-        self._systems: WeakSet[System] = WeakSet()
+        self._systems: WeakSet[Any] = WeakSet()
         update_wrapper(self, function)
 
-    def __call__(self, system: System, *args: Any, **settings: Any) -> Result:
+    def __call__(self, system: Any, *args: Any, **settings: Any) -> Result:
         """Return the result of the function for these settings."""
         found = vars(system).get(self._name)
         if found is None:
@@ -44,7 +41,7 @@ class remembered(Generic[Result]):
         result: Result = found(*args, **settings)
         return result
 
-    def _evaluated(self, system: System, *args: Any, **settings: Any) -> Result:
+    def _evaluated(self, system: Any, *args: Any, **settings: Any) -> Result:
         result = self._function(system, *args, **settings)
         system.read_again()  # a formula that counts its calls changes what it reads
         return result

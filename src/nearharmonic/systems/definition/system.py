@@ -92,7 +92,7 @@ class System(Energies):
         replaced too, and derives gradients again.
     energy_scale : str, optional
         Energy that errors are relative to, in the unit of energy; by default ``|H0|``, and errors are absolute if H0 =
-        0. If V depends on time, T(p0) + max |V(q0, t)| of this system is the default.
+        0. If V depends on time, ``T(p0) + max |V(q0, t)|`` of this system is the default.
     surface_limit : float
         Relative energy error above which a run has diverged.
     surface_reason : str
