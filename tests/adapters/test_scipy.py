@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 import nearharmonic as nh
 from nearharmonic.adapters.scipy import solver
 from nearharmonic.errors import SettingError, UnknownNameError
+from nearharmonic.exchange.method import VelocityCheck
 
 #: Kick first and drift first; the last two are not symmetric.
 METHODS = ("leapfrog", "babs7o7h", "trained_light", "aba864", "srkn_a14", "mclachlan_atela_3", "ruth_s3o3")
@@ -255,6 +256,13 @@ def test_momenta_friction_and_wrong_shapes_are_refused():
     for message, fun in refused.items():
         with pytest.raises(SettingError, match=message):
             solved(fun, "leapfrog", 0.1, y0=(1.0, 0.0))
+
+
+def test_friction_is_found_beside_a_force_of_another_velocity():
+    """The known force of a state belongs to the velocity before the last kick; repetitions are equal."""
+    v = np.array([0.02, -0.01])
+    assert VelocityCheck().finds(lambda velocity: 1 - 0.3 * velocity, v, 0, known=1 - 0.3 * (v + 1.0))
+    assert not VelocityCheck().finds(lambda velocity: 1 + 0 * velocity, v, 0, known=np.ones(2))
 
 
 #: Accelerations that depend on velocities: at all states, or at some.
