@@ -88,6 +88,7 @@ def test_a_step_is_that_of_the_equations_in_forty_digits(case):
                 assert max(abs(x - y) for x, y in zip(found, numbers, strict=True)) < most
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("q0", "p0"), [([0.26, 0.23], [-0.08, -0.19]), ([-0.3, 0.28], [-0.04, 0.25]), ([0.0, 0.0], [0.19, -0.11])]
 )

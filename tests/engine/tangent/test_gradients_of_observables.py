@@ -250,6 +250,7 @@ def test_runs_without_an_inverse_of_their_kind_are_refused(system, method, key):
         nh.gradient(system, method, 0.1, product)
 
 
+@pytest.mark.slow
 def test_gradient_and_deviations_go_on_at_clock_of_result():
     """q'' = -q + cos 2t from (1, 0): q = (4 cos t - cos 2t)/3, and its derivatives over a time t are cos t, sin t."""
     driven = nh.System(
