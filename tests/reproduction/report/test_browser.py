@@ -218,9 +218,9 @@ DRAWN_IN = """() => Object.fromEntries([...document.querySelectorAll(".plot")].m
     "systems",
     [
         ("well",),
-        ("zeta", "Alpha"),
+        pytest.param(("zeta", "Alpha"), marks=pytest.mark.long),
         ("aardvark", "kepler", "sho"),
-        ("f10", "f9", "f1_x"),
+        pytest.param(("f10", "f9", "f1_x"), marks=pytest.mark.long),
         ("pendulum", "figure", "venus"),
     ],
 )
