@@ -53,7 +53,7 @@ def test_run_files_and_cubes_say_in_words_what_they_hold(finished):
 
 
 def test_run_files_hold_nothing_derived(after):
-    """Variables that follow from others of a file are in the cube alone; jobs of some experiments compute errors only."""
+    """Variables that follow from others of a file are in the cube alone; other experiments compute errors alone."""
     derived = {"max_energy_error", "mean_energy_error", "observed_order", "perihelion_advance", "evaluations_per_orbit"}
     for path in (path for system in SYSTEMS for path in (results(after) / "runs" / system).rglob("*.h5")):
         with h5py.File(path) as file:
