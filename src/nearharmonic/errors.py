@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import warnings
 from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from functools import wraps
@@ -142,6 +144,14 @@ def naming_arguments(function: Callable[..., Any], name: str) -> Any:
             raise UnknownArgumentError(message) from None
 
     return call
+
+
+def warn_caller(message: str, category: type[Warning] = UserWarning) -> None:
+    """Warn at the line outside of this package that called it, however many functions are between."""
+    above, package = 1, __name__.partition(".")[0]
+    while sys._getframe(above).f_globals.get("__name__", "").partition(".")[0] == package:
+        above += 1
+    warnings.warn(message, category, stacklevel=above + 1)
 
 
 def shown(value: object) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
@@ -22,7 +21,7 @@ from nearharmonic.engine.runs.ensemble import ensemble
 from nearharmonic.engine.runs.setup import Setup, warn_of_step
 from nearharmonic.engine.settings import checked_tau, one_of
 from nearharmonic.engine.stepper import check_single_step, coefficients_of
-from nearharmonic.errors import bad_setting
+from nearharmonic.errors import bad_setting, warn_caller
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats, Integers
 from nearharmonic.numerics.written import is_real
@@ -161,7 +160,7 @@ def _warn_of_period(problem: Setup, size: float, runs: Callable[..., xr.Dataset]
     between = (FINE - 1 - turns[:, ::-1].argmax(axis=1) - turns.argmax(axis=1)) * span / FINE
     if (shortest := (2 * between / np.maximum(count - 1, 1))[count > 2]).size and abs(size) > shortest.min() / 4:
         message = f"nearharmonic.section misses crossings: its step {abs(size):.3g} is above a quarter of the shortest"
-        warnings.warn(f"{message} period that the orbits show, {shortest.min():.2g}", stacklevel=4)
+        warn_caller(f"{message} period that the orbits show, {shortest.min():.2g}")
 
 
 def _starts(given: Any, system: System) -> Floats:

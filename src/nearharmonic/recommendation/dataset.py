@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from nearharmonic.errors import warn_caller
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import Variables, assembled, described
 from nearharmonic.recommendation.choices import recommendation
@@ -97,10 +97,9 @@ def recommend(
     )  # fmt: skip
     found = recommendation(asked)
     if not found.ranked:
-        warnings.warn(
+        warn_caller(
             f"no method has an error of at most {asked.error} within {asked.budget} evaluations: attributes missed and "
-            "not_run say how near each came; a larger budget= tries smaller step sizes",
-            stacklevel=3,
+            "not_run say how near each came; a larger budget= tries smaller step sizes"
         )
     return as_dataset(found)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import warnings
 from collections.abc import Sequence
 from fractions import Fraction
 from math import nan
@@ -32,7 +31,7 @@ from nearharmonic.engine.settings import (
     exact_decimal,
     one_of,
 )
-from nearharmonic.errors import bad_setting
+from nearharmonic.errors import bad_setting, warn_caller
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.tableau import Tableau
@@ -231,7 +230,7 @@ def warn_of_step(problem: Setup, asked: Sequence[float], steps: Sequence[int], k
         return
     name = key if key == "tau" else f"{key}[{i}]"
     message = f"{name} = {asked[i]:.6g} runs as {used[i]:.6g}: t_end = {problem.t_end} is no multiple of it"
-    warnings.warn(f"{message}, and is covered by {steps[i]} equal steps", stacklevel=above + 1)
+    warn_caller(f"{message}, and is covered by {steps[i]} equal steps")
 
 
 def checked_scale(value: object) -> float:

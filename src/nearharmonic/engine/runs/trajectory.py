@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
@@ -26,7 +25,7 @@ from nearharmonic.engine.runs.output_times import checked_times, run_at
 from nearharmonic.engine.runs.setup import Setup, warn_of_step
 from nearharmonic.engine.runs.solution import Solution
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_TAUS, checked_samples, checked_tau
-from nearharmonic.errors import SettingError, bad_setting
+from nearharmonic.errors import SettingError, bad_setting, warn_caller
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.types import Floats
 from nearharmonic.output.dataset import Variables, assembled, described
@@ -256,7 +255,7 @@ def _warn_of_plunge(problem: Setup, start: Floats, paths: Trajectories, constant
     unit = problem.scale or abs(H0)
     if change > surface_limit(problem.system, problem.scale) * unit > 0:
         message = f"energy='none' checks nothing: at the end H is off by {change:.2g}, and H0 = {H0:.2g}"
-        warnings.warn(message, stacklevel=4)  # behind naming_arguments
+        warn_caller(message)
 
 
 def _checked_taus(key: str, taus: object) -> list[float]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from nearharmonic.engine.numbers.initial_values import standard_parameters
+from nearharmonic.errors import warn_caller
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.theory.order import harmonic_order
 from nearharmonic.numerics.types import Floats
@@ -121,7 +121,7 @@ def tailor(
     message = (
         f"no gain over registered methods on starts that were not used: {found.test.gain} decades; this is {best.name}"
     )
-    warnings.warn(message, NoGainWarning, stacklevel=3)
+    warn_caller(message, NoGainWarning)
     return best
 
 
