@@ -8,8 +8,8 @@ gc.disable()
 
 from snakemake.utils import min_version
 
-from nearharmonic.reproduction.config.refusal import refuse_unreadable
-from nearharmonic.reproduction.experiments.paper.grid.omissions import summary_line
+from nearharmonic_paper.config.refusal import refuse_unreadable
+from nearharmonic_paper.experiments.paper.grid.omissions import summary_line
 
 min_version("9.0")
 

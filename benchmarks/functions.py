@@ -21,8 +21,8 @@ from nearharmonic.core.formulas.number import FUNCTIONS
 from nearharmonic.core.functions import double, extended
 from nearharmonic.core.functions.arrays import ELEMENTWISE, elementwise
 from nearharmonic.core.machine.native import loaded
-from nearharmonic.engine.batch.kernels import kernel_of
-from nearharmonic.engine.numbers.coefficients import moves, parameter_row, start_row
+from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.numbers import moves, parameter_row, start_row
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import integrators
 from nearharmonic.math import cos, sin

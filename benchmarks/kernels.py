@@ -20,11 +20,10 @@ from lanes import lane_rows, lanes_of
 from timing import asked, compiled, short, shortest, show
 
 import nearharmonic as nh
-from nearharmonic.engine.batch.batch import integrate_batch
-from nearharmonic.engine.batch.kernels import kernel_of
-from nearharmonic.engine.grid import steps_of
-from nearharmonic.engine.numbers.coefficients import moves, parameter_row, start_row
-from nearharmonic.engine.settings import Numerics
+from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.numbers import moves, parameter_row, start_row
+from nearharmonic.engine.settings import Numerics, steps_of
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.numerics.clock import processor
 from nearharmonic.output.page import pipes

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nearharmonic.core.layout import ENERGY, LIMIT, TALLY, running_at, running_rows
-from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.portable import Floats
 
 
 def lane_rows(start: Floats, parameters: Floats, width: int) -> Floats:

@@ -15,12 +15,12 @@ from lanes import lane_rows, lanes_of
 from timing import asked, shortest
 
 import nearharmonic as nh
-from nearharmonic.engine.batch.kernels import kernel_of
-from nearharmonic.engine.numbers.coefficients import moves, parameter_row, start_row
+from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.numbers import moves, parameter_row, start_row
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.math import cos, sin
-from nearharmonic.reproduction.experiments.work_precision.peers.heyoka import TOLERANCES, heyoka_taylor
 from nearharmonic.systems import System
+from nearharmonic_paper.experiments.work_precision.peers.heyoka import TOLERANCES, heyoka_taylor
 
 T_END = 1000
 METHODS = ("aba864", "babps9o7h", "abas11o6_8h", "srkn_a14", "s15odr8")

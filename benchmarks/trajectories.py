@@ -13,9 +13,8 @@ from lanes import lane_rows, lanes_of
 from timing import asked, shortest
 
 import nearharmonic as nh
-from nearharmonic.engine.batch.kernels import kernel_of
-from nearharmonic.engine.batch.lanes import most_lanes
-from nearharmonic.engine.numbers.coefficients import moves, parameter_row, start_row
+from nearharmonic.engine.kernels import kernel_of, most_lanes
+from nearharmonic.engine.numbers import moves, parameter_row, start_row
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.math import sqrt
 

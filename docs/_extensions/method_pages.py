@@ -9,14 +9,14 @@ from fractions import Fraction
 from bibtex_entries import bibtex_of, linked
 from mpmath import isinf
 
-from nearharmonic.engine.runs.problem import Problem
+from nearharmonic.engine.solution import Problem
 from nearharmonic.exact.decimals import BigFloat
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.collocation import Collocation, gauss
 from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.integrators.theory.linear_stability import stability_limit
-from nearharmonic.integrators.theory.order import harmonic_order, nystrom_order_of, order_of
+from nearharmonic.theory.linear_stability import stability_limit
+from nearharmonic.theory.order import harmonic_order, nystrom_order_of, order_of
 from nearharmonic.output.page import pipes
 
 COMPOSITION = {"drift": "ABA", "kick": "BAB"}

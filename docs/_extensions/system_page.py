@@ -10,7 +10,7 @@ from bibtex_entries import linked
 
 from nearharmonic.output.page import pipes
 from nearharmonic.systems import systems
-from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.system import System
 
 
 def systems_part() -> str:

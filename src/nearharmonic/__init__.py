@@ -16,68 +16,65 @@ from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 from nearharmonic.errors import NearharmonicError, naming_arguments
-from nearharmonic.registry.moved import install
 
 if TYPE_CHECKING:
     from nearharmonic import adapters as adapters
-    from nearharmonic.engine.runs.ensemble import ensemble as ensemble
-    from nearharmonic.engine.runs.problem import problem as problem
-    from nearharmonic.engine.runs.trajectory import integrate as integrate
-    from nearharmonic.engine.runs.trajectory import sweep as sweep
+    from nearharmonic.engine.ensemble import ensemble as ensemble
+    from nearharmonic.engine.gradient import gradient as gradient
     from nearharmonic.engine.section import section as section
+    from nearharmonic.engine.solution import problem as problem
     from nearharmonic.engine.stepper import stepper as stepper
-    from nearharmonic.engine.tangent.gradient import gradient as gradient
-    from nearharmonic.engine.tangent.tangent import tangent as tangent
+    from nearharmonic.engine.tangent import tangent as tangent
+    from nearharmonic.engine.trajectory import integrate as integrate
+    from nearharmonic.engine.trajectory import sweep as sweep
     from nearharmonic.integrators import implicit_integrators as implicit_integrators
     from nearharmonic.integrators import integrators as integrators
     from nearharmonic.integrators import modified_integrators as modified_integrators
     from nearharmonic.integrators.tableau import Tableau as Tableau
     from nearharmonic.integrators.tableau import palindrome as palindrome
-    from nearharmonic.integrators.theory.linear_stability import stability_limit as stability_limit
-    from nearharmonic.integrators.theory.order import harmonic_order as harmonic_order
-    from nearharmonic.integrators.theory.order import order_of as order_of
-    from nearharmonic.integrators.theory.oscillator import kappa as kappa
-    from nearharmonic.plotting.animate import animate as animate
+    from nearharmonic.plotting.plot import animate as animate
     from nearharmonic.plotting.plot import plot as plot
     from nearharmonic.recommendation.dataset import recommend as recommend
     from nearharmonic.systems import systems as systems
-    from nearharmonic.systems.definition.quantities import Observable as Observable
-    from nearharmonic.systems.definition.quantities import Parameter as Parameter
-    from nearharmonic.systems.definition.system import System as System
-    from nearharmonic.training.tailor.tailoring import tailor as tailor
+    from nearharmonic.systems.quantities import Observable as Observable
+    from nearharmonic.systems.quantities import Parameter as Parameter
+    from nearharmonic.systems.system import System as System
+    from nearharmonic.theory.linear_stability import stability_limit as stability_limit
+    from nearharmonic.theory.order import harmonic_order as harmonic_order
+    from nearharmonic.theory.order import order_of as order_of
+    from nearharmonic.theory.oscillator import kappa as kappa
+    from nearharmonic.training.tailor import tailor as tailor
 
 __version__ = "1.0.0"
 
-install()
-
 #: Modules of the names that are loaded lazily: numpy takes longer to load than a command without numpy runs.
 _MODULES = {
-    "Observable": "systems.definition.quantities",
-    "Parameter": "systems.definition.quantities",
-    "System": "systems.definition.system",
+    "Observable": "systems.quantities",
+    "Parameter": "systems.quantities",
+    "System": "systems.system",
     "Tableau": "integrators.tableau",
     "adapters": "adapters",
-    "animate": "plotting.animate",
-    "ensemble": "engine.runs.ensemble",
-    "gradient": "engine.tangent.gradient",
-    "harmonic_order": "integrators.theory.order",
+    "animate": "plotting.plot",
+    "ensemble": "engine.ensemble",
+    "gradient": "engine.gradient",
+    "harmonic_order": "theory.order",
     "implicit_integrators": "integrators",
-    "integrate": "engine.runs.trajectory",
+    "integrate": "engine.trajectory",
     "integrators": "integrators",
-    "kappa": "integrators.theory.oscillator",
+    "kappa": "theory.oscillator",
     "modified_integrators": "integrators",
-    "order_of": "integrators.theory.order",
+    "order_of": "theory.order",
     "palindrome": "integrators.tableau",
-    "problem": "engine.runs.problem",
+    "problem": "engine.solution",
     "plot": "plotting.plot",
     "recommend": "recommendation.dataset",
     "section": "engine.section",
-    "stability_limit": "integrators.theory.linear_stability",
+    "stability_limit": "theory.linear_stability",
     "stepper": "engine.stepper",
-    "sweep": "engine.runs.trajectory",
+    "sweep": "engine.trajectory",
     "systems": "systems",
-    "tailor": "training.tailor.tailoring",
-    "tangent": "engine.tangent.tangent",
+    "tailor": "training.tailor",
+    "tangent": "engine.tangent",
 }
 
 #: Former names, which warn at their first use, and their present names.

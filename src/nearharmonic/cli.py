@@ -15,8 +15,8 @@ from typing import Any, NoReturn, TextIO
 
 from nearharmonic import __version__, commands
 from nearharmonic.errors import FileWriteError, NearharmonicError, SettingError, unknown_name
-from nearharmonic.output.terminal import printable
-from nearharmonic.reproduction import commands as of_the_record
+from nearharmonic.output.table import printable
+from nearharmonic_paper import commands as of_the_record
 
 PROGRAM = "nearharmonic"
 #: Exit status of a process that the user has interrupted: 128 plus the number of the signal.
@@ -163,7 +163,7 @@ def _run(words: Sequence[str]) -> int:
         return int(end.code or 0)
     from nearharmonic.engine.settings import one_of
     from nearharmonic.output.answers import FORMATS, printed
-    from nearharmonic.registry.trust import trusting_only
+    from nearharmonic.registry.user_module import trusting_only
 
     form = one_of("format", chosen.format, FORMATS)
     module = _module_of(top.command)

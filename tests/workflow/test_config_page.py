@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.reproduction.config.reading import load
+from nearharmonic_paper.config.reading import load
 from support.projects.plans import planned_runs
 from support.projects.workflow_project import ROOT, Project
 from support.results.stated_numbers import states

@@ -67,7 +67,7 @@ def test_a_config_stands_alone(project):
     assert {name for name in jobs if name.startswith("draw_")} == drawn
 
 
-#: One that the config refuses, and one that the plan refuses; tests/reproduction/config/test_config.py has more.
+#: One that the config refuses, and one that the plan refuses; tests/paper/config/test_config.py has more.
 BAD = (
     ("integrators", ["rut"], "unknown integrator 'rut'. Did you mean 'ruth'?"),
     ("systems.sho.tau_per_stage.lowest", 1e-12, "t_end = 20 would take 6666666666667 steps"),

@@ -16,9 +16,9 @@ from matplotlib.image import imread
 
 from nearharmonic.output.store import groups_of, read
 from nearharmonic.plotting.style import style_of
-from nearharmonic.reproduction.claims.table import decided
-from nearharmonic.reproduction.experiments.trained.comparison.contestants import contestants
-from nearharmonic.reproduction.tasks.experiment import experiments
+from nearharmonic_paper.claims.table import decided
+from nearharmonic_paper.tasks.experiment import experiments
+from nearharmonic_studies.trained.comparison.contestants import contestants
 from support.projects.targets import (
     DECOMPOSED,
     MADE,

@@ -18,7 +18,7 @@ ADDED = ROOT / "tests/support/projects/added"
 
 QUARTIC = '''"""Quartic oscillator, H = (p^2 + q^2)/2 + q^4/4."""
 
-from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.system import System
 
 
 def V(q):
@@ -49,7 +49,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from nearharmonic.reproduction.tasks.declarations import figure
+from nearharmonic_paper.tasks.declarations import figure
 from nearharmonic.plotting.style import new_figure
 
 
@@ -77,9 +77,9 @@ def insert(path, before, line):
 
 def add_experiment(project):
     """Copy the folder of an experiment into the project, and that of its tests; include its rules in the Snakefile."""
-    room = "src/nearharmonic/reproduction/experiments/added"
+    room = "src/nearharmonic_paper/experiments/added"
     shutil.copytree(ADDED / "source", project.folder / room)
-    tests = project.folder / "tests/reproduction/experiments/added"
+    tests = project.folder / "tests/paper/experiments/added"
     shutil.copytree(ADDED / "tests", tests)
     (tests / "checks_of_added.py").rename(tests / "test_added.py")
     insert(project.folder / "Snakefile", 'include: "workflow/rules/two_steps.smk"', f'include: "{room}/rules.smk"')
@@ -147,10 +147,10 @@ def test_an_experiment_has_its_place_everywhere_by_its_declaration(tmp_path):
     before = files_of(project.folder)
     add_experiment(project)
     after = files_of(project.folder)
-    folders = ("src/nearharmonic/reproduction/experiments/added/", "tests/reproduction/experiments/added/")
+    folders = ("src/nearharmonic_paper/experiments/added/", "tests/paper/experiments/added/")
     touched = {name for name in after if after[name] != before.get(name)}
     assert {name for name in touched if not name.startswith(folders)} == {"Snakefile"}
-    assert project.python("-m", "nearharmonic.reproduction.config.schema").returncode == 0
+    assert project.python("-m", "nearharmonic_paper.config.schema").returncode == 0
     generated = {name for name, text in files_of(project.folder).items() if text != after.get(name)}
     assert generated == {
         "docs/index.md",
@@ -162,8 +162,8 @@ def test_an_experiment_has_its_place_everywhere_by_its_declaration(tmp_path):
         "-n0",
         "-p",
         "no:cacheprovider",
-        "tests/contract/test_experiments.py",
-        "tests/contract/test_figures.py",
+        "tests/library/contract/test_experiments.py",
+        "tests/library/contract/test_figures.py",
     )
     chosen = ("-k", "added or one_step or every or documents")
     done = project.python("-m", "pytest", *contracts, folders[1], *chosen)

@@ -87,7 +87,7 @@ def test_second_run_in_a_folder_names_the_first(project):
 HOLDER = """
 import platform, sys
 from pathlib import Path
-from nearharmonic.reproduction.record.running.lock import locked
+from nearharmonic_paper.record.running.lock import locked
 
 with locked(Path(sys.argv[1])):
     print(platform.node(), flush=True)

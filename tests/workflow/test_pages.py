@@ -14,8 +14,8 @@ from PIL import Image
 
 import nearharmonic as nh
 from nearharmonic.integrators import BENCHMARKED
-from nearharmonic.reproduction.tasks.job import covered
-from nearharmonic.reproduction.tasks.provenance import function_of
+from nearharmonic_paper.tasks.job import covered
+from nearharmonic_paper.tasks.provenance import function_of
 from support.projects import planned_jobs
 from support.projects.planned_jobs import CORES
 from support.projects.workflow_project import ROOT, TINY

@@ -9,17 +9,17 @@ from pathlib import Path
 
 import pytest
 
-from nearharmonic.engine.grid import steps_of
+from nearharmonic.engine.settings import steps_of
 from nearharmonic.integrators import integrators
 from nearharmonic.output import store
 from nearharmonic.output.dataset import assembled
-from nearharmonic.reproduction.claims.table import CLAIMS
-from nearharmonic.reproduction.experiments.paper.grid.plan import Run
-from nearharmonic.reproduction.experiments.paper.reduce import cube_of
-from nearharmonic.reproduction.experiments.paper.reduce import numbers as reduced_numbers
-from nearharmonic.reproduction.experiments.paper.run import integrate_run
-from nearharmonic.reproduction.experiments.work_precision.peers import PEERS
-from nearharmonic.reproduction.experiments.work_precision.settings import PAPER
+from nearharmonic_paper.claims.table import CLAIMS
+from nearharmonic_paper.experiments.paper.grid.plan import Run
+from nearharmonic_paper.experiments.paper.reduce import cube_of
+from nearharmonic_paper.experiments.paper.reduce import numbers as reduced_numbers
+from nearharmonic_paper.experiments.paper.run import integrate_run
+from nearharmonic_paper.experiments.work_precision.peers import PEERS
+from nearharmonic_paper.experiments.work_precision.settings import PAPER
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -12,8 +12,8 @@ import pytest
 
 from nearharmonic.cli import main
 from nearharmonic.errors import SettingError
-from nearharmonic.reproduction.commands.reproduce import put_into
-from nearharmonic.reproduction.record.archive.description.software import workflow_root
+from nearharmonic_paper.commands.reproduce import put_into
+from nearharmonic_paper.record.archive.description.software import workflow_root
 
 ROOT = Path(__file__).parents[2]
 #: What the workflow reads beside the package.

@@ -14,12 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from nearharmonic.reproduction.tasks.code import sources
-from nearharmonic.reproduction.tasks.code.sources import closure
-from nearharmonic.reproduction.tasks.declarations import figures_of
-from nearharmonic.reproduction.tasks.experiment import experiments
-from nearharmonic.reproduction.tasks.provenance import code_digest
 from nearharmonic.systems import systems
+from nearharmonic_paper.tasks.code import sources
+from nearharmonic_paper.tasks.code.sources import closure
+from nearharmonic_paper.tasks.declarations import figures_of
+from nearharmonic_paper.tasks.experiment import experiments
+from nearharmonic_paper.tasks.provenance import code_digest
 
 RULES = Path(__file__).parents[2] / "workflow/rules"
 ENSEMBLES = ("henon_heiles", "kepler", "rounding")

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from nearharmonic.reproduction.report import assets
-from nearharmonic.reproduction.tasks.code import sources
-from nearharmonic.reproduction.tasks.provenance import function_of
+from nearharmonic_paper.report import assets
+from nearharmonic_paper.tasks.code import sources
+from nearharmonic_paper.tasks.provenance import function_of
 from support.projects.opened_files import read_by_jobs
 from support.projects.planned_jobs import CORES
 from support.projects.targets import METHODS, SYSTEMS

@@ -10,13 +10,9 @@ import pytest
 import yaml
 
 from nearharmonic.output.store import read
-from nearharmonic.reproduction.config.reading import load
-from nearharmonic.reproduction.experiments.trained.comparison.contestants import (
-    contestants,
-    exact_contestants,
-    kind_of,
-)
-from nearharmonic.reproduction.tasks.experiment import beside_the_paper
+from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.tasks.experiment import beside_the_paper
+from nearharmonic_studies.trained.comparison.contestants import contestants, exact_contestants, kind_of
 from support.projects.targets import DECOMPOSED, MADE, METHODS, RUNS_OF, STRUCTURE_T_END, TARGETS
 
 RESULTS = "results/tiny/"

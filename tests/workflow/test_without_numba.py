@@ -16,8 +16,8 @@ if forbidden:
 import numpy as np
 import nearharmonic as nh
 from nearharmonic.math import cos
-from nearharmonic.reproduction.experiments.paper import reduce, run
-from nearharmonic.reproduction.tasks import job
+from nearharmonic_paper.experiments.paper import reduce, run
+from nearharmonic_paper.tasks import job
 nh.sweep("henon_heiles", "aba864", [0.1, 0.2, 0.3], t_end=10)
 nh.integrate("sho", "ruth", 0.1, t_end=1, precision="extended")
 nh.integrate("kepler_regularised", "leapfrog", 40, t_end=400)

@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.reproduction.config.reading import load
+from nearharmonic_paper.config.reading import load
 from support.projects.workflow_project import ROOT
 
 SMOKE = ("--configfile", "config/smoke.yaml")

@@ -1,7 +1,7 @@
 """Decisions on the statements of the paper; existing cubes of other targets are used."""
 
 from nearharmonic.integrators import plain_integrators
-from nearharmonic.reproduction.claims.own import digest as digest_of_own
+from nearharmonic_paper.claims.own import digest as digest_of_own
 
 
 rule decide_claims:
@@ -17,7 +17,7 @@ rule decide_claims:
     params:
         own=digest_of_own(),  # statements that the code digest of the task does not cover
         task=lambda wildcards: task(
-            "reproduction.claims.table:decided",
+            "nearharmonic_paper.claims.table:decided",
             folder=RESULTS,
             integrators=plain_integrators.registered,
             leftovers=leftovers(),

@@ -8,14 +8,14 @@ import os
 
 from snakemake.exceptions import WorkflowError
 
-from nearharmonic.reproduction.config.reading import load
-from nearharmonic.reproduction.config.refusal import refuse, warn_of_name
+from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config.refusal import refuse, warn_of_name
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.reproduction.experiments.paper.grid.shards import REDUCED_AT_ONCE, shards_of
-from nearharmonic.reproduction.experiments.paper.settings import ORBITS
-from nearharmonic.reproduction.tasks.declarations import figures_of
-from nearharmonic.reproduction.tasks.experiment import experiments
-from nearharmonic.reproduction.tasks.provenance import task
+from nearharmonic_paper.experiments.paper.grid.shards import REDUCED_AT_ONCE, shards_of
+from nearharmonic_paper.experiments.paper.settings import ORBITS
+from nearharmonic_paper.tasks.declarations import figures_of
+from nearharmonic_paper.tasks.experiment import experiments
+from nearharmonic_paper.tasks.provenance import task
 
 try:
     CONFIG = load(config, files=workflow.configfiles)
@@ -133,7 +133,7 @@ def on(page, registries):
 
 def installed():
     """Return the installed libraries as a setting, so that a library that is installed later is timed too."""
-    from nearharmonic.reproduction.experiments.work_precision.peers import LIBRARIES
-    from nearharmonic.reproduction.experiments.work_precision.measure import is_installed
+    from nearharmonic_paper.experiments.work_precision.peers import LIBRARIES
+    from nearharmonic_paper.experiments.work_precision.measure import is_installed
 
     return {library: is_installed(library) for library in LIBRARIES}

@@ -1,6 +1,6 @@
 """Energy errors of methods on crystals: a job for each crystal, one for its long runs, one with a thermostat, a cube."""
 
-from nearharmonic.reproduction.experiments.crystals.settings import AVERAGED, DRIFTING
+from nearharmonic_studies.crystals.settings import AVERAGED, DRIFTING
 
 _CRYSTALS = CONFIG.crystals.crystals
 add_runs("crystals", crystal=_CRYSTALS)
@@ -15,7 +15,7 @@ rule crystals_errors:
         crystal="|".join(_CRYSTALS),
     params:
         task=lambda wildcards: task(
-            "reproduction.experiments.crystals.run:measure",
+            "nearharmonic_studies.crystals.run:measure",
             crystal=wildcards.crystal,
             names=CONFIG.crystals.methods,
             settings=CONFIG.crystals,
@@ -33,7 +33,7 @@ rule crystals_drift:
         crystal="|".join(_CRYSTALS),
     params:
         task=lambda wildcards: task(
-            "reproduction.experiments.crystals.drift:drift",
+            "nearharmonic_studies.crystals.drift:drift",
             crystal=wildcards.crystal,
             names=DRIFTING,
             settings=CONFIG.crystals,
@@ -48,7 +48,7 @@ rule crystals_averages:
     log:
         LOG("crystals/averages"),
     params:
-        task=task("reproduction.experiments.crystals.drift:averages", names=AVERAGED, settings=CONFIG.crystals),
+        task=task("nearharmonic_studies.crystals.drift:averages", names=AVERAGED, settings=CONFIG.crystals),
     script:
         "../scripts/task.py"
 
@@ -65,7 +65,7 @@ rule crystals_cube:
         LOG("crystals/cube"),
     params:
         task=task(
-            "reproduction.experiments.crystals.reductions:reduce",
+            "nearharmonic_studies.crystals.reductions:reduce",
             names=CONFIG.crystals.methods,
             settings=CONFIG.crystals,
         ),

@@ -9,7 +9,7 @@ rule derive_coefficients:
         LOG("derive"),
     priority: 1  # the longest job on one core starts first, so that no core is idle at the end
     params:
-        task=task("reproduction.experiments.derivation.run:derive", settings=CONFIG.derive),
+        task=task("nearharmonic_paper.experiments.derivation.run:derive", settings=CONFIG.derive),
     script:
         "../scripts/task.py"
 

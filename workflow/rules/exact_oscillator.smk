@@ -10,8 +10,8 @@ TWO_STEPS["exact_oscillator"] = {
     "run": RUN("exact_oscillator/trajectories"),
     "results": {"cube": CUBE("exact_oscillator"), "table": TABLE("exact_oscillator")},
     "logs": ("exact_oscillator/run", "exact_oscillator/errors"),
-    "measure": task("reproduction.experiments.exact_oscillator.run:measure", **EXACT_OSCILLATOR),
-    "reduce": task("reproduction.experiments.exact_oscillator.reductions:reduce", **EXACT_OSCILLATOR),
+    "measure": task("nearharmonic_paper.experiments.exact_oscillator.run:measure", **EXACT_OSCILLATOR),
+    "reduce": task("nearharmonic_paper.experiments.exact_oscillator.reductions:reduce", **EXACT_OSCILLATOR),
 }
 
 
@@ -25,7 +25,7 @@ rule exact_oscillator_times:
     threads: ALL_CORES  # no other job runs during the timing
     params:
         task=task(
-            "reproduction.experiments.exact_oscillator.times:measure",
+            "nearharmonic_paper.experiments.exact_oscillator.times:measure",
             exact=CONFIG.exact_oscillator.methods,
             settings=CONFIG.exact_oscillator,
         ),

@@ -21,28 +21,28 @@ _PAGES = {
     "results/examples": (
         _EXAMPLES,
         {"figure": "near_harmonic"},
-        lambda: task("reproduction.pages.examples:page", **on("results/examples", _EVERY)),
+        lambda: task("nearharmonic_paper.pages.examples:page", **on("results/examples", _EVERY)),
     ),
     "start/gallery": (
         _EXAMPLES,
         {"figure": "gallery"},
-        lambda: task("reproduction.pages.gallery:page", **on("start/gallery", _EVERY)),
+        lambda: task("nearharmonic_paper.pages.gallery:page", **on("start/gallery", _EVERY)),
     ),
-    "reference/methods": ({}, {}, lambda: task("reproduction.pages.methods:page", **on("reference/methods", _EVERY))),
-    "results/ranking": ({}, {}, lambda: task("reproduction.pages.ranking:page", **on("results/ranking", _EVERY))),
+    "reference/methods": ({}, {}, lambda: task("nearharmonic_paper.pages.methods:page", **on("reference/methods", _EVERY))),
+    "results/ranking": ({}, {}, lambda: task("nearharmonic_paper.pages.ranking:page", **on("results/ranking", _EVERY))),
     "how_to/files": (
         {
             "runs": [RUN(f"{system}/{METHODS[0]}/0") for system in ("sho", "kepler")],
             "cubes": [CUBE(system) for system in ("sho", "kepler")],
         },
         {},
-        lambda: task("reproduction.pages.how_to.variables:page", **on("how_to/files", _EVERY)),
+        lambda: task("nearharmonic_paper.pages.how_to.variables:page", **on("how_to/files", _EVERY)),
     ),
     "reference/variables": (
         {"files": list(_OF_KIND.values())},
         {},
         lambda: task(
-            "reproduction.pages.how_to.variables:reference",
+            "nearharmonic_paper.pages.how_to.variables:reference",
             kinds=list(_OF_KIND),
             **on("reference/variables", {}),
         ),
@@ -50,67 +50,67 @@ _PAGES = {
     "how_to/tabulated_potentials": (
         {},
         {"figure": "tabulated_potentials"},
-        lambda: task("reproduction.pages.how_to.tabulated:page", **on("how_to/tabulated_potentials", _EVERY)),
+        lambda: task("nearharmonic_paper.pages.how_to.tabulated:page", **on("how_to/tabulated_potentials", _EVERY)),
     ),
     "how_to/tangent_maps": (
         {},
         {"figure": "tangent_maps"},
-        lambda: task("reproduction.pages.how_to.tangent_maps:page", **on("how_to/tangent_maps", _EVERY)),
+        lambda: task("nearharmonic_paper.pages.how_to.tangent_maps:page", **on("how_to/tangent_maps", _EVERY)),
     ),
     "how_to/adapters": (
         {},
         {"figure": "adapters"},
-        lambda: task("reproduction.pages.how_to.adapters:page", **on("how_to/adapters", {})),
+        lambda: task("nearharmonic_paper.pages.how_to.adapters:page", **on("how_to/adapters", {})),
     ),
     "how_to/gauss": (
         {},
         {"figure": "gauss"},
-        lambda: task("reproduction.pages.how_to.gauss:page", **on("how_to/gauss", _EVERY)),
+        lambda: task("nearharmonic_paper.pages.how_to.gauss:page", **on("how_to/gauss", _EVERY)),
     ),
     "how_to/tailor": (
         _EXAMPLES,
         {},
-        lambda: task("reproduction.pages.how_to.tailor:page", **on("how_to/tailor", _EVERY)),
+        lambda: task("nearharmonic_paper.pages.how_to.tailor:page", **on("how_to/tailor", _EVERY)),
     ),
     "results/derivation": (
         {"tables": [TABLE(f"derived_{name}") for name in ("counts", "solutions", "errors", "families", "routes")]},
         {},
-        lambda: task("reproduction.pages.targets.derivation:page", **on("results/derivation", _METHODS)),
+        lambda: task("nearharmonic_paper.pages.targets.derivation:page", **on("results/derivation", _METHODS)),
     ),
     "results/exact_oscillator": (
         {"cube": CUBE("exact_oscillator")},
         {},
-        lambda: task("reproduction.pages.targets.exact_oscillator:page", **on("results/exact_oscillator", _EVERY)),
+        lambda: task("nearharmonic_paper.pages.targets.exact_oscillator:page", **on("results/exact_oscillator", _EVERY)),
     ),
     "results/crystals": (
         {"cube": CUBE("crystals")},
         {},
-        lambda: task("reproduction.pages.targets.crystals:page", **on("results/crystals", _EVERY)),
+        lambda: task("nearharmonic_paper.pages.targets.crystals:page", **on("results/crystals", _EVERY)),
     ),
     "results/samplers": (
         {"cube": CUBE("samplers")},
         {},
-        lambda: task("reproduction.pages.targets.samplers:page", **on("results/samplers", _EVERY)),
+        lambda: task("nearharmonic_paper.pages.targets.samplers:page", **on("results/samplers", _EVERY)),
     ),
     "results/stability": (
         {"tables": [TABLE(stem) for stem in ("stability_henon_heiles", "stability_rounding", "kinetic_energy")]},
         {},
-        lambda: task("reproduction.pages.targets.stability:page", **on("results/stability", _METHODS)),
+        lambda: task("nearharmonic_paper.pages.targets.stability:page", **on("results/stability", _METHODS)),
     ),
     "results/timings": (
         {"cube": CUBE("work_precision")},
         {},
-        lambda: task("reproduction.pages.targets.timings:page", **on("results/timings", _EVERY)),
+        lambda: task("nearharmonic_paper.pages.targets.timings:page", **on("results/timings", _EVERY)),
     ),
     "results/trained": (
         {"tables": [f"{RESULTS}/tables/trained_{name}.csv" for name in ("gains", "methods", "ideas", "long", "times")]},
         {},
-        lambda: task("reproduction.pages.trained:page", **on("results/trained", _METHODS)),
+        lambda: task("nearharmonic_paper.pages.trained:page", **on("results/trained", _METHODS)),
     ),
     "results/training": (
         {purpose: f"{RESULTS}/tables/trained_landscape_{purpose}.csv" for purpose in CONFIG.trained.purposes},
         {},
-        lambda: task("reproduction.pages.training:page", **on("results/training", _METHODS)),
+        lambda: task("nearharmonic_paper.pages.training:page", **on("results/training", _METHODS)),
     ),
 }
 if any(systems[name].regularisation is not None for name in CONFIG.systems):  # as config/regularised.yaml has them
@@ -118,7 +118,7 @@ if any(systems[name].regularisation is not None for name in CONFIG.systems):  # 
         {"cube": CUBE("work_precision")},
         {},
         lambda: task(
-            "reproduction.pages.targets.regularised:page",
+            "nearharmonic_paper.pages.targets.regularised:page",
             names=list(CONFIG.systems),
             **on("results/regularised", _EVERY),
         ),
@@ -163,13 +163,13 @@ rule pages_of_times:  # on a machine that does nothing else
 
 
 if DOCS == "docs":
-    from nearharmonic.reproduction.claims.table import FILES as _DECISIVE
+    from nearharmonic_paper.claims.table import FILES as _DECISIVE
 
     rule decide_committed:  # anew, from all targets
         input:
             files=[f"{RESULTS}/{name}" for name in _DECISIVE],
         output:
-            recorded=update("tests/reproduction/claims/recorded.zip"),
+            recorded=update("tests/paper/claims/recorded.zip"),
             document=update("docs/claims.json"),
             page=update("docs/results/claims.md"),
             readme=update("README.md"),
@@ -178,7 +178,7 @@ if DOCS == "docs":
         params:
             own=digest_of_own(),
             task=task(
-                "reproduction.claims.pages.documents:verdicts",
+                "nearharmonic_paper.claims.pages.documents:verdicts",
                 folder=RESULTS,
                 readme="README.md",
                 integrators=plain_integrators.registered,

@@ -36,7 +36,7 @@ rule compile:
         compiler=1,  # the profile allows one: half of the first system's kernel is common to all systems
     params:
         task=lambda wildcards: task(
-            "engine.runs.trajectory:warm_up", system=wildcards.system, precisions=SWEEPS[wildcards.system].precision
+            "nearharmonic.engine.trajectory:warm_up", system=wildcards.system, precisions=SWEEPS[wildcards.system].precision
         ),
     script:
         "../scripts/task.py"
@@ -52,9 +52,9 @@ rule integrate:
     params:
         # Without samples, a run file holds reduced numbers.
         task=lambda wildcards: (
-            task("reproduction.experiments.paper.run:integrate", **shard_of(wildcards))
+            task("nearharmonic_paper.experiments.paper.run:integrate", **shard_of(wildcards))
             if CONFIG.samples
-            else task("reproduction.experiments.paper.grid.reduced_run:integrate_and_reduce", **shard_of(wildcards))
+            else task("nearharmonic_paper.experiments.paper.grid.reduced_run:integrate_and_reduce", **shard_of(wildcards))
         ),
     script:
         "../scripts/task.py"
@@ -69,7 +69,7 @@ rule reduce_method:
         LOG("reduce/{system}/{integrator}"),
     params:
         task=lambda wildcards: task(
-            "reproduction.experiments.paper.reduce:reduce_method",
+            "nearharmonic_paper.experiments.paper.reduce:reduce_method",
             sweep=SWEEPS[wildcards.system],
             integrator=wildcards.integrator,
         ),
@@ -88,7 +88,7 @@ rule reduce:
         system="|".join(SWEEPS),  # other cubes have rules of their own
     params:
         task=lambda wildcards: task(
-            "reproduction.experiments.paper.reduce:reduce", sweep=SWEEPS[wildcards.system], integrators=CONFIG.methods
+            "nearharmonic_paper.experiments.paper.reduce:reduce", sweep=SWEEPS[wildcards.system], integrators=CONFIG.methods
         ),
     script:
         "../scripts/task.py"
@@ -100,7 +100,7 @@ rule decompose:
     log:
         LOG("reduce/sho_terms"),
     params:
-        task=task("reproduction.experiments.paper.tableaus.decompose:decompose", integrators=CONFIG.decomposed),
+        task=task("nearharmonic_paper.experiments.paper.tableaus.decompose:decompose", integrators=CONFIG.decomposed),
     script:
         "../scripts/task.py"
 
@@ -114,7 +114,7 @@ rule skipped:
         LOG("tables/skipped"),
     params:
         task=task(
-            "reproduction.experiments.paper.grid.omissions:table", sweeps=CONFIG.sweeps, integrators=CONFIG.methods
+            "nearharmonic_paper.experiments.paper.grid.omissions:table", sweeps=CONFIG.sweeps, integrators=CONFIG.methods
         ),
     script:
         "../scripts/task.py"
@@ -126,7 +126,7 @@ rule paper_tables:
     log:
         LOG("tables/paper_tables"),
     params:
-        task=task("reproduction.experiments.paper.tableaus.tables:paper_tables", integrators=CONFIG.compared),
+        task=task("nearharmonic_paper.experiments.paper.tableaus.tables:paper_tables", integrators=CONFIG.compared),
     script:
         "../scripts/task.py"
 

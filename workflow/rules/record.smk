@@ -5,13 +5,13 @@ import os
 import sys
 from types import SimpleNamespace
 
-from nearharmonic.output.store.earlier import forget, keep
-from nearharmonic.reproduction.tasks.job import run
-from nearharmonic.reproduction.config.targets import check_first
-from nearharmonic.reproduction.record.adopt import ADOPTING, check_jobs
-from nearharmonic.reproduction.record.running.guard import guard
-from nearharmonic.reproduction.record.running.workflow_run import WorkflowRun
-from nearharmonic.reproduction.tasks.remote.submission import submit_frozen
+from nearharmonic.output.store import forget, keep
+from nearharmonic_paper.tasks.job import run
+from nearharmonic_paper.config.targets import check_first
+from nearharmonic_paper.record.adopt import ADOPTING, check_jobs
+from nearharmonic_paper.record.running.guard import guard
+from nearharmonic_paper.record.running.workflow_run import WorkflowRun
+from nearharmonic_paper.tasks.remote.submission import submit_frozen
 
 CLAIMS = "tables/claims.json"
 THIS_RUN = WorkflowRun(RESULTS, CONFIG, sources=workflow.basedir)
@@ -76,8 +76,8 @@ def configfiles():
 
 def refresh():
     """Make claims and page again if this run made newer results, of other targets."""
-    from nearharmonic.reproduction.claims.own import own_claims
-    from nearharmonic.reproduction.claims.table import FILES
+    from nearharmonic_paper.claims.own import own_claims
+    from nearharmonic_paper.claims.table import FILES
 
     shown = {*FILES, *(name for one in own_claims() for name in (*one.needs, *one.also))}
     if THIS_RUN.outdates(CLAIMS, shown=shown):
@@ -95,7 +95,7 @@ def again(rule, log):
 
 def verdicts(document):
     """Return a line on the verdicts of this run, and the command that decides the open statements."""
-    from nearharmonic.reproduction.claims.pages.summary import verdicts_line
+    from nearharmonic_paper.claims.pages.summary import verdicts_line
     from nearharmonic.output.store import workflow_command
 
     return verdicts_line(document, workflow_command(document))

@@ -1,7 +1,7 @@
 """The page of results, one file that needs no network, and a page of each interactive figure alone."""
 
-from nearharmonic.reproduction.report.assets import digest
-from nearharmonic.reproduction.report.shown.declared import pages_alone
+from nearharmonic_paper.report.assets import digest
+from nearharmonic_paper.report.shown.declared import pages_alone
 
 
 rule page:
@@ -19,7 +19,7 @@ rule page:
         assets=digest(),  # the code digest does not cover template, style and script
         # Figure 6 in motion has their coefficients.
         task=lambda wildcards: task(
-            "reproduction.report.page:page",
+            "nearharmonic_paper.report.page:page",
             folder=RESULTS,
             integrators=tuple(dict.fromkeys((*CONFIG.methods, *CONFIG.decomposed))),
             leftovers=leftovers(),

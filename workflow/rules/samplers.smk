@@ -14,7 +14,7 @@ rule samplers_search:
         family="|".join(CONFIG.samplers.families),
     params:
         task=lambda wildcards: task(
-            "reproduction.experiments.samplers.search.training:train",
+            "nearharmonic_studies.samplers.search.training:train",
             family=wildcards.family,
             settings=CONFIG.samplers,
         ),
@@ -30,7 +30,7 @@ rule samplers_limits:
     log:
         LOG("samplers/limits"),
     params:
-        task=task("reproduction.experiments.samplers.search.limits:measure", settings=CONFIG.samplers),
+        task=task("nearharmonic_studies.samplers.search.limits:measure", settings=CONFIG.samplers),
     script:
         "../scripts/task.py"
 
@@ -43,7 +43,7 @@ rule samplers_gaussians:
     log:
         LOG("samplers/gaussians"),
     params:
-        task=task("reproduction.experiments.samplers.run:gaussians", settings=CONFIG.samplers),
+        task=task("nearharmonic_studies.samplers.run:gaussians", settings=CONFIG.samplers),
     script:
         "../scripts/task.py"
 
@@ -59,7 +59,7 @@ rule samplers_chains:
         target="|".join(_SAMPLED),
     params:
         task=lambda wildcards: task(
-            "reproduction.experiments.samplers.run:measure", target=wildcards.target, settings=CONFIG.samplers
+            "nearharmonic_studies.samplers.run:measure", target=wildcards.target, settings=CONFIG.samplers
         ),
     script:
         "../scripts/task.py"
@@ -76,7 +76,7 @@ rule samplers_cube:
     log:
         LOG("samplers/cube"),
     params:
-        task=task("reproduction.experiments.samplers.reductions:reduce", settings=CONFIG.samplers),
+        task=task("nearharmonic_studies.samplers.reductions:reduce", settings=CONFIG.samplers),
     script:
         "../scripts/task.py"
 

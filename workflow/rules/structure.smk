@@ -23,7 +23,7 @@ rule structure_run:
         LOG("stability/structure/{autonomous}"),
     params:
         task=lambda wildcards: task(
-            "reproduction.experiments.stability.conservation.run:measure",
+            "nearharmonic_paper.experiments.stability.conservation.run:measure",
             system=wildcards.autonomous,
             integrators=CONFIG.stepwise,
             t_end=STRUCTURE_T_END[wildcards.autonomous],
@@ -42,7 +42,7 @@ rule structure_cube:
         LOG("stability/conservation"),
     params:
         task=task(
-            "reproduction.experiments.stability.conservation.reductions:reduce",
+            "nearharmonic_paper.experiments.stability.conservation.reductions:reduce",
             integrators=CONFIG.stepwise,
             t_end=STRUCTURE_T_END,
         ),

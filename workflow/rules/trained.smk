@@ -1,6 +1,6 @@
 """Methods trained on near-harmonic systems: all methods on problems that were not used in training."""
 
-from nearharmonic.reproduction.experiments.trained.comparison.contestants import (
+from nearharmonic_studies.trained.comparison.contestants import (
     contestants,
     exact_contestants,
     kind_of,
@@ -19,22 +19,22 @@ TWO_STEPS["trained_proof"] = {
         "methods": TABLE("trained_methods"),
     },
     "logs": ("trained/proof_run", "trained/proof"),
-    "measure": task("reproduction.experiments.trained.proof.run:measure", **PROOF),
-    "reduce": task("reproduction.experiments.trained.proof.reductions:reduce", **PROOF),
+    "measure": task("nearharmonic_studies.trained.proof.run:measure", **PROOF),
+    "reduce": task("nearharmonic_studies.trained.proof.reductions:reduce", **PROOF),
 }
 TWO_STEPS["trained_ideas"] = {
     "run": RUN("trained/ideas"),
     "results": {"cube": CUBE("trained_ideas"), "table": TABLE("trained_ideas")},
     "logs": ("trained/ideas_run", "trained/ideas"),
-    "measure": task("reproduction.experiments.trained.ideas.run:measure", **IDEAS),
-    "reduce": task("reproduction.experiments.trained.ideas.reductions:reduce", **IDEAS),
+    "measure": task("nearharmonic_studies.trained.ideas.run:measure", **IDEAS),
+    "reduce": task("nearharmonic_studies.trained.ideas.reductions:reduce", **IDEAS),
 }
 TWO_STEPS["trained_long"] = {
     "run": RUN("trained/long"),
     "results": {"table": TABLE("trained_long")},
     "logs": ("trained/long_run", "trained/long"),
-    "measure": task("reproduction.experiments.trained.long_runs.run:measure", **LONG),
-    "reduce": task("reproduction.experiments.trained.long_runs.reductions:reduce", **LONG),
+    "measure": task("nearharmonic_studies.trained.long_runs.run:measure", **LONG),
+    "reduce": task("nearharmonic_studies.trained.long_runs.reductions:reduce", **LONG),
 }
 
 
@@ -47,7 +47,7 @@ rule trained_times_table:
         LOG("trained/times"),
     threads: ALL_CORES  # no other job runs during the timing
     params:
-        task=task("reproduction.experiments.trained.proof.times:measure", **PROOF),
+        task=task("nearharmonic_studies.trained.proof.times:measure", **PROOF),
     script:
         "../scripts/task.py"
 

@@ -1,6 +1,6 @@
 """Methods trained on near-harmonic systems: the search for each purpose, and the modules that register the methods."""
 
-from nearharmonic.reproduction.experiments.trained.problems.purposes import PURPOSES, trained_before
+from nearharmonic_studies.trained.problems.purposes import PURPOSES, trained_before
 
 TRAINED_METHODS = expand(f"{RESULTS}/derived/trained_{{purpose}}.toml", purpose=CONFIG.trained.purposes)
 
@@ -21,7 +21,7 @@ rule train:
         purpose="|".join(CONFIG.trained.purposes),
     params:
         task=lambda wildcards: task(
-            "reproduction.experiments.trained.search:train",
+            "nearharmonic_studies.trained.search:train",
             purpose=wildcards.purpose,
             settings=CONFIG.trained.search,
             known=PURPOSES[wildcards.purpose].known,
@@ -40,6 +40,6 @@ rule register_trained:
     log:
         LOG("trained/registration"),
     params:
-        task=task("reproduction.experiments.trained.registration:register"),
+        task=task("nearharmonic_studies.trained.registration:register"),
     script:
         "../scripts/task.py"

@@ -12,7 +12,7 @@ rule work_precision_times:
     params:
         # Searched for only if the job is requested, so that other targets start sooner.
         task=lambda wildcards: task(
-            "reproduction.experiments.work_precision.run:measure",
+            "nearharmonic_paper.experiments.work_precision.run:measure",
             sweeps=CONFIG.sweeps,
             methods=CONFIG.work_precision.methods(CONFIG.methods),
             settings=CONFIG.work_precision,
@@ -42,7 +42,7 @@ rule work_precision_figure:
             )
         },
         task=lambda wildcards: task(
-            "reproduction.experiments.work_precision.figures.times:work_precision", system=wildcards.system
+            "nearharmonic_paper.experiments.work_precision.figures.times:work_precision", system=wildcards.system
         ),
     script:
         "../scripts/task.py"
@@ -58,7 +58,7 @@ rule work_precision_table:
         LOG("work_precision/table_{system}"),
     params:
         task=lambda wildcards: task(
-            "reproduction.experiments.work_precision.tables:time_to_error", system=wildcards.system
+            "nearharmonic_paper.experiments.work_precision.tables:time_to_error", system=wildcards.system
         ),
     script:
         "../scripts/task.py"
@@ -69,19 +69,19 @@ _TOGETHER = {
     "library_times_figures": (
         {"trajectory": FIGURE("library_times_trajectory"), "lanes": FIGURE("library_times_ensemble")},
         lambda: task(
-            "reproduction.experiments.work_precision.figures.comparison:comparison_figures", names=list(CONFIG.systems)
+            "nearharmonic_paper.experiments.work_precision.figures.comparison:comparison_figures", names=list(CONFIG.systems)
         ),
     ),
     "regularised_times_figure": (
         {"figure": FIGURE("regularised_times")},
         lambda: task(
-            "reproduction.experiments.work_precision.figures.regularised:regularised_figures",
+            "nearharmonic_paper.experiments.work_precision.figures.regularised:regularised_figures",
             names=list(CONFIG.systems),
         ),
     ),
     "library_times_table": (
         {"table": TABLE("library_times")},
-        lambda: task("reproduction.experiments.work_precision.comparison:comparison", names=list(CONFIG.systems)),
+        lambda: task("nearharmonic_paper.experiments.work_precision.comparison:comparison", names=list(CONFIG.systems)),
     ),
 }
 

@@ -1,3 +1,3 @@
-from nearharmonic.reproduction.tasks.job import draw
+from nearharmonic_paper.tasks.job import draw
 
 draw(snakemake)

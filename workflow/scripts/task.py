@@ -1,3 +1,3 @@
-from nearharmonic.reproduction.tasks.job import run
+from nearharmonic_paper.tasks.job import run
 
 run(snakemake)

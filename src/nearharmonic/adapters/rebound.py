@@ -17,8 +17,7 @@ from numba.extending import intrinsic
 from rebound.integrator import Integrator, IntegratorConfiguration
 
 from nearharmonic.errors import MissingPackageError
-from nearharmonic.exchange.description import identifier
-from nearharmonic.exchange.method import Method, VelocityCheck, method_for
+from nearharmonic.exchange.method import Method, VelocityCheck, identifier, method_for
 from nearharmonic.integrators.tableau import Tableau
 
 _C = rebound.clibrebound

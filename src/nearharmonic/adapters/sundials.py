@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from sundials4py.arkode import ARKodeSPRKTable_Create
 
-from nearharmonic.exchange.coefficients import nearest_doubles
-from nearharmonic.exchange.method import method_for
+from nearharmonic.exchange.method import method_for, nearest_doubles
 from nearharmonic.exchange.writers.sundials import stages
 from nearharmonic.integrators.tableau import Tableau
 

@@ -53,7 +53,7 @@ def _described(kind: str) -> list[dict[str, Any]]:
 
 
 def _method(t: Tableau) -> dict[str, Any]:
-    from nearharmonic.integrators.theory.order import harmonic_order
+    from nearharmonic.theory.order import harmonic_order
 
     return {
         "kind": "implicit integrator" if t.implicit else "modified integrator" if t.modified else "integrator",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from nearharmonic.output.answers import Answer
 
 if TYPE_CHECKING:
-    from nearharmonic.training.tailor.result import Comparison, Tailored
+    from nearharmonic.training.tailor import Comparison, Tailored
 
 HELP = "make a method for one system, and test it on starts that were not used"
 HEADER = ("tau_per_stage", "registered", "its_error", "error", "gain", "low", "high")
@@ -43,8 +43,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return the test of the new method; the exit status is 1 if it has no gain over the registered methods."""
     from nearharmonic.engine.settings import whole_number
-    from nearharmonic.training.tailor.question import question
-    from nearharmonic.training.tailor.tailoring import tailored
+    from nearharmonic.training.question import question
+    from nearharmonic.training.tailor import tailored
 
     place = None if chosen.output is None else _target(chosen.output)
     asked = question(
@@ -101,7 +101,7 @@ def _written(found: Tailored, place: Path | None) -> str | None:
     if place is None or not found.has_gain:
         return None
     from nearharmonic.output.atomic import write_text
-    from nearharmonic.training.tailor.provenance import file_text
+    from nearharmonic.training.tailor import file_text
 
     write_text(place, file_text(found.tableau, place.stem))
     return place.as_posix()
@@ -128,7 +128,7 @@ def _progress() -> Iterator[Callable[[float, float], None] | None]:
 
 
 def _title(found: Tailored) -> str:
-    from nearharmonic.training.tailor.provenance import window_text
+    from nearharmonic.training.tailor import window_text
 
     test, label = found.test, found.question.system.label
     where = f"{label}, tau/s = {window_text(found)}"
@@ -145,7 +145,7 @@ def _rows(test: Comparison) -> Iterator[tuple[Any, ...]]:
 
 
 def _notes(found: Tailored) -> Iterator[str]:
-    from nearharmonic.integrators.theory.linear_stability import stability_limit
+    from nearharmonic.theory.linear_stability import stability_limit
 
     asked, search, tableau, unit = found.question, found.search, found.tableau, found.question.system.units["t"]
     yield (

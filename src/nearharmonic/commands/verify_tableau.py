@@ -10,9 +10,8 @@ from nearharmonic.errors import bad_setting
 from nearharmonic.output.answers import Answer, printed
 
 if TYPE_CHECKING:
-    from nearharmonic.exchange.proof.nearest import Likeness
-    from nearharmonic.exchange.proof.residuals import Order, Residual
-    from nearharmonic.exchange.proof.verdict import Verdict
+    from nearharmonic.exchange.proof import Likeness, Order, Residual
+    from nearharmonic.exchange.verdict import Verdict
 
 HELP = "prove what files of coefficients claim: sums, symmetry, orders, and which operator is first"
 HEADER = ("claim", "holds", "proof")
@@ -38,7 +37,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each claim of each file; the status is 1 if one does not hold."""
     from nearharmonic.exchange.coefficient_file import read
-    from nearharmonic.exchange.proof.verdict import Verdict
+    from nearharmonic.exchange.verdict import Verdict
 
     degree = None if chosen.degree is None else checked_degree(chosen.degree)
     # All are read first: a file that cannot be read ends the command before it has printed anything.

@@ -1,12 +1,22 @@
 """Arguments of compiled functions and layout of the arrays of a kernel, for callers and for compiled code.
 
 An :class:`Argument` is a number or an array. A :class:`Signature` holds the arguments and the result of a function.
+
+Coefficients of a collocation method as pairs of doubles, in the form in which rounded numbers stay symplectic.
+
+With the increments L_j = h b_j f(Q_j) of the momentum, the stages of q'' = a(f(q)) are Q_i = q + h (c_i v + sum_j
+alpha_ij a(L_j)), and the step is p += sum_j L_j, q += h (v + sum_j (1 - c_j) a(L_j)). It is symplectic for any weights
+b_j if alpha_ij - alpha_ji = c_i - c_j. For a kinetic energy that is not quadratic, P_i = p + sum_j mu_ij L_j and Q_i =
+q + sum_j mu_ij M_j with M_j = h b_j v(P_j), which is symplectic if mu_ij + mu_ji = 1. Both hold exactly for the numbers
+of a :class:`StageTable`: Antonana, Makazaga & Murua (2017), arXiv:1702.03354, and for second order arXiv:2511.03655.
+
+Forms of compiled loops: systems of one form share the loops, for all numbers of coordinates and lanes.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +35,7 @@ KICK, DRIFT, PRODUCT, REST = range(4)
 #: Number of doubles in such a row.
 COLUMNS = 4
 #: If the oscillator is solved exactly, a row holds the kick and, from ``TURN`` on, ``TURNS`` coefficients for each
-#: distinct frequency: see :mod:`nearharmonic.core.rotation`.
+#: distinct frequency: see :mod:`nearharmonic.core.step`.
 TURN, TURNS = 1, 7
 #: If kicks use a modified potential k V - m |grad V|^2, a row holds k, the next drift, m, and a flag: the next force
 #: needs the gradient of the square, which costs more than the force.
@@ -251,3 +261,112 @@ def aligned_zeros(count: int) -> NDArray[np.float64]:
     room = np.zeros(count + CACHE_LINE - 1)
     skip = -room.ctypes.data // room.itemsize % CACHE_LINE
     return room[skip : skip + count]
+
+
+#: A double and the digits below it.
+Number = tuple[float, float]
+Vector = tuple[Number, ...]
+
+
+@dataclass(frozen=True)
+class StageTable:
+    """Coefficients of a method of s stages.
+
+    Attributes
+    ----------
+    nodes, rest, weights : tuple of s pairs
+        c_i, 1 - c_i and b_i.
+    position, momentum, guess : tuple of s tuples of s pairs
+        alpha_ij; mu_ij; and the matrix that extrapolates forces to the stages of the next step.
+    """
+
+    nodes: Vector
+    rest: Vector
+    weights: Vector
+    position: tuple[Vector, ...]
+    momentum: tuple[Vector, ...]
+    guess: tuple[Vector, ...]
+
+    @property
+    def stages(self) -> int:
+        """Number of stages."""
+        return len(self.nodes)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Form:
+    """Arithmetic and order of a step.
+
+    Attributes
+    ----------
+    extended, compensated : bool
+        ``extended``: states are double-doubles. ``compensated``: sums are compensated.
+    ahead : bool
+        True if the position is ready one operation after the force.
+    modified : bool
+        True if kicks use a modified potential.
+    turning : bool
+        True if an oscillator is solved exactly.
+    resting : bool
+        True if some coordinates never move; they are not updated.
+    quick : bool
+        True if energies are measured in double wherever that is accurate enough.
+    large : bool
+        True if states are in memory.
+    unit_masses : bool
+        True if T = p.p / 2, for states in memory.
+    stages : bool
+        True for a collocation method, one move of which is a step.
+    timed : bool
+        True if a coordinate is the time, and other sums are plain: that of the time is compensated.
+    """
+
+    extended: bool = False
+    compensated: bool = False
+    ahead: bool = False
+    modified: bool = False
+    turning: bool = False
+    resting: bool = False
+    quick: bool = False
+    large: bool = False
+    unit_masses: bool = False
+    stages: bool = False
+    timed: bool = False
+
+    @property
+    def parts(self) -> int:
+        """Number of doubles of a number."""
+        return 2 if self.extended else 1
+
+
+class Motion(NamedTuple):
+    """Functions that the loops of a form call; f denotes the forces that moves take.
+
+    ``load(rows, moves, parameters)`` returns the running state and the output state, ``first(state, moves,
+    parameters)`` the forces of the first move, ``move(state, row, f, parameters)`` the next state, ``behind(state,
+    moves, row, parameters)`` the forces after the move of a row, ``last(state, moves, row, parameters)`` these forces
+    and V, ``closed(state, row, f, parameters)`` the state at the end of a step. ``save(rows, state, seen)`` stores both
+    states.
+    """
+
+    load: Any
+    first: Any
+    move: Any
+    behind: Any
+    last: Any
+    closed: Any
+    save: Any
+
+
+class Measured(NamedTuple):
+    """Energies of an output state, each ``f(seen, parameters)``.
+
+    ``energy`` is H as a pair; ``energies`` are H as a pair, T, and 0; ``rounding`` is the rounding error of H in
+    double, absolute and relative; ``potential`` and ``kinetic`` are V and T in double.
+    """
+
+    energy: Any
+    energies: Any
+    rounding: Any
+    potential: Any
+    kinetic: Any

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from nearharmonic.core import rotation, step
-from nearharmonic.core.layout import DRIFT, KICK, PRODUCT, REST, SQUARE
-from nearharmonic.core.loops.shape import Form, Measured, Motion
+from nearharmonic.core import step
+from nearharmonic.core import step as rotation
+from nearharmonic.core.layout import DRIFT, KICK, PRODUCT, REST, SQUARE, Form, Measured, Motion
 from nearharmonic.core.machine.reals import (
     POINT,
     REAL,
@@ -85,7 +85,7 @@ def with_time(q, q_low, before, low_before, drift):  # type: ignore[no-untyped-d
 
 
 def _move(form: Form) -> Any:
-    """The move of a form: :mod:`nearharmonic.core.step`, or :mod:`nearharmonic.core.rotation`."""
+    """The move of a form: :mod:`nearharmonic.core.step`, or :mod:`nearharmonic.core.step`."""
     if form.turning:
         rotated = rotation.rotated(form)
         return compiled(lambda state, row, f, parameters: rotated(state, row, f))

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import SystemDefinitionError, bad_setting
 from nearharmonic.integrators import yoshida_1990
-from nearharmonic.systems.definition.system import System
-from nearharmonic.systems.numba.potential import numba_potential
+from nearharmonic.systems.numba_potential import numba_potential
+from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
     from nearharmonic.integrators.tableau import Tableau
@@ -158,7 +158,7 @@ def _settled(system: System, t_end: str, precision: str) -> Reference:
 
 def _end(system: System, tableau: Tableau, t_end: str, steps: int, precision: str) -> NDArray[np.float64]:
     """The position (d, 2) at the end of one run."""
-    from nearharmonic.engine.batch.batch import integrate_batch
+    from nearharmonic.engine.batch import integrate_batch
 
     numerics = Numerics(precision=precision, width=1)
     paths = integrate_batch(system, tableau, t_end=Fraction(t_end), steps=[steps], samples=2, numerics=numerics)

@@ -11,22 +11,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.core.layout import COLUMNS
-from nearharmonic.engine.batch.batch import single_steps
-from nearharmonic.engine.batch.lanes import with_lanes
-from nearharmonic.engine.numbers.arrays import rows_of
-from nearharmonic.engine.numbers.initial_values import parameter_array, standard_parameters
-from nearharmonic.engine.runs.continuation import parameter_attributes
-from nearharmonic.engine.runs.description import problem_attributes
-from nearharmonic.engine.runs.ensemble import ensemble
-from nearharmonic.engine.runs.setup import Setup, warn_of_step
+from nearharmonic.engine.batch import single_steps
+from nearharmonic.engine.description import problem_attributes
+from nearharmonic.engine.ensemble import ensemble
+from nearharmonic.engine.kernels import with_lanes
+from nearharmonic.engine.numbers import parameter_array, rows_of, standard_parameters
 from nearharmonic.engine.settings import checked_tau, one_of
+from nearharmonic.engine.setup import Setup, parameter_attributes, warn_of_step
 from nearharmonic.engine.stepper import check_single_step, coefficients_of
 from nearharmonic.errors import bad_setting, warn_caller
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.types import Floats, Integers
+from nearharmonic.numerics.portable import Floats, Integers
 from nearharmonic.numerics.written import is_real
 from nearharmonic.output.dataset import Variables, assembled, described
-from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -205,7 +203,7 @@ class _ShortenedStep:
 
     def __call__(self, q: Floats, p: Floats, sizes: Floats) -> tuple[Floats, Floats]:
         """Return the states (N, d) behind steps of ``sizes`` (N,)."""
-        from nearharmonic.core.stepper.products import fill_all
+        from nearharmonic.core.stepper import fill_all
 
         table, flags, power = self._coefficients
         moves = np.zeros((len(sizes), len(flags), COLUMNS))

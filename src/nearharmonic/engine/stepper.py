@@ -10,19 +10,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.core.layout import ADVANCE, STEP
-from nearharmonic.engine.batch.kernels import kernel_of, physics_of
-from nearharmonic.engine.numbers.coefficients import moves
-from nearharmonic.engine.numbers.initial_values import parameters_at_run_time
-from nearharmonic.engine.runs.continuation import start_of
-from nearharmonic.engine.runs.setup import Setup
+from nearharmonic.engine.kernels import kernel_of, physics_of
+from nearharmonic.engine.numbers import moves, parameters_at_run_time
 from nearharmonic.engine.settings import KINETIC_POTENTIAL
+from nearharmonic.engine.setup import Setup, start_of
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.types import Floats
-from nearharmonic.systems.definition.system import System
+from nearharmonic.numerics.portable import Floats
+from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
-    from nearharmonic.core.stepper.call import Step
+    from nearharmonic.core.stepper import Step
 
 
 def stepper(
@@ -74,7 +72,7 @@ def stepper(
     >>> print(q, p)
     [0.875] [-0.46875]
     """
-    from nearharmonic.core.stepper import call as compiled
+    from nearharmonic.core import stepper as compiled
 
     problem = Setup(
         system, integrator, summation=summation, first=first, precision=precision, split=split, energy="none"
@@ -86,7 +84,7 @@ def stepper(
 def step_of(problem: Setup, parameters: Mapping[str, Any] | None = None) -> Step:
     """Return the machine code and the coefficients of a step of ``problem``."""
     from nearharmonic.core.loops.kernel import build_step, room, stages_of
-    from nearharmonic.core.stepper.call import Step
+    from nearharmonic.core.stepper import Step
 
     system, tableau = problem.system, problem.tableau
     numerics = replace(problem.numerics, width=1)
@@ -115,8 +113,8 @@ def step_of(problem: Setup, parameters: Mapping[str, Any] | None = None) -> Step
 
 
 def coefficients_of(tableau: Tableau) -> tuple[Floats, Floats, int]:
-    """Return table, flags and power of the moves: see :func:`nearharmonic.core.stepper.products.fill`."""
-    from nearharmonic.core.stepper.products import table_of
+    """Return table, flags and power of the moves: see :func:`nearharmonic.core.stepper.fill`."""
+    from nearharmonic.core.stepper import table_of
 
     rows, flags, power = tableau.moves(), np.zeros(tableau.moves_per_step + 2), 2
     if tableau.modified:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from nearharmonic.exchange.coefficients import Coefficients, as_registered, nearest_doubles, rounded
+from nearharmonic.exchange.method import Coefficients, as_registered, nearest_doubles, rounded
 from nearharmonic.exchange.writers import c, data, diffrax, fortran, julia, rebound, sundials
 from nearharmonic.integrators.tableau import Tableau
 

@@ -1,17 +1,33 @@
-"""The method of another library: kicks and drifts in double precision."""
+"""The method of another library: kicks and drifts in double precision.
+
+A step as a product of drifts and kicks, with the uncertainty of each coefficient due to its digits.
+
+The coefficients of a tableau, rounded to the digits of a file.
+
+Description of an integrator at the head of an exported program, and its names in the program.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from decimal import Context, Decimal
+from fractions import Fraction
+from itertools import groupby
+from statistics import median_low
+from textwrap import wrap
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
-from nearharmonic.errors import SettingError
+from nearharmonic import __version__
+from nearharmonic.errors import SettingError, bad_setting
+from nearharmonic.exact.step import Step, composed
+from nearharmonic.exchange.coefficient_file import CoefficientFile
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.composition import Composition
-from nearharmonic.integrators.tableau import First, Tableau
+from nearharmonic.integrators.composition import Composition, First, Row
+from nearharmonic.integrators.tableau import First, Row, Tableau
 
 Flow = Literal["kick", "drift"]
 
@@ -166,3 +182,329 @@ class VelocityCheck:
             if np.abs(again - here).max() <= max(bound, 10 * noise):
                 return False
         return True
+
+
+#: Numbers with at most this number of significant digits are considered exact: no source rounds a method to four
+#: digits.
+EXACT_DIGITS = 4
+#: Decimals that represent doubles have 16 to 18 significant digits, and 16 of them are reliable.
+DOUBLE_DIGITS, LONGEST_DOUBLE = 16, 18
+#: Maximum error of a coefficient in units of its last digit. A truncated number has an error of up to one unit, and the
+#: iterations for published coefficients ended with errors of one or two units.
+LAST_DIGIT = 3
+
+
+class Printed(Fraction):
+    """A printed coefficient of a step: the exact value of its decimals.
+
+    Attributes
+    ----------
+    uncertainty : Fraction
+        Bound of the rounding error of the decimals.
+    place : str
+        Its position in the file, such as "kick[2]"; several positions if adjacent flows of one operator were joined.
+    """
+
+    uncertainty: Fraction
+    place: str
+
+    def __new__(cls, value: str | Fraction, uncertainty: Fraction, place: str) -> Self:
+        """Return ``value`` with its uncertainty and its place."""
+        self = super().__new__(cls, value)
+        self.uncertainty, self.place = uncertainty, place
+        return self
+
+
+class Digits(NamedTuple):
+    """Number of significant digits of the coefficients, 0 if they are exact, and the source of this number."""
+
+    number: int
+    basis: str
+
+    @property
+    def words(self) -> str:
+        """Number of digits, as text."""
+        return f"{self.number} digits" if self.number else "exact coefficients"
+
+
+def digits_of(file: CoefficientFile) -> Digits:
+    """Return the number of significant digits of the coefficients, as claimed or as counted in the file.
+
+    The counted number is the median over the coefficients with more than :data:`EXACT_DIGITS` digits. If no coefficient
+    has more, all are exact. Numbers of 16 to 18 digits are printed doubles with 16 reliable digits. Longer numbers are
+    treated in this way too if they are exact decimal expansions of doubles.
+    """
+    if file.digits is not None:
+        return Digits(file.digits, "as the file claims")
+    counts = [n for n in map(significant_digits, (*file.kick, *file.drift)) if n > EXACT_DIGITS]
+    if not counts:
+        return Digits(0, f"as none has more than {EXACT_DIGITS} digits")
+    shown = median_low(counts)
+    written_out = shown > LONGEST_DOUBLE and all(map(_is_double_written_out, (*file.kick, *file.drift)))
+    if DOUBLE_DIGITS <= shown <= LONGEST_DOUBLE or written_out:
+        return Digits(DOUBLE_DIGITS, "which hold of doubles")
+    return Digits(shown, "as the file shows")
+
+
+def _is_double_written_out(text: str) -> bool:
+    """Return True if a number is exactly its nearest double; by chance in one of 10^(digits - 16) cases."""
+    exponent = Decimal(text).as_tuple().exponent
+    return abs(Fraction(text) - Fraction(float(text))) <= Fraction(10) ** int(exponent) / 2
+
+
+def significant_digits(text: str) -> int:
+    """Return the number of digits of a decimal number from the first to the last that is not 0."""
+    return len("".join(map(str, Decimal(text).as_tuple().digits)).strip("0"))
+
+
+def uncertainty(text: str, digits: int) -> Fraction:
+    """Return :data:`LAST_DIGIT` units of the last of ``digits`` digits of a coefficient; 0 for exact ones.
+
+    ``digits`` are counted from the first digit of the number, but from the decimal point for numbers below 1. Sources
+    use either way of counting; this choice gives the larger uncertainty.
+    """
+    if digits == 0:
+        return Fraction(0)
+    return LAST_DIGIT * Fraction(10) ** (max(Decimal(text).adjusted(), -1) + 1 - digits)
+
+
+def step_of(kick: Row, drift: Row, first: First, digits: int) -> Step:
+    """Return the step of printed rows, without zero flows, and with adjacent flows of one operator joined."""
+    kicks, drifts = (
+        [Printed(text, uncertainty(text, digits), f"{name}[{i}]") for i, text in enumerate(row)]
+        for name, row in (("kick", kick), ("drift", drift))
+    )
+    moving = [factor for factor in composed(first, kicks, drifts) if factor[1]]
+    return tuple((letter, _joined([c for _, c in same])) for letter, same in groupby(moving, key=lambda x: x[0]))
+
+
+def _joined(same: Sequence[Printed]) -> Printed:
+    uncertain = sum((c.uncertainty for c in same), Fraction(0))
+    return Printed(sum(same, Fraction(0)), uncertain, " + ".join(c.place for c in same))
+
+
+def with_roles_exchanged(step: Step) -> Step:
+    """Return the step whose drifts are kicks and whose kicks are drifts."""
+    return tuple(("B" if letter == "A" else "A", c) for letter, c in step)
+
+
+def size_of(step: Step) -> Fraction:
+    """Return the sum of the absolute values of all coefficients."""
+    return sum((abs(c) for _, c in step), Fraction(0))
+
+
+def uncertainty_of(step: Step) -> Fraction:
+    """Return the sum of the uncertainties of all coefficients."""
+    return sum((c.uncertainty for _, c in step), Fraction(0))
+
+
+def is_palindrome(step: Step, *, exactly: bool = False) -> bool:
+    """Return True if a step is a palindrome, to the digits of its coefficients or exactly."""
+    return all(
+        x == y and abs(a - b) <= (0 if exactly else a.uncertainty + b.uncertainty)
+        for (x, a), (y, b) in zip(step, reversed(step), strict=True)
+    )
+
+
+def symmetrised(step: Step) -> Step:
+    """Return the palindrome whose coefficients are the means of each coefficient and its mirror image."""
+    return tuple((letter, (a + b) / 2) for (letter, a), (_, b) in zip(step, reversed(step), strict=True))
+
+
+#: Number of significant decimal digits that distinguishes any two doubles.
+COEFFICIENTS_DOUBLE_DIGITS = 17
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coefficients(Composition):
+    """The rows of a tableau as they are written to a file.
+
+    Attributes
+    ----------
+    tableau : Tableau
+        The integrator.
+    kick, drift : tuple of str
+        Decimal numbers without exponents, in the order in which they are applied.
+    digits : int
+        Significant digits: those to which the rows are rounded, or those that the source guarantees.
+    rounding : str
+        How the rows are rounded, in one sentence.
+
+    Raises
+    ------
+    SettingError
+        The integrator is implicit, or has modified potentials.
+    """
+
+    tableau: Tableau
+    kick: Row
+    drift: Row
+    digits: int
+    rounding: str
+
+    def __post_init__(self) -> None:
+        if self.tableau.implicit:
+            raise bad_setting("integrator", self.tableau.name, "it is implicit, and no sequence of kicks and drifts")
+        if self.tableau.modified:
+            allowed = "its kicks are of a modified potential, which no other program and no file format has"
+            raise bad_setting("integrator", self.tableau.name, allowed)
+
+    @property
+    def first(self) -> First:  # type: ignore[override]
+        """The operator that comes first and last in a step."""
+        return self.tableau.first
+
+    @property
+    def operators(self) -> tuple[First, First]:
+        """The operator that comes first and last in a step, and the one in between."""
+        return ("kick", "drift") if self.first == "kick" else ("drift", "kick")
+
+
+def as_registered(tableau: Tableau) -> Coefficients:
+    """Return the coefficients of ``tableau`` with all digits that it has; exponents are written out."""
+    rounding = f"not rounded; the source guarantees {tableau.digits} digits"
+    return _written(tableau, lambda text: format(Decimal(text), "f"), tableau.digits, rounding)
+
+
+def rounded(tableau: Tableau, digits: int) -> Coefficients:
+    """Return the coefficients of ``tableau`` rounded to ``digits`` significant digits, ties to even.
+
+    Raises
+    ------
+    SettingError
+        ``digits`` is below 1 or above the number of digits to which the coefficients are known.
+    """
+    if not 1 <= digits <= tableau.digits:
+        allowed = f"an integer from 1 to {tableau.digits}, the digits to which {tableau.name} is known"
+        raise bad_setting("digits", digits, allowed)
+    read = Context(prec=digits).create_decimal
+    return _written(tableau, lambda text: _with_point(read(text)), digits, f"rounded to {digits} significant digits")
+
+
+def nearest_doubles(tableau: Tableau) -> Coefficients:
+    """Return the shortest decimals that read as the doubles nearest to the coefficients of ``tableau``.
+
+    Rounding to seventeen digits is not enough: a reader rounds the result to a double, and the second rounding may
+    differ.
+    """
+    rounding = "the nearest doubles, in the shortest decimals that read as them"
+    digits = min(tableau.digits, COEFFICIENTS_DOUBLE_DIGITS)
+    return _written(tableau, lambda text: _with_point(Decimal(repr(float(text)))), digits, rounding)
+
+
+def _written(tableau: Tableau, form: Callable[[str], str], digits: int, rounding: str) -> Coefficients:
+    kick, drift = (tuple(map(form, row)) for row in (tableau.kick, tableau.drift))
+    return Coefficients(tableau=tableau, kick=kick, drift=drift, digits=digits, rounding=rounding)
+
+
+def _with_point(number: Decimal) -> str:
+    """Return ``number`` without an exponent and with a decimal point, which some languages need in a real number."""
+    text = format(number, "f")
+    return text if "." in text else f"{text}.0"
+
+
+#: Columns of a comment.
+WIDTH = 96
+#: Maximum length of an identifier in all languages: Fortran allows 63 characters, and some names get a suffix.
+LONGEST_IDENTIFIER = 40
+
+
+def head(coefficients: Coefficients, mark: str, *remarks: str) -> str:
+    """Return the comment at the head of a program: the integrator, its first operator, its source, and ``remarks``.
+
+    ``mark`` begins a comment line in the language. Each remark about the target is a paragraph.
+    """
+    return comment([*_description(coefficients), *remarks], mark)
+
+
+def _description(coefficients: Coefficients) -> Iterator[str]:
+    tableau = coefficients.tableau
+    yield f"{tableau.label}: symplectic integrator for H(q, p) = T(p) + V(q), written by nearharmonic {__version__}."
+    yield f"Name: {tableau.name}. {_orders(tableau)}"
+    sequence = _sequence(*coefficients.operators, tableau.stages)
+    yield (
+        f"First: {tableau.first}. A step of length tau is {sequence}. A kick with coefficient c is p -= c tau dV/dq, a "
+        "drift with coefficient c is q += c tau dT/dp."
+    )
+    if tableau.requires is not None:
+        yield (
+            f"Requires: a {tableau.requires}, T = p.p/2 or p.A p/2 with a constant matrix A. For any other T, or "
+            f"if the two rows exchange their roles, only order {1 + tableau.symmetric} is certain."
+        )
+    elif tableau.harmonic_order is not None:
+        yield "The harmonic order is lost if the two rows exchange their roles."
+    if not tableau.symmetric:
+        yield "Not symmetric: a step of -tau does not undo a step of tau."
+    yield f"Coefficients: {coefficients.rounding}."
+    yield f"Source: {tableau.source}"
+
+
+def _orders(tableau: Tableau) -> str:
+    harmonic = "" if tableau.harmonic_order is None else f" Harmonic order: {tableau.harmonic_order}."
+    return f"Order: {tableau.order}.{harmonic} Stages (force evaluations per step): {tableau.stages}."
+
+
+def _sequence(outer: str, inner: str, stages: int) -> str:
+    """Return the substeps of a step in order, such as kick[0], drift[0], kick[1]."""
+    if stages == 1:
+        return f"{outer}[0], {inner}[0], {outer}[1]"
+    between = ", ..., " if stages > 2 else ", "
+    return f"{outer}[0], {inner}[0], {outer}[1]{between}{inner}[{stages - 1}], {outer}[{stages}]"
+
+
+def comment(paragraphs: list[str], mark: str) -> str:
+    """Return ``paragraphs`` as comment lines that begin with ``mark``.
+
+    Line ends in a user's label or source become spaces. A backslash at the end of a line would continue the comment.
+    """
+    lines = []
+    for paragraph in paragraphs:
+        lines += wrap(paragraph, WIDTH, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+    return "\n".join(f"{mark} {line}." if line.endswith("\\") else f"{mark} {line}" for line in lines)
+
+
+def identifier(tableau: Tableau) -> str:
+    """Return the name of ``tableau`` as an identifier of C, Fortran, Julia and Python."""
+    name = re.sub(r"\W+", "_", tableau.name, flags=re.ASCII).strip("_").lower()[:LONGEST_IDENTIFIER]
+    return name if name[:1].isalpha() else f"method_{name}".rstrip("_")
+
+
+def elements(row: Row, form: str = "{}", separator: str = ",") -> str:
+    """Return the numbers of ``row``, one per line.
+
+    ``form`` is the format of a number in the language. ``separator`` ends each line; the last line has it only if it is
+    a comma.
+    """
+    lines = [f"    {form.format(text)}" for text in row]
+    return f"{separator}\n".join(lines) + ("," if separator == "," else "")
+
+
+def names(coefficients: Coefficients, form: str = "{}", separator: str = ",") -> dict[str, str]:
+    """Return the names of the integrator and its operators, and its rows as :func:`elements`, for a template."""
+    outer, inner = coefficients.operators
+    rows = {row: elements(getattr(coefficients, row), form, separator) for row in ("kick", "drift")}
+    return {
+        "name": identifier(coefficients.tableau),
+        "stages": str(coefficients.stages),
+        **rows,
+        "outer": outer,
+        "OUTER": outer.upper(),
+        "outer_rows": rows[outer],
+        "inner": inner,
+        "INNER": inner.upper(),
+        "inner_rows": rows[inner],
+    }
+
+
+def remarks_of_python(coefficients: Coefficients, own_force: str, doubles: str) -> list[str]:
+    """Return the remarks that apply to the integrator in a Python library.
+
+    ``own_force`` is the reason for ``{count}`` force evaluations per step of a method with kicks at both ends.
+    ``doubles`` is the treatment of more digits than doubles have.
+    """
+    remarks = []
+    if coefficients.first_same_as_last:
+        remarks.append(own_force.format(count=coefficients.stages + 1))
+    if coefficients.digits > COEFFICIENTS_DOUBLE_DIGITS:
+        remarks.append(doubles)
+    return remarks

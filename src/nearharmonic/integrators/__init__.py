@@ -14,8 +14,7 @@ Examples
 from nearharmonic.integrators.collocation import Collocation
 from nearharmonic.integrators.file import tableau_at
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.registry.registry import Registry, make_registry
-from nearharmonic.registry.selection import Selection
+from nearharmonic.registry.registry import Registry, Selection, make_registry
 
 __all__ = [
     "BENCHMARKED", "Collocation", "Tableau", "implicit_integrators", "integrators", "modified_integrators",

@@ -14,7 +14,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from nearharmonic.core.arithmetic import rounded_pair
-from nearharmonic.core.collocation.table import StageTable
+from nearharmonic.core.layout import StageTable
 from nearharmonic.errors import bad_setting, shown
 from nearharmonic.integrators.composition import Composition, First, Move, Steps, is_count
 
@@ -109,12 +109,12 @@ class Collocation(Composition):
         }  # fmt: skip
 
     def __repr__(self) -> str:
-        from nearharmonic.registry.display import line
+        from nearharmonic.registry.registry import line
 
         return line("Collocation", self.facts)
 
     def _repr_html_(self) -> str:
-        from nearharmonic.registry.display import facts_table
+        from nearharmonic.registry.registry import facts_table
 
         return facts_table("Collocation", self.facts)
 

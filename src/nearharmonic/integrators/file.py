@@ -43,7 +43,7 @@ def tableaus_of(place: str | os.PathLike[str], registered: Collection[str]) -> d
 
 def _check_order(path: str, tableau: Tableau) -> None:
     """Raise an error for a tableau whose coefficients contradict its declared order, as far as it is examined."""
-    from nearharmonic.integrators.order_conditions import HIGHEST_DECLARED, proved_order
+    from nearharmonic.theory.order_conditions import HIGHEST_DECLARED, proved_order
 
     quadratic = tableau.requires is not None
     examined = min(tableau.order, HIGHEST_DECLARED)

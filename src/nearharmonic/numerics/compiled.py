@@ -15,7 +15,7 @@ from numba.core import types as numba_types
 from numba.extending import intrinsic
 
 from nearharmonic.math import cos, log
-from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.portable import Floats
 
 #: A run that diverges has infinite energies: a division by zero is no error.
 compiled: Any = numba.njit(error_model="numpy")

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from nearharmonic.output.table import Table
-from nearharmonic.output.terminal import in_one_line
+from nearharmonic.output.table import Table, in_one_line
 
 FORMATS = ("table", "json", "csv")
 #: Significant digits of a float in a table: as many as the step sizes of a grid have.

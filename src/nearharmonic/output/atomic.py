@@ -4,16 +4,28 @@ A reader sees the old file or the new one, never a part of either, also after a 
 before the file gets its name. Temporary names are hidden and hold the host and the process, so that two machines never
 write to the same file in a shared folder. A killed process (SIGKILL, power loss) leaves its temporary file behind;
 the next run of the workflow deletes it. No rule and no reader uses such a name.
+
+Reading of files: a pipe, a device or a folder in place of a file is refused, and never blocks the reader.
+
+Seals of JSON documents: the last member, ``sha256``, is the digest of the others.
+
+A seal reveals accidental changes, such as a flipped bit. It is no signature: anybody can seal a changed document again.
 """
 
 from __future__ import annotations
 
+import errno
+import json
 import os
 import platform
+import stat
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import asdict, is_dataclass
+from hashlib import sha256
 from pathlib import Path
+from typing import Any, BinaryIO
 
 from nearharmonic.errors import FileWriteError
 
@@ -88,3 +100,58 @@ def remove_parts(folder: str | os.PathLike[str]) -> None:
     for part in parts_in(folder):
         if here in part.name or part.lstat().st_mtime < old:
             part.unlink(missing_ok=True)
+
+
+def opened(path: str | os.PathLike[str]) -> BinaryIO:
+    """Open a regular file for reading, as bytes.
+
+    Raises
+    ------
+    OSError
+        The file is missing, or not a regular file, or it cannot be read.
+    """
+    number = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)  # without the last, a pipe waits for its writer
+    if not stat.S_ISREG(os.fstat(number).st_mode):
+        os.close(number)
+        raise OSError(errno.EINVAL, "not a regular file", os.fspath(path))
+    return os.fdopen(number, "rb")
+
+
+def read_bytes(path: str | os.PathLike[str]) -> bytes:
+    """Return the bytes of a regular file; errors are those of :func:`opened`."""
+    with opened(path) as file:
+        return file.read()
+
+
+def read_text(path: str | os.PathLike[str], errors: str = "strict") -> str:
+    """Return the text of a regular file in UTF-8; errors are those of :func:`opened`.
+
+    ``errors`` says what becomes of bytes that are no UTF-8: ``strict`` raises UnicodeDecodeError, a ValueError.
+    """
+    return read_bytes(path).decode("utf-8", errors)
+
+
+def digest_of(document: Any) -> str:
+    """Return the SHA-256 of ``document`` as JSON: keys sorted, settings as mappings, exact numbers as text."""
+    return sha256(json.dumps(document, sort_keys=True, ensure_ascii=False, default=plain).encode()).hexdigest()
+
+
+def plain(value: Any) -> Any:
+    """Return a value that JSON does not know as a mapping or as text."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return asdict(value)
+    return dict(value) if isinstance(value, Mapping) else str(value)
+
+
+def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return ``document`` followed by its seal."""
+    return {**document, "sha256": digest_of(document)}
+
+
+def sealed_json_opened(text: str | bytes) -> dict[str, Any] | None:
+    """Return the document in a JSON text without its seal; None if there is no document, no seal or a wrong one."""
+    try:
+        found = json.loads(text)
+        return found if isinstance(found, dict) and found.pop("sha256", None) == digest_of(found) else None
+    except (ValueError, RecursionError):
+        return None

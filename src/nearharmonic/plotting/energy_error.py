@@ -12,9 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from nearharmonic.plotting.envelope import envelope
-from nearharmonic.plotting.floor import draw_floor
-from nearharmonic.plotting.levels import LARGEST_ERROR, energy_error_label, energy_of
+from nearharmonic.plotting.levels import LARGEST_ERROR, draw_floor, energy_error_label, energy_of, envelope
 from nearharmonic.plotting.style import (
     house_style,
     log_scale,

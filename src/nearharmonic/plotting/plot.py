@@ -1,20 +1,71 @@
 """Plots of results of ``integrate``, ``sweep``, ``ensemble``, ``section``, ``tangent`` and ``recommend``, and of cubes.
 
 matplotlib is loaded by the first plot, so that the library can be used without it.
+
+Kinds of results and the plots of each, separate from matplotlib, which the library runs without.
+
+Films of trajectories: GIF files, and HTML files that need no network.
+
+matplotlib is loaded by the first film, so that the library can be used without it.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
+from html import escape
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nearharmonic.errors import MissingPackageError, bad_setting
-from nearharmonic.plotting.datasets.kinds import CUBE, KINDS, RANKING, SECTION, kind_of
+from nearharmonic.output.atomic import write_bytes, write_text
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
+
+
+MEMBER = "member"
+#: Contents of a Dataset, by which its plots are found.
+PROFILE, TRAJECTORY, CUBE, ENSEMBLE = "energy errors over tau", "a trajectory", "a cube", "an ensemble"
+SECTION, RANKING = "a section", "a recommendation"
+DEVIATIONS, MANY_DEVIATIONS = "deviations from an orbit", "deviations from several orbits"
+#: What may be drawn of each kind of Dataset, the default first; "" is a trajectory's energy error above its orbit.
+KINDS = {
+    PROFILE: ("energy", "work"), CUBE: ("energy",), ENSEMBLE: ("energy",), SECTION: ("section",), RANKING: ("work",),
+    TRAJECTORY: ("", "energy", "orbit", "phase"), DEVIATIONS: ("chaos", "orbit", "phase"), MANY_DEVIATIONS: ("chaos",),
+}  # fmt: skip
+
+
+def kind_of(dataset: Any) -> str:
+    """Return the kind of a Dataset, "" for a Dataset of another origin."""
+    dims, attributes, variables = (getattr(dataset, name, ()) for name in ("dims", "attrs", "variables"))
+    if not hasattr(dataset, "data_vars"):
+        return ""
+    if "lyapunov_exponent" in variables and "t" in variables:
+        return MANY_DEVIATIONS if MEMBER in dims else DEVIATIONS
+    if "max_energy_error" in variables:
+        named = "integrator" in attributes
+        for holds, kind in (
+            ({"integrator", "tau_per_stage"} <= set(dims), CUBE), (named and "tau" in dims, PROFILE),
+            (named and MEMBER in dims, ENSEMBLE),
+        ):  # fmt: skip
+            if holds:
+                return kind
+    if "crossing" in dims and "surface" in variables:
+        return SECTION
+    if "rank" in dims and {"evaluations", "time"} <= set(variables):
+        return RANKING
+    return TRAJECTORY if "integrator" in attributes and {"t", "q", "p", "energy_error"} <= set(variables) else ""
+
+
+def check_measured(given: Sequence[xr.Dataset]) -> None:
+    """Raise SettingError if a Dataset has no measured energy errors."""
+    if any(one.attrs.get("energy") == "none" for one in given):
+        allowed = "there are no energy errors to draw; run with energy='every' or 'samples'"
+        raise bad_setting("datasets", "energy='none'", allowed)
+
 
 ALLOWED = (
     "a Dataset of nearharmonic.integrate, sweep, ensemble, tangent, section or recommend, or a list of those of one of "
@@ -111,3 +162,80 @@ def with_matplotlib(module: str, purpose: str) -> Any:
         if (error.name or "").partition(".")[0] != "matplotlib":
             raise
         raise MissingPackageError(purpose, "matplotlib", "figures") from error
+
+
+#: Largest number of frames, and height of the frame in a notebook in pixels.
+MOST, HEIGHT = 2000, 846
+
+
+class Film(str):
+    """Text of an HTML page with a film; a notebook shows the page."""
+
+    def _repr_html_(self) -> str:
+        return f'<iframe srcdoc="{escape(self)}" width="100%" height="{HEIGHT}" frameborder="0"></iframe>'
+
+
+def animate(
+    runs: xr.Dataset | Iterable[xr.Dataset],
+    path: str | os.PathLike[str] | None = None,
+    frames: int = 60,
+    fps: int = 20,
+    title: str | None = None,
+) -> Path | Film:
+    """Write a film of trajectories: the orbit, and the energy error beneath it, up to the time of each frame.
+
+    Parameters
+    ----------
+    runs : xarray.Dataset, or list of them
+        Results of ``integrate`` with energy errors.
+    path : str or os.PathLike, optional
+        File to write, a GIF or an HTML file by its ending; an existing file is replaced when the film is complete. If
+        not given, the HTML page is returned, which a notebook shows.
+    frames : int
+        Number of frames, from the first to the last sample, evenly spaced in time; at least 2.
+    fps : int
+        Frames per second.
+    title : str, optional
+        Text above the orbit.
+
+    Returns
+    -------
+    pathlib.Path or Film
+        The written file, or the page.
+
+    Raises
+    ------
+    SettingError
+        The ending of the file is not .gif or .html, the runs are no trajectories with energy errors, or a number is not
+        allowed.
+    FileWriteError
+        The file cannot be written.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> run = nh.integrate("henon_heiles", "babps8o7h", 0.4, t_end=60)
+    >>> page = nh.animate(run, frames=2)  # with a path, such as "orbit.gif", a file
+    >>> page.startswith("<!DOCTYPE html>")
+    True
+    """
+    ending = "" if path is None else Path(path).suffix.lower()
+    if path is not None and ending not in (".gif", ".html"):
+        raise bad_setting("path", str(path), "the name of a file that ends with .gif or .html")
+    numbers: tuple[tuple[str, Any, int, int], ...] = (("frames", frames, 2, MOST), ("fps", fps, 1, 100))
+    for name, value, least, most in numbers:
+        if isinstance(value, bool) or not isinstance(value, int) or not least <= value <= most:
+            raise bad_setting(name, value, f"an integer from {least} to {most}")
+    given: list[Any] = list(runs) if isinstance(runs, list | tuple) else [runs]
+    if not given or any(kind_of(one) != TRAJECTORY for one in given):
+        raise bad_setting("runs", type(runs).__name__, "a Dataset of nearharmonic.integrate, or a list of them")
+    check_measured(given)
+    film = with_matplotlib("film", "a film")
+    if ending == ".gif":
+        write_bytes(Path(str(path)), film.gif(given, frames, fps, title))
+        return Path(str(path))
+    page = Film(film.page(given, frames, fps, title))
+    if path is None:
+        return page
+    write_text(Path(path), page)
+    return Path(path)

@@ -12,16 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from nearharmonic.engine.batch.batch import integrate_batch
-from nearharmonic.engine.batch.results import Trajectories, joined, least_samples
-from nearharmonic.engine.grid import misfit
+from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.execution import Trajectories, joined, least_samples
 from nearharmonic.engine.reference import Reference, reference
-from nearharmonic.engine.settings import Numerics
+from nearharmonic.engine.settings import Numerics, misfit
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.integrators.theory.linear_stability import stability_limit
 from nearharmonic.numerics.clock import Patience, interleaved, machine, pinned
-from nearharmonic.numerics.quasi_random import quasi_random
-from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.portable import Floats
+from nearharmonic.numerics.statistics import quasi_random
 from nearharmonic.recommendation.curve import MEASURES
 from nearharmonic.recommendation.own import LOSSLESS, POSITION_ROUNDING, ROUNDING, prepared_calls
 from nearharmonic.recommendation.question import QUANTILE, Question
@@ -29,6 +27,7 @@ from nearharmonic.recommendation.recommendation import Choice, Recommendation
 from nearharmonic.recommendation.stability import Orbits, orbits
 from nearharmonic.recommendation.step_search import MARGIN, fewest_steps, ladder, measured_errors
 from nearharmonic.recommendation.timings import TIMED, library_choices
+from nearharmonic.theory.linear_stability import stability_limit
 
 #: The ranking compares least times, most of them below 1 ms: more repeats than for curves.
 REPEATS = Patience(least=15, most=25, seconds=0.01)

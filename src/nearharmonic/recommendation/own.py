@@ -10,16 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.batch.batch import integrate_batch
-from nearharmonic.engine.batch.results import Trajectories, least_samples
-from nearharmonic.engine.grid import misfit, tau_grid
+from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.ensemble import ensemble
+from nearharmonic.engine.execution import Trajectories, least_samples
 from nearharmonic.engine.reference import Reference
-from nearharmonic.engine.runs.ensemble import ensemble
-from nearharmonic.engine.runs.problem import Problem
-from nearharmonic.engine.settings import Numerics
+from nearharmonic.engine.settings import Numerics, misfit, tau_grid
+from nearharmonic.engine.solution import Problem
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.recommendation.curve import MEASURES, Curve, Point
-from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.system import System
 
 #: Errors below this are rounding: finer steps cost more and do not reduce them.
 ROUNDING = 1e-15

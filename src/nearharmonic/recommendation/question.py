@@ -13,23 +13,23 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.batch.regularised import check_bound
-from nearharmonic.engine.numbers.initial_values import standard_parameters, start_array
+from nearharmonic.engine.batch import check_bound
+from nearharmonic.engine.numbers import standard_parameters, start_array
 from nearharmonic.engine.reference import position_t_end
-from nearharmonic.engine.runs.setup import ANY, Setup, as_python, checked_scale
-from nearharmonic.engine.runs.trajectory import sweep
 from nearharmonic.engine.settings import MOST_STEPS, checked_count, checked_tau, one_of, positive
+from nearharmonic.engine.setup import ANY, Setup, as_python, checked_scale
+from nearharmonic.engine.trajectory import sweep
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.user_file import load_tableaus
-from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.portable import Floats
 from nearharmonic.numerics.written import exact_value
 from nearharmonic.output.dataset import Attributes
 from nearharmonic.recommendation.curve import MEASURES, NAMES
 from nearharmonic.registry.registry import is_path, split_path
 from nearharmonic.systems import System, systems
-from nearharmonic.systems.definition.quantities import is_list
+from nearharmonic.systems.quantities import is_list
 
 #: Evaluations of the force in a run that may be recommended, unless another budget is given.
 EVALUATIONS = 200_000
@@ -61,7 +61,7 @@ class Question:
     energy_attributes : mapping
         Attributes of the variables ``max_energy_error`` and ``mean_energy_error``: what they are relative to.
     starts : (M, 4 d) array of float
-        Initial states, as :func:`nearharmonic.engine.numbers.initial_values.start_array` lays them out; ``system``
+        Initial states, as :func:`nearharmonic.engine.numbers.start_array` lays them out; ``system``
         begins at the first.
     every : bool
         True if all registered methods are candidates: those that take many more evaluations than others are dropped.

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from math import isfinite, nan
 from typing import Literal
 
-from nearharmonic.engine.batch.numba_runs import NEAR_FLOOR, floor_in_words
-from nearharmonic.engine.grid import steps_of
-from nearharmonic.engine.settings import checked_t_end
+from nearharmonic.engine.kernels import NEAR_FLOOR, floor_in_words
+from nearharmonic.engine.settings import checked_t_end, steps_of
 from nearharmonic.recommendation.question import Question
 
 #: Significant digits of a printed step, unless another number of steps would come of it.

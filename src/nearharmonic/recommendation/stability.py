@@ -11,13 +11,13 @@ from fractions import Fraction
 
 import numpy as np
 
-from nearharmonic.engine.batch.batch import integrate_batch
+from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.quasi_random import quasi_random
-from nearharmonic.numerics.types import Floats
-from nearharmonic.systems.definition.system import System
+from nearharmonic.numerics.portable import Floats
+from nearharmonic.numerics.statistics import quasi_random
+from nearharmonic.systems.system import System
 
 #: A kick by the gradient of V, then a drift; its other role begins with the drift.
 KICK = Tableau(name="kick", order=1, first="kick", kick=("1", "0"), drift=("1",), source="Euler", digits=30)

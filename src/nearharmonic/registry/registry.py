@@ -3,6 +3,10 @@
 ``nearharmonic.systems`` is a package and at the same time the mapping of its systems by name, because a registry has
 the name of its folder. If ``nearharmonic.systems`` were an object that hides the package, ``import
 nearharmonic.systems.kepler`` would succeed or fail depending on earlier imports.
+
+Objects in a notebook: one line of text, and an HTML table.
+
+Views of a registry: mappings of the entries that fulfil a condition.
 """
 
 from __future__ import annotations
@@ -11,8 +15,9 @@ import os
 import pkgutil
 import re
 import sys
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from html import escape
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -220,7 +225,6 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
         return f"<module {self.__name__!r}, a mapping of {len(self)} {self._kind}s: {', '.join(self)}>"
 
     def _repr_html_(self) -> str:
-        from nearharmonic.registry.display import entries_table
 
         return entries_table([cast("Any", entry).facts for entry in self.values()])
 
@@ -285,3 +289,91 @@ def make_registry(
     made._others_of = others_of
     made._modules, made._definitions, made._made = {}, {}, {}
     return made
+
+
+#: Largest number of characters of a cell.
+LONGEST = 200
+
+
+def line(kind: str, facts: Mapping[str, object]) -> str:
+    """Return one line for an object of the class ``kind``.
+
+    The first of ``facts`` is the name of the object, and the last, its source, is omitted.
+    """
+    (_, name), *others, _ = facts.items()
+    return f"<{kind} {name}: {', '.join(f'{key} {value}' for key, value in others if value not in ('', None))}>"
+
+
+def facts_table(kind: str, facts: Mapping[str, object]) -> str:
+    """Return the facts of an object as an HTML table with a row for each fact."""
+    rows = "".join(f"<tr><th>{_cell(key)}</th><td>{_cell(value)}</td></tr>" for key, value in facts.items())
+    return f"<table><caption>{escape(kind)}</caption>{rows}</table>"
+
+
+def entries_table(entries: Sequence[Mapping[str, object]]) -> str:
+    """Return objects of one kind as an HTML table with a row for each object."""
+    header = dict.fromkeys(key for entry in entries for key in entry)
+    rows = "".join(_row("td", (entry.get(key, "") for key in header)) for entry in entries)
+    return f"<table><thead>{_row('th', header)}</thead><tbody>{rows}</tbody></table>"
+
+
+def _row(tag: str, cells: Iterable[object]) -> str:
+    return f"<tr>{''.join(f'<{tag}>{_cell(cell)}</{tag}>' for cell in cells)}</tr>"
+
+
+def _cell(value: object) -> str:
+    text = str(value)
+    return escape(text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}...")
+
+
+Entry = TypeVar("Entry")
+
+
+class Selection(Mapping[str, Entry]):
+    """A view of the entries of a registry that fulfil a condition, in the order of the registry.
+
+    ``name`` is that of the view in the package of the registry, ``text`` its docstring.
+
+    Raises
+    ------
+    UnknownNameError
+        On a look-up of a name that the view does not have.
+    """
+
+    def __init__(self, registry: Registry[Entry], name: str, fulfils: Callable[[Entry], bool], text: str = "") -> None:
+        self._registry, self._name, self._fulfils = registry, name, fulfils
+        self.__doc__ = text or type(self).__doc__
+
+    @property
+    def registered(self) -> tuple[str, ...]:
+        """Names of the entries that the modules of the package declare."""
+        return tuple(name for name in self._registry.registered if name in self)
+
+    def __getitem__(self, name: str) -> Entry:
+        name = self._registry.name_of(name)
+        if name not in self:
+            raise unknown_name(self._registry.kind, name, self)
+        return self._registry[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._registry and self._fulfils(self._registry.entry(str(name)))
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name in self._registry if name in self)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def module_of(self, name: str) -> str | None:
+        """Return the dotted name of the module that declares ``name``, as :meth:`Registry.module_of` returns it."""
+        return self._registry.module_of(name)
+
+    def __repr__(self) -> str:
+        return f"<{self._registry.__name__}.{self._name}, a mapping of {len(self)}: {', '.join(self)}>"
+
+    def _repr_html_(self) -> str:
+
+        return entries_table([cast("Any", entry).facts for entry in self.values()])
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Registry[Entry], str]]:
+        return getattr, (self._registry, self._name)

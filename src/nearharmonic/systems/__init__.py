@@ -11,9 +11,8 @@ Examples
 """
 
 from nearharmonic.registry.registry import Registry, make_registry
-from nearharmonic.systems.definition.file import system_at
-from nearharmonic.systems.definition.quantities import Observable, Parameter
-from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.quantities import Observable, Parameter
+from nearharmonic.systems.system import System, system_at
 
 __all__ = ["Observable", "Parameter", "System", "systems"]
 

@@ -7,8 +7,8 @@ from typing import Any
 
 from nearharmonic.core.arithmetic import sqrt
 from nearharmonic.math import atan2
-from nearharmonic.systems.definition.quantities import Observable, Parameter, Vector
-from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.quantities import Observable, Parameter, Vector
+from nearharmonic.systems.system import System
 
 
 def V(q: Vector, GM: Any) -> Any:

@@ -12,9 +12,9 @@ from typing import Any
 
 from nearharmonic.core.arithmetic import sqrt
 from nearharmonic.systems import kepler
-from nearharmonic.systems.definition.quantities import Parameter, Vector
-from nearharmonic.systems.definition.system import System
-from nearharmonic.systems.formulas.regularisation import Regularisation
+from nearharmonic.systems.quantities import Parameter, Vector
+from nearharmonic.systems.regularisation import Regularisation
+from nearharmonic.systems.system import System
 
 
 def V(q: Vector, GM: Any, A: Any) -> Any:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from nearharmonic.systems.definition.quantities import Vector
-from nearharmonic.systems.definition.system import System
+from nearharmonic.systems.quantities import Vector
+from nearharmonic.systems.system import System
 
 
 def V(q: Vector) -> Any:

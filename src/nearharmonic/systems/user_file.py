@@ -9,7 +9,7 @@ from typing import Any
 from nearharmonic.errors import SettingError, SystemDefinitionError, bad_setting, unknown_name
 from nearharmonic.numerics.written import decimal_of
 from nearharmonic.systems import Parameter, System, systems
-from nearharmonic.systems.definition.file import load_system
+from nearharmonic.systems.system import load_system
 
 #: Decimal digits of a scaled momentum; extended precision has 32.
 DIGITS = 40

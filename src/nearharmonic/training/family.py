@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import First, Tableau
-from nearharmonic.integrators.theory.symmetric import ConditionedSteps
-from nearharmonic.numerics.types import Floats
+from nearharmonic.numerics.portable import Floats
+from nearharmonic.theory.symmetric import ConditionedSteps
 
 #: Accepted harmonic orders.
 HARMONIC_ORDERS = range(4, 9)

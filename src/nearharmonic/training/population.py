@@ -9,16 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, SQUARE, columns, modified_columns
-from nearharmonic.engine.batch.batch import prepared_batch, sample_marks
-from nearharmonic.engine.batch.queue import Batch
-from nearharmonic.engine.batch.results import energy_unit
-from nearharmonic.engine.grid import check_fit
-from nearharmonic.engine.numbers.coefficients import moves_behind
-from nearharmonic.engine.numbers.rotations import rounded_rotations
-from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Numerics
+from nearharmonic.engine.batch import prepared_batch, sample_marks
+from nearharmonic.engine.execution import Batch, energy_unit
+from nearharmonic.engine.numbers import moves_behind, rounded_rotations
+from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Numerics, check_fit
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.types import Floats
-from nearharmonic.systems.definition.system import System
+from nearharmonic.numerics.portable import Floats
+from nearharmonic.systems.system import System
 
 #: Number of lanes: two registers, because the parameters of a problem use the others.
 LANES = 16
@@ -37,9 +34,9 @@ class Ensemble:
     system : System
         System with d coordinates and P parameters.
     start : (M, 4 d) array of float
-        Initial states, in the layout of :func:`nearharmonic.engine.numbers.coefficients.start_row`.
+        Initial states, in the layout of :func:`nearharmonic.engine.numbers.start_row`.
     parameters : (M, 2 P) or (1, 2 P) array of float
-        Parameters, in the layout of :func:`nearharmonic.engine.numbers.coefficients.parameter_row`.
+        Parameters, in the layout of :func:`nearharmonic.engine.numbers.parameter_row`.
     t_end : float
         Length of every run, in the unit of time of the system.
     unit : float

@@ -1,11 +1,14 @@
-"""Methods for comparison with trained ones: all registered methods except those of this project."""
+"""Methods for comparison with trained ones: all registered methods except those of this project.
+
+Coefficients as Python text, for files that define a tableau.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 from nearharmonic.integrators import integrators, modified_integrators, plain_integrators
-from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.tableau import Row, Tableau
 
 #: Prefix of the names of trained methods.
 TRAINED = "trained_"
@@ -37,3 +40,10 @@ def modified_names() -> tuple[str, ...]:
 def published_methods(names: Sequence[str]) -> list[Tableau]:
     """Return the published methods among these names."""
     return [integrators[name] for name in names if module_of(name) not in OURS]
+
+
+def palindrome_lines(name: str, row: Row, indent: str) -> list[str]:
+    """Return the lines, indented by ``indent``, of a symmetric row as the argument ``name`` of a tableau."""
+    half = len(row) // 2
+    numbers = [f'"{c}"' for c in row[:half]] + [f'centre="{c}"' for c in row[half : len(row) - half]]
+    return [f"{indent}{name}=palindrome(", *(f"{indent}    {number}," for number in numbers), f"{indent}),"]

@@ -10,9 +10,9 @@ import xarray as xr
 
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.recommendation.curve import Curve, Point
-from nearharmonic.reproduction.experiments.paper.orbits.substeps import substeps
-from nearharmonic.reproduction.experiments.trained.comparison.contestants import IDEAS
 from nearharmonic.systems import systems
+from nearharmonic_paper.experiments.paper.orbits.substeps import substeps
+from nearharmonic_studies.trained.comparison.contestants import IDEAS
 
 #: Two hollow markers and a filled one.
 METHODS = ("ruth", "aba104", "babps9o7h")

@@ -10,8 +10,8 @@ import numpy as np
 
 from nearharmonic.output import store
 from nearharmonic.plotting.style import save
-from nearharmonic.reproduction.tasks.declarations import figures_of
-from nearharmonic.reproduction.tasks.provenance import function_of
+from nearharmonic_paper.tasks.declarations import figures_of
+from nearharmonic_paper.tasks.provenance import function_of
 from support.cubes import figure_cubes as made
 
 SYSTEMS = {"sho": "oscillator of the tests", "henon_heiles": "<b>galaxy</b> & tests", "kepler": "planet of the tests"}

@@ -8,7 +8,7 @@ from copy import deepcopy
 import h5py
 import numpy as np
 
-from nearharmonic.output.sealed_json import sealed
+from nearharmonic.output.atomic import sealed
 
 #: What stands in place of a value.
 ODD = (

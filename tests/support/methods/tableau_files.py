@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 
 from nearharmonic.exchange.coefficient_file import read
-from nearharmonic.exchange.proof.verdict import Verdict
+from nearharmonic.exchange.verdict import Verdict
 
 FOLDER = Path(__file__).parents[2] / "exchange/tableaus"
 

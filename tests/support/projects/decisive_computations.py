@@ -9,21 +9,27 @@ import math
 import numpy as np
 import xarray as xr
 
-from nearharmonic.engine.runs.invariants import observable_values
+from nearharmonic.engine.invariants import observable_values
 from nearharmonic.numerics.portable import log10, norms
-from nearharmonic.numerics.quasi_random import quasi_random
-from nearharmonic.numerics.statistics import line_fit, linear_trend, observed_order, power_law, trend_linearity
-from nearharmonic.reproduction.experiments.exact_oscillator.reductions import crossings
-from nearharmonic.reproduction.experiments.exact_oscillator.run import starts_on
-from nearharmonic.reproduction.experiments.exact_oscillator.settings import ExactOscillatorSettings
-from nearharmonic.reproduction.experiments.stability.kepler.reductions import evaluations_below, rotation_per_sample
-from nearharmonic.reproduction.experiments.stability.kepler.run import kepler_apoapsis
-from nearharmonic.reproduction.experiments.stability.rounding.reductions import growth
-from nearharmonic.reproduction.experiments.trained.problems.named_systems import NAMED, named_ensemble
-from nearharmonic.reproduction.experiments.trained.problems.orbits import orbit_ensemble
-from nearharmonic.reproduction.experiments.trained.problems.random_potentials import random_ensemble
-from nearharmonic.reproduction.experiments.trained.proof.reductions import gains
+from nearharmonic.numerics.statistics import (
+    line_fit,
+    linear_trend,
+    observed_order,
+    power_law,
+    quasi_random,
+    trend_linearity,
+)
 from nearharmonic.systems import systems
+from nearharmonic_paper.experiments.exact_oscillator.reductions import crossings
+from nearharmonic_paper.experiments.exact_oscillator.run import starts_on
+from nearharmonic_paper.experiments.exact_oscillator.settings import ExactOscillatorSettings
+from nearharmonic_paper.experiments.stability.kepler.reductions import evaluations_below, rotation_per_sample
+from nearharmonic_paper.experiments.stability.kepler.run import kepler_apoapsis
+from nearharmonic_paper.experiments.stability.rounding.reductions import growth
+from nearharmonic_studies.trained.problems.named_systems import NAMED, named_ensemble
+from nearharmonic_studies.trained.problems.orbits import orbit_ensemble
+from nearharmonic_studies.trained.problems.random_potentials import random_ensemble
+from nearharmonic_studies.trained.proof.reductions import gains
 
 COUNT = 2000
 

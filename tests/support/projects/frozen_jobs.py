@@ -7,7 +7,7 @@ import sys
 
 from planned_jobs import planned
 
-from nearharmonic.reproduction.tasks.remote.submission import frozen, is_plain
+from nearharmonic_paper.tasks.remote.submission import frozen, is_plain
 
 if __name__ == "__main__":
     config, target, folder = sys.argv[1:]

@@ -17,7 +17,7 @@ import psutil
 
 from support.projects.workflow_project import Project
 
-RECORD = "nearharmonic.reproduction.record"
+RECORD = "nearharmonic_paper.record"
 #: Moments between the last job and the end of the record: the process kills itself where this function is called.
 MOMENTS = (
     f"{RECORD}.files.manifest:write",

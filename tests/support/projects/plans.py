@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nearharmonic.reproduction.experiments.paper.grid import plan, shards
+from nearharmonic_paper.experiments.paper.grid import plan, shards
 
 
 def planned_runs(sweeps, methods):

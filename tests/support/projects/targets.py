@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
-from nearharmonic.reproduction.tasks.declarations import figures_of
-from nearharmonic.reproduction.tasks.experiment import experiments
+from nearharmonic_paper.tasks.declarations import figures_of
+from nearharmonic_paper.tasks.experiment import experiments
 
 METHODS = ("ruth", "babs7o7h")
 #: Of figure 2.

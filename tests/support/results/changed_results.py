@@ -10,7 +10,7 @@ from mpmath import mp, mpf
 
 from nearharmonic.exact.decimals import fixed_point
 from nearharmonic.integrators.tableau import Tableau, palindrome
-from nearharmonic.reproduction.claims.statements.equations import identities
+from nearharmonic_paper.claims.statements.equations import identities
 
 
 def scaled(system, factor, *names, variable="max_energy_error"):

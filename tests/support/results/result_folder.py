@@ -14,12 +14,12 @@ import h5py
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.output import table
 from nearharmonic.output.table import Table
-from nearharmonic.reproduction.experiments.paper.grid.shards import shards_of
-from nearharmonic.reproduction.experiments.paper.reduce import reduce
-from nearharmonic.reproduction.experiments.paper.run import integrate
-from nearharmonic.reproduction.experiments.paper.tableaus.decompose import decompose
-from nearharmonic.reproduction.tasks import job
-from nearharmonic.reproduction.tasks.provenance import provenance, task
+from nearharmonic_paper.experiments.paper.grid.shards import shards_of
+from nearharmonic_paper.experiments.paper.reduce import reduce
+from nearharmonic_paper.experiments.paper.run import integrate
+from nearharmonic_paper.experiments.paper.tableaus.decompose import decompose
+from nearharmonic_paper.tasks import job
+from nearharmonic_paper.tasks.provenance import provenance, task
 from support.results import finished_results
 from support.results.finished_results import entry, run, write_history
 

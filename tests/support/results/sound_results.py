@@ -14,10 +14,10 @@ import numpy as np
 import xarray as xr
 
 from nearharmonic.integrators import BENCHMARKED, integrators, plain_integrators
-from nearharmonic.reproduction.claims.results import Results
-from nearharmonic.reproduction.experiments.paper.orbits.substeps import paper_panels
-from nearharmonic.reproduction.experiments.paper.tableaus.decompose import decompose
-from nearharmonic.reproduction.experiments.paper.tableaus.tables import paper_tables
+from nearharmonic_paper.claims.results import Results
+from nearharmonic_paper.experiments.paper.orbits.substeps import paper_panels
+from nearharmonic_paper.experiments.paper.tableaus.decompose import decompose
+from nearharmonic_paper.experiments.paper.tableaus.tables import paper_tables
 
 NEW = BENCHMARKED[-4:]
 FLOOR = 1e-16

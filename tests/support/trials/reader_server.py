@@ -21,9 +21,9 @@ import nearharmonic as nh
 from nearharmonic import cli
 from nearharmonic.core.machine import disk
 from nearharmonic.output import store
-from nearharmonic.output.store import files
-from nearharmonic.reproduction import commands
-from nearharmonic.reproduction.tasks.remote import plan
+from nearharmonic.output import store as files
+from nearharmonic_paper import commands
+from nearharmonic_paper.tasks.remote import plan
 
 #: Seconds for all questions of a request; the slowest takes one.
 LIMIT = 60

@@ -1,6 +1,6 @@
 """Functions of the stages of a collocation method as functions of LLVM: products with its matrices, and formulas.
 
-A coordinate of the stages is one vector of all lanes of all stages (:mod:`nearharmonic.core.machine.operations`). A
+A coordinate of the stages is one vector of all lanes of all stages (:mod:`nearharmonic.core.machine.values`). A
 product with a matrix is two chains of operations, for the first and for the second half of the stages, so that its bits
 do not depend on the number of lanes.
 """
@@ -13,13 +13,13 @@ from typing import Any
 from llvmlite import ir
 
 from nearharmonic.core.arithmetic import dd_add, dd_mul
-from nearharmonic.core.collocation.table import Vector
-from nearharmonic.core.formulas.rules import Entries, Rules
-from nearharmonic.core.layout import collocation_columns
-from nearharmonic.core.machine.operations import (
+from nearharmonic.core.formulas.tracing import Entries, Rules
+from nearharmonic.core.layout import Vector, collocation_columns
+from nearharmonic.core.machine.values import (
     INDEX,
     PREFIX,
     Kinds,
+    LLVMValue,
     declare,
     folded,
     in_every_lane,
@@ -27,8 +27,8 @@ from nearharmonic.core.machine.operations import (
     packed,
     shuffled,
     stage,
+    values_of,
 )
-from nearharmonic.core.machine.values import LLVMValue, values_of
 
 #: Function of the builder and of the entries of each argument.
 Body = Callable[..., Any]

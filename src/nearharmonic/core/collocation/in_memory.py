@@ -11,9 +11,8 @@ from math import inf, nan
 from typing import Any
 
 from nearharmonic.core.arithmetic import fma
-from nearharmonic.core.collocation.iteration import MOST_ITERATIONS, continuing, counted, missing
-from nearharmonic.core.layout import FAILED, ITERATIONS, READY
-from nearharmonic.core.loops.shape import Form, Motion
+from nearharmonic.core.collocation.motion import MOST_ITERATIONS, continuing, counted, missing
+from nearharmonic.core.layout import FAILED, ITERATIONS, READY, Form, Motion
 from nearharmonic.core.machine.reals import (
     REAL,
     STAGES,

@@ -7,9 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from nearharmonic.core.formulas.constant import Constant
-from nearharmonic.core.formulas.expression.writer import FUNCTION, LATENCY
-from nearharmonic.core.formulas.number import Number
+from nearharmonic.core.formulas.number import Constant, Number
+from nearharmonic.core.formulas.program import FUNCTION, LATENCY
 
 #: The last operation of a chain, the cycle in which it ends, and the chain before it.
 Link = tuple[str, int, "Link | None"]

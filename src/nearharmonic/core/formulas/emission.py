@@ -10,22 +10,21 @@ from typing import Any
 from llvmlite import ir
 
 from nearharmonic.core.formulas.number import Constant
-from nearharmonic.core.formulas.rules import Entries, Rules
-from nearharmonic.core.formulas.tracing import DoubleDouble, LLVMValue
+from nearharmonic.core.formulas.tracing import DoubleDouble, Entries, LLVMValue, Rules
 from nearharmonic.core.large.memory import LoopWriter
-from nearharmonic.core.large.tables import BLOCK
+from nearharmonic.core.large.terms import BLOCK
 from nearharmonic.core.layout import COUNTERS, TALLY, TURN, TURNS, parameter_rows, running_at, running_rows
-from nearharmonic.core.machine.operations import (
+from nearharmonic.core.machine.values import (
     DOUBLE,
     INDEX,
     PREFIX,
     Kinds,
     declare,
     packed,
+    values_of,
     write_load,
     write_numbers,
 )
-from nearharmonic.core.machine.values import values_of
 
 #: Formulas that a system may lack, with the functions that they are made of.
 _OPTIONAL = {"square": "modified", "acceleration": "acceleration"}
@@ -77,7 +76,7 @@ def module_of(rules: Rules, lanes: int, needed: Container[str]) -> ir.Module:
     """Return a module with the functions of these names that loops call, for a system and a number of lanes."""
     physics, d = rules.physics, rules.physics.dimension
     if physics.loops is not None:
-        from nearharmonic.core.large import functions
+        from nearharmonic.core.large import emission as functions
 
         return functions.module_of(rules, kinds_of(rules, lanes), needed)
     written = _Formulas(rules, kinds_of(rules, lanes), needed)

@@ -4,15 +4,33 @@
 instruction. Formulas are called with numbers of :class:`Double` or :class:`DoubleDouble`. Because the formulas are
 *called*, not parsed, they may use loops over components, ``sum`` and their own functions. Operations on constants alone
 are exact. A formula cannot branch on a value.
+
+Hamiltonian of a kernel, as functions of numbers of any type.
+
+Numbers with a bound of their rounding error in double precision, by which kernels choose a precision.
+
+``size`` x u bounds, to first order in u = 2^-53, the change of ``value`` when every operand and result of the formula
+changes by a relative u (running error analysis: Higham, Accuracy and Stability of Numerical Algorithms, 3.3).
+
+The formulas of a system in the arithmetic of a kernel, written as plain Python on traced numbers.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.formulas.number import Constant, Number
+from nearharmonic.core.formulas.number import Constant, Number, call, constant, scalar, vector
+from nearharmonic.core.layout import collocation_columns, columns, modified_columns
 from nearharmonic.core.machine.values import LLVMValue
+
+if TYPE_CHECKING:
+    from nearharmonic.core.large.terms import LoopedEnergy
+    from nearharmonic.core.layout import StageTable
+    from nearharmonic.core.machine.numba_functions import NumbaCode
+
 
 __all__ = ["Double", "DoubleDouble", "LLVMValue"]
 
@@ -158,3 +176,294 @@ class DoubleDouble(Number):
 
         operands = [self, *map(self._lift, others)]
         return DoubleDouble(*extended.FUNCTIONS[function](*(x.pair for x in operands)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hamiltonian:
+    """A separable Hamiltonian of an autonomous system.
+
+    Attributes
+    ----------
+    name : str
+        Name of the system, for errors.
+    dimension : int
+        Number of coordinates d.
+    V, T : callable
+        Formulas ``f(q, *parameters)`` and ``f(p, *parameters)``, which return a scalar.
+    grad_V, grad_T : callable
+        Their gradients, which return a tuple of d components.
+    grad_V_and_V : callable
+        The components of grad_V, followed by V; both share operations.
+    balanced_T : callable
+        T in an order of operations with short chains.
+    acceleration : callable, or None
+        ``f(force, *parameters)``, dT/dp minus its value at p = 0, which does not depend on p if T is quadratic.
+    """
+
+    name: str
+    dimension: int
+    V: Callable[..., Any]
+    grad_V: Callable[..., Any]
+    T: Callable[..., Any]
+    grad_T: Callable[..., Any]
+    grad_V_and_V: Callable[..., Any]
+    balanced_T: Callable[..., Any]
+    acceleration: Callable[..., Any] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Physics(Hamiltonian):
+    """A Hamiltonian as the kernel needs it; ``acceleration`` is None unless T is quadratic.
+
+    Attributes
+    ----------
+    parameters : int
+        Number of parameters of a run, which are in the rows behind its tally.
+    constants : tuple of Constant
+        Parameters that are compiled in because a formula needs their values; ``parameters`` is then 0.
+    measured : callable, or None
+        ``f(q, p, *parameters)``, the kinetic and the potential energy that are measured instead of T and V.
+    loops : tuple of LoopedEnergy, or None
+        V and T as loops, for many coordinates; the formulas above are then not compiled.
+    unit_masses : bool
+        True if T = p.p / 2.
+    turning : tuple of int, or None
+        For T and an oscillator that are solved exactly together: the index of the frequency of each coordinate among
+        the distinct frequencies. ``grad_V`` is then the gradient of the rest of V, which kicks use.
+    modified : callable, or None
+        ``f(q, *parameters)``, the gradient of the square of grad_V, if kicks use a modified potential.
+    numba : NumbaCode, or None
+        Code of V and grad_V that are functions of numba, for one lane.
+    stages : StageTable, or None
+        Coefficients of a collocation method, whose stages are solved together.
+    timed : bool
+        True if the last coordinate of ``loops`` is the time.
+    """
+
+    parameters: int
+    constants: tuple[Constant, ...]
+    measured: Callable[..., Any] | None = None
+    loops: tuple[LoopedEnergy, LoopedEnergy] | None = None
+    unit_masses: bool = False
+    turning: tuple[int, ...] | None = None
+    modified: Callable[..., Any] | None = None
+    numba: NumbaCode | None = None
+    stages: StageTable | None = None
+    timed: bool = False
+
+
+#: Change of a function of one argument x: from its value f, from x, and from the size s of x.
+_INHERITED: Mapping[str, Callable[[Any, Any, Any], Any]] = {
+    "sin": lambda f, x, s: s,
+    "cos": lambda f, x, s: s,
+    "tan": lambda f, x, s: (1 + f * f) * s,
+    "exp": lambda f, x, s: f * s,
+    "log": lambda f, x, s: s / abs(x),
+    "cbrt": lambda f, x, s: abs(f / x) * s / 3,
+    "tanh": lambda f, x, s: s,
+    "sinh": lambda f, x, s: (1 + abs(f)) * s,
+    "cosh": lambda f, x, s: f * s,
+    "erf": lambda f, x, s: s * 2,
+}
+
+
+class Conditioned(Number):
+    """A traced double with the condition of the formula that computes it."""
+
+    __slots__ = ("size", "value")
+
+    def __init__(self, value: Double, inherited: Any = 0) -> None:
+        self.value, self.size = value, abs(value) + inherited
+
+    def _add(self, other: Conditioned | Constant) -> Conditioned:
+        other = self._lift(other)
+        return Conditioned(self.value + other.value, self.size + other.size)
+
+    def _multiply(self, other: Conditioned | Constant) -> Conditioned:
+        other = self._lift(other)
+        inherited = self.size * abs(other.value) + other.size * abs(self.value)
+        return Conditioned(self.value * other.value, inherited)
+
+    def _divide(self, other: Conditioned | Constant) -> Conditioned:
+        other = self._lift(other)
+        value = self.value / other.value
+        return Conditioned(value, (self.size + abs(value) * other.size) / abs(other.value))
+
+    def _with(self, value: Double) -> Conditioned:
+        result = Conditioned(value)
+        result.size = self.size
+        return result
+
+    def __neg__(self) -> Conditioned:
+        return self._with(-self.value)
+
+    def __abs__(self) -> Conditioned:
+        return self._with(abs(self.value))
+
+    def sign(self) -> Conditioned:
+        return Conditioned(self.value.sign())
+
+    def sqrt(self) -> Conditioned:
+        value = self.value.sqrt()
+        return Conditioned(value, self.size / (value + value))
+
+    def lifted(self, number: Constant) -> Conditioned:
+        return Conditioned(self.value.lifted(number))
+
+    def apply(self, function: str, *others: Conditioned | Constant) -> Conditioned:
+        operands = [self._lift(x) for x in others]
+        value = self.value.apply(function, *(x.value for x in operands))
+        if not operands:
+            return Conditioned(value, _INHERITED[function](value, self.value, self.size))
+        (second,) = operands
+        if function == "pow":
+            relative = self.size / abs(self.value) * abs(second.value) + abs(abs(self.value).apply("log")) * second.size
+            return Conditioned(value, abs(value) * relative)
+        crossed = self.size * abs(second.value) + second.size * abs(self.value)
+        squares = self.value * self.value + second.value * second.value
+        return Conditioned(value, crossed / squares if function == "atan2" else self.size + second.size)
+
+
+Entries = list[LLVMValue]
+
+#: Number of coordinates up to which the energy is measured in double-double at every step.
+FEW_COORDINATES = 8
+#: An energy error in double is used if it is at least this multiple of its rounding bound: it then has 4 digits.
+CERTAINTY = 2.0**12
+
+
+@dataclass(frozen=True)
+class Rules:
+    """A system with the arithmetic of its states and sums.
+
+    A state is a list: positions, their carries, momenta, their carries. Parameters are pairs, with high and low halves
+    interleaved. A vector is the list of the high halves of its components; in extended precision the low halves follow.
+    """
+
+    physics: Physics
+    extended: bool
+    compensated: bool
+
+    @property
+    def quick_energy(self) -> bool:
+        """True if the energy is measured in double wherever its error is far above the rounding of doubles.
+
+        For attracting pairs of bodies, an energy in double-double at every step would cost ten times a step of
+        leapfrog.
+        """
+        few = self.physics.dimension <= FEW_COORDINATES
+        return not (self.extended or few or self.physics.numba)  # no more precise value exists for a V in double
+
+    @property
+    def looks_ahead(self) -> bool:
+        """True if the new position does not wait for the new momentum: see :mod:`nearharmonic.core.step`."""
+        known = self.physics.acceleration is not None or self.physics.turning is not None
+        return known and not self.extended
+
+    @property
+    def columns(self) -> int:
+        """Doubles in a row of coefficients."""
+        if self.physics.modified is not None:
+            return modified_columns(self.parts)
+        if self.physics.stages is not None:
+            frequencies = 0 if self.physics.turning is None else 1 + max(self.physics.turning)
+            return collocation_columns(self.physics.stages.stages, frequencies)
+        return columns(0 if self.physics.turning is None else 1 + max(self.physics.turning))
+
+    @property
+    def parts(self) -> int:
+        """Doubles per coefficient and per rate."""
+        return 2 if self.extended else 1
+
+    def _numbers(self, entries: Entries, count: int) -> tuple[Any, ...]:
+        """The first ``count`` entries of a list and their low halves, as numbers."""
+        pairs = zip(entries[:count], entries[count : 2 * count], strict=True)
+        return tuple(DoubleDouble(*pair) if self.extended else Double(pair[0]) for pair in pairs)
+
+    def flat(self, components: tuple[Any, ...], like: LLVMValue) -> Entries:
+        """The components of a vector as carriers, one or two each; a constant becomes a carrier like ``like``."""
+        kind = DoubleDouble if self.extended else Double
+        numbers: list[Any] = [kind.of(x, like) if isinstance(x, Constant) else x for x in components]
+        if self.extended:
+            return [n.high for n in numbers] + [n.low for n in numbers]
+        return [n.carrier for n in numbers]
+
+    def constants(self, parameters: Entries) -> tuple[Any, ...]:
+        """The parameters in the precision of the state."""
+        halves = [*parameters[::2], *parameters[1::2]]
+        return self.physics.constants or self._numbers(halves, self.physics.parameters)
+
+    def exact_constants(self, parameters: Entries) -> tuple[Any, ...]:
+        """The parameters in double-double."""
+        pairs = zip(parameters[::2], parameters[1::2], strict=False)
+        return self.physics.constants or tuple(DoubleDouble(*pair) for pair in pairs)
+
+    def force(self, position: Entries, parameters: Entries) -> Entries:
+        """dV/dq."""
+        together = self.physics.dimension > FEW_COORDINATES and self.physics.numba is None
+        if together:  # bitwise identical with and without a measurement of the energy
+            return self.force_and_potential(position, parameters)[: self.parts * self.physics.dimension]
+        q = self._numbers(position, self.physics.dimension)
+        return self.flat(vector(self.physics, "grad_V", q, *self.constants(parameters)), position[0])
+
+    def square(self, position: Entries, parameters: Entries) -> Entries:
+        """grad |grad V|^2, for kicks of a modified potential.
+
+        |grad V|^2 denotes the square a(V').V', where a(V') is the acceleration by the force V'. It is the bracket [B,
+        [A, B]] of the drift A and the kick B.
+        """
+        assert self.physics.modified is not None
+        q = self._numbers(position, self.physics.dimension)
+        found = call(self.physics, "V", self.physics.modified, q, *self.constants(parameters))
+        return self.flat(tuple(x if isinstance(x, Number) else constant(x) for x in found), position[0])
+
+    def velocity(self, momentum: Entries, parameters: Entries) -> tuple[Any, ...]:
+        """dT/dp."""
+        p = self._numbers(momentum, self.physics.dimension)
+        return vector(self.physics, "grad_T", p, *self.constants(parameters))
+
+    def acceleration(self, force: Entries, parameters: Entries) -> Entries:
+        """The acceleration by a force: dT/dp of the force minus dT/dp at p = 0."""
+        assert self.physics.acceleration is not None
+        return self.flat(self.physics.acceleration(tuple(map(Double, force)), *self.constants(parameters)), force[0])
+
+    def force_and_potential(self, position: Entries, parameters: Entries) -> Entries:
+        """dV/dq followed by V in double; operations that both formulas share are computed once."""
+        q = self._numbers(position, self.physics.dimension)
+        found = call(self.physics, "V", self.physics.grad_V_and_V, q, *self.constants(parameters))
+        *gradient, V = (x if isinstance(x, Number) else constant(x) for x in found)
+        return self.flat(tuple(gradient), position[0]) + self.flat((V,), position[0])
+
+    def potential(self, position: Entries, parameters: Entries) -> Entries:
+        """V in double."""
+        return self.force_and_potential(position, parameters)[-1:]
+
+    def kinetic(self, momentum: Entries, parameters: Entries) -> Entries:
+        """T in double."""
+        p = self._numbers(momentum, self.physics.dimension)
+        return self.flat((scalar(self.physics, "balanced_T", p, *self.constants(parameters)),), momentum[0])
+
+    def energies(self, state: Entries, parameters: Entries) -> Entries:
+        """H as a pair, T, and 0, of state + carry, in double-double for every precision of the run."""
+        half, d, constants = 2 * self.physics.dimension, self.physics.dimension, self.exact_constants(parameters)
+        q, p = (tuple(map(DoubleDouble, x[:d], x[d : 2 * d])) for x in (state, state[half:]))
+        if self.physics.measured is not None:
+            T, V = call(self.physics, "V", self.physics.measured, q, p, *constants)
+        else:
+            T, V = scalar(self.physics, "T", p, *constants), scalar(self.physics, "V", q, *constants)
+        H, kinetic = (DoubleDouble.of(x, state[0]) if isinstance(x, Constant) else x for x in (T + V, T))
+        return [H.high, H.low, kinetic.high, H.high.constant(0.0)]
+
+    def rounding(self, state: Entries, parameters: Entries) -> Entries:
+        """The rounding error of H in double: absolute, and relative to |T| + |V|."""
+        half, d, constants = 2 * self.physics.dimension, self.physics.dimension, self.constants(parameters)
+        q, p = (tuple(map(Conditioned, self._numbers(x, d))) for x in (state, state[half:]))
+        given = [x if isinstance(x, Constant) else Conditioned(x) for x in constants]
+        zero = Conditioned(Double(state[0].constant(0.0)))
+        return rounding_of(*(zero + scalar(self.physics, name, x, *given) for name, x in (("T", p), ("V", q))))
+
+
+def rounding_of(T: Conditioned, V: Conditioned) -> Entries:
+    """:data:`CERTAINTY` times the rounding error of T + V in double: absolute, and relative to |T| + |V|."""
+    size = (T.size + V.size).carrier * (CERTAINTY * 2.0**-53)
+    return [size, size / (abs(T.value) + abs(V.value)).carrier]

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from nearharmonic.core.formulas.number import FUNCTIONS
 from nearharmonic.core.layout import Signature, floats
 from nearharmonic.core.machine.native import code_key, native, object_code
-from nearharmonic.core.machine.operations import DOUBLE, INDEX
-from nearharmonic.core.machine.values import LLVMValue
+from nearharmonic.core.machine.values import DOUBLE, INDEX, LLVMValue
 
 #: (arguments, results): one row of doubles for each part of an argument or result.
 ELEMENTWISE = Signature((floats("arguments", "rows", "count"), floats("results", "results_rows", "count")))

@@ -13,13 +13,14 @@ from math import inf, nan
 
 from nearharmonic.core.arithmetic import dd_mul, quick_two_sum, two_product, two_sum
 from nearharmonic.core.functions import coefficients as table
-from nearharmonic.core.functions.emit import called
-from nearharmonic.core.functions.reduction import for_all_angles
-from nearharmonic.core.functions.roots import cbrt, hypot
-from nearharmonic.core.functions.steps import (
+from nearharmonic.core.functions.pairs import (
+    called,
+    cbrt,
     clamped,
     exponent_and_mantissa,
+    for_all_angles,
     horner,
+    hypot,
     nearest_whole,
     polynomial,
     power_of_two,

@@ -21,31 +21,30 @@ from nearharmonic.core.arithmetic import (
 )
 from nearharmonic.core.functions import coefficients as table
 from nearharmonic.core.functions import double
-from nearharmonic.core.functions.emit import called
 from nearharmonic.core.functions.pairs import (
+    ROUNDER,
+    ROUNDER_BITS,
     Pair,
     Triple,
     as_pair,
+    called,
+    cbrt_extended,
     choose,
+    clamped,
     constant_pair,
+    exponent_and_mantissa,
+    extended_quarter_turns,
     finite,
+    hypot_extended,
     inverses,
+    nearest_whole,
     negative,
+    power_of_two,
     quotient,
+    scaled,
     scaled_pair,
     series,
     times,
-)
-from nearharmonic.core.functions.reduction import extended_quarter_turns
-from nearharmonic.core.functions.roots import cbrt_extended, hypot_extended
-from nearharmonic.core.functions.steps import (
-    ROUNDER,
-    ROUNDER_BITS,
-    clamped,
-    exponent_and_mantissa,
-    nearest_whole,
-    power_of_two,
-    scaled,
     unit_scale,
 )
 from nearharmonic.core.machine.values import LLVMBits, LLVMMask, LLVMValue

@@ -11,12 +11,10 @@ import numpy as np
 from llvmlite import ir
 from numpy.typing import NDArray
 
-from nearharmonic.core.formulas.condition import Conditioned
 from nearharmonic.core.formulas.number import Constant
-from nearharmonic.core.formulas.tracing import Double, DoubleDouble, LLVMValue
-from nearharmonic.core.large.tables import BLOCK
-from nearharmonic.core.machine.operations import DOUBLE, INDEX
-from nearharmonic.core.machine.values import LLVMBits, LLVMMask
+from nearharmonic.core.formulas.tracing import Conditioned, Double, DoubleDouble, LLVMValue
+from nearharmonic.core.large.terms import BLOCK
+from nearharmonic.core.machine.values import DOUBLE, INDEX, LLVMBits, LLVMMask
 
 PLACE = ir.IntType(32)
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 from nearharmonic.core import step
-from nearharmonic.core.large.tables import BLOCK
-from nearharmonic.core.layout import KICK
-from nearharmonic.core.loops.shape import Form, Measured, Motion
+from nearharmonic.core.large.terms import BLOCK
+from nearharmonic.core.layout import KICK, Form, Measured, Motion
 from nearharmonic.core.machine.reals import (
     REAL,
     all_zero,

@@ -1,7 +1,7 @@
 """The loops of the inner kernel: steps of one trajectory, or of one in each lane, and the energy after each step.
 
 :func:`advance` and :func:`begin` return the functions of :data:`nearharmonic.core.layout.ADVANCE` and ``BEGIN`` for a
-:class:`~nearharmonic.core.loops.shape.Form`. States are :mod:`~nearharmonic.core.points` or in memory
+:class:`~nearharmonic.core.layout.Form`. States are :mod:`~nearharmonic.core.points` or in memory
 (:mod:`nearharmonic.core.large.state`). Rows of arrays are described in :mod:`nearharmonic.core.loops.kernel`.
 """
 
@@ -27,8 +27,9 @@ from nearharmonic.core.layout import (
     TOTAL,
     TOTAL_CARRY,
     WORST,
+    Form,
+    Measured,
 )
-from nearharmonic.core.loops.shape import Form, Measured
 from nearharmonic.core.machine.reals import (
     absolute,
     all_greater,

@@ -6,7 +6,7 @@
 The row block of the lanes has ``width`` doubles in a row. Its rows are: d positions, their d carries, d momenta, their
 d carries; then the tally: maximum and sum of |H - H0| over the block, the carry of the sum, the latest H - H0, H0 as a
 pair, the largest |H - H0| allowed, and two bounds of the rounding error of H
-(:func:`nearharmonic.core.formulas.rules.rounding_of`); then each parameter as a pair; then the running state, laid out
+(:func:`nearharmonic.core.formulas.tracing.rounding_of`); then each parameter as a pair; then the running state, laid out
 as the first 4 d rows, and the d rests that its next move adds (:mod:`nearharmonic.core.step`). In extended precision
 the carries are the low halves of double-doubles.
 
@@ -22,10 +22,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from nearharmonic.core.formulas.emission import fingerprint
-from nearharmonic.core.formulas.physics import Physics
-from nearharmonic.core.formulas.rules import Rules
-from nearharmonic.core.layout import ADVANCE, BEGIN, LAND, RUN, STEP, Signature, workspace
-from nearharmonic.core.loops.shape import Form
+from nearharmonic.core.formulas.tracing import Physics, Rules
+from nearharmonic.core.layout import ADVANCE, BEGIN, LAND, RUN, STEP, Form, Signature, workspace
 from nearharmonic.core.machine.native import NativeFunction, PreparedCall, code_key, native
 
 #: Instructions of a function of numba per unit of cost; loops in it are counted once.
@@ -73,7 +71,7 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
     rules = Rules(physics, extended, compensated)
 
     def make() -> tuple[str, bytes]:
-        from nearharmonic.core.machine import link
+        from nearharmonic.core.machine import native as link
 
         def compiled() -> tuple[str, bytes]:
             from nearharmonic.core.loops import scheduler
@@ -124,7 +122,7 @@ def build_landing(
     module = formulas.maps_module(rules, maps)
 
     def make() -> tuple[str, bytes]:
-        from nearharmonic.core.machine import link
+        from nearharmonic.core.machine import native as link
 
         def compiled() -> tuple[str, bytes]:
             from nearharmonic.core.loops import landing
@@ -162,7 +160,7 @@ def room(physics: Physics, *, extended: bool) -> int:
     """Return the number of doubles of working memory behind the rows of a kernel of ``physics``."""
     if physics.loops is None:
         return 0
-    from nearharmonic.core.large import functions
+    from nearharmonic.core.large import emission as functions
 
     return functions.room(physics, extended=extended)
 
@@ -222,11 +220,12 @@ def _linked(
 ) -> tuple[str, bytes]:
     """Name and object code of a function that numba compiles for some options, with the formulas of a system."""
     from nearharmonic.core.formulas import emission as formulas
-    from nearharmonic.core.machine import link, operations
+    from nearharmonic.core.machine import native as link
+    from nearharmonic.core.machine import values as operations
 
     def compiled() -> tuple[str, bytes]:
+        from nearharmonic.core import stepper as single_step
         from nearharmonic.core.loops import advance
-        from nearharmonic.core.stepper import single_step
 
         made: dict[str, Callable[..., Any]] = {
             "advance": advance.advance,

@@ -21,8 +21,7 @@ from numba.extending import intrinsic
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from nearharmonic.core.machine.native import run_passes
-from nearharmonic.core.machine.operations import DOUBLE, PREFIX
-from nearharmonic.core.machine.values import LLVMValue
+from nearharmonic.core.machine.values import DOUBLE, PREFIX, LLVMValue
 
 types: Any = numba_types
 _REAL = (types.Float, types.Integer, types.Boolean)

@@ -3,25 +3,33 @@
 Stages are points of the stages of an implicit method, side by side.
 
 Code that numba compiles does not depend on the number of coordinates, the number of lanes, or the system. An operation
-on reals and points is a call of a function (:mod:`nearharmonic.core.machine.operations`), and so is a formula of a
+on reals and points is a call of a function (:mod:`nearharmonic.core.machine.values`), and so is a formula of a
 system. These functions are linked to the compiled loops, and inlined, for a system and a number of lanes.
+
+Decorators of functions that numba compiles: flags, and the folder of the machine code.
+
+The module is separate because numba takes longer to load than most runs take; only searches import it.
 """
 
 from __future__ import annotations
 
 import operator
 from collections.abc import Callable
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numba
 from llvmlite import binding, ir
 from numba.core import cgutils
 from numba.core import types as numba_types
+from numba.core.dispatcher import Dispatcher
 from numba.extending import intrinsic, lower_builtin, models, overload, register_jitable, register_model, type_callable
 
 from nearharmonic.core import arithmetic
 from nearharmonic.core.layout import Signature
-from nearharmonic.core.machine.operations import PLACEHOLDERS, PREFIX, TRUTH, argument_types, result_type
+from nearharmonic.core.machine import disk
+from nearharmonic.core.machine.native import code_key
+from nearharmonic.core.machine.values import PLACEHOLDERS, PREFIX, TRUTH, argument_types, result_type
 
 types: Any = numba_types
 #: Numba types of the numbers of a :class:`nearharmonic.core.layout.Signature`.
@@ -251,3 +259,41 @@ def at_address(signature: Signature) -> Any:
         return result(types.StarArgTuple(_star(given))), codegen
 
     return call
+
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+FLAGS = {"error_model": "numpy", "nogil": True}
+
+
+def jit(function: Function) -> Function:
+    """Compile ``function`` at its first call and keep the machine code in the folder of compiled code.
+
+    fastmath stays off because it changes numbers. ``error_model="numpy"`` omits the tests for division by zero, which
+    slow loops down. ``nogil`` lets searches run in threads. numba compiles a function again after an edit of its own
+    file, but not after an edit of the file of a callee or a constant. The name of the folder is therefore a digest of
+    ``core``, of the modules beside the function, and of those beside the compiled functions that its module imports:
+    callees and constants come from these only.
+    """
+    beside = sorted(path for folder in _folders(function, {}) for path in folder.glob("*.py"))
+    folder = disk.folder_of(f"numba-{code_key(sources=beside)}")
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(folder)
+    try:
+        return numba.njit(cache=folder is not None, **FLAGS)(function)  # type: ignore[no-any-return]
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def generic(function: Function) -> Function:
+    """Compile ``function``, a closure of compiled functions, with each of its callers, in whose machine code it is."""
+    return numba.njit(**FLAGS)(function)  # type: ignore[no-any-return]
+
+
+def _folders(function: Callable[..., Any], found: dict[Path, None]) -> dict[Path, None]:
+    """Add the folders of a function and of all compiled functions that its module and theirs know to ``found``."""
+    found[Path(function.__code__.co_filename).parent] = None
+    for callee in function.__globals__.values():
+        if isinstance(callee, Dispatcher) and Path(callee.py_func.__code__.co_filename).parent not in found:
+            _folders(callee.py_func, found)
+    return found

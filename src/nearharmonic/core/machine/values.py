@@ -2,16 +2,260 @@
 
 An operation on :class:`LLVMValue`, :class:`LLVMBits` or :class:`LLVMMask` is one instruction of the function that is
 being built. A Python number beside one of them is the same in every lane.
+
+LLVM operations on reals and points, for given numbers of coordinates and lanes.
+
+Compiled loops (:mod:`nearharmonic.core.machine.reals`) call them by names that tell their operands, as in
+``nearharmonic.fma.RPP``: R is a real, P a point, S the points of the stages of an implicit method, D a double that is
+the same in every lane, C the parameters, I an integer, A an array of doubles. A result may also be B, a truth value, or
+V, none. An operation is one instruction per coordinate, rounded once, for any number of lanes.
+
+A coordinate of S is one vector of ``stages * lanes`` doubles: all lanes of the first stage, of the second, and so on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from llvmlite import ir
 
-from nearharmonic.core.machine.operations import DOUBLE, INDEX, intrinsic
+from nearharmonic.core.layout import Signature
+
+PREFIX = "nearharmonic."
+DOUBLE, INDEX, TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
+#: Address spaces of pointers that replace a real, a point, the parameters and the points of stages until loops are
+#: linked. LLVM does not change such pointers, as they point to nothing.
+PLACEHOLDERS = {"R": 1001, "P": 1002, "C": 1003, "S": 1004}
+#: LLVM types of the numbers of a :class:`nearharmonic.core.layout.Signature`.
+SCALARS: dict[str, ir.Type] = {"int64": INDEX, "float64": DOUBLE, "bool": ir.IntType(8)}
+
+
+def argument_types(signature: Signature) -> list[ir.Type]:
+    """Types of the arguments of a C function; an array is the address of its first number, followed by its lengths."""
+    found: list[ir.Type] = []
+    for argument in signature.arguments:
+        kind = SCALARS[argument.scalar]
+        found += [kind.as_pointer(), *[INDEX] * argument.dimensions] if argument.dimensions else [kind]
+    return found
+
+
+def result_type(signature: Signature) -> ir.Type:
+    """Type of the result of a C function."""
+    return SCALARS[signature.result] if signature.result else ir.VoidType()
+
+
+def intrinsic(name: str) -> Callable[..., ir.Value]:
+    """Return a writer of a call of an intrinsic function of LLVM."""
+
+    def emit(builder: ir.IRBuilder, *values: ir.Value) -> ir.Value:
+        kind, module = values[0].type, builder.module
+        symbol = f"llvm.{name}.v{kind.count}f64" if isinstance(kind, ir.VectorType) else f"llvm.{name}.f64"
+        known = module.globals.get(symbol) or ir.Function(module, ir.FunctionType(kind, [kind] * len(values)), symbol)
+        return builder.call(known, values)
+
+    return emit
+
+
+def _zero(kind: ir.Type) -> ir.Constant:
+    return ir.Constant(kind, [0.0] * kind.count if isinstance(kind, ir.VectorType) else 0.0)
+
+
+def _where(relation: str) -> Callable[..., ir.Value]:
+    return lambda b, x, y, yes, no: b.select(b.fcmp_ordered(relation, x, y), yes, no)
+
+
+#: Operations on one coordinate.
+ELEMENTWISE: dict[str, Callable[..., ir.Value]] = {
+    "add": lambda b, x, y: b.fadd(x, y),
+    "sub": lambda b, x, y: b.fsub(x, y),
+    "mul": lambda b, x, y: b.fmul(x, y),
+    "neg": lambda b, x: b.fneg(x),
+    "fma": intrinsic("fma"),
+    "absolute": intrinsic("fabs"),
+    "larger": lambda b, x, y: _where(">")(b, x, y, x, y),
+    "where_greater": _where(">"),
+    "where_zero": lambda b, x, yes, no: _where("==")(b, x, _zero(x.type), yes, no),
+}
+#: Comparisons of a real with another in one lane; over all lanes.
+ALL: dict[str, Callable[..., ir.Value]] = {
+    "all_within": lambda b, x, y: b.not_(b.fcmp_unordered(">", x, y)),
+    "all_greater": lambda b, x, y: b.fcmp_ordered(">", x, y),
+    "all_zero": lambda b, x: b.fcmp_ordered("==", x, _zero(x.type)),
+}
+
+
+@dataclass(frozen=True)
+class Kinds:
+    """Types of LLVM by their letters."""
+
+    dimension: int
+    parameters: int
+    lanes: int
+    block: int = 0  # coordinates of a point that are neighbours in memory; 0: all coordinates, one by one
+    stages: int = 1  # of an implicit method
+
+    @property
+    def real(self) -> ir.Type:
+        return DOUBLE if self.lanes == 1 else ir.VectorType(DOUBLE, self.lanes)
+
+    def of(self, letter: str) -> ir.Type:
+        """Type for a letter."""
+        if letter == "S":  # of one coordinate where states are in memory
+            count = 1 if self.block else self.dimension
+            return ir.LiteralStructType([ir.VectorType(DOUBLE, self.stages * self.lanes)] * count)
+        if letter == "P" and self.block:
+            return ir.LiteralStructType([ir.VectorType(DOUBLE, self.block)])
+        points = {"P": self.dimension, "C": self.parameters, "R": 1}
+        if letter in points:
+            return ir.LiteralStructType([self.real] * points[letter])
+        return {"D": DOUBLE, "I": INDEX, "A": DOUBLE.as_pointer(), "B": TRUTH, "V": ir.VoidType()}[letter]
+
+
+def define(module: ir.Module, symbol: str, kinds: Kinds, result: str) -> None:
+    """Define the operation of this name in a module."""
+    _, name, letters = symbol.split(".")
+    function = declare(module, symbol, [kinds.of(letter) for letter in letters], kinds.of(result))
+    builder = ir.IRBuilder(function.append_basic_block())
+    values = dict(enumerate(function.args))
+    if name in ELEMENTWISE:
+        kind = kinds.of(result)
+        columns = [_coordinates(builder, x, kind) for x in function.args]
+        builder.ret(packed(builder, [ELEMENTWISE[name](builder, *c) for c in zip(*columns, strict=True)], kind))
+    elif name in ALL:
+        found = ALL[name](builder, *(builder.extract_value(x, 0) for x in function.args))
+        if kinds.lanes > 1:
+            bits = builder.bitcast(found, ir.IntType(kinds.lanes))
+            found = builder.icmp_unsigned("==", bits, ir.Constant(bits.type, (1 << kinds.lanes) - 1))
+        builder.ret(found)
+    elif name == "largest_modulus":
+        kind = kinds.of(letters)
+        found = _zero(kind.elements[0])
+        for x in _coordinates(builder, function.args[0], kind):
+            found = ELEMENTWISE["larger"](builder, ELEMENTWISE["absolute"](builder, x), found)
+        if letters == "S":
+            found = folded(builder, found, kinds, ELEMENTWISE["larger"])
+        builder.ret(packed(builder, [found], kinds.of("R")))
+    elif name.startswith("load"):
+        stages = None
+        if result == "S":
+            stages = [i * kinds.stages for i in range(len(kinds.of("S").elements))]
+        write_load(builder, values[0], values[1], kinds, kinds.of(result), stages)
+    elif name.startswith("store"):
+        apart = kinds.stages if letters[2] == "S" else 1
+        _write_store(builder, values[0], values[1], values[2], kinds, apart, rest=name == "store_rest")
+
+
+def declare(module: ir.Module, symbol: str, kinds: Sequence[ir.Type], result: ir.Type) -> ir.Function:
+    """Return a new function that is always inlined."""
+    function = ir.Function(module, ir.FunctionType(result, kinds), symbol)
+    function.attributes.add("alwaysinline")
+    function.attributes.add("nounwind")
+    return function
+
+
+def _coordinates(builder: ir.IRBuilder, value: ir.Value, kind: ir.Type) -> list[ir.Value]:
+    """The coordinates of a value; a single number is repeated for each coordinate of a value of ``kind``."""
+    numbers = (
+        [value] if value.type == DOUBLE else [builder.extract_value(value, i) for i in range(len(value.type.elements))]
+    )
+    element = kind.elements[0]
+    found = [x if x.type == element else in_every_lane(builder, x, element) for x in numbers]
+    return found * len(kind.elements) if len(found) == 1 else found
+
+
+def in_every_lane(builder: ir.IRBuilder, x: ir.Value, vector: ir.Type) -> ir.Value:
+    """A double in every lane, or a number of each lane in every stage."""
+    if isinstance(x.type, ir.VectorType):
+        return shuffled(builder, x, [i % x.type.count for i in range(vector.count)])
+    first = builder.insert_element(ir.Constant(vector, ir.Undefined), x, ir.IntType(32)(0))
+    return shuffled(builder, first, [0] * vector.count)
+
+
+def shuffled(builder: ir.IRBuilder, x: ir.Value, places: Sequence[int]) -> ir.Value:
+    """A vector of the elements of ``x`` at these places."""
+    mask = ir.Constant(ir.VectorType(ir.IntType(32), len(places)), list(places))
+    return builder.shuffle_vector(x, ir.Constant(x.type, ir.Undefined), mask)
+
+
+def stage(builder: ir.IRBuilder, x: ir.Value, j: int, kinds: Kinds) -> ir.Value:
+    """The number in each lane of stage ``j``."""
+    if kinds.lanes == 1:
+        return builder.extract_element(x, ir.IntType(32)(j))
+    return shuffled(builder, x, range(j * kinds.lanes, (j + 1) * kinds.lanes))
+
+
+def folded(builder: ir.IRBuilder, x: ir.Value, kinds: Kinds, combine: Callable[..., ir.Value]) -> ir.Value:
+    """The numbers of all stages combined, in each lane: halves with halves, or one stage after the other."""
+    if kinds.stages % 2 == 0 and kinds.stages > 2:
+        middle = kinds.stages // 2 * kinds.lanes
+        halves = (shuffled(builder, x, range(at, at + middle)) for at in (0, middle))
+        return folded(builder, combine(builder, *halves), replace(kinds, stages=kinds.stages // 2), combine)
+    found = stage(builder, x, 0, kinds)
+    for j in range(1, kinds.stages):
+        found = combine(builder, found, stage(builder, x, j, kinds))
+    return found
+
+
+def packed(builder: ir.IRBuilder, numbers: Any, kind: ir.Type) -> ir.Value:
+    """Pack a number, or nested sequences of numbers, into a value of this type."""
+    if isinstance(numbers, ir.Value):
+        return numbers
+    value = ir.Constant(kind, ir.Undefined)
+    members = [kind.element] * kind.count if isinstance(kind, ir.ArrayType) else kind.elements
+    for i, (number, member) in enumerate(zip(numbers, members, strict=True)):
+        value = builder.insert_value(value, packed(builder, number, member), i)
+    return value
+
+
+def _place(
+    builder: ir.IRBuilder, array: ir.Value, row: ir.Value, behind: int, kinds: Kinds, element: ir.Type
+) -> ir.Value:
+    first = builder.mul(builder.add(row, INDEX(behind)), INDEX(kinds.lanes))
+    return builder.bitcast(builder.gep(array, [first]), element.as_pointer())
+
+
+def write_load(
+    builder: ir.IRBuilder,
+    array: ir.Value,
+    row: ir.Value,
+    kinds: Kinds,
+    kind: ir.Type,
+    rows: Sequence[int] | None = None,
+) -> None:
+    """Return the numbers in the rows from ``row`` on, or in the rows ``row`` + ``rows``."""
+    found = []
+    for behind, element in zip(range(len(kind.elements)) if rows is None else rows, kind.elements, strict=True):
+        found.append(loaded(builder, array, builder.add(row, INDEX(behind)), kinds, element))
+    builder.ret(packed(builder, found, kind))
+
+
+def loaded(builder: ir.IRBuilder, array: ir.Value, row: ir.Value, kinds: Kinds, element: ir.Type) -> ir.Value:
+    """A number of this type that begins at a row."""
+    found = builder.load(_place(builder, array, row, 0, kinds, element))
+    found.align = 8
+    return found
+
+
+def _write_store(
+    builder: ir.IRBuilder, array: ir.Value, row: ir.Value, value: ir.Value, kinds: Kinds, apart: int, *, rest: bool
+) -> None:
+    """Store a value in rows, coordinates so many rows ``apart``, or only the coordinates behind the last full block."""
+    numbers = [builder.extract_value(value, i) for i in range(len(value.type.elements))]
+    if rest:
+        numbers = [builder.extract_element(numbers[0], ir.IntType(32)(i)) for i in range(kinds.dimension % kinds.block)]
+    for i, x in enumerate(numbers):
+        builder.store(x, _place(builder, array, row, i * apart, kinds, x.type)).align = 8
+    builder.ret_void()
+
+
+def write_numbers(module: ir.Module, numbers: Mapping[str, int]) -> None:
+    """Define functions that return integers."""
+    for name, number in numbers.items():
+        function = declare(module, f"{PREFIX}{name}", [], INDEX)
+        ir.IRBuilder(function.append_basic_block()).ret(INDEX(int(number)))
+
 
 Kind = TypeVar("Kind", bound="_Emitted")
 #: A method of a value and another, or a Python number.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from nearharmonic.exchange.coefficients import Coefficients
+from nearharmonic.exchange.method import Coefficients
 
 
 def document(coefficients: Coefficients) -> dict[str, Any]:

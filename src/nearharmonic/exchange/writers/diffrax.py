@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from string import Template
 
-from nearharmonic.exchange.coefficients import Coefficients
-from nearharmonic.exchange.description import head, names, remarks_of_python
+from nearharmonic.exchange.method import Coefficients, head, names, remarks_of_python
 
 TERMS = (
     "diffrax: the terms are a pair (velocity, force), the state is a pair (q, p): velocity(t, p, args) is dT/dp and "

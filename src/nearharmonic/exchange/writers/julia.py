@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from string import Template
 
-from nearharmonic.exchange.coefficients import DOUBLE_DIGITS, Coefficients
-from nearharmonic.exchange.description import head, names
+from nearharmonic.exchange.method import COEFFICIENTS_DOUBLE_DIGITS as DOUBLE_DIGITS
+from nearharmonic.exchange.method import Coefficients, head, names
 
 BIG = "More than 17 digits are for BigFloat, which holds 77 of them unless setprecision says otherwise."
 

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from string import Template
 
-from nearharmonic.exchange.coefficients import Coefficients
-from nearharmonic.exchange.description import head, names, remarks_of_python
+from nearharmonic.exchange.method import Coefficients, head, names, remarks_of_python
 
 VELOCITIES = (
     "REBOUND: q are positions and p velocities, T is quadratic, and a kick is v += c dt a with REBOUND's forces."

@@ -10,8 +10,7 @@ from __future__ import annotations
 from decimal import Decimal
 from string import Template
 
-from nearharmonic.exchange.coefficients import Coefficients
-from nearharmonic.exchange.description import elements, head, identifier
+from nearharmonic.exchange.method import Coefficients, elements, head, identifier
 from nearharmonic.integrators.tableau import Row
 
 STAGES = (

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from nearharmonic.reproduction.claims.claim import Decision, either, finding
-from nearharmonic.reproduction.claims.results import Results
+from nearharmonic_paper.claims.claim import Decision, either, finding
+from nearharmonic_paper.claims.results import Results
 
 
 @finding(

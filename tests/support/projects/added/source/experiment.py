@@ -1,8 +1,8 @@
 """Declaration of an experiment that a test adds to a copy of the project."""
 
-from nearharmonic.reproduction.experiments.added.settings import AddedSettings
+from nearharmonic_paper.experiments.added.settings import AddedSettings
 
-from nearharmonic.reproduction.tasks.experiment import Experiment
+from nearharmonic_paper.tasks.experiment import Experiment
 
 EXPERIMENT = Experiment(
     name="added",

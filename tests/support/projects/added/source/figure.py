@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from nearharmonic.plotting.style import method_handles, new_figure, style_of
-from nearharmonic.reproduction.tasks.declarations import figure
+from nearharmonic_paper.tasks.declarations import figure
 
 
 @figure(cube="added", caption="Energy error of the oscillator after one step. Against the step size, each method.")

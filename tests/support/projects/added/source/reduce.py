@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from nearharmonic.reproduction.experiments.added.reductions import reduction
-from nearharmonic.reproduction.experiments.added.settings import AddedSettings
+from nearharmonic_paper.experiments.added.reductions import reduction
+from nearharmonic_paper.experiments.added.settings import AddedSettings
 
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table

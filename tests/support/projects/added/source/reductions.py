@@ -5,7 +5,7 @@ from __future__ import annotations
 import xarray as xr
 
 from nearharmonic.output.dataset import described
-from nearharmonic.reproduction.tasks.reduction import Reductions
+from nearharmonic_paper.tasks.reduction import Reductions
 
 reduction = Reductions()
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import zip_longest
 
 import numpy as np
-from nearharmonic.reproduction.experiments.added.settings import AddedSettings
+from nearharmonic_paper.experiments.added.settings import AddedSettings
 
 from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import Contents, coordinate, method_coordinates, variable

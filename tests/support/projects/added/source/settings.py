@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from nearharmonic.reproduction.entries import STRICT, setting, whole_from
+from nearharmonic_paper.entries import STRICT, setting, whole_from
 
 
 @dataclass(frozen=True, kw_only=True)

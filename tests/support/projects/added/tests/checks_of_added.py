@@ -5,9 +5,9 @@ from __future__ import annotations
 from fractions import Fraction
 
 import pytest
-from nearharmonic.reproduction.experiments.added.reductions import reduction
-from nearharmonic.reproduction.experiments.added.run import measure
-from nearharmonic.reproduction.experiments.added.settings import AddedSettings
+from nearharmonic_paper.experiments.added.reductions import reduction
+from nearharmonic_paper.experiments.added.run import measure
+from nearharmonic_paper.experiments.added.settings import AddedSettings
 
 from nearharmonic.output.dataset import assembled
 

@@ -1,1 +1,0 @@
-"""A single step for functions of numba."""

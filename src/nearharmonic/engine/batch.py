@@ -1,0 +1,359 @@
+"""Many runs of one system and one tableau through the compiled kernel: exact settings in, numpy arrays out.
+
+Runs of processed methods: the start by the inverse processor, steps of the kernel, each sample by the processor.
+
+The energy is that of the processed states, and is measured at the samples.
+
+Runs of regularised systems: equal steps of a fictitious time, samples that land on physical times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from functools import cache
+from math import isnan, nan
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nearharmonic.core.layout import COUNTERS, EVERY_STEP, ITERATIONS, LOOKS, NEVER, SAMPLES, running_rows
+from nearharmonic.engine import execution
+from nearharmonic.engine.execution import Batch, Trajectories, filled, surface_limit, trajectories_of
+from nearharmonic.engine.kernels import STANDARD, cost_of, kernel_of, physics_of, with_lanes
+from nearharmonic.engine.numbers import moves_of, parameters_at_run_time, standard_parameters, standard_start
+from nearharmonic.engine.settings import Numerics, check_fit
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators.composition import Composition
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.portable import Floats, Integers
+from nearharmonic.systems.remembered import remembered
+from nearharmonic.systems.system import System
+
+if TYPE_CHECKING:
+    from nearharmonic.core.machine.native import PreparedCall
+
+
+def processed_call(
+    batch: Batch, kernel: Batch, first: Batch, last: Batch, reference: tuple[float, float]
+) -> Callable[[], None]:
+    """Return a call of the three batches of a processed method, which fills the arrays of ``batch``.
+
+    Parameters
+    ----------
+    batch : Batch
+        R runs; its moves are those of the kernel, of the inverse processor and of the processor, one behind the other.
+    kernel, first, last : Batch
+        Runs of the kernel, of the inverse processor from each start, and of the processor from each sample.
+    reference : pair of float
+        H0 for all runs, in place of the energy of each start.
+    """
+    parts = kernel, first, last
+    given = np.split(batch.moves, np.cumsum([part.moves.shape[1] for part in parts[:-1]]), axis=1)
+    inner, before, behind = (part.filled for part in parts)
+    marks, states, (error, worst, total), energy, running, _ = batch.filled
+
+    def call() -> None:
+        for part, moves in zip(parts, given, strict=True):
+            part.moves[:] = moves
+        first.start[:] = batch.start
+        first.clear()
+        first.call()
+        kernel.start[:] = before.states[:, 1]
+        kernel.results.fill(np.nan)
+        kernel.call()
+        last.start[:] = inner.states.reshape(last.start.shape)
+        if len(batch.parameters) > 1:  # one row is shared by all batches
+            last.parameters[:] = np.repeat(batch.parameters, marks.shape[1], axis=0)
+        last.clear()
+        last.call()
+        states[:] = behind.states[:, 1].reshape(states.shape)
+        states[:, 0] = batch.start
+        running[:] = inner.running
+        measure()
+
+    def measure() -> None:
+        """Measure the energies of processed states."""
+        energy[:] = before.energy if isnan(reference[0]) else reference
+        high, low = (behind.energy[:, k].reshape(marks.shape) - energy[:, k, None] for k in (0, 1))
+        error[:] = (high + low) + behind.blocks[0, :, 1].reshape(error.shape)
+        start = before.energy - energy
+        error[:, 0] = start[:, 0] + start[:, 1]
+        worst[:] = np.abs(error)
+        total[:] = np.where(marks > 0, worst, 0.0)
+        worst[:, 0] = 0.0
+
+    return call
+
+
+@remembered
+def landing_of(system: System, numerics: Numerics, stages: int = 0) -> Callable[..., PreparedCall]:
+    """Return a function that prepares calls of the compiled runs of ``system``, cached on disk.
+
+    ``stages`` is the number of stages of a collocation method, or 0.
+    """
+    from nearharmonic.core.loops.kernel import build_landing
+
+    return build_landing(
+        physics_of(system, stages=stages),
+        system.formulas().regularised,
+        extended=numerics.precision == "extended",
+        compensated=numerics.compensated,
+        energy=numerics.energy,
+    )
+
+
+@remembered
+def unperturbed(system: System) -> System:
+    """Return ``system`` without its perturbation: an oscillator, whose forces are cheap."""
+    assert system.regularisation is not None
+    return replace(system, regularisation=replace(system.regularisation, perturbation=None))
+
+
+def landing_call(
+    system: System, numerics: Numerics, stages: int, parameters: Floats, arguments: tuple[Any, ...]
+) -> Callable[[], None]:
+    """Return a call of the runs of a regularised system: with the perturbation, or without it if its strength is 0.
+
+    Parameters
+    ----------
+    system, numerics
+        Regularised system, and arithmetic.
+    stages : int
+        Stages of a collocation method; 0 for a splitting method.
+    parameters : (R or 1, 2 P) array of float
+        Parameters of the runs, which may change from call to call.
+    arguments : tuple
+        Arguments of the function that :func:`nearharmonic.core.loops.kernel.build_landing` returns.
+    """
+    strength = None if system.regularisation is None else system.regularisation.strength
+    place = None if strength is None else 2 * list(system.parameters).index(strength)
+
+    @cache
+    def prepared(perturbed: bool) -> PreparedCall:
+        return landing_of(system if perturbed else unperturbed(system), numerics.compiled, stages)(*arguments)
+
+    def call() -> None:
+        prepared(place is None or bool(parameters[:, place].any()))()
+
+    return call
+
+
+def check_bound(system: System, start: Floats, parameters: Floats) -> None:
+    """Raise an error for starts of a regularised system whose orbit is not bound.
+
+    Parameters
+    ----------
+    system : System
+        Of d coordinates; nothing is refused if it is not regularised.
+    start : (R, 4 d) array of float
+        Initial states.
+    parameters : (R or 1, 2 P) array of float
+        Parameters, as pairs.
+
+    Raises
+    ------
+    SettingError
+        An energy that is not below 0.
+    """
+    if system.regularisation is None:
+        return
+    rows = start.reshape(len(start), 4, -1)
+    with np.errstate(all="ignore"):
+        H = np.broadcast_to(system.energy(tuple(rows[:, 0].T), tuple(rows[:, 2].T), list(parameters.T[::2])), len(rows))
+    (wrong,) = np.nonzero(~(H < 0))
+    if wrong.size:
+        q0, p0 = (rows[wrong[0], k].tolist() for k in (0, 2))
+        what = f"a state of {system.name} with an energy below 0, on a bound orbit; its energy is {H[wrong[0]]:g}"
+        raise bad_setting("(q0, p0)", f"({q0}, {p0})", what)
+
+
+def sample_marks(steps: Integers, samples: int) -> Integers:
+    """Return the steps (R, S) at which to sample, first 0 and last ``steps``, padded with -1; S is 2 or more.
+
+    Parameters
+    ----------
+    steps : (R,) array of int
+        Steps of each run.
+    samples : int
+        Most samples of a run; they are as evenly spaced as whole steps allow.
+    """
+    width = max(2, min(samples, int(steps.max()) + 1))
+    if width == 2:  # as for every sweep
+        marks = np.zeros((steps.size, 2), np.int64)
+        marks[:, 1] = steps
+        return marks
+    index, last = np.arange(width, dtype=np.int64), np.minimum(steps + 1, width)[:, None] - 1
+    return np.where(index <= last, index * steps[:, None] // np.maximum(last, 1), -1)
+
+
+def single_steps(runs: int) -> Integers:
+    """Return the marks (R, 2) of runs of one step."""
+    return np.tile(np.array([[0, 1]]), (runs, 1))
+
+
+def prepared_batch(
+    system: System,
+    step: Composition,
+    numerics: Numerics,
+    *,
+    marks: Integers,
+    scheme: Integers,
+    moves: Floats,
+    start: Floats,
+    parameters: Floats,
+    scale: float = 0.0,
+    reference: tuple[float, float] = (nan, nan),
+    resumed: Floats | None = None,
+    own_frequencies: bool = True,
+) -> Batch:
+    """Return a batch that is ready to run.
+
+    Parameters
+    ----------
+    system, step, numerics
+        Problem, method, or a single composition of one, and arithmetic.
+    marks, scheme, moves, start, parameters
+        Arrays that :class:`Batch` describes.
+    scale : float
+        Energy that errors are relative to; 0 for |H0|, or for the unit of energy where H0 = 0.
+    reference : pair of float
+        H0 for all runs, high and low half, in place of the energy of each start.
+    resumed : (R, 5 D) array of float, optional
+        Running states of runs that go on from ``start`` with the same moves.
+    own_frequencies : bool
+        False if ``moves`` solve oscillators of other frequencies than the system's, those of each run's parameters.
+    """
+    if isinstance(step, Tableau) and step.processed:
+        return _prepared_processed(
+            system, step, numerics, marks=marks, scheme=scheme, moves=moves, start=start, parameters=parameters,
+            scale=scale, reference=reference, resumed=resumed,
+        )  # fmt: skip
+    cost = step.stages * cost_of(system, numerics.compiled, **step.kernel_options)
+    runs, d, stages = len(marks), start.shape[1] // 4, step.stages if step.implicit else 0
+    left_at, control = np.zeros(runs, np.int64), execution.control()
+    results = np.empty((4 * d + 3) * marks.size + (2 + running_rows(d, stages)) * runs)
+    parts = filled(marks, results, left_at, d)
+    front = measured(numerics), np.argsort(-marks.max(axis=1), kind="stable"), marks, scheme, start
+    behind = (
+        surface_limit(system, scale), scale, np.array(reference), numerics.look or execution.stretch(cost),
+        step.moves_per_step, step.first_same_as_last, moves, control, parts.states, *parts.blocks, parts.energy,
+        parts.running, left_at,
+    )  # fmt: skip
+    call: Callable[[], object]
+    if system.regularisation is not None:
+        call = landing_call(system, numerics, stages, parameters, (*front, parameters, *behind))
+    else:
+        parameters = parameters_at_run_time(system, numerics, parameters, own_frequencies=own_frequencies)
+        resumed = np.empty((0, running_rows(d, stages))) if resumed is None else resumed.copy()
+        if stages:  # iterations count from the start of a run
+            resumed[:, ITERATIONS - COUNTERS] = 0.0
+        kernel = kernel_of(system, numerics.compiled, **step.kernel_options)
+        call = kernel.prepared(*front, resumed, parameters, *behind)
+    return Batch(
+        numerics=numerics, marks=marks, scheme=scheme, start=start, parameters=parameters, moves=moves,
+        results=results, left_at=left_at, control=control, call=call, cost=cost,
+    )  # fmt: skip
+
+
+def _prepared_processed(
+    system: System, tableau: Tableau, numerics: Numerics, *, moves: Floats, start: Floats, parameters: Floats,
+    marks: Integers, scheme: Integers, reference: tuple[float, float], **given: Any,
+) -> Batch:  # fmt: skip
+    """Return the batch of a processed method: the kernel starts from the inverse-processed state."""
+    numerics = replace(numerics, look=None, energy="none" if numerics.energy == "none" else "samples")
+
+    def part(step: Composition, members: Integers | slice, marks: Integers, **given: Any) -> Batch:
+        rows = np.empty((len(moves), step.stages + 2, moves.shape[2]))
+        shared = parameters if len(parameters) == 1 else parameters[members]
+        return prepared_batch(
+            system, step, numerics, marks=marks, scheme=scheme[members], moves=rows, start=start[members].copy(),
+            parameters=shared, **given,
+        )  # fmt: skip
+
+    every, each = slice(None), np.repeat(np.arange(len(marks)), marks.shape[1])
+    step, before, behind = tableau.compositions
+    kernel = part(step, every, marks, **given)
+    first = part(before, every, single_steps(len(marks)))
+    last = part(behind, each, single_steps(each.size))
+    batch = replace(kernel, moves=moves, start=start.copy(), results=np.empty_like(kernel.results))
+    return replace(batch, call=processed_call(batch, kernel, first, last, reference))
+
+
+def integrate_batch(
+    system: System,
+    tableau: Tableau,
+    *,
+    t_end: Fraction,
+    steps: Sequence[int] | Integers,
+    samples: int,
+    numerics: Numerics = STANDARD,
+    start: Floats | None = None,
+    parameters: Floats | None = None,
+    marks: Integers | None = None,
+    scale: float = 0.0,
+    reference: tuple[float, float] = (nan, nan),
+    resumed: Floats | None = None,
+) -> Trajectories:
+    """Integrate R runs over [0, t_end], run i in ``steps[i]`` equal steps.
+
+    Parameters
+    ----------
+    system, tableau, numerics, scale, reference, resumed
+        As for :func:`prepared_batch`.
+    t_end : Fraction
+        End of the interval; negative to run backwards.
+    steps : (R,) sequence of int
+        Steps of each run.
+    samples : int
+        Most samples of a run; a single one is the end.
+    start : (R or 1, 4 d) array of float, optional
+        Initial states in place of the system's own, laid out as by
+        :func:`nearharmonic.engine.numbers.start_row`.
+    parameters : (R or 1, 2 P) array of float, optional
+        Parameters in place of the system's own, laid out as by
+        :func:`nearharmonic.engine.numbers.parameter_row`.
+    marks : (R, S) array of int, optional
+        Steps at which to sample in place of ``samples``: as :func:`sample_marks` returns them.
+
+    Raises
+    ------
+    SettingError
+        The system has no kernel for kicks of a modified potential.
+    KeyboardInterrupt
+        Ctrl-C, within a fraction of a second.
+    """
+    if tableau.modified:
+        check_fit(system, tableau, numerics.split, "tableau")
+    count = np.asarray(steps, dtype=np.int64)
+    distinct, scheme = _distinct(count)
+    first = standard_start(system, not numerics.compensated) if start is None else start
+    rows = np.empty((count.size, first.shape[-1]))
+    rows[:] = first
+    numerics = with_lanes(numerics, count, system, tableau)
+    taus = [t_end / n for n in distinct]
+    batch = prepared_batch(
+        system, tableau, numerics, marks=sample_marks(count, samples) if marks is None else marks, scheme=scheme,
+        moves=moves_of(system, tableau, taus, numerics), start=rows,
+        parameters=standard_parameters(system)[None, :] if parameters is None else parameters,
+        scale=scale, reference=reference, resumed=resumed,
+    )  # fmt: skip
+    batch.run()
+    only_end = samples == 1 and marks is None
+    return trajectories_of(system, tableau, count, batch.filled.without_start(only_end), numerics, scale)
+
+
+def measured(numerics: Numerics) -> int:
+    """Return when the kernel measures the energy, as :data:`nearharmonic.core.layout.RUN` has it."""
+    if numerics.energy == "samples":
+        return SAMPLES if numerics.look is None else LOOKS
+    return EVERY_STEP if numerics.energy == "every" else NEVER
+
+
+def _distinct(count: Integers) -> tuple[list[int], Integers]:
+    """The different numbers of steps, ascending, and the place of each run's among them."""
+    if count.size == 1:  # sorting takes longer than a short run
+        return count.tolist(), np.zeros(1, np.int64)
+    distinct, where = np.unique(count, return_inverse=True)
+    return distinct.tolist(), where.astype(np.int64).reshape(-1)

@@ -1,0 +1,420 @@
+"""Trajectories as described variables and Datasets: names, units, observables and invariants.
+
+States at times that the caller chooses: those between two steps by one shorter step from the step before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from sys import float_info
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from nearharmonic.engine import invariants
+from nearharmonic.engine.batch import single_steps
+from nearharmonic.engine.execution import Trajectories, energy_unit
+from nearharmonic.engine.numbers import exact, list_of
+from nearharmonic.engine.settings import MOST_SAMPLES
+from nearharmonic.engine.setup import Setup, Start, end_digest, moves_digest
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators import integrators
+from nearharmonic.numerics.portable import Bools, Floats, Integers
+from nearharmonic.output.dataset import Variable, Variables, assembled, described, flags
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+#: Extent of a block of steps.
+SINCE = "since the previous sample"
+#: Words for the end of a run. A plan skips runs; no integration returns that word.
+STATUSES = ("ok", "diverged", "skipped")
+STATUS = "ok; diverged: the run left its energy surface; skipped: the plan left the run out (tables/skipped.csv)"
+#: One more for runs of implicit methods, and what it means.
+UNSOLVED, NOT_SOLVED = "not_converged", "not_converged: the iteration of an implicit step did not converge"
+
+
+def error_variables(paths: Trajectories, problem: Setup) -> Variables:
+    """Return errors, steps, evaluations and status of runs over tau_per_stage."""
+    scale, unit = energy_scale(paths, problem)
+    over = {"every": "over every step, inf if diverged", "samples": "over the samples, inf if diverged"}
+    what = f"|H - H0|{scale} {over.get(problem.numerics.energy, 'was not asked for')}"
+    made = paths.steps if problem.system.regularisation is None else paths.done
+    return over_runs({
+        "max_energy_error": (paths.max_energy_error, f"maximum of {what}", unit),
+        "mean_energy_error": (paths.mean_energy_error, f"mean of {what}", unit),
+        "steps": (made, "steps that cover [0, t_end]", "1"),
+        "evaluations": (paths.evaluations, "force evaluations made", "1"),
+    }) | {
+        "status": status_variable("tau_per_stage", problem, paths.left_at, paths.unsolved),
+    } | over_runs({
+        "diverged_at": (paths.left_at, "step at which the run left its energy surface, 0 if it did not", "1"),
+    })  # fmt: skip
+
+
+def status_variable(dimension: str, problem: Setup, left_at: Integers, unsolved: Bools) -> Variable:
+    """Return how runs ended, from the steps at which they left, or 0, and where an implicit step was not solved."""
+    words, meaning = list(STATUSES), STATUS
+    if problem.tableau.implicit:
+        words, meaning = [*words, UNSOLVED], f"{meaning}; {NOT_SOLVED}"
+    ended = np.where(unsolved, words[-1], np.where(left_at > 0, words[1], words[0]))
+    return flags(dimension, ended, words, meaning)
+
+
+def energy_scale(paths: Trajectories, problem: Setup) -> tuple[str, str]:
+    """Return the divisor of energy errors as text, as in "|H - H0|/|H0|", and their unit.
+
+    The text of a system that depends on time says that its H includes p_t, the momentum conjugate to time.
+    """
+    H = ", H = T + V + p_t," if problem.system.time_dependent else ""
+    if problem.scale != 0:
+        return f"/({problem.scale:g} {problem.system.units['energy']}){H}", "1"
+    unit, none = problem.system.units["energy"], paths.energy == 0
+    if none.all():
+        return H, unit
+    return f"/|H0|{f' (absolute, in {unit}, where H0 = 0)' if none.any() else ''}{H}", "1"
+
+
+def first_run(variables: Variables) -> Variables:
+    """Return the variables of the first run alone, up to the last sample that it reached."""
+    kept = int(np.isfinite(variables["q"][1][0, :, 0]).sum())
+    return {
+        name: (dimensions[1:], values[0, :kept] if "sample" in dimensions else values[0], attributes)
+        for name, (dimensions, values, attributes) in variables.items()
+    }
+
+
+def block_variables(problem: Setup, paths: Trajectories) -> Variables:
+    """Return length, maximum and mean of the blocks of steps before each sample."""
+    length = np.where(paths.marks >= 0, np.diff(paths.marks, axis=1, prepend=0), 0)
+    scale, unit = energy_scale(paths, problem)
+    return over_runs({
+        "block_steps": (length, f"steps {SINCE}", "1"),
+        "block_max_energy_error": (paths.block_max, f"maximum of |H - H0|{scale} {SINCE}", unit),
+        "block_mean_energy_error": (paths.block_mean, f"mean of |H - H0|{scale} {SINCE}", unit),
+    })  # fmt: skip
+
+
+def trajectory_variables(
+    problem: Setup, paths: Trajectories, constants: Sequence[Any], times: Floats | None = None
+) -> Variables:
+    """Return states at the samples, their energy errors, and the system's observables.
+
+    Parameters
+    ----------
+    problem : Setup
+        System of d coordinates, method and settings.
+    paths : Trajectories
+        R runs of S samples.
+    constants : sequence of float or (R, 1) array of float
+        Parameters of the system.
+    times : (S,) or (R, S) array of float, optional
+        Times of the samples, where they are not those of whole steps.
+    """
+    system, d = problem.system, problem.system.dimension
+    units = system.units
+    if times is None:
+        # The sum makes 0 of the -0 with which a run backwards begins.
+        times = np.where(paths.marks >= 0, paths.marks * float(problem.end) / paths.steps[:, None] + 0.0, np.nan)
+    scale, unit = energy_scale(paths, problem)
+    table = {
+        "t": (np.broadcast_to(times, paths.marks.shape), "time", units["t"]),
+        "q": (paths.q[..., :d], "position", units["q"]),
+        "p": (paths.p[..., :d], "momentum", units["p"]),
+        "energy_error": (paths.energy_error, f"(H - H0){scale}".rstrip(","), unit),
+    }
+    if problem.numerics.precision == "extended":
+        table |= low_digits(problem, paths)
+    for name, values in invariants.observable_values(system, paths.q[..., :d], paths.p[..., :d], constants).items():
+        table[name] = values, system.observables[name].meaning, system.observables[name].unit
+    return over_runs(table)
+
+
+def low_digits(problem: Setup, paths: Trajectories) -> dict[str, tuple[Any, str, str]]:
+    """Return the digits below q and p: the low halves of double-doubles, or the carries of compensated sums."""
+    units, d = problem.system.units, problem.system.dimension
+    return {
+        "q_low": (paths.q_low[..., :d], "position, digits below q", units["q"]),
+        "p_low": (paths.p_low[..., :d], "momentum, digits below p", units["p"]),
+    }
+
+
+def clock_variables(problem: Setup, paths: Trajectories) -> Variables:
+    """Return the time as it is integrated and its conjugate momentum, if V depends on time, else nothing."""
+    if not problem.system.time_dependent:
+        return {}
+    energy, t, d = problem.system.units["energy"], problem.system.units["t"], problem.system.dimension
+    time, momentum = "time as it is integrated", "momentum conjugate to time: minus the energy received"
+    return over_runs({
+        "clock": (paths.q[..., d], time, t),
+        "clock_low": (paths.q_low[..., d], f"{time}, digits below", t),
+        "clock_momentum": (paths.p[..., d], momentum, energy),
+        "clock_momentum_low": (paths.p_low[..., d], f"{momentum}, digits below", energy),
+    })  # fmt: skip
+
+
+def invariant_variables(problem: Setup, paths: Trajectories, start: Floats, constants: Sequence[Any]) -> Variables:
+    """Return the invariants at the samples of R runs from the states ``start`` (R or 1, 4 d), and their drifts.
+
+    The parameters ``constants`` of the system are floats or arrays (R, 1).
+    """
+    d = problem.system.dimension
+    state = np.broadcast_to(start, (len(paths.q), start.shape[1])).reshape(len(paths.q), 4, -1)[..., :d]
+    if (kept := np.flatnonzero(paths.left_at == 0)).size:  # a run on its energy surface
+        run = int(kept[0])
+        own = [float(np.broadcast_to(x, (len(paths.q), 1))[run, 0]) for x in constants]
+        invariants.warn_of_changing(problem.system, paths.q[run, :, :d], paths.p[run, :, :d], own)
+    return invariants.invariant_variables(
+        problem.system, paths.q[..., :d], paths.p[..., :d], paths.left_at > 0, constants,
+        start=(state[:, 0], state[:, 2]),
+    )  # fmt: skip
+
+
+def trajectory_dataset(
+    problem: Setup,
+    paths: Trajectories,
+    *,
+    begin: Start,
+    asked: float,
+    times: Floats | None = None,
+) -> xr.Dataset:
+    """Return the first of ``paths``, from ``begin`` with the step ``asked``, as :func:`nearharmonic.integrate` does."""
+    variables = trajectory_variables(problem, paths, begin.constants, times) | error_variables(paths, problem)
+    if problem.numerics.compensated:
+        variables |= over_runs(low_digits(problem, paths))
+    variables |= clock_variables(problem, paths)
+    variables |= invariant_variables(problem, paths, begin.state, begin.constants)
+    variables |= tau_variable(problem, paths) | initial_energy_variables(problem, paths)
+    one, notes = first_run(variables), problem_attributes(problem) | begin.attributes() | {"tau_requested": asked}
+    notes |= problem.floor(begin.state, begin.parameters, paths.energy[:1])
+    ends = times is None or np.ravel(times)[-1] == float(problem.end) + begin.t  # the last sample is the end of the run
+    if ends and paths.running.size:
+        units = problem.system.units
+        what = "state of the last force: position, momentum, the digits below each, and what the next position adds"
+        one["running"] = ("running_component",), paths.running[0], described(what, f"{units['q']}, {units['p']}")
+        notes["moves"] = moves_digest(problem, int(paths.steps[0]))
+        notes["end"] = end_digest(one, notes.get("parameters", ""))
+    return assembled(one, ["t"], notes)
+
+
+def initial_energy_variables(problem: Setup, paths: Trajectories) -> Variables:
+    """Return H0, and the digits below it."""
+    unit = problem.system.units["energy"]
+    return over_runs({
+        "initial_energy": (paths.energy, "energy H0 at the start", unit),
+        "initial_energy_low": (paths.energy_low, "energy H0 at the start, digits below initial_energy", unit),
+    })  # fmt: skip
+
+
+def parameter_variables(problem: Setup, parameters: Floats) -> Variables:
+    """Return parameters (M, 2 P) that differ between members, and the digits below them."""
+    if len(parameters) == 1:
+        return {}
+    low = described("digits below the parameters, in the order of the system", "unknown")
+    return {
+        f"parameter_{name}": (("member",), column, described(parameter.meaning, parameter.unit))
+        for (name, parameter), column in zip(problem.system.parameters.items(), parameters.T[::2], strict=True)
+    } | {"parameters_low": (("member", "parameter"), parameters[:, 1::2], low)}
+
+
+def tau_variable(problem: Setup, paths: Trajectories) -> Variables:
+    """Return the step sizes of runs over tau_per_stage."""
+    notes = described("step size as used, t_end / steps", problem.system.units["t"])
+    return {"tau": (("tau_per_stage",), problem.taus(paths.steps), notes)}
+
+
+def problem_attributes(problem: Setup) -> dict[str, Any]:
+    """Return the attributes of a Dataset: system, method and settings."""
+    notes = {
+        "system": problem.system.name,
+        "integrator": problem.tableau.name,
+        **({} if _has_registered_label(problem.tableau) else {"label": problem.tableau.label}),
+        **({} if problem.tableau.implicit else {"first": problem.tableau.first}),
+        "t_end": problem.t_end,
+        "precision": problem.numerics.precision,
+        "summation": problem.numerics.summation,
+    }
+    if problem.tableau.modified:
+        notes["gradients_per_step"] = str(problem.tableau.gradients)
+    if problem.tableau.processed:
+        notes["processed"] = "states and energies are processed at the samples; evaluations are those of the kernel"
+    if problem.numerics.energy != "every":
+        notes["energy"] = problem.numerics.energy
+    if problem.numerics.exact_oscillator:
+        notes["split"] = problem.numerics.split
+    return notes
+
+
+def _has_registered_label(tableau: Any) -> bool:
+    """Return True if the name of a method tells its label; a method of a user may have a registered name."""
+    return tableau.name in integrators and integrators.entry(tableau.name).label == tableau.label
+
+
+def kernel_in_words(problem: Setup) -> str:
+    """Return the arithmetic of a run in words, as an attribute of its file."""
+    numerics = problem.numerics
+    return ", ".join((
+        "double-double" if numerics.precision == "extended" else "double",
+        f"{'compensated' if numerics.compensated else 'plain'} sums",
+        "implicit" if problem.tableau.implicit else f"{problem.tableau.first} first",
+        *(["oscillator solved exactly"] if numerics.exact_oscillator else []),
+        {"every": "energy at every step", "samples": "energy at the samples", "none": "no energy"}[numerics.energy],
+    ))  # fmt: skip
+
+
+def over(dimension: str, variables: Variables) -> Variables:
+    """Return variables of runs over another first dimension."""
+    return {name: ((dimension, *rest[1:]), values, notes) for name, (rest, values, notes) in variables.items()}
+
+
+def over_runs(table: dict[str, tuple[Any, str, str]]) -> Variables:
+    """Return described variables from (values, meaning, unit), whose first dimension is that of the runs."""
+    dimensions = ("tau_per_stage", "sample", "component")
+    return {name: (dimensions[: v.ndim], v, described(text, unit)) for name, (v, text, unit) in table.items()}
+
+
+def sampled(problem: Setup, steps: Sequence[int], samples: int) -> Variables:
+    """Integrate one run for each of ``steps``, with at most so many samples.
+
+    Returns
+    -------
+    Variables
+        t, q, p, energy_error and the system's observables over (tau_per_stage, sample, component); the maximum, the
+        mean and the number of the steps since the previous sample over (tau_per_stage, sample); tau, steps,
+        evaluations, status and diverged_at over tau_per_stage, which has no coordinate. Runs with fewer samples than
+        the longest are padded: NaN, and 0 steps.
+    """
+    paths = problem.run(steps, samples)
+    path = trajectory_variables(problem, paths, problem.system.constants(float))
+    # The order of variables is that of the files.
+    leading = {name: path.pop(name) for name in ("t", "q", "p", "energy_error")}
+    counts = error_variables(paths, problem)
+    del counts["max_energy_error"], counts["mean_energy_error"]  # reductions of the blocks
+    return {**leading, **block_variables(problem, paths), **path, **counts, **tau_variable(problem, paths)}
+
+
+def checked_times(t: object, problem: Setup) -> list[Fraction]:
+    """Return output times exactly, sorted from 0 towards the end of the interval, which may be negative.
+
+    Floats mean their binary value, and one within a rounding of the end, in its own precision, is the end.
+
+    Raises
+    ------
+    SettingError
+        No list of one dimension, no times, too many, a masked one, one outside the interval, or one before another.
+    """
+    given, end = list_of("t", t, "a list of output times", MOST_SAMPLES), problem.end
+    if not 1 <= len(given) <= MOST_SAMPLES:
+        raise bad_setting("t", f"{len(given)} times", f"from 1 to {MOST_SAMPLES} output times")
+    times = [exact(f"t[{i}]", value) for i, value in enumerate(given)]
+    last = float(end)
+    near = [abs(float(time) - last) <= _rounding(value) * abs(last) for value, time in zip(given, times, strict=True)]
+    times = [end if is_end else time for is_end, time in zip(near, times, strict=True)]
+    sign, before = (1 if end > 0 else -1), Fraction(0)
+    for i, time in enumerate(times):
+        if not 0 <= sign * time <= sign * end:
+            narrow = isinstance(given[i], np.floating) and given[i].dtype.itemsize < 8
+            what = f"; {given[i].dtype} has {np.finfo(given[i].dtype).precision} digits" if narrow else ""
+            raise bad_setting(f"t[{i}]", given[i], f"a time from 0 to t_end = {problem.t_end}{what}")
+        if sign * time < sign * before:
+            raise bad_setting(f"t[{i}]", given[i], "a time not earlier than the time before it")
+        before = time
+    return times
+
+
+def _rounding(value: object) -> float:
+    """Relative rounding of a time of this type; text and fractions have none."""
+    if isinstance(value, np.floating):
+        return float(np.finfo(value.dtype).eps)
+    return float_info.epsilon if isinstance(value, float) else 0.0
+
+
+def run_at(
+    problem: Setup,
+    steps: Sequence[int],
+    times: Sequence[Fraction],
+    *,
+    start: Floats,
+    parameters: Floats,
+    reference: tuple[float, float],
+    resumed: Floats | None = None,
+) -> Trajectories:
+    """Integrate R runs and return their states at K times; blocks between samples are not measured.
+
+    Parameters
+    ----------
+    problem : Setup
+        System of d coordinates, method and settings.
+    steps : (R,) sequence of int
+        Steps of each run.
+    times : (K,) sequence of Fraction
+        Output times, from :func:`checked_times`.
+    start, parameters, reference, resumed
+        As for :func:`nearharmonic.engine.batch.integrate_batch`.
+    """
+    count = np.asarray(steps, np.int64)
+    # Members of an ensemble take equal steps: exact arithmetic, which is slow, is done once for all of them.
+    different, which = np.unique(count, return_inverse=True)
+    exact_before = [[int(time * n / problem.end) for time in times] for n in different.tolist()]
+    rests = [[time - problem.end * k / n for k, time in zip(row, times, strict=True)]
+             for row, n in zip(exact_before, different.tolist(), strict=True)]  # fmt: skip
+    lengths = {rest: i for i, rest in enumerate(dict.fromkeys(rest for row in rests for rest in row if rest))}
+    shorter = np.array([[lengths.get(rest, -1) for rest in row] for row in rests])[which]
+    before = np.array(exact_before, np.int64)[which]
+    marks, where = (rows[which] for rows in _marks(np.array(exact_before, np.int64), different))
+    paths = problem.run(steps, 2, start=start, parameters=parameters, marks=marks, reference=reference, resumed=resumed)
+    rows = np.arange(len(count))[:, None]
+    columns = {name: getattr(paths, name)[rows, where] for name in ("q", "q_low", "p", "p_low", "energy_error")}
+    if lengths:
+        _step_on(problem, paths, columns, shorter, list(lengths), parameters)
+    unknown = np.full(before.shape, np.nan)
+    found = replace(paths, marks=before, block_max=unknown, block_mean=unknown, **columns)
+    return _over_samples(found) if problem.numerics.energy == "samples" else found
+
+
+def _marks(before: Integers, count: Integers) -> tuple[Integers, Integers]:
+    """Steps at which a run has to be sampled, padded with -1, and where among them each of ``before`` is."""
+    rows = [np.unique([0, *row, n]) for row, n in zip(before.tolist(), count.tolist(), strict=True)]
+    marks = np.full((len(rows), max(map(len, rows))), -1, np.int64)
+    for line, row in zip(marks, rows, strict=True):
+        line[: len(row)] = row
+    return marks, np.stack([np.searchsorted(row, wanted) for row, wanted in zip(rows, before, strict=True)])
+
+
+def _step_on(
+    problem: Setup,
+    paths: Trajectories,
+    columns: dict[str, Floats],
+    shorter: Integers,
+    lengths: Sequence[Fraction],
+    parameters: Floats,
+) -> None:
+    """Replace states of the step before by those one shorter step later.
+
+    ``shorter`` (R, K) says which of ``lengths`` that step has, -1 where a state is that of a step itself.
+    """
+    members, samples = np.nonzero(shorter >= 0)
+    first = [columns[name][members, samples] for name in ("q", "q_low", "p", "p_low")]
+    batch = problem.batch(
+        problem.moves(lengths), single_steps(members.size), shorter[members, samples], np.concatenate(first, axis=1),
+        parameters if len(parameters) == 1 else parameters[members],
+    )  # fmt: skip
+    batch.run()
+    found = batch.filled
+    d = first[0].shape[1]
+    for i, name in enumerate(("q", "q_low", "p", "p_low")):
+        columns[name][members, samples] = found.states[:, 1, i * d : (i + 1) * d]
+    gained = (found.energy[:, 0] - paths.energy[members]) + (found.energy[:, 1] - paths.energy_low[members])
+    unit = energy_unit(paths.energy[members], problem.scale)
+    columns["energy_error"][members, samples] = (gained + found.blocks[0, :, 1]) / unit
+
+
+def _over_samples(paths: Trajectories) -> Trajectories:
+    """Dataset with errors over the output times in place of the steps before them."""
+    sizes = np.abs(paths.energy_error)
+    largest, mean = np.fmax.reduce(sizes, axis=1), sizes.mean(axis=1)
+    largest[paths.left_at > 0] = mean[paths.left_at > 0] = np.inf
+    return replace(paths, max_energy_error=largest, mean_energy_error=mean)

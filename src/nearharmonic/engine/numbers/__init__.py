@@ -1,1 +1,0 @@
-"""Exact numbers of a run: coefficients, initial values, moves."""

@@ -1,1 +1,0 @@
-"""User interface of runs: trajectories, sweeps, ensembles, prepared problems, and their datasets."""

@@ -1,1 +1,0 @@
-"""Derivatives of discrete runs: deviations from orbits and their indicators of chaos, and gradients of observables."""

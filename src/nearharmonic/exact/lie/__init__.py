@@ -1,1 +1,0 @@
-"""The Lie algebra of kicks and drifts: brackets, what vanishes, and order conditions."""

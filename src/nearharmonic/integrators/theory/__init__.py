@@ -1,1 +1,0 @@
-"""Proofs about a tableau without integration: error terms, orders, and limits of linear stability."""

@@ -1,0 +1,285 @@
+"""Levenberg-Marquardt iteration, for a number of equations not above that of the unknowns.
+
+An iteration from x subtracts the shortest step that solves the damped equations. With residuals F and their Jacobian J
+the step is J^T (J J^T + damping D)^-1 F, where D is the identity (Levenberg) or the diagonal of J J^T (Marquardt). A
+step that lowers the residuals is accepted, and the damping falls; otherwise the damping rises. Without damping,
+and with every step taken, the iteration is a projection on the solutions by Newton's method.
+
+A problem is two compiled functions: ``residuals(problem, x)`` returns F, its size, and intermediate results, which
+``slopes(problem, x, intermediate)`` reuses for J.
+
+K. Levenberg, Quart. Appl. Math. 2, 164 (1944); D. W. Marquardt, J. Soc. Indust. Appl. Math. 11, 431 (1963).
+
+Distinct points among many that lie close together; separate because it needs no compiler.
+
+Settings of a search from random points.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right, insort
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from nearharmonic.core.layout import Floats
+from nearharmonic.core.machine.reals import generic, jit
+from nearharmonic.errors import bad_setting
+from nearharmonic.numerics.portable import Floats
+
+
+class Damping(NamedTuple):
+    """Settings of an iteration. By default it takes steps of Newton's method while they lower the residuals.
+
+    Attributes
+    ----------
+    iterations : int
+        Maximum number of steps.
+    enough, lost : float
+        The iteration ends at residuals of at most size ``enough``, or of ``lost`` or more.
+    solved : float
+        The end is a solution if the size of the residuals is below ``solved``,
+    rest, undamped : float
+        or after a step with a damping below ``undamped`` that moved no unknown by more than ``rest`` times the larger
+        of 1 and the largest unknown. Such a step ends the iteration.
+    first, most : float
+        Damping at the start; a damping above ``most`` ends the iteration.
+    fall, rise : pair of float and float
+        Factor of the damping after an accepted step, as a fraction; factor after a rejected step.
+    lowest : pair of float
+        Smallest damping after an accepted step, and after a rejected step.
+    by_residual : bool
+        True to multiply the damping of a step by the size of the residuals, if this is below 1.
+    bounded : bool
+        True to end the iteration outside the bound.
+    monotone : bool
+        True to accept only steps that lower the residuals.
+    """
+
+    iterations: int
+    enough: float = -1.0
+    solved: float = 0.0
+    lost: float = inf
+    rest: float = 0.0
+    undamped: float = 0.0
+    first: float = 0.0
+    fall: tuple[float, float] = (1.0, 1.0)
+    rise: float = 1.0
+    lowest: tuple[float, float] = (0.0, 0.0)
+    most: float = inf
+    by_residual: bool = False
+    bounded: bool = False
+    monotone: bool = True
+
+
+def iteration(residuals: Any, slopes: Any, step_of: Any) -> Callable[[Any, Floats, float, Damping], bool]:
+    """Return the iteration by steps of ``step_of``, one of the two below, for the compiled functions of a problem.
+
+    It takes a problem, a point (unknown,), a bound and a damping. It moves the point in place, and returns True if the
+    end is a solution in [-bound, bound].
+    """
+
+    @generic
+    def iterate(problem: Any, x: Floats, bound: float, damping: Damping) -> bool:
+        F, size, found = residuals(problem, x)
+        J, matrix = np.empty((len(F), len(x))), np.empty((len(F), len(F) + 1))
+        step, moved = np.empty(len(x)), np.empty(len(x))
+        amount, moves, at_rest = damping.first, True, False
+        for _ in range(damping.iterations):
+            if at_rest or not damping.enough < size < damping.lost or amount > damping.most:
+                break
+            if damping.bounded and not within(x, bound):
+                break
+            if moves:
+                J = slopes(problem, x, found)
+            # Damping that falls with the residuals does not spoil the quadratic end.
+            if not step_of(F, J, amount * (min(size, 1.0) if damping.by_residual else 1.0), matrix, step):
+                break
+            farthest, length = 0.0, 0.0
+            for u in range(len(x)):
+                farthest = max(farthest, abs(x[u]))
+                length = max(length, abs(step[u]))
+                moved[u] = x[u] - step[u]
+            trial_F, trial_size, trial_found = residuals(problem, moved)
+            at_rest = length <= damping.rest * max(1.0, farthest) and amount < damping.undamped
+            moves = trial_size < size or at_rest or not damping.monotone
+            if moves:
+                for u in range(len(x)):
+                    x[u] = moved[u]
+                F, size, found = trial_F, trial_size, trial_found
+                amount = max(amount * damping.fall[0] / damping.fall[1], damping.lowest[0])
+            else:
+                amount = max(amount * damping.rise, damping.lowest[1])
+        return (at_rest or size < damping.solved) and within(x, bound)
+
+    return iterate
+
+
+@jit
+def within(x: Floats, bound: float) -> bool:
+    """Tell whether ``x`` is in [-bound, bound]."""
+    inside = True
+    for u in range(len(x)):
+        inside = inside and abs(x[u]) <= bound
+    return inside
+
+
+@jit
+def levenberg_step(residuals: Floats, jacobian: Floats, damping: float, matrix: Floats, step: Floats) -> bool:
+    """J^T (J J^T + damping)^-1 F by Cholesky factorization, into ``step``; NaN if the inverse does not exist.
+
+    ``matrix`` (equation, equation + 1) is overwritten. Always True: a step of NaN lowers no residuals.
+    """
+    m = len(residuals)
+    _normal_equations(residuals, jacobian, matrix)
+    for i in range(m):
+        matrix[i, i] += damping
+    for j in range(m):
+        for k in range(j):
+            matrix[j, j] -= matrix[j, k] * matrix[j, k]
+        matrix[j, j] = np.sqrt(matrix[j, j]) if matrix[j, j] > 0.0 else np.nan
+        for i in range(j + 1, m):
+            for k in range(j):
+                matrix[i, j] -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] /= matrix[j, j]
+    for i in range(m):
+        for k in range(i):
+            matrix[i, m] -= matrix[i, k] * matrix[k, m]
+        matrix[i, m] /= matrix[i, i]
+    for i in range(m - 1, -1, -1):
+        for k in range(i + 1, m):
+            matrix[i, m] -= matrix[k, i] * matrix[k, m]
+        matrix[i, m] /= matrix[i, i]
+    _combined_rows(jacobian, matrix, step)
+    return True
+
+
+@jit
+def marquardt_step(residuals: Floats, jacobian: Floats, damping: float, matrix: Floats, step: Floats) -> bool:
+    """J^T (J J^T + damping diag(J J^T))^-1 F by pivoting, into ``step``; False if singular.
+
+    ``matrix`` (equation, equation + 1) is overwritten.
+    """
+    m = len(residuals)
+    _normal_equations(residuals, jacobian, matrix)
+    for i in range(m):
+        matrix[i, i] *= 1.0 + damping
+    for i in range(m):
+        pivot = i
+        for j in range(i + 1, m):
+            if abs(matrix[j, i]) > abs(matrix[pivot, i]):
+                pivot = j
+        if not abs(matrix[pivot, i]) > 0.0:
+            return False
+        for k in range(i, m + 1):
+            matrix[i, k], matrix[pivot, k] = matrix[pivot, k], matrix[i, k]
+        for j in range(i + 1, m):
+            factor = matrix[j, i] / matrix[i, i]
+            for k in range(i, m + 1):
+                matrix[j, k] -= factor * matrix[i, k]
+    for i in range(m - 1, -1, -1):
+        for k in range(i + 1, m):
+            matrix[i, m] -= matrix[i, k] * matrix[k, m]
+        matrix[i, m] /= matrix[i, i]
+    _combined_rows(jacobian, matrix, step)
+    return True
+
+
+@jit
+def _normal_equations(residuals: Floats, jacobian: Floats, matrix: Floats) -> None:
+    """J J^T, followed by the right-hand side F as the last column."""
+    m, n = jacobian.shape
+    for i in range(m):
+        for j in range(i + 1):
+            total = 0.0
+            for k in range(n):
+                total += jacobian[i, k] * jacobian[j, k]
+            matrix[i, j] = matrix[j, i] = total
+        matrix[i, m] = residuals[i]
+
+
+@jit
+def _combined_rows(jacobian: Floats, matrix: Floats, step: Floats) -> None:
+    """J^T y, with y the last column of ``matrix``."""
+    m, n = jacobian.shape
+    for k in range(n):
+        step[k] = 0.0
+        for i in range(m):
+            step[k] += jacobian[i, k] * matrix[i, m]
+
+
+def distinct(points: Floats, closest: float, *, relative: bool = False, most: float = inf) -> tuple[Floats, list[int]]:
+    """Return the points that are far from all the ones before, and how many are near each, itself included.
+
+    Parameters
+    ----------
+    points : (R, n) array of float
+        The points; of near ones the first stands for all.
+    closest : float
+        Points are near if no unknown differs by more than this.
+    relative : bool
+        True to multiply ``closest`` by the size of the largest unknown of a point, if this is above 1.
+    most : int, optional
+        Number of points beyond which no more are kept.
+    """
+    kept: list[Floats] = []
+    hits: list[int] = []
+    order: list[tuple[float, int]] = []  # of those that are kept, by the first unknown
+    for x in points:
+        reach = closest * max(1.0, float(np.abs(x).max())) if relative else closest
+        window = order[bisect_left(order, (x[0] - reach, 0)) : bisect_right(order, (x[0] + reach, len(points)))]
+        near = [i for _, i in window if np.abs(x - kept[i]).max() <= reach]
+        if near:
+            hits[min(near)] += 1
+        elif len(kept) < most:
+            insort(order, (x[0], len(kept)))
+            kept.append(x)
+            hits.append(1)
+    return np.array(kept).reshape(len(kept), points.shape[1]), hits
+
+
+@dataclass(frozen=True)
+class RandomStarts:
+    """Random points that a search begins from, and which of its ends count.
+
+    Attributes
+    ----------
+    count : int
+        Number of points.
+    seed : int or tuple of int
+        The same seed gives the same points.
+    box : float
+        Unknowns, which are pure numbers, start uniformly in [-box, box].
+    bound : float
+        Solutions with an unknown beyond it in absolute value are dropped.
+    same : float
+        Solutions whose unknowns differ by less are one. Newton's method leaves about 1e-12, and distinct isolated
+        solutions lie 1e-2 apart.
+
+    Raises
+    ------
+    SettingError
+        ``count`` is no integer >= 1.
+    """
+
+    count: int
+    seed: int | tuple[int, ...]
+    box: float = 1.0
+    bound: float = 10.0
+    same: float = 1e-6
+
+    def __post_init__(self) -> None:
+        count: Any = self.count  # a user may pass anything
+        if isinstance(count, bool) or not isinstance(count, int) or count < 1:
+            raise bad_setting("starts", count, "an integer >= 1")
+
+    def generator(self) -> np.random.Generator:
+        """Return the generator of the points, and of what else a search draws."""
+        return np.random.default_rng(self.seed)
+
+    def points(self, generator: np.random.Generator, unknowns: int, most: int | None = None) -> Floats:
+        """Return the next points (start, unknown), all or ``most`` of them."""
+        return generator.uniform(-self.box, self.box, (most or self.count, unknowns))

@@ -1,0 +1,623 @@
+"""Result files in HDF5 with netCDF-4 conventions, bitwise identical for identical numbers.
+
+Names of result files within their folder of results, which each file states: a copy under another name is found.
+
+The name of the folder of results is not part of it, so results can be renamed, copied and adopted as a whole.
+
+Reader of result files as datasets.
+
+Commands that make a result file again, for messages about a file that is missing or damaged.
+
+The last line of a result file: the SHA-256 of all bytes before it.
+
+HDF5 ignores bytes after its own end of file. The digest is checked before a file is opened: with a damaged file the
+HDF5 library may crash, return wrong numbers, or never end.
+
+HDF5 files that are opened after a check of their digest and of their members, and their attributes and groups.
+
+Anybody can seal a file. HDF5 follows links and storage out of a file, to any other file or pipe, and reads types and
+sizes that this package never writes. The members are therefore checked before one of them is read.
+
+Writer of result files: atomic, and without timestamps.
+
+It writes described variables, so that integration jobs need not load xarray, which would take a third of their time.
+A file is built in memory: if the disk is full, the HDF5 library crashes at the exit of the process.
+
+Files that jobs are about to write again: kept beside the logs until the workflow has ended without an error.
+
+Snakemake deletes the outputs of a job before it starts. A job whose settings have changed may still use most of what
+the file holds.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from hashlib import sha256
+from io import BytesIO
+from pathlib import Path, PurePath
+from shlex import quote
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+from nearharmonic.errors import NearharmonicError, ResultFileError, bad_setting
+from nearharmonic.output.atomic import opened, read_text, write_bytes
+from nearharmonic.output.dataset import FLAG_MEANINGS, FLAG_VALUES, Variables, counted
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+#: Attribute with the name of a file: ``runs/kepler/ruth/0.h5``.
+NAME_KEY = "file"
+#: Folders of HDF5 files in a folder of results.
+ROOMS = ("runs", "reduced", "cubes")
+
+
+def name_of(path: str | os.PathLike[str]) -> str:
+    """Return the name of a file in its folder of results, ``results/<name>``; empty if it stands elsewhere."""
+    parts = PurePath(path).parts
+    starts = (i + 2 for i, part in enumerate(parts[:-3]) if part == "results" and parts[i + 2] in ROOMS)
+    start = max(starts, default=None)
+    return "" if start is None else "/".join(parts[start:])
+
+
+def misplaced(path: str | os.PathLike[str], said: Any) -> str:
+    """Return the complaint about a file at ``path`` that says it is another one, or an empty text.
+
+    Parameters
+    ----------
+    path : path
+        The file. Outside of a folder of results it may have any name.
+    said : object
+        The name that the file states; None for a file without one.
+    """
+    name = name_of(path)
+    return f"says it is {said}" if name and said not in {None, name} else ""
+
+
+def read(path: str | os.PathLike[str], group: str | None = None, *, leave_out: Collection[str] = ()) -> xr.Dataset:
+    """Load the root of a file, or one of its groups, with the attributes of the file.
+
+    Parameters
+    ----------
+    path : path
+        A result file.
+    group : str, optional
+        Name of the group; the root by default.
+    leave_out : collection of str
+        Variables that are not wanted.
+
+    Returns
+    -------
+    xarray.Dataset
+        The dataset of ``xarray.open_dataset(path, engine="h5netcdf", group=group)``, with words in place of the
+        integers of variables with ``flag_meanings``.
+
+    Raises
+    ------
+    ResultFileError
+        The file is missing, truncated or not one of this package, or lacks the group; the message contains the command
+        that makes it again.
+    """
+    import xarray as xr
+
+    from nearharmonic.output.backend import ResultFiles
+
+    return xr.open_dataset(path, engine=ResultFiles, group=group, drop_variables=list(leave_out), cache=False)
+
+
+def read_precisions(path: str | os.PathLike[str], *, leave_out: Collection[str] = ()) -> dict[str, xr.Dataset]:
+    """Load the runs of a file by precision: double is in the root, another precision in the group of its name.
+
+    Errors are those of :func:`read`.
+    """
+    import xarray as xr
+
+    from nearharmonic.output.backend import ResultFiles
+
+    groups = xr.open_groups(path, engine=ResultFiles, drop_variables=list(leave_out), cache=False)
+    # The root of a file without runs in double precision is empty.
+    return {group.strip("/") or "double": runs for group, runs in groups.items() if runs.data_vars}
+
+
+#: Config of ``snakemake`` without ``--configfile``.
+DEFAULT_CONFIG = "config/config.yaml"
+
+
+def unusable(path: str | os.PathLike[str], complaint: str) -> ResultFileError:
+    """Return the error about a file that cannot be used, with the command that makes it again."""
+    return ResultFileError(f"{path} {complaint}. Make it again: {command_for(path)}")
+
+
+def command_for(path: str | os.PathLike[str]) -> str:
+    """Return the command that makes a result file again, with the config for ``results/<name>``."""
+    return f"{workflow_command(path)} --force {quote(os.fspath(path))}"
+
+
+def workflow_command(path: str | os.PathLike[str]) -> str:
+    """Return the command that updates the results of a file, with their config."""
+    parts = Path(path).parts
+    if "results" not in parts[:-1]:
+        return "snakemake -j2"
+    end = parts.index("results") + 2
+    configs = _configs_of(Path(*parts[:end]))
+    return (
+        "snakemake -j2"
+        if configs == [DEFAULT_CONFIG]
+        else f"snakemake -j2 --configfile {' '.join(map(quote, configs))}"
+    )
+
+
+def _configs_of(folder: Path) -> list[str]:
+    """Return the config files of the results in ``folder``, or that of their name if they are unknown."""
+    try:
+        said = json.loads(read_text(folder / "manifest.json"))["configfiles"]
+        return usable_configs(said, folder) or [_guess(folder)]
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):
+        return [_guess(folder)]
+
+
+def _guess(folder: Path) -> str:
+    return DEFAULT_CONFIG if folder.name == "paper" else f"config/{folder.name}.yaml"
+
+
+def usable_configs(recorded: object, folder: Path) -> list[str]:
+    """Return the recorded config files of the results in ``folder``; none if one of them may do harm in a command.
+
+    A config among the results could name Python files among the results, and a name with a minus is an option.
+    """
+    if not isinstance(recorded, list) or not all(isinstance(one, str) for one in recorded):
+        return []
+    inside = folder.resolve().parent
+    harmful = any(one.startswith("-") or Path(os.path.realpath(one)).is_relative_to(inside) for one in recorded)
+    return [] if harmful else recorded
+
+
+#: Name and value of the attribute that identifies the result files of this package.
+FORMAT_KEY, FORMAT = "format", "nearharmonic 2"
+#: First bytes of any HDF5 file.
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+#: Beginning of the last line, before the digest and a line feed.
+SEAL = b"\nnearharmonic sha256 "
+SEALED = len(SEAL) + 2 * sha256().digest_size + len(b"\n")
+#: Number of bytes per update of the digest.
+PIECE = 2**20
+
+
+def seal(content: BytesIO) -> None:
+    """Append the last line to the bytes of a file."""
+    content.seek(0, os.SEEK_END)
+    content.write(_line(sha256(content.getbuffer()).hexdigest()))
+
+
+def complaint(path: Path) -> str:
+    """Return the reason why a file must not be opened, empty if there is none, without the HDF5 library."""
+    try:
+        with opened(path) as file:
+            signed = file.read(len(SIGNATURE)) == SIGNATURE
+            size = file.seek(0, os.SEEK_END) - SEALED
+            if size < 0 or not signed:
+                return "is truncated or no result file"
+            digest = digest_of_first(file, size)
+            last = file.read()
+    except OSError as error:
+        return "does not exist" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
+    if not last.startswith(SEAL):
+        return "is truncated or no result file"
+    return "" if last == _line(digest) else "is damaged: its bytes are not those that were written"
+
+
+def digest_of_first(file: BinaryIO, size: int) -> str:
+    """Return the SHA-256 of the first ``size`` bytes of a file; what follows is left to be read."""
+    digest = sha256()
+    file.seek(0)
+    for start in range(0, size, PIECE):
+        digest.update(file.read(min(PIECE, size - start)))
+    return digest.hexdigest()
+
+
+def sealed_digest(path: str | os.PathLike[str]) -> str:
+    """Return the digest in the last line of a file, or an empty text if the file ends otherwise."""
+    with opened(path) as file:
+        file.seek(max(0, file.seek(0, os.SEEK_END) - SEALED))
+        last = file.read()
+    return last[len(SEAL) : -1].decode() if last.startswith(SEAL) and len(last) == SEALED else ""
+
+
+def _line(digest: str) -> bytes:
+    return SEAL + digest.encode() + b"\n"
+
+
+#: Attributes of HDF5 dimension scales.
+SCALES = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST"}
+#: Exceptions of the HDF5 library for a file that it cannot read, and of members of other types than were written.
+UNREADABLE = (OSError, AttributeError, LookupError, TypeError, ValueError, RuntimeError)
+#: Types of numbers in a result file, without their byte order.
+NUMBERS = {"f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8"}
+#: Types of attributes and of their members.
+PLAIN = (str, bytes, int, float, np.integer, np.floating, np.bool_)
+#: Largest number of bytes that one compressed byte stands for (https://zlib.net/zlib_tech.html).
+MOST_COMPRESSED = 1032
+
+
+@contextmanager
+def checked(path: Any) -> Iterator[Any]:
+    """Open an HDF5 file inside the block if its bytes have not changed, and it is the file of this name.
+
+    Raises
+    ------
+    ResultFileError
+        The file is missing, truncated, damaged, not one of this package, or a copy of another file of the results, or
+        HDF5 cannot read it; the message contains the command that makes it again.
+    """
+    if not isinstance(path, str | os.PathLike) or not 1 <= len(os.fspath(path)) <= 4096 or "\0" in os.fspath(path):
+        raise bad_setting("path", path, "the path of a result file")
+    fault = complaint(Path(path))
+    if fault:
+        raise unusable(path, fault)
+    with _opened(path) as file:
+        if str(file.attrs.get(FORMAT_KEY)) != FORMAT:
+            fault = f"has another format (attribute {FORMAT_KEY} is not {FORMAT!r})"
+        if fault := fault or misplaced(path, file.attrs.get(NAME_KEY)) or _foreign_in(file):
+            raise unusable(path, fault)
+        yield file
+
+
+@contextmanager
+def _opened(path: str | os.PathLike[str]) -> Iterator[Any]:
+    """Open an HDF5 file inside the block without a lock: some mounts have none, and no file is changed in place."""
+    import h5py
+
+    try:
+        file = h5py.File(path, "r", locking=False)
+    except OSError as error:
+        if "lock" in str(error):  # this variable overrides the argument
+            message = f"{path} cannot be read: its file system has no locks. Set HDF5_USE_FILE_LOCKING=FALSE"
+            raise ResultFileError(message) from error
+        raise unusable(path, "cannot be read") from error
+    with as_written(path, "cannot be read"), file:
+        yield file
+
+
+@contextmanager
+def as_written(
+    path: str | os.PathLike[str], complaint: str = "has other variables or settings than its job writes"
+) -> Iterator[None]:
+    """Convert an error about the contents of a file inside the block to a ResultFileError with this complaint."""
+    try:
+        yield
+    except NearharmonicError:
+        raise
+    except UNREADABLE as error:
+        raise unusable(path, complaint) from error
+
+
+def foreign_in(path: str | os.PathLike[str]) -> str:
+    """Return the complaint about a file with a sound seal that this package has not written; empty for any other."""
+    if complaint(Path(path)):
+        return ""
+    try:
+        with _opened(path) as file:
+            return _foreign_in(file)
+    except ResultFileError:
+        return "is no HDF5 file of this package"
+
+
+def _foreign_in(group: Any) -> str:
+    """Return the complaint about the first member of a group that this package does not write; empty if there is none.
+
+    No link out of the file is followed.
+    """
+    import h5py
+
+    for name in group:
+        found = ""
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            found = "is a link, which may lead out of the file"
+        elif isinstance(member := group[name], h5py.Dataset):
+            found = _foreign(member)
+        elif not isinstance(member, h5py.Group) or group.name != "/":
+            found = "is no variable"
+        elif deeper := _foreign_in(member):
+            return deeper
+        if found:
+            return f"has {group.name.rstrip('/')}/{name}, which {found}"
+    return ""
+
+
+def _foreign(variable: Any) -> str:
+    """Return what is wrong with a variable, from its description alone; empty if nothing is."""
+    import h5py
+
+    if variable.external or variable.is_virtual:
+        return "has its values in another file"
+    made = variable.id.get_create_plist()
+    filters = {made.get_filter(number)[0] for number in range(made.get_nfilters())}
+    if not filters <= {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FLETCHER32}:
+        return "has another compression than gzip"
+    text = h5py.check_string_dtype(variable.dtype)
+    if variable.dtype.str[1:] not in NUMBERS and (text is None or text.length is not None):
+        return f"has no numbers or texts but {variable.dtype}"
+    if variable.shape is None or variable.nbytes > MOST_COMPRESSED * variable.id.get_storage_size():
+        return "has fewer values than it says"
+    return ""
+
+
+def attributes_in(member: Any) -> dict[str, Any]:
+    """Return the attributes of an open file, group or variable, without those of HDF5 and netCDF.
+
+    Raises
+    ------
+    TypeError
+        An attribute is neither numbers nor texts.
+    """
+    names = (name for name in member.attrs if not name.startswith("_") and name not in SCALES)
+    named = {name: member.attrs[name] for name in names}
+    for name, value in named.items():
+        if not all(isinstance(one, PLAIN) for one in np.asarray(value, object).flat):
+            raise TypeError(f"attribute {name} is neither numbers nor texts")
+    # netCDF stores every number as an array; an array of length 1 is the number.
+    return {name: value.item() if getattr(value, "size", 0) == 1 else value for name, value in named.items()}
+
+
+def attributes_of(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the attributes of the file ``path``, its provenance; errors are those of :func:`checked`."""
+    with checked(path) as file:
+        return attributes_in(file)
+
+
+def claimed_attributes(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the attributes of the file ``path`` without a check of its bytes, to choose among files before a reader.
+
+    Raises
+    ------
+    ResultFileError
+        The file is missing, or HDF5 cannot open it.
+    """
+    with _opened(path) as file:
+        return attributes_in(file)
+
+
+def groups_of(path: str | os.PathLike[str]) -> tuple[str, ...]:
+    """Return the names of the groups below the root of ``path``; errors are those of :func:`checked`."""
+    with checked(path) as file:
+        return groups_in(file)
+
+
+def groups_in(file: Any) -> tuple[str, ...]:
+    """Return the names of the groups of an open file."""
+    import h5py
+
+    return tuple(name for name in file if file.get(name, getclass=True) is h5py.Group)
+
+
+#: For trajectories, whose low bits are noise, level 1 compresses as well as level 4 within a percent, in half the time.
+GZIP_LEVEL = 1
+#: Bytes: below this size compression costs more (a chunk index) than it saves.
+WORTH_COMPRESSING = 1024
+#: Bytes: HDF5 caches chunks up to this size; larger chunks are decompressed again at every partial read.
+LARGEST_CHUNK = 2**20
+
+
+def write(
+    path: str | os.PathLike[str],
+    variables: Variables,
+    attributes: Mapping[str, Any],
+    groups: Mapping[str, Variables] | None = None,
+    *,
+    coordinates: Collection[str] = (),
+) -> None:
+    """Write ``variables`` to the root of a file, and each of ``groups`` to a group with dimensions of its own.
+
+    Parameters
+    ----------
+    path : path
+        The file to create or to replace, atomically.
+    variables : Variables
+        Dimensions, values and attributes of each variable, by name. A text variable whose attributes list its possible
+        words (``flag_meanings``) is stored as integers with ``flag_values`` (CF conventions, section 3.5).
+    attributes : mapping
+        Attributes of the file, besides its format, its conventions, and its name in the folder of results.
+    groups : mapping of str to Variables, optional
+        Variables of each group, by its name.
+    coordinates : collection of str
+        Names of the auxiliary coordinates, in the root and in groups (CF conventions, section 5). A variable with the
+        name of its dimension is always a coordinate. A dimension without coordinate gets the coordinate 0, 1, 2, ....
+
+    Raises
+    ------
+    NearharmonicError
+        A variable has no units or no long_name, or its lengths contradict a dimension.
+    FileWriteError
+        The file cannot be written.
+    """
+    import h5netcdf
+
+    named = {FORMAT_KEY: FORMAT, "Conventions": "CF-1.11", **attributes, NAME_KEY: name_of(path)}
+    content = BytesIO()
+    with h5netcdf.File(content, "w") as file:
+        file.attrs.update({key: value for key, value in named.items() if key != NAME_KEY or value})
+        for group, members in ((file, variables), *((file.create_group(n), m) for n, m in (groups or {}).items())):
+            _fill(group, members, [name for name in coordinates if name in members])
+    seal(content)
+    # Python 3.12 and newer print an error at exit if a view that the traceback of an error keeps is not released.
+    with content.getbuffer() as written:
+        write_bytes(path, written)
+
+
+def write_dataset(path: str | os.PathLike[str], dataset: xr.Dataset, attributes: Mapping[str, Any]) -> None:
+    """Write ``dataset`` to ``path`` as :func:`write` does, with ``attributes`` besides its own."""
+    variables = {str(name): (tuple(map(str, v.dims)), v.values, v.attrs) for name, v in dataset.variables.items()}
+    auxiliary = [str(name) for name in dataset.coords if name not in dataset.dims]
+    write(path, variables, {**dataset.attrs, **attributes}, coordinates=auxiliary)
+
+
+def _fill(group: Any, given: Variables, coordinates: Collection[str]) -> None:
+    import h5py
+
+    variables = given | counted(given)
+    arrays = {name: np.asarray(values) for name, (_, values, _) in variables.items()}
+    group.dimensions = _checked_sizes(variables, arrays)
+    for name, (dims, _, attributes) in variables.items():
+        values, notes = arrays[name], dict(attributes)
+        if FLAG_MEANINGS in notes:
+            values, notes = _flags(name, values, notes)
+        if values.dtype.kind in "UO":
+            made = group.create_variable(name, dims, dtype=h5py.string_dtype())
+            values = values.astype(object)
+        else:
+            made = group.create_variable(name, dims, dtype=values.dtype, **_filters(values))
+        made[...] = values
+        along = " ".join(_coordinates_of(name, dims, variables, coordinates))
+        made.attrs.update({**notes, **({"coordinates": along} if along else {})})
+
+
+def _checked_sizes(variables: Variables, arrays: Mapping[str, np.ndarray]) -> dict[str, int]:
+    sizes: dict[str, int] = {}
+    for name, (dims, _, attributes) in variables.items():
+        missing = {"units", "long_name"} - set(attributes)
+        if missing:
+            raise NearharmonicError(f"variable {name!r} has no {' and no '.join(sorted(missing))}")
+        shape = arrays[name].shape
+        if len(shape) != len(dims) or any(sizes.setdefault(d, n) != n for d, n in zip(dims, shape, strict=True)):
+            message = f"variable {name!r} of shape {shape} does not fit its dimensions {dims}, of lengths {sizes}"
+            raise NearharmonicError(message)
+    return sizes
+
+
+def _coordinates_of(
+    name: str, dims: tuple[str, ...], variables: Variables, coordinates: Collection[str]
+) -> Iterator[str]:
+    """Yield the names of the auxiliary coordinates whose dimensions a variable has."""
+    if name not in coordinates and name not in dims:
+        for other in coordinates:
+            if set(variables[other][0]) <= set(dims):
+                yield other
+
+
+def _flags(name: str, values: np.ndarray, notes: dict[str, Any]) -> tuple[np.ndarray, dict[str, Any]]:
+    """Convert words to integers."""
+    words = notes[FLAG_MEANINGS].split()
+    codes = np.array([words.index(word) if word in words else -1 for word in values.ravel().tolist()], np.int8)
+    if (codes < 0).any():
+        raise NearharmonicError(f"variable {name!r} has a value that is none of {', '.join(words)}")
+    return codes.reshape(values.shape), {**notes, FLAG_VALUES: np.arange(len(words), dtype=np.int8)}
+
+
+def _filters(values: np.ndarray) -> dict[str, Any]:
+    """Return HDF5 filters: compression for large arrays; chunks contain as many trailing axes as fit."""
+    if values.nbytes < WORTH_COMPRESSING:
+        return {}
+    chunks: list[int] = []
+    size = values.itemsize
+    for length in reversed(values.shape):
+        chunks.insert(0, min(length, max(1, LARGEST_CHUNK // size)))
+        size *= length
+    packed = {"compression": "gzip", "compression_opts": GZIP_LEVEL, "shuffle": True}
+    return {"chunks": tuple(chunks), **packed}
+
+
+__all__ = [
+    "DEFAULT_CONFIG",
+    "as_written",
+    "attributes_of",
+    "claimed_attributes",
+    "command_for",
+    "foreign_in",
+    "groups_of",
+    "read",
+    "read_precisions",
+    "sealed_digest",
+    "unusable",
+    "usable_configs",
+    "workflow_command",
+    "write",
+    "write_dataset",
+]
+
+
+#: Folder of the files that are kept, in the folder of results.
+PLACE = "logs/earlier"
+
+
+def keep(folder: Path, outputs: Iterable[str | os.PathLike[str]]) -> None:
+    """Keep all sound result files in the folders of ``outputs``, which jobs are about to write, in a folder of results.
+
+    The HDF5 library may crash on a damaged file, so that none is kept.
+    """
+    for place in sorted({Path(output).parent for output in outputs}):
+        for path in place.glob("*.h5"):
+            kept = folder / PLACE / place.relative_to(folder) / f"{path.stem}-{path.stat().st_mtime_ns}.h5"
+            if not kept.exists() and not complaint(path):
+                kept.parent.mkdir(parents=True, exist_ok=True)
+                _link(path, kept)
+
+
+def _link(path: Path, kept: Path) -> None:
+    try:
+        kept.hardlink_to(path)
+    except OSError:  # a file system without links
+        shutil.copyfile(path, kept)
+
+
+def forget(folder: Path) -> None:
+    """Delete what was kept."""
+    shutil.rmtree(folder / PLACE, ignore_errors=True)
+
+
+@dataclass(frozen=True)
+class KeptFile:
+    """A kept file: the ``settings`` that it states, and its contents.
+
+    Its users need no reader of files, so that an edit of one leaves their results valid.
+    """
+
+    path: Path
+    settings: Mapping[str, Any]
+
+    def contents(self) -> dict[str, Variables]:
+        """Return the variables by precision; none if the file is damaged."""
+
+        try:
+            read = read_precisions(self.path)
+        except NearharmonicError:
+            return {}
+        return {
+            precision: {
+                str(name): (tuple(map(str, one.dims)), one.values, one.attrs) for name, one in runs.variables.items()
+            }
+            for precision, runs in read.items()
+        }
+
+
+def kept_for(folder: Path, output: str | os.PathLike[str], origin: Mapping[str, str]) -> list[KeptFile]:
+    """Return the kept files beside ``output`` of the same code, coefficients and users' definitions.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of results.
+    output : path
+        File that a job is about to write.
+    origin : mapping
+        Provenance attributes of the job.
+    """
+    place = folder / PLACE / Path(output).parent.relative_to(folder)
+    ours = json.loads(origin["settings"]).get("definitions")
+    found = []
+    for path in sorted(place.glob("*.h5")):
+        try:
+            said = claimed_attributes(path)
+            settings = json.loads(said["settings"])
+            same = all(said[key] == origin[key] for key in ("code_digest", "coefficients_digest"))
+            if same and settings.get("definitions") == ours:
+                found.append(KeptFile(path, settings))
+        except (NearharmonicError, AttributeError, KeyError, TypeError, ValueError, RecursionError):
+            continue  # a file that does not say what it is
+    return found

@@ -1,0 +1,697 @@
+"""Legends and labels of plots of Datasets: names and dashes that tell them apart.
+
+Frames of films of trajectories, as a GIF file or in an HTML page.
+
+Energy errors of the members of ensembles, and indicators of chaos of one orbit or of members, over time.
+
+Orbits, phase space and Poincare sections: two quantities of states against each other.
+
+Work against error: sweeps against evaluations of the force, and recommendations against evaluations and time.
+
+Figures of Datasets, one for each kind and content.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from base64 import b64encode
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
+from html import escape
+from io import BytesIO
+from math import ceil, floor, inf, log10, pi
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.animation import PillowWriter
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from nearharmonic.engine.kernels import formulas_digest
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators import integrators
+from nearharmonic.numerics.portable import Floats
+from nearharmonic.plotting.energy_error import (
+    PANELS,
+    Profile,
+    dashed,
+    draw_profile,
+    draw_profiles,
+    range_of,
+    say_if_empty,
+)
+from nearharmonic.plotting.levels import draw_floor, energy_error_label
+from nearharmonic.plotting.palette import SPARE_COLOURS, style_of
+from nearharmonic.plotting.plot import CUBE, MEMBER, PROFILE, RANKING, TRAJECTORY, check_measured, plot
+from nearharmonic.plotting.style import (
+    house_style,
+    keep_inside,
+    log_scale,
+    new_figure,
+    panel_letter,
+    right_title,
+    style_of,
+)
+from nearharmonic.systems import systems
+from nearharmonic.systems.formulas import with_parameters
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+#: Attributes that distinguish Datasets of one integrator, in the order of the legend.
+TOLD = ("system", "precision", "summation", "first", "t_end", "split")
+#: Dashes of the second, third, ... Dataset of one integrator; extended precision has the dashes of the figures.
+DASHES = ("solid", (0, (6, 2)), (0, (1, 1)), (0, (6, 2, 1, 2)))
+#: Place of a legend above the panels.
+LEGEND: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.545, 0.995), "ncols": 4, "columnspacing": 1.8}
+
+
+def in_brackets(unit: str) -> str:
+    """Return a unit in brackets, for the label of an axis; 1e6 is a power of ten."""
+    shown = re.sub(r"1e(-?[0-9]+)", r"$10^{\1}$", unit)
+    return "" if unit in ("1", "unknown") else f"  ({shown})"
+
+
+def labels_of(given: Sequence[xr.Dataset]) -> list[str]:
+    """A legend entry for each Dataset: its integrator, and the attributes that distinguish it from others."""
+    varied = [key for key in TOLD if len({one.attrs.get(key) for one in given}) > 1]
+    found = []
+    for one in given:
+        name = str(one.attrs["integrator"])
+        label = one.attrs.get("label") or (integrators[name].label if name in integrators else name)
+        same = [other for other in given if other.attrs["integrator"] == name]
+        more = [key for key in varied if key == "system" or len({other.attrs.get(key) for other in same}) > 1]
+        if (
+            "tau" in one
+            and not one["tau"].ndim
+            and len({float(other["tau"]) for other in same if not other["tau"].ndim}) > 1
+        ):
+            more.append("tau")
+        found.append(", ".join([label, *(_told(one, key) for key in more)]))
+    return found
+
+
+def _told(dataset: xr.Dataset, key: str) -> str:
+    if key == "tau":
+        return f"τ = {float(dataset['tau']):.4g}"
+    value = str(dataset.attrs.get(key, ""))
+    return {"precision": f"{value} precision", "summation": f"{value} sums", "first": f"{value} first"}.get(key) or (
+        f"t = {value}" if key == "t_end" else value.replace("_", " ")
+    )
+
+
+def looks_of(given: Sequence[xr.Dataset]) -> list[dict[str, Any]]:
+    """Return the line style of each Dataset: integrators differ in colours, runs of one in dashes."""
+    seen: dict[str, int] = {}
+    looks = []
+    colours: dict[str, str] = {}
+    for one in given:
+        name = str(one.attrs["integrator"])
+        if name not in colours:
+            free = [c for c in (style_of(name).colour, *SPARE_COLOURS) if c not in colours.values()]
+            colours[name] = free[0] if free else style_of(name).colour
+        turn = seen[name] = seen.get(name, -1) + 1
+        extended = one.attrs.get("precision") == "extended" and turn > 0
+        look = dashed() if extended else {"linestyle": DASHES[turn % len(DASHES)]} if turn else {}
+        if colours[name] != style_of(name).colour:
+            face = colours[name] if style_of(name).filled else "white"
+            look |= {"color": colours[name], "markerfacecolor": face}
+        looks.append(look)
+    return looks
+
+
+def handles_of(given: Sequence[xr.Dataset], looks: Sequence[Mapping[str, Any]], **changes: Any) -> list[Line2D]:
+    return [
+        Line2D([], [], label=label, **style_of(str(one.attrs["integrator"])).line(**{**look, **changes}))
+        for one, label, look in zip(given, labels_of(given), looks, strict=True)
+    ]
+
+
+#: Pixels per inch.
+DPI = 90
+_PAGE = """<!DOCTYPE html>
+<meta charset="utf-8"><title>{title}</title>
+<style>body{{font:14px sans-serif;text-align:center}}img{{max-width:100%}}input{{width:60%}}</style>
+<img alt="{title}"><br><button>pause</button> <input type="range" min="0" max="{last}" value="0">
+<script>
+const frames={frames},at=s=>document.querySelector(s),slider=at("input"),button=at("button");
+let playing=true;
+function show(k){{slider.value=k;at("img").src="data:image/png;base64,"+frames[k];}}
+slider.oninput=()=>{{playing=false;button.textContent="play";show(+slider.value);}};
+button.onclick=()=>{{playing=!playing;button.textContent=playing?"pause":"play";}};
+setInterval(()=>{{if(playing)show((+slider.value+1)%frames.length);}},{interval});
+show(0);
+</script>
+"""
+
+
+@house_style
+def gif(given: Sequence[xr.Dataset], frames: int, fps: int, title: str | None) -> bytes:
+    """Return the film of trajectories as a GIF file."""
+    figure = plot(given, title=title)
+    show = truncator(figure, given)
+    writer = PillowWriter(fps=fps)
+    with TemporaryDirectory() as folder:
+        place = Path(folder, "film.gif")
+        writer.setup(figure, place, DPI)
+        for k in range(frames):
+            show(k / (frames - 1))
+            writer.grab_frame()
+        writer.finish()
+        return place.read_bytes()
+
+
+@house_style
+def page(given: Sequence[xr.Dataset], frames: int, fps: int, title: str | None) -> str:
+    """Return the film of trajectories as an HTML page, which needs no network."""
+    figure = plot(given, title=title)
+    show = truncator(figure, given)
+    return _PAGE.format(
+        title=escape(title or "orbit and energy error"), last=frames - 1, interval=round(1000 / fps),
+        frames=[b64encode(_png(figure, show, k / (frames - 1))).decode() for k in range(frames)],
+    )  # fmt: skip
+
+
+def truncator(figure: Figure, given: Sequence[xr.Dataset]) -> Callable[[float], None]:
+    """Put the orbit above the energy error, and return a function that cuts both at a share of the time.
+
+    ``figure`` is the plot of the trajectories ``given``.
+    """
+    energy, orbit = figure.axes
+    upper, lower = energy.get_position(), orbit.get_position()
+    energy.set_position((lower.x0, lower.y0, upper.width, upper.height))
+    orbit.set_position((upper.x0, upper.y1 - lower.height, lower.width, lower.height))
+    for axes, letter in ((orbit, "A"), (energy, "B")):
+        panel_letter(axes, letter, axes.get_title(loc="left").partition("  ")[2])
+    figure.draw_without_rendering()  # the limits of complete curves
+    curves = [(orbit.lines[2 * k], energy.lines[k]) for k in range(len(given))]
+    whole = [[np.array(line.get_xydata()) for line in pair] for pair in curves]
+    dots = [orbit.plot([], [], "o", markersize=6, color=line.get_color())[0] for _, line in curves]
+    times = [one["t"].values for one in given]
+    first, last = min(t[0] for t in times), max(t[-1] for t in times)
+    unit = in_brackets(str(given[0]["t"].attrs.get("units", "1")))
+
+    def show(share: float) -> None:
+        now = first + share * (last - first)
+        for t, pair, points, dot in zip(times, curves, whole, dots, strict=True):
+            passed = (np.searchsorted(t, now * (1 + 1e-12), side="right") - 1) / max(1, len(t) - 1)
+            for line, all_of_it in zip(pair, points, strict=True):
+                line.set_data(*all_of_it[: round(passed * (len(all_of_it) - 1)) + 1].T)
+            dot.set_data(*np.array(pair[0].get_xydata())[-1:].T)
+        right_title(orbit, f"$t$ = {now:.4g}{unit}")
+
+    return show
+
+
+def _png(figure: Figure, show: Callable[[float], None], share: float) -> bytes:
+    show(share)
+    figure.set_dpi(DPI)
+    picture = BytesIO()
+    FigureCanvasAgg(figure).print_png(picture)  # type: ignore[no-untyped-call]
+    return picture.getvalue()
+
+
+def varying(given: Sequence[xr.Dataset]) -> str:
+    """Return ``parameter_<name>`` if it is the only varied parameter of each ensemble, else :data:`MEMBER`."""
+    found = {
+        tuple(name for name in one.variables if str(name).startswith("parameter_") and np.ptp(one[name].values) > 0)
+        for one in given
+    }
+    names = found.pop()
+    return str(names[0]) if len(names) == 1 and not found else MEMBER
+
+
+#: Indicators of chaos over time: name, label, and scale of the axis.
+INDICATORS = (
+    ("lyapunov_exponent", r"largest exponent, $\ln(|\delta|/|\delta_0|)/t$", "log"),
+    ("megno", "MEGNO", "linear"),
+    ("sali", "SALI", "log"),
+)
+
+
+@house_style
+def draw_chaos(
+    given: Sequence[xr.Dataset], handles: Sequence[Line2D], looks: Sequence[Mapping[str, Any]], unit: str
+) -> Figure:
+    """Draw the indicators of chaos of results of ``tangent`` over time, members in one colour each."""
+    shown = [one for one in INDICATORS if all(one[0] in dataset for dataset in given)]
+    drawn = new_figure(7, 0.9 + 2.3 * len(shown))
+    drawn.subplots_adjust(left=0.125, right=0.985, top=1 - 0.55 / (0.9 + 2.3 * len(shown)), bottom=0.07, hspace=0.16)
+    for number, (axes, (name, label, scale)) in enumerate(
+        zip(drawn.subplots(len(shown), 1, sharex=True, squeeze=False).flat, shown, strict=True)
+    ):
+        for one, look in zip(given, looks, strict=True):
+            rows = np.atleast_2d(one[name].values)
+            style = style_of(str(one.attrs["integrator"])).line(**{**look, "marker": "none", "linewidth": 0.8})
+            colours = colormaps["cividis"](np.linspace(0, 0.9, len(rows))) if len(rows) > 1 else [style["color"]]
+            for row, colour in zip(rows, colours, strict=True):
+                axes.plot(one["t"].values, row, **{**style, "color": colour})
+        if scale == "log":
+            log_scale(axes, "y")
+        axes.set_ylabel(label + in_brackets(str(given[0][name].attrs.get("units", "1"))))
+        panel_letter(axes, number, "one line for each member" if MEMBER in given[0].dims and not number else "")
+    axes.set_xlabel(r"time $t$" + in_brackets(unit))
+    drawn.legend(handles=handles, **LEGEND)
+    return drawn
+
+
+@house_style
+def draw_members(
+    given: Sequence[xr.Dataset], handles: Sequence[Line2D], looks: Sequence[Mapping[str, Any]], unit: str
+) -> Figure:
+    """Draw the maximum energy error of each member of ensembles as a point, and write the number of diverged members.
+
+    ``looks`` are changes of the style of each ensemble. ``unit`` is that of the varied parameter, "1" if it has none.
+    """
+    against = varying(given)
+    drawn = new_figure(7, 4.6)
+    drawn.subplots_adjust(left=0.115, right=0.985, top=0.86, bottom=0.105)
+    axes = drawn.subplots()
+    for one, look in zip(given, looks, strict=True):
+        errors = one["max_energy_error"].values
+        x = np.arange(errors.size) if against == MEMBER else one[against].values
+        style = style_of(str(one.attrs["integrator"])).line(**{**look, "linestyle": "none"})
+        axes.plot(x, errors, **{**style, "markersize": 2.5 if errors.size > 100 else 5})
+    log_scale(axes, "y")
+    name = MEMBER if against == MEMBER else against.removeprefix("parameter_")
+    axes.set_xlabel(name + ("" if unit == "1" else f"  ({unit})"))
+    notes = given[0]["max_energy_error"].attrs
+    axes.set_ylabel(energy_error_label(notes, r"$\max\,|\Delta H|$", r"$\max\,|\Delta H/H_0|$"))
+    panel_letter(axes, "A", _members_says(given))
+    say_if_empty(axes, [one["max_energy_error"].values for one in given])
+    draw_floor(axes, given, "max_energy_error")
+    drawn.legend(handles=handles, **LEGEND)
+    return drawn
+
+
+def _members_says(given: Sequence[xr.Dataset]) -> str:
+    """Return a description of the points, and the number of members without a point."""
+    over = range_of(given[0]["max_energy_error"].attrs)
+    lost = sum(int((one["status"] == "diverged").sum()) for one in given)
+    members = sum(one.sizes[MEMBER] for one in given)
+    return f"maximum {over}, a point for each member" + (f"; {lost} of {members} diverged" if lost else "")
+
+
+#: Points of a smooth curve between neighbouring samples, and angle in radians at a sample from which lines are coarse.
+POINTS, COARSE = 16, 0.05
+#: Angle from which samples are no curve, 20 a period; and the shortest lines whose angle is seen, over the frame.
+APART, SEEN = 2 * pi / 20, 0.005
+#: Largest distance of a smooth curve from the next sample, over the extent of the samples.
+MISSED = 0.01
+
+#: A variable, and its component from 0, or None for a variable without components.
+Quantity = tuple[str, int | None]
+Pair = tuple[Quantity, Quantity]
+
+
+def pair_of(dataset: xr.Dataset, kind: str, asked: object = None) -> Pair:
+    """Return the quantities of both axes.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        States over ``component``.
+    kind : {"orbit", "phase", "section"}
+        Default of the pair: the first two coordinates, or coordinate and momentum: the first ones in phase space, and
+        those that are not on the surface in a section.
+    asked : pair of str, optional
+        Names such as "q1" and "p2", counted from 1, or of variables over the samples, in place of the default.
+
+    Raises
+    ------
+    SettingError
+        ``asked`` is no such pair.
+    """
+    d = dataset["q"].sizes["component"]
+    if asked is not None:
+        known: dict[str, Quantity] = {f"{name}{i + 1}": (name, i) for name in "qp" for i in range(d)}
+        known |= {
+            str(name): (str(name), None)
+            for name, one in dataset.variables.items()
+            if _is_over_samples(name, one, dataset)
+        }
+        others = (
+            known | {"q": ("q", 0), "p": ("p", 0)} | {f"{name}_{i + 1}": (name, i) for name in "qp" for i in range(d)}
+        )
+        if not _is_pair(asked) or not all(name in others for name in asked):  # type: ignore[attr-defined]
+            raise bad_setting("axes", asked, f"two of {', '.join(known)}")
+        x, y = (others[name] for name in asked)  # type: ignore[attr-defined]
+        return x, y
+    if kind == "orbit" and d > 1:
+        return ("q", 0), ("q", 1)
+    free = 0
+    if kind == "section" and d > 1 and dataset.attrs.get("surface_name") == "q_1":
+        free = 1
+    return ("q", free), ("p", free)
+
+
+def _is_pair(asked: object) -> bool:
+    return isinstance(asked, list | tuple) and len(asked) == 2 and all(isinstance(name, str) for name in asked)
+
+
+def _is_over_samples(name: object, one: xr.Variable, dataset: xr.Dataset) -> bool:
+    return name != "sample" and one.dims == dataset["q"].dims[:-1] and one.dtype.kind in "fi"
+
+
+def name_of(quantity: Quantity, dataset: xr.Dataset) -> str:
+    """Return the name of a quantity in a label: $q_1$, $q$ of a system of one coordinate, or a variable in words."""
+    name, index = quantity
+    if index is None:
+        return "time $t$" if name == "t" else str(dataset[name].attrs.get("long_name", name))
+    return f"${name}_{index + 1}$" if dataset["q"].sizes["component"] > 1 else f"${name}$"
+
+
+def column(one: xr.Dataset, quantity: Quantity) -> Floats:
+    """Return the values of a quantity over the samples, or over members and crossings."""
+    name, index = quantity
+    values: Floats = one[name].values
+    return values if index is None else values[..., index]
+
+
+def draw_curve(axes: Axes, one: xr.Dataset, pair: Pair, line: Mapping[str, Any]) -> None:
+    """Draw a trajectory with a dot at its start.
+
+    Between coarse samples the curve is smooth. Where its formulas are unknown, they are points.
+    """
+    x, y = columns = [column(one, quantity) for quantity in pair]
+    turn = _largest_turn(x, y)
+    smooth = _smooth(one, pair) if turn > COARSE else None
+    if smooth is None and turn > APART and ("t", None) not in pair:
+        line = {**line, "linestyle": "none", "marker": ".", "markersize": 3, "markeredgewidth": 0}
+        line["markerfacecolor"] = line["color"]
+    axes.plot(*(columns if smooth is None else smooth), **line)
+    axes.plot(x[:1], y[:1], marker="o", markersize=5, color="#404040", linestyle="none", zorder=4)
+
+
+def draw_points(axes: Axes, one: xr.Dataset, pair: Pair) -> None:
+    """Draw the crossings of a section as points, in one colour for each member."""
+    members = one.sizes["member"]
+    colours = colormaps["cividis"](np.linspace(0, 0.9, members))  # as dark as can be told from paper
+    for member, colour in enumerate(colours):
+        x, y = (column(one, quantity)[member] for quantity in pair)
+        axes.plot(x, y, ".", markersize=3 if x.size < 300 else 1.5, markeredgewidth=0, color=colour)
+
+
+def _largest_turn(x: Floats, y: Floats) -> float:
+    """Return the largest angle between neighbouring lines that can be seen, 0 if there is none."""
+    spans = [float(np.ptp(z[np.isfinite(z)])) or 1.0 for z in (x, y) if np.isfinite(z).any()]
+    if len(spans) < 2 or x.size < 3:
+        return 0.0
+    with np.errstate(all="ignore"):
+        lines = np.diff(x) / spans[0] + 1j * np.diff(y) / spans[1]
+        seen = np.minimum(abs(lines[:-1]), abs(lines[1:])) > SEEN
+        return float(abs(np.angle(lines[1:] / lines[:-1]))[seen].max(initial=0.0))
+
+
+def _smooth(one: xr.Dataset, pair: Pair) -> tuple[Floats, Floats] | None:
+    """Return points of the exact orbits from each sample to the next, by Runge and Kutta's method of order four.
+
+    None if the formulas are unknown, a quantity is no part of the state, or an orbit misses the next sample visibly.
+    """
+    rates = _rates_of(one)
+    if rates is None or any(index is None and name != "t" for name, index in pair):
+        return None
+    t, d = one["t"].values, one["q"].sizes["component"]
+    samples = np.array([*one["q"].values.T, *one["p"].values.T, t], float)
+    h, points = np.diff(t) / POINTS, [samples[:, :-1]]
+    with np.errstate(all="ignore"):
+        for _ in range(POINTS):
+            a = rates(x := points[-1])
+            b = rates(x + h / 2 * a)
+            c = rates(x + h / 2 * b)
+            points.append(x + h / 6 * (a + 2 * b + 2 * c + rates(x + h * c)))
+    found = []
+    for name, index in pair:
+        row = -1 if index is None else index + d * (name == "p")
+        if not np.nanmax(abs(points[-1][row] - samples[row, 1:])) <= MISSED * np.ptp(samples[row]):
+            return None
+        found.append(np.append(np.array([x[row] for x in points[:-1]]).T.ravel(), samples[row, -1]))
+    return found[0], found[1]
+
+
+def _rates_of(one: xr.Dataset) -> Callable[[Floats], Floats] | None:
+    """Return dx/dt of states x = (q, p, t), None unless the formulas of a result are those of a registered system.
+
+    The name alone does not tell: a user's system may have it too.
+    """
+    name = str(one.attrs.get("system"))
+    if name not in systems.registered or systems[name].regularisation is not None:
+        return None
+    system = systems[name]
+    if formulas_digest(system) != one.attrs.get("formulas"):
+        return None
+    try:
+        told = json.loads(one.attrs.get("parameters", "{}"))
+        constants = [float(Fraction(told.get(name, given.value))) for name, given in system.parameters.items()]
+    except (ValueError, TypeError, AttributeError):
+        return None
+    grad_T, d = with_parameters(system.grad_T, len(constants)), system.dimension
+
+    def rates(x: Floats) -> Floats:
+        force = system.grad_V(tuple(x[:d]), *constants)
+        return np.array([*grad_T(tuple(x[d:-1]), *constants), *(-f for f in force), np.ones(x.shape[1])])
+
+    return rates
+
+
+#: Methods of a recommendation that are named beside their points: the fastest ones.
+NAMED = 8
+
+
+@house_style
+def draw_work(given: Sequence[xr.Dataset], handles: Sequence[Line2D], looks: Sequence[Mapping[str, Any]]) -> Figure:
+    """Draw the maximum energy errors of sweeps against the evaluations of the force."""
+    drawn = new_figure(7, 4.6)
+    drawn.subplots_adjust(left=0.115, right=0.985, top=0.86, bottom=0.115)
+    axes = drawn.subplots()
+    for one, look in zip(given, looks, strict=True):
+        ascending = one.sortby("evaluations")
+        axes.plot(
+            ascending["evaluations"],
+            ascending["max_energy_error"],
+            **style_of(str(one.attrs["integrator"])).line(**look),
+        )
+    log_scale(axes, "xy")
+    axes.set_xlabel("evaluations of the force")
+    notes = given[0]["max_energy_error"].attrs
+    axes.set_ylabel(energy_error_label(notes, r"$\max\,|\Delta H|$", r"$\max\,|\Delta H/H_0|$"))
+    panel_letter(axes, "A", f"maximum {range_of(notes)}")
+    say_if_empty(axes, [one["max_energy_error"].values for one in given])
+    drawn.legend(handles=handles, **LEGEND)
+    return drawn
+
+
+@house_style
+def draw_ranking(found: xr.Dataset) -> Figure:
+    """Draw the error of each method of a recommendation against its evaluations and against its time."""
+    measure = "position_error" if "position_error" in found else f"{found.attrs['measure']}_energy_error"
+    drawn = new_figure(7, 4.6)
+    drawn.subplots_adjust(left=0.115, right=0.985, top=0.86, bottom=0.115, wspace=0.08)
+    left, right = drawn.subplots(1, 2, sharey=True)
+    handles = []
+    for axes, x in ((left, found["evaluations"].values), (right, 1e3 * found["time"].values)):
+        for rank, (a, b) in enumerate(zip(x, found[measure].values, strict=True)):
+            style = style_of(str(found["integrator"].values[rank])).line(linestyle="none")
+            look = style if rank < NAMED else {"marker": ".", "color": "#9a9a9a", "linestyle": "none"}
+            (point,) = axes.plot([a], [b], **look)
+            if axes is left and rank < NAMED:
+                point.set_label(f"{rank + 1}. {found['label'].values[rank]}")
+                handles.append(point)
+        axes.axhline(bound := float(found.attrs["error"]), color="#595959", linewidth=0.8, linestyle=(0, (6, 3)))
+        log_scale(axes, "xy")
+        axes.set(xlim=_between_labels(x), ylim=_between_labels([*found[measure].values, bound]))
+    left.set_xlabel("evaluations of the force")
+    right.set_xlabel("time (ms)")
+    notes = found[measure].attrs
+    left.set_ylabel(
+        "position error"
+        if measure == "position_error"
+        else energy_error_label(notes, r"$|\Delta H|$", r"$|\Delta H/H_0|$")
+    )
+    panel_letter(left, "A", "error and evaluations")
+    panel_letter(right, "B", "error and time")
+    drawn.legend(handles=handles, **LEGEND)
+    return drawn
+
+
+def _between_labels(values: Iterable[float]) -> tuple[float, float] | None:
+    """Return the range of an axis from a labelled tick below all positive values to one above, both inside."""
+    positive = [float(value) for value in values if 0 < value < inf]
+    if not positive:
+        return None
+    powers = range(floor(log10(min(positive))) - 1, ceil(log10(max(positive))) + 2)
+    labels = [float(f"{digit}e{power}") for power in powers for digit in (1, 2, 5)]
+    low = max(label for label in labels if label <= min(positive))
+    return low / 1.15, min(label for label in labels if label >= max(positive) and label > low) * 1.15
+
+
+def stages_of(dataset: xr.Dataset) -> int:
+    """Evaluations of the force per step, without the evaluation that starts the first step."""
+    done = np.where(dataset["diverged_at"] > 0, dataset["diverged_at"], dataset["steps"])
+    return int((int(dataset["evaluations"][0]) - (dataset.attrs["first"] == "kick")) // done[0])
+
+
+def draw(source: str, kind: str, given: Sequence[xr.Dataset], axes: Sequence[str] | None) -> Figure:
+    drawn = _drawn(source, kind, given, axes)
+    keep_inside(drawn)
+    return drawn
+
+
+def _drawn(source: str, kind: str, given: Sequence[xr.Dataset], axes: Sequence[str] | None) -> Figure:
+    if source in (CUBE, RANKING):
+        return (draw_profile if source == CUBE else draw_ranking)(given[0])
+    if kind in ("orbit", "phase", "section"):
+        return _states(given, kind, axes)
+    if kind == "chaos":
+        looks = looks_of(given)
+        return draw_chaos(given, handles_of(given, looks, marker="none"), looks, _common_unit(given, "t"))
+    if source == TRAJECTORY:
+        return _trajectories(given, with_orbit=not kind)
+    check_measured(given)
+    _common_meaning(given, "max_energy_error")
+    if kind == "work":
+        return draw_work(given, handles_of(given, looks_of(given)), looks_of(given))
+    return _profiles(given) if source == PROFILE else _members(given)
+
+
+def write_above(drawn: Figure, title: str) -> None:
+    """Write a title into a strip added above a figure."""
+    width, height = drawn.get_size_inches()
+    strip = 0.32
+    share = height / (height + strip)
+    drawn.set_size_inches(width, height + strip)
+    for one in drawn.axes:
+        box = one.get_position()
+        one.set_position((box.x0, box.y0 * share, box.width, box.height * share))
+    for legend in drawn.legends:
+        legend.set_bbox_to_anchor((0.545, 0.995 * share), transform=drawn.transFigure)
+    drawn.text(0.5, 1 - strip / 2 / (height + strip), title, ha="center", va="center", fontsize="large")
+
+
+def _common_unit(given: Sequence[xr.Dataset], name: str) -> str:
+    units = sorted({str(one[name].attrs.get("units", "1")) for one in given})
+    if len(units) > 1:
+        raise bad_setting("datasets", f"units of {name}: {', '.join(units)}", "Datasets whose units are the same")
+    return units[0]
+
+
+def _common_meaning(given: Sequence[xr.Dataset], name: str) -> None:
+    """Refuse energy errors that cannot share an axis: relative to different energies, or in different units."""
+    found = [one[name].attrs for one in given]
+    meanings = sorted({f"{notes.get('long_name', name)}, in {notes.get('units', '1')}" for notes in found})
+    if len(meanings) > 1:
+        raise bad_setting("datasets", " | ".join(meanings), "Datasets whose energy errors mean the same")
+
+
+def _members(given: Sequence[xr.Dataset]) -> Figure:
+    against, looks = varying(given), looks_of(given)
+    unit = "1" if against == MEMBER else _common_unit(given, against)
+    return draw_members(given, handles_of(given, looks, linestyle="none"), looks, unit)
+
+
+@house_style
+def _profiles(given: Sequence[xr.Dataset]) -> Figure:
+    unit, looks = _common_unit(given, "tau"), looks_of(given)
+    profiles = []
+    for position, (one, look) in enumerate(zip(given, looks, strict=True)):
+        ascending = one.sortby("tau")
+        profiles.append(
+            Profile(
+                integrator=str(one.attrs["integrator"]),
+                tau_per_stage=ascending["tau"].values / stages_of(one),
+                errors={variable: ascending[variable].values for _, variable, _, _ in PANELS},
+                turn=(position, len(given)),
+                look=look,
+            )
+        )
+    return draw_profiles(profiles, handles_of(given, looks), unit, given[0]["max_energy_error"].attrs, given)
+
+
+@house_style
+def _trajectories(given: Sequence[xr.Dataset], *, with_orbit: bool) -> Figure:
+    measured = [one for one in given if one.attrs.get("energy") != "none"]
+    if not measured and with_orbit:
+        return _states(given, "orbit", None)
+    check_measured(given if not with_orbit else measured)
+    unit, looks = _common_unit(given, "t"), looks_of(given)
+    drawn = new_figure(7, 8.2 if with_orbit else 4.2)
+    drawn.subplots_adjust(
+        left=0.115, right=0.985, top=0.925 if with_orbit else 0.86, bottom=0.062 if with_orbit else 0.12, hspace=0.2
+    )
+    upper, *lower = drawn.subplots(2, 1, height_ratios=(2, 3)) if with_orbit else (drawn.subplots(),)
+    for one, look in zip(given, looks, strict=True):
+        if one.attrs.get("energy") != "none":
+            upper.plot(one["t"].values, np.abs(one["energy_error"].values), **_thin_line(one, look))
+    _finish_errors(upper, measured, unit)
+    for axes in lower:
+        _draw_states(axes, given, looks, "orbit", None)
+        panel_letter(axes, "B", _says("orbit", given))
+    drawn.legend(handles=handles_of(given, looks, marker="none"), **LEGEND)
+    return drawn
+
+
+@house_style
+def _states(given: Sequence[xr.Dataset], kind: str, asked: Sequence[str] | None) -> Figure:
+    looks = looks_of(given)
+    drawn = new_figure(7, 5.2)
+    drawn.subplots_adjust(left=0.115, right=0.985, top=0.885, bottom=0.095)
+    axes = drawn.subplots()
+    _draw_states(axes, given, looks, kind, asked)
+    panel_letter(axes, "A", _says(kind, given, asked))
+    if kind != "section":
+        drawn.legend(handles=handles_of(given, looks, marker="none"), **LEGEND)
+    return drawn
+
+
+def _draw_states(
+    axes: Axes, given: Sequence[xr.Dataset], looks: Sequence[Mapping[str, Any]], kind: str, asked: Sequence[str] | None
+) -> None:
+    """Draw orbits, phase spaces or a section, and label the axes."""
+    flat = given[0]["q"].sizes["component"] > 1
+    if any((one["q"].sizes["component"] > 1) != flat for one in given):
+        raise bad_setting("datasets", "systems of one and of several coordinates", "systems of like dimension")
+    pair = pair_of(given[0], kind, asked)
+    for one, look in zip(given, looks, strict=True):
+        if kind == "section":
+            draw_points(axes, one, pair)
+        else:
+            draw_curve(axes, one, pair, _thin_line(one, look))
+    units = [_common_unit(given, name) for name, _ in pair]
+    x, y = (name_of(one, given[0]) + in_brackets(unit) for one, unit in zip(pair, units, strict=True))
+    axes.set(xlabel=x, ylabel=y)
+    axes.yaxis.get_offset_text().set_x(-0.125)  # beside the title
+    if units[0] == units[1] and all(index is not None for _, index in pair):
+        axes.set_aspect("equal", adjustable="datalim")
+
+
+def _thin_line(one: xr.Dataset, look: Mapping[str, Any]) -> dict[str, Any]:
+    return style_of(str(one.attrs["integrator"])).line(**{**look, "marker": "none", "linewidth": 0.8})
+
+
+def _finish_errors(axes: Axes, given: Sequence[xr.Dataset], unit: str) -> None:
+    log_scale(axes, "y")
+    axes.set_xlabel(r"time $t$" + in_brackets(unit))
+    _common_meaning(given, "energy_error")
+    notes = given[0]["max_energy_error"].attrs
+    axes.set_ylabel(energy_error_label(notes, r"$|\Delta H|$", r"$|\Delta H/H_0|$"))
+    panel_letter(axes, "A", "energy error at the samples")
+    draw_floor(axes, given, "energy_error")
+
+
+def _says(kind: str, given: Sequence[xr.Dataset], asked: object = None) -> str:
+    """Return the title of a panel of states."""
+    first = given[0]
+    if kind == "section":
+        surface = re.sub(r"^q_(\d+)$", r"$q_\1 = 0$", str(first.attrs["surface_name"]))
+        return f"{int(first['crossings'].sum())} crossings of {surface}, {first.attrs['direction']}"
+    if asked is not None and any(index is None for _, index in pair_of(first, kind, asked)):
+        return "trajectory, from the dot on"
+    phase = kind == "phase" or first["q"].sizes["component"] == 1
+    return ("phase space" if phase else "orbit") + ", from the dot on"

@@ -1,1 +1,0 @@
-"""Definition of a system: declaration, arguments, quantities with units."""

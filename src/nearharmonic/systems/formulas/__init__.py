@@ -1,1 +1,0 @@
-"""Formulas of systems: energies, gradients, kinetic energies, the oscillator, regularisations."""

@@ -1,0 +1,562 @@
+"""Comparison of the formulas and declarations of a system in multiprecision, at its first use.
+
+Integrators use only gradients: a gradient that contradicts its potential gives orbits of another system without an
+error. The numbers are decimals of the standard library, because mpmath takes longer to load than a kernel.
+
+V as declared oscillators and the rest: [p.p + sum (w_i q_i)^2] / 2 + [V - sum (w_i q_i)^2 / 2].
+
+The rest has exact constants, so that the quadratic terms of V cancel as expressions, not as numbers.
+
+Equations of motion as the text of a Python function, for libraries that compile or differentiate it.
+
+The gradient of the square of a force, for kicks of a modified potential.
+
+Values and slopes of the functions of formulas as decimals, computed by MPFR.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from decimal import MAX_EMAX, MIN_EMIN, Context, Decimal, DivisionByZero, InvalidOperation, Overflow, localcontext
+from fractions import Fraction
+from functools import cache
+from random import Random
+from threading import RLock
+from typing import Any, NamedTuple
+
+from nearharmonic.core.arithmetic import sqrt
+from nearharmonic.core.formulas.expression import Expression, Graph, Value, check_size, gradient, operations, value_of
+from nearharmonic.core.formulas.number import FUNCTIONS, Constant, Number, call, scalar, vector
+from nearharmonic.core.formulas.program import Program, shortest_program
+from nearharmonic.errors import SystemDefinitionError, bad_setting
+from nearharmonic.systems.declaration import written_frequencies
+from nearharmonic.systems.energy import Components as Vector
+from nearharmonic.systems.energy import (
+    Energy,
+    MassKineticEnergy,
+    constants_beside,
+    evaluate,
+    quadratic_grad_T,
+    quadratic_T,
+)
+from nearharmonic.systems.formulas import DerivedGradient, Formulas
+from nearharmonic.systems.numba_potential import SMALL, bisected, check_numba_gradient, numba_potential
+from nearharmonic.systems.quantities import Vector
+from nearharmonic.systems.remembered import remembered
+from nearharmonic.systems.system import System
+
+# Sizes below are relative to the coordinates. A point has a displacement r from the start, so that length scales of a
+# formula (singularities, the width of a zero) are hardly shorter than r. A central difference over a step h then has a
+# relative truncation error of (h/r)^2 / 6 < 1e-84 for the smallest r. Its rounding error is 1e-DIGITS of the terms of
+# V, divided by h. If the terms of V are as large as its slope times the coordinate, this is 1e-140 of the slope; for
+# larger terms the comparison allows a larger error. Both errors are negligible compared with TOLERANCE.
+DIGITS = 200
+STEP = Decimal("1e-60")
+#: Distances of the points from the start. No point is the start itself, where gradients may vanish and formulas may
+#: fail.
+DISPLACEMENTS = tuple(Decimal(2) ** -k for k in (4, 10, 30, 60))
+#: Largest difference, relative to the sum of the moduli of a gradient's terms. A literal of 16 digits, such as
+#: 0.3333333333333333 for 1/3, changes a term by a relative 1e-16 at most.
+TOLERANCE = Decimal("1e-12")
+
+_VALUES = Context(prec=DIGITS, Emax=MAX_EMAX, Emin=MIN_EMIN, traps=[DivisionByZero, InvalidOperation, Overflow])
+_SIZES = Context(prec=9, Emax=MAX_EMAX, Emin=MIN_EMIN, traps=[DivisionByZero, InvalidOperation, Overflow])
+
+
+class Multiprecision(Number):
+    """A number of :data:`DIGITS` digits with the condition of the formula that computes it.
+
+    ``size`` x u bounds, to first order in u, the change of ``value`` when every operand and result of the formula
+    changes by a relative u (running error analysis: Higham, Accuracy and Stability of Numerical Algorithms, 3.3).
+    """
+
+    __slots__ = ("size", "value")
+
+    def __init__(self, value: Decimal, inherited: Decimal = Decimal(0)) -> None:
+        self.value, self.size = value, _SIZES.add(_SIZES.abs(value), inherited)
+
+    @classmethod
+    def of(cls, number: Constant) -> Multiprecision:
+        """Return an exact number, rounded to :data:`DIGITS` digits."""
+        return cls(_VALUES.divide(Decimal(number.numerator), Decimal(number.denominator)))
+
+    def _add(self, other: Multiprecision | Constant) -> Multiprecision:
+        other = self._lift(other)
+        return Multiprecision(_VALUES.add(self.value, other.value), _SIZES.add(self.size, other.size))
+
+    def _multiply(self, other: Multiprecision | Constant) -> Multiprecision:
+        other = self._lift(other)
+        sizes = [_SIZES.multiply(a.size, _SIZES.abs(b.value)) for a, b in ((self, other), (other, self))]
+        return Multiprecision(_VALUES.multiply(self.value, other.value), _SIZES.add(*sizes))
+
+    def _divide(self, other: Multiprecision | Constant) -> Multiprecision:
+        other = self._lift(other)
+        value = _VALUES.divide(self.value, other.value)
+        sizes = _SIZES.fma(_SIZES.abs(value), other.size, self.size)
+        return Multiprecision(value, _SIZES.divide(sizes, _SIZES.abs(other.value)))
+
+    def __neg__(self) -> Multiprecision:
+        return self._with(_VALUES.minus(self.value))
+
+    def __abs__(self) -> Multiprecision:
+        return self._with(_VALUES.abs(self.value))
+
+    def _with(self, value: Decimal) -> Multiprecision:
+        result = Multiprecision(value)
+        result.size = self.size
+        return result
+
+    def sqrt(self) -> Multiprecision:
+        value = _VALUES.sqrt(self.value)
+        return Multiprecision(value, _SIZES.divide(self.size, _SIZES.add(value, value)))
+
+    def lifted(self, number: Constant) -> Multiprecision:
+        return Multiprecision.of(number)
+
+    def apply(self, function: str, *others: Multiprecision | Constant) -> Multiprecision:
+
+        operands = [self, *map(self._lift, others)]
+        value, slopes = evaluated(function, [x.value for x in operands], DIGITS)
+        inherited = Decimal(0)
+        for slope, x in zip(slopes, operands, strict=True):
+            inherited = _SIZES.fma(_SIZES.abs(slope), x.size, inherited)
+        return Multiprecision(value, inherited)
+
+
+class _Slope(NamedTuple):
+    """Slope of an energy along a direction: by its gradient, by a difference, and the allowed difference of both."""
+
+    gradient: Decimal
+    difference: Decimal
+    allowed: Decimal
+
+    @property
+    def contradiction(self) -> bool:
+        return abs(_VALUES.subtract(self.gradient, self.difference)) > self.allowed
+
+
+class _Pair(NamedTuple):
+    """An energy and its gradient, as formulas of a system with constant parameters."""
+
+    system: System
+    formulas: Formulas
+    energy: str
+    constants: tuple[Constant, ...]
+
+    @property
+    def gradient(self) -> str:
+        return f"grad_{self.energy}"
+
+    def gradient_at(self, point: Sequence[Decimal]) -> tuple[Multiprecision, ...]:
+        components = vector(self.formulas, self.gradient, tuple(map(Multiprecision, point)), *self.constants)
+        return tuple(Multiprecision.of(x) if isinstance(x, Constant) else x for x in components)
+
+    def energy_at(self, point: Sequence[Decimal]) -> Multiprecision:
+        value = scalar(self.formulas, self.energy, tuple(map(Multiprecision, point)), *self.constants)
+        return Multiprecision.of(value) if isinstance(value, Constant) else value
+
+    def check_size(self) -> None:
+        """Refuse a gradient that will be compiled and takes too many operations."""
+        if self.formulas.are_loops:
+            return
+        graph = Graph()
+        x = graph.variables(self.formulas.dimension)
+        components = vector(self.formulas, self.gradient, x, *self.constants)
+        count = operations(graph, [value_of(component) for component in components])
+        call(self.formulas, self.gradient, check_size, count)
+
+    def slope(self, point: Sequence[Decimal], gradient: Sequence[Multiprecision], along: Sequence[Decimal]) -> _Slope:
+        """Both slopes at ``point`` (d,) in the direction ``along`` (d,), whose size is that of the coordinates."""
+        ahead, behind = (
+            self.energy_at([_VALUES.fma(sign * STEP, w, x) for x, w in zip(point, along, strict=True)])
+            for sign in (1, -1)
+        )
+        difference = _VALUES.divide(_VALUES.subtract(ahead.value, behind.value), 2 * STEP)
+        slope = allowed = Decimal(0)
+        for g, w in zip(gradient, along, strict=True):
+            slope = _VALUES.fma(g.value, w, slope)
+            allowed = _SIZES.fma(_SIZES.multiply(g.size, TOLERANCE), abs(w), allowed)
+        rounding = _SIZES.multiply(ahead.size, Decimal(10) ** (10 - DIGITS) / STEP)
+        return _Slope(slope, difference, _SIZES.add(allowed, rounding))
+
+
+#: The potentials that a system may declare.
+POTENTIALS: Mapping[str, Callable[..., Any]] = {
+    "harmonic": lambda q: q[0] * q[0] / 2,
+    "gravity": lambda q, GM: -GM / sqrt(sum(x * x for x in q)),
+}
+
+
+@remembered
+def check_gradients(system: System) -> None:
+    """Compare given gradients with V and T, and V with a declared potential, at points near the start.
+
+    Each comparison is made once. Derived gradients are not compared.
+
+    A point at which a formula divides by zero or takes the root of a negative number is skipped.
+
+    Raises
+    ------
+    SystemDefinitionError
+        A component differs from the derivative of its energy, V differs from the declared potential, a formula takes
+        too many operations to be compiled, or a formula fails for another reason.
+    """
+    formulas, constants = system.formulas(), system.constants(Constant)
+    q0, p0 = system.extended_start(Decimal)
+    for energy, gradient in zip(system.energies, (system.grad_V, system.grad_T), strict=True):
+        try:
+            energy.trace()
+        except SystemDefinitionError as error:
+            if isinstance(gradient, DerivedGradient) or not isinstance(error.__cause__, ArithmeticError):
+                raise
+    numba = numba_potential(system)
+    if numba is not None:
+        check_numba_gradient(numba, *(tuple(map(float, numbers)) for numbers in (q0, constants)))
+    given = numba is None and not isinstance(system.grad_V, DerivedGradient)
+    with localcontext(_VALUES):
+        potential = _Pair(system, formulas, "V", constants)
+        if given or any(getattr(system, name) for name in POTENTIALS):
+            _compare(potential, "q", q0)
+        if given:
+            potential.check_size()
+        known = isinstance(system.T, MassKineticEnergy) or (system.T, system.grad_T) == (quadratic_T, quadratic_grad_T)
+        if not (known or isinstance(system.grad_T, DerivedGradient)):
+            kinetic = _Pair(system, formulas, "T", constants)
+            _compare(kinetic, "p", p0)
+            kinetic.check_size()
+
+
+def _compare(pair: _Pair, letter: str, start: Sequence[Decimal]) -> None:
+    random = Random(1)  # the same points in every process
+    largest = max(map(abs, start)) or Decimal(1)
+    scales = [abs(x) or largest for x in start]  # a coordinate that starts at 0 has no other length scale
+    if pair.energy == "V" and pair.system.time_dependent:
+        scales[-1] = abs(Decimal(pair.system.t_end)) or Decimal(1)
+    for displacement in DISPLACEMENTS:
+        point = [_VALUES.fma(displacement * _random(random), w, x) for x, w in zip(start, scales, strict=True)]
+        try:
+            if pair.energy == "V":
+                _check_declared(pair, point)
+            gradient = pair.gradient_at(point)
+            found = _contradiction(pair, point, gradient, scales, random)
+        except SystemDefinitionError as error:
+            if isinstance(error.__cause__, ArithmeticError):
+                continue
+            raise
+        if found is not None:
+            i, derivative = found
+            raise SystemDefinitionError(
+                f"{pair.system.name}: {pair.gradient}[{i}] contradicts {pair.energy}: at {letter} = "
+                f"({_shown(point)}) it is {float(gradient[i].value)}, "
+                f"and the derivative of {pair.energy} is {float(derivative)}"
+            )
+
+
+def _check_declared(pair: _Pair, point: Sequence[Decimal]) -> None:
+    for name, potential in POTENTIALS.items():
+        if getattr(pair.system, name):
+            value = pair.energy_at(point)
+            expected = potential(tuple(map(Multiprecision, point)), *map(Multiprecision.of, pair.constants))
+            if abs(_VALUES.subtract(value.value, expected.value)) > _SIZES.multiply(TOLERANCE, expected.size):
+                raise SystemDefinitionError(
+                    f"{pair.system.name}: {name} contradicts V: at q = ({_shown(point)}) it is {float(value.value)}, "
+                    f"and the potential declared is {float(expected.value)}"
+                )
+
+
+def _contradiction(
+    pair: _Pair, point: Sequence[Decimal], gradient: Sequence[Multiprecision], scales: Sequence[Decimal], random: Random
+) -> tuple[int, Decimal] | None:
+    """A component that contradicts its energy, with the correct derivative; None if there is none."""
+
+    def slope(indices: range, weights: Sequence[Decimal]) -> _Slope:
+        along = [w if i in indices else Decimal(0) for i, w in enumerate(weights)]
+        return pair.slope(point, gradient, along)
+
+    d = len(point)
+    if d <= SMALL:
+        candidates: Iterator[int] = iter(range(d))
+    else:
+        weights = [w * _random(random) for w in scales]
+        candidates = bisected(lambda indices: slope(indices, weights).contradiction, range(d))
+    for i in candidates:
+        single = slope(range(i, i + 1), scales)
+        if single.contradiction:
+            return i, _VALUES.divide(single.difference, scales[i])
+    return None
+
+
+def _shown(point: Sequence[Decimal]) -> str:
+    shown = [repr(float(x)) if len(point) <= 4 else f"{float(x):.4g}" for x in point[:SMALL]]
+    return ", ".join(shown) if len(point) <= SMALL else f"{', '.join(shown)}, ... {len(point)} in all"
+
+
+def _random(random: Random) -> Decimal:
+    """A factor in [1/2, 1) of random sign."""
+    return Decimal(random.choice((-0.5, 0.5)) * (1 + random.random()))
+
+
+@dataclass(frozen=True, eq=False)
+class Remainder:
+    """V - sum w_i^2 q_i^2 / 2 as a function of the coordinates and the parameters."""
+
+    system: System
+    frequencies: tuple[Fraction | str, ...]
+
+    def __call__(self, q: Vector, *parameters: Any) -> Any:
+        given, rest, number = dict(zip(self.system.parameters, parameters, strict=True)), 0, constants_beside(q)
+        for x, w in zip(q, self.frequencies, strict=True):
+            if isinstance(w, str):
+                rest = rest + given[w] * given[w] * x * x / 2
+            elif w:
+                rest = rest + number(Constant(w * w / 2)) * (x * x)
+        return self.system.V(q, *parameters) - rest
+
+
+@remembered
+def frequencies_of(system: System) -> tuple[tuple[Fraction, ...], tuple[int, ...]]:
+    """Return the distinct frequencies, and for each coordinate the index of its frequency.
+
+    Raises
+    ------
+    SettingError
+        The oscillators of the system cannot be solved exactly together with T.
+    """
+    check_oscillator(system)
+    constants = dict(zip(system.parameters, system.constants(Fraction), strict=True))
+    values = [constants[w] if isinstance(w, str) else w for w in written_frequencies(system)]
+    distinct = tuple(dict.fromkeys(values))
+    return distinct, tuple(distinct.index(value) for value in values)
+
+
+def frequency_parameters(system: System) -> list[int]:
+    """Return the indices of the parameters that are frequencies."""
+    named = written_frequencies(system)
+    return [i for i, name in enumerate(system.parameters) if name in named]
+
+
+def check_oscillator(system: System, key: str = "split") -> None:
+    """Raise an error about the setting ``key`` if the oscillators and T cannot be solved exactly together.
+
+    Raises
+    ------
+    SettingError
+        The message holds the missing property of the system.
+    """
+    value = "exact_oscillator"
+    if system.frequencies is None:
+        example = ", ".join(["'1'"] * min(system.dimension, 3)) + (", ..." if system.dimension > 3 else "")
+        comma = "," if system.dimension == 1 else ""
+        needed = f"{system.name} declares no frequencies, such as frequencies=({example}{comma})"
+    elif system.time_dependent:
+        needed = f"it is for potentials that do not depend on time, and that of {system.name} does"
+    elif system.regularisation is not None:
+        needed = f"{system.name} is regularised, and is no oscillator in its own coordinates"
+    elif not system.unit_masses:
+        needed = f"it requires T = p.p / 2, which {system.name} does not have"
+    elif not system.energies[0].traced:
+        needed = f"it takes the oscillators out of the expression of V, and V of {system.name} is a function of numba"
+    elif system.formulas().are_loops:
+        needed = f"it is for systems of few terms, and the formulas of {system.name} are compiled as loops"
+    else:
+        return
+    raise bad_setting(key, value, needed)
+
+
+@remembered
+def remainder_formulas(system: System) -> Formulas:
+    """Return the formulas of ``system`` with the grad_V of V without its oscillators; V is the full potential.
+
+    Raises
+    ------
+    SettingError
+        The oscillators of the system cannot be solved exactly together with T.
+    """
+    check_oscillator(system)
+    formulas = system.formulas()
+    remainder = Remainder(system, written_frequencies(system))
+    rest = Energy(system.name, "V", remainder, system.dimension, system.constants(Constant))
+    return replace(
+        formulas,
+        grad_V=rest.gradient,
+        grad_V_and_V=lambda q, *given: (*rest.gradient(q, *given), formulas.V(q, *given)),
+    )
+
+
+class SourceTracer(Number):
+    """A symbolic number that records each arithmetic operation as one line of Python source.
+
+    ``name`` is a variable: the last of ``lines`` assigns its value, or it is an argument of the function.
+    """
+
+    __slots__ = ("lines", "name")
+
+    def __init__(self, name: str, lines: list[str]) -> None:
+        self.name, self.lines = name, lines
+
+    def _line(self, expression: str) -> SourceTracer:
+        name = f"v{len(self.lines)}"
+        self.lines.append(f"{name} = {expression}")
+        return type(self)(name, self.lines)
+
+    def _add(self, other: SourceTracer | Constant) -> SourceTracer:
+        # sum() begins with 0; no user would write a line for that addition.
+        return self if isinstance(other, Constant) and not other else self._line(f"{self.name} + {_text(other)}")
+
+    def __sub__(self, other: Any) -> Any:
+        operand = self._operand(other)
+        return NotImplemented if operand is None else self._line(f"{self.name} - {_text(operand)}")
+
+    def __rsub__(self, other: Any) -> Any:
+        operand = self._operand(other)
+        return NotImplemented if operand is None else self._line(f"{_text(operand)} - {self.name}")
+
+    def _multiply(self, other: SourceTracer | Constant) -> SourceTracer:
+        return self._line(f"{self.name} * {_text(other)}")
+
+    def _divide(self, other: SourceTracer | Constant) -> SourceTracer:
+        return self._line(f"{self.name} / {_text(other)}")
+
+    def __neg__(self) -> SourceTracer:
+        return self._line(f"-{self.name}")
+
+    def __abs__(self) -> SourceTracer:
+        return self._line(f"abs({self.name})")
+
+    def whole_power(self, exponent: int) -> SourceTracer:
+        """Return the ``exponent``-th power in one line, which libraries differentiate as a power."""
+        return self._line(f"{self.name} ** {exponent}")
+
+    def sqrt(self) -> SourceTracer:
+        return self._line(f"sqrt({self.name})")
+
+    def lifted(self, number: Constant) -> SourceTracer:
+        return type(self)(_text(number), self.lines)
+
+    def apply(self, function: str, *others: SourceTracer | Constant) -> SourceTracer:
+        return self._line(f"{function}({', '.join(map(_text, (self, *others)))})")
+
+
+def _text(value: SourceTracer | Constant) -> str:
+    return value.name if isinstance(value, SourceTracer) else repr(float(value))
+
+
+def _function(name: str, arguments: str, lines: list[str], results: list[str]) -> str:
+    body = "".join(f"    {line}\n" for line in lines)
+    return f"def {name}({arguments}):\n{body}    return {', '.join(results)},\n"
+
+
+def velocity_text(system: System) -> str:
+    """Return the text of ``velocity(q0, .., p0, ..)`` -> (dq0/dt, .., dp0/dt, ..).
+
+    Coordinates are those of ``system.formulas()``. For a regularised system they are (u, w), with derivatives by the
+    fictitious time. The text calls ``abs``, ``sqrt`` and the functions of :mod:`nearharmonic.math` by their names.
+
+    Raises
+    ------
+    SystemDefinitionError
+        A formula fails, or uses an operation that formulas do not have.
+    """
+    lines: list[str] = []
+    formulas, constants = system.formulas(), system.constants(Constant)
+    d = formulas.dimension
+    names = [f"{letter}{i}" for letter in "qp" for i in range(d)]
+    entries = [SourceTracer(name, lines) for name in names]
+    q, p = tuple(entries[:d]), tuple(entries[d:])
+    velocity, force = vector(formulas, "grad_T", p, *constants), vector(formulas, "grad_V", q, *constants)
+    results = [*map(_text, velocity), *(f"-{_text(component)}" for component in force)]
+    return _function("velocity", ", ".join(names), lines, results)
+
+
+def velocity(system: System, functions: Mapping[str, Callable[..., Any]] | None = None) -> Callable[..., Any]:
+    """The function of :func:`velocity_text`; it calls ``functions``, by default those of the module math."""
+    import numpy as np
+
+    space: dict[str, Any] = {name: getattr(math, name) for name in ("sqrt", *FUNCTIONS) if name != "cbrt"}
+    space |= {"cbrt": np.cbrt, **(functions or {})}  # numba supports only that of numpy
+    exec(compile(velocity_text(system), f"<{system.name}>", "exec"), space)
+    made: Callable[..., Any] = space["velocity"]
+    return made
+
+
+class SquareGradient:
+    """grad |grad V|^2 as a function of the coordinates and the parameters.
+
+    |grad V|^2 denotes the square a(f).f with inverse masses, where a(f) is the acceleration by the force f = grad V.
+    Its gradient is derived in reverse mode, for a system with quadratic T.
+    """
+
+    def __init__(self, system: System) -> None:
+        self.formulas, self.parameters = system.formulas(), len(system.parameters)
+        self._programs: dict[tuple[Constant, ...] | None, Program] = {}
+        self._lock = RLock()
+
+    def __call__(self, q: Vector, *parameters: Any) -> Vector:
+        """Return the gradient (d) at ``q`` (d), in any number type."""
+        compiled_in = bool(parameters) and all(isinstance(k, Constant) for k in parameters)
+        constants = parameters if compiled_in else None
+        with self._lock:
+            if constants not in self._programs:
+                self._programs[constants] = self._program(constants)
+        return evaluate(self._programs[constants], (*q, *(() if compiled_in else parameters)))
+
+    def _program(self, constants: tuple[Constant, ...] | None) -> Program:
+        graph, d = Graph(), self.formulas.dimension
+        variables = graph.variables(d if constants is not None else d + self.parameters)
+        q, given = variables[:d], variables[d:] if constants is None else constants
+        force = vector(self.formulas, "grad_V", q, *given)
+        pairs = zip(force, self.formulas.acceleration(force, *given), strict=True)
+        square: Expression | Constant = sum((f * a for f, a in pairs), start=Constant(0))
+        coordinates: tuple[Value, ...] = tuple(x.value for x in q)
+        roots = gradient(graph, value_of(square), coordinates)
+        return shortest_program(graph, roots, value_of(scalar(self.formulas, "V", q, *given)))
+
+
+#: The function of a system, made once.
+square_gradient = cache(SquareGradient)
+
+
+@cache
+def slopes() -> dict[str, Callable[..., tuple[Any, ...]]]:
+    """Return, by function, the first derivatives for each argument, as functions of the arguments and the value."""
+    import gmpy2  # as slow to load as numpy, and the registry imports every module of this folder
+
+    return {
+        "sin": lambda x, v: (gmpy2.cos(x),),
+        "cos": lambda x, v: (gmpy2.sin(x),),
+        "tan": lambda x, v: (1 + v * v,),
+        "exp": lambda x, v: (v,),
+        "log": lambda x, v: (1 / x,),
+        "cbrt": lambda x, v: (1 / (3 * v * v),),
+        "pow": lambda x, y, v: (y * v / x, gmpy2.log(abs(x)) * v),
+        "atan2": lambda y, x, v: (x / (x * x + y * y), y / (x * x + y * y)),
+        "tanh": lambda x, v: (1 - v * v,),
+        "sinh": lambda x, v: (gmpy2.cosh(x),),
+        "cosh": lambda x, v: (gmpy2.sinh(x),),
+        "erf": lambda x, v: (2 * gmpy2.exp(-x * x) / gmpy2.sqrt(gmpy2.const_pi()),),
+        "hypot": lambda x, y, v: (x / v, y / v),
+    }
+
+
+def evaluated(function: str, arguments: Sequence[Decimal], digits: int) -> tuple[Decimal, list[Decimal]]:
+    """Return the value of a function to ``digits`` digits, and the sizes of its slopes.
+
+    Raises
+    ------
+    ArithmeticError
+        The value or a slope is not a finite number.
+    """
+    import gmpy2
+
+    with gmpy2.context(precision=int(3.33 * digits) + 40):
+        numbers = [gmpy2.mpfr(str(x)) for x in arguments]
+        value = numbers[0] ** numbers[1] if function == "pow" else getattr(gmpy2, function)(*numbers)
+        derivatives = slopes()[function](*numbers, value)
+        if not all(map(gmpy2.is_finite, (value, *derivatives))):
+            raise ArithmeticError(
+                f"{function} has no finite value and slope at {', '.join(map('{:.6e}'.format, arguments))}"
+            )
+        short = Context(prec=digits)
+        return short.create_decimal(f"{value:.{digits + 5}e}"), [Decimal(f"{slope:.9e}") for slope in derivatives]

@@ -1,1 +1,0 @@
-"""Potentials that are functions of numba."""

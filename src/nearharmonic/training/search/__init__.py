@@ -1,1 +1,0 @@
-"""Searches for members of a family: starts, descents by Gauss-Newton steps or an evolution, and their results."""

@@ -1,1 +1,0 @@
-"""Starts on which a method is tailored."""

@@ -1,0 +1,164 @@
+"""Statements of the paper that can be decided by numbers, and their decisions.
+
+A statement is a :class:`Claim` in a file of its group; there is no other list. The decorator of its kind, for example
+:data:`result`, takes its texts and makes the statement from the function that decides it. Statements with a common
+method of decision are rows of a tuple: ``result(...)(judge)``, where a function with the parameters of the row returns
+the judge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from nearharmonic.errors import NearharmonicError, ResultFileError
+from nearharmonic.output.store import workflow_command
+from nearharmonic_paper.claims.judging.margins import EXACT, margin
+from nearharmonic_paper.claims.results import Results, Undecided
+from nearharmonic_paper.tasks.experiment import experiments
+
+Verdict = Literal["holds", "holds but for edges", "holds in part", "fails", "erratum", "not decided here"]
+OPEN: Verdict = "not decided here"
+
+#: Kinds of statements. A result is measured or found in the paper. Mathematics is proved in the paper or follows. A
+#: misprint can be corrected from its context. An attribution names an author. Background is quoted from others or
+#: describes the compared objects. A finding is a statement of this project, not of the paper.
+Kind = Literal["result", "mathematics", "misprint", "attribution", "background", "finding"]
+
+
+class Decision(NamedTuple):
+    """Verdict on a statement, the measured value in words and numbers, and the margin of its threshold."""
+
+    verdict: Verdict
+    value: str
+    margin: str = ""
+
+
+#: Function of the results, and of the threshold if it is a number.
+Decide = Callable[..., Decision]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Claim:
+    """A statement.
+
+    Attributes
+    ----------
+    id : str
+        Name in tables, lower case with hyphens.
+    paper : str
+        Position in the paper.
+    sentence : str
+        Words of the paper.
+    kind : str
+        One of :data:`Kind`.
+    statement : str
+        The part of the sentence that is decided here, with its interpretation.
+    threshold : str
+        Condition on the numbers, and origin of its constants.
+    bound : float, optional
+        The threshold, if it is one number: ``decide`` has it as a second argument, and the margin is the interval of
+        bounds with an equal verdict.
+    needs : tuple of str
+        Result files for the decision, relative to the folder of results.
+    also : tuple of str
+        Result files of other targets. If they exist, the value uses them; the verdict does not depend on them.
+    decide : callable
+        Function of :class:`~nearharmonic_paper.claims.results.Results` that returns a :class:`Decision`.
+    """
+
+    id: str
+    paper: str
+    sentence: str
+    kind: Kind
+    statement: str
+    threshold: str
+    decide: Decide
+    bound: float | None = None
+    needs: tuple[str, ...] = ()
+    also: tuple[str, ...] = ()
+
+    @property
+    def maker(self) -> tuple[str, str]:
+        """Target of the workflow for its files, and its time on two cores."""
+        every = experiments()
+        maker = next((one for one in every.values() if any(map(one.makes, self.needs))), every["paper"])
+        return maker.cubes_target, maker.cubes_duration
+
+    @property
+    def target(self) -> str:
+        """Target of the workflow for its files."""
+        return self.maker[0]
+
+    def decision(self, results: Results) -> Decision:
+        """Decide the statement on ``results``; missing data leave it undecided.
+
+        Raises
+        ------
+        ResultFileError
+            A file is damaged, or lacks what the statement needs.
+        """
+        missing = [name for name in self.needs if not results.has(name)]
+        if missing:
+            return Decision(OPEN, f"{missing[0]} is not there: target {', '.join(self.maker)}")
+        try:
+            return self._decided(results)
+        except Undecided as reason:
+            return Decision(OPEN, str(reason))
+        except (ArithmeticError, LookupError, TypeError, ValueError) as error:
+            if isinstance(error, NearharmonicError) or not self.needs:
+                raise
+            message = f"{' or '.join(self.needs)} lacks the data that decide {self.id!r}, or contains no numbers"
+            again = f"{workflow_command(results.folder / self.needs[0])} --force {self.target}"
+            raise ResultFileError(f"{message}. Make it again: {again}") from error
+
+    def _decided(self, results: Results) -> Decision:
+        bound = self.bound
+        if bound is None:
+            return self._as_told(self.decide(results))._replace(margin=EXACT)
+        found = self._as_told(self.decide(results, bound))
+        return found._replace(margin=margin(lambda other: self.decide(results, other).verdict, bound))
+
+    def _as_told(self, found: Decision) -> Decision:
+        """Return ``found``; the failure of a misprint becomes an erratum."""
+        wrong = self.kind == "misprint" and found.verdict in ("fails", "holds in part")
+        return found._replace(verdict="erratum") if wrong else found
+
+
+def _statements(kind: Kind) -> Callable[..., Callable[[Decide], Claim]]:
+    """Return the decorator of functions that decide statements of one kind; it takes the other attributes."""
+    return lambda **attributes: lambda decide: Claim(kind=kind, decide=decide, **attributes)
+
+
+#: The decorators of functions that decide statements, one for each kind.
+result, mathematics, misprint = _statements("result"), _statements("mathematics"), _statements("misprint")
+attribution, background, finding = _statements("attribution"), _statements("background"), _statements("finding")
+
+
+def either(good: bool, value: str) -> Decision:
+    """Return the decision that a statement holds or fails."""
+    return Decision("holds" if good else "fails", value)
+
+
+def counted(good: Sequence[bool], value: str) -> Decision:
+    """Return the decision on several objects: holds, in part or fails, if all, some or none of them are good."""
+    return Decision("holds" if all(good) else "holds in part" if any(good) else "fails", value)
+
+
+def tallied(good: Iterable[bool], things: str, beside: str = "") -> Decision:
+    """Decide as :func:`counted`; the value is the number of good things, of all, and the text ``beside``."""
+    found = list(good)
+    return counted(found, f"{sum(found)} of {len(found)} {things}{beside}")
+
+
+def combined(verdicts: Iterable[Verdict], value: str) -> Decision:
+    """Return the decision on a statement of several parts.
+
+    It holds or fails if all parts do. It holds but for edges if all parts hold at least but for edges. Otherwise it
+    holds in part.
+    """
+    found = set(verdicts)
+    if len(found) == 1:
+        return Decision(found.pop(), value)
+    return Decision("holds but for edges" if found == {"holds", "holds but for edges"} else "holds in part", value)

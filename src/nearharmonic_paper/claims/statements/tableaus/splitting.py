@@ -1,0 +1,253 @@
+"""Sections 1 and 2: methods of every order, signs of coefficients, symmetric compositions, stages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from itertools import zip_longest
+from math import isnan
+from typing import Any
+
+from mpmath import mp, mpf
+
+from nearharmonic.integrators import BENCHMARKED, chin_1997, omelyan_2002, rowlands_1991
+from nearharmonic.integrators.tableau import Tableau, palindrome
+from nearharmonic.systems import System, henon_heiles, kepler, sho
+from nearharmonic.theory.order import order_of
+from nearharmonic_paper.claims.claim import Decide, Decision, background, counted, either, mathematics, tallied
+from nearharmonic_paper.claims.judging.definitions import APPROXIMATELY
+from nearharmonic_paper.claims.results import Results, short
+
+#: Methods with modified kicks that are older than the paper.
+FORCE_GRADIENT = tuple(
+    one for module in (rowlands_1991, chin_1997, omelyan_2002) for one in module.TABLEAUS if one.modified
+)
+#: Even orders that are tried: the free Lie algebra grows by a factor four from one to the next.
+ORDERS = (2, 4, 6, 8)
+
+
+@background(
+    id="every-even-order",
+    paper="Section 1",
+    sentence="SIs of arbitrarily high even order exist and can be constructed using Lie algebra",
+    statement="Composing a method three times with itself raises its order by two, any number of times",
+    threshold="the leapfrog has order 2, and its compositions with the weights 1/(2 - 2^(1/n)), n = 3, 5 and 7, have "
+    "the orders 4, 6 and 8, proved in the free Lie algebra",
+)
+def every_even_order(_: Results) -> Decision:
+    found = [order_of(tripled(order), highest=order + 1) for order in ORDERS]
+    return counted([a == b for a, b in zip(found, ORDERS, strict=True)], f"proved orders {', '.join(map(str, found))}")
+
+
+def tripled(order: int) -> Tableau:
+    """The leapfrog composed three times with itself until it is of this order (Yoshida 1990, Eq. 4.14)."""
+    with mp.workdps(60):
+        weights = [mpf(1)]
+        for n in range(3, order, 2):
+            outer = 1 / (2 - mp.root(2, n))
+            weights = [w * x for w in (outer, 1 - 2 * outer, outer) for x in weights]
+        return leapfrogs(weights, name=f"tripled_o{order}", label=f"leapfrog, order {order}", order=order, digits=45)
+
+
+def leapfrogs(weights: Sequence[Any], digits: int, **about: Any) -> Tableau:
+    """Compose leapfrog steps with symmetric weights, each of which begins with a drift, in the precision of mpmath."""
+    halves = [(a + b) / 2 for a, b in zip([mpf(0), *weights], [*weights, mpf(0)], strict=True)]
+    kicks, drifts = ([mp.nstr(c, digits + 5) for c in row] for row in (weights, halves))
+    middle = len(kicks) // 2
+    kick, drift = palindrome(*kicks[:middle], centre=kicks[middle]), palindrome(*drifts[: middle + 1])
+    source = "Yoshida (1990), doi:10.1016/0375-9601(90)90092-3"
+    return Tableau(kick=kick, drift=drift, first="drift", digits=digits, source=source, **about)
+
+
+@background(
+    id="positive-force-gradient",
+    paper="Section 1",
+    sentence="The force-gradient compositions benefit from all-positive splitting coefficients",
+    statement="Fourth order methods that evaluate the force gradient have only positive coefficients",
+    threshold="no negative coefficient in either fourth order method, of Rowlands (1991) and of Chin (1997); a "
+    "splitting of that order without the force gradient always has one",
+)
+def positive_force_gradient(_: Results) -> Decision:
+    least = {m.label: min(float(c) for c in (*m.kick, *m.drift)) for m in FORCE_GRADIENT}
+    fourth = [m.label for m in FORCE_GRADIENT if m.order == 4]
+    forward = [one for one in fourth if least[one] >= 0]
+    higher = [f"; {m.label}, of order {m.order}, has {least[m.label]:.2f}" for m in FORCE_GRADIENT if m.order > 4]
+    listed = f"methods of order four: {', '.join(forward)}{''.join(higher)}"
+    return tallied((one in forward for one in fourth), listed)
+
+
+@background(
+    id="negative-coefficients",
+    paper="Section 1",
+    sentence="Non-gradient splitting methods of orders higher than two always involve negative coefficients",
+    statement="Splitting methods of orders higher than two always involve negative coefficients",
+    threshold="at least one negative coefficient in each registered method of order above 2; it is a theorem "
+    "(Sheng 1989, Suzuki 1991), which allows no exception",
+)
+def negative_coefficients(results: Results) -> Decision:
+    high = [method for method in results.methods.values() if method.order > 2]
+    without = [m.name for m in high if not any(float(c) < 0 for c in (*m.kick, *m.drift))]
+    return either(not without, f"{len(high) - len(without)} of {len(high)} registered methods of order above 2")
+
+
+@mathematics(
+    id="sums-are-one",
+    paper="Section 2, above Eq. 2",
+    sentence="A set of real numbers exist (c₁, c₂, ..., c_k) and (d₁, d₂, ..., d_k), referred to as splitting "
+    "coefficients, that satisfy Σ c_i = Σ d_i = 1",
+    statement="The coefficients c sum to 1, and so do the coefficients d",
+    threshold="for every registered method both sums are 1 within a unit of the last decimal of its source for each "
+    "coefficient, in exact arithmetic",
+)
+def sums_are_one(results: Results) -> Decision:
+    good, worst = [], Fraction(0)
+    for method in results.methods.values():
+        off = max(abs(sum(map(Fraction, row), Fraction(-1))) / len(row) for row in (method.kick, method.drift))
+        good.append(off <= Fraction(1, 10**method.digits))
+        worst = max(worst, off)
+    return tallied(good, "methods", f"; worst sum off by {short(float(worst), 1)} per coefficient")
+
+
+@mathematics(
+    id="even-orders",
+    paper="Section 3, below Table 3",
+    sentence="Symmetric coefficients omit odd order error terms",
+    statement="The order of a symmetric method is even",
+    threshold="for every registered symmetric method the order, the order for quadratic T and the harmonic order of "
+    "the energy are even, proved in exact arithmetic; what the paper concludes for Eq. 16 is another statement",
+    needs=("tables/integrators.csv",),
+)
+def even_orders(results: Results) -> Decision:
+    rows = [row for row in results.rows("integrators") if row["symmetric"] == "yes"]
+    columns = ("order", "Nystrom order", "harmonic order of energy")
+    odd = [row["integrator"] for row in rows if any(int(row[column]) % 2 for column in columns)]
+    return counted([not odd, len(odd) < len(rows)], f"{len(rows) - len(odd)} of {len(rows)} methods")
+
+
+@mathematics(
+    id="table-1",
+    paper="Table 1",
+    sentence="Table 1 summarizes the symmetric structures of the ABA- and BAB-composition",
+    statement="ABA: d_i = d_(k-i), c_i = c_(k+1-i), d_k = 0; BAB: d_i = d_(k+1-i), c_i = c_(k-i), c_k = 0",
+    threshold="for Ruth's method, equal in all decimals",
+    needs=("tables/table1_structure.csv",),
+)
+def table_1(results: Results) -> Decision:
+    rows = results.rows("table1_structure")
+    good = []
+    for name, padding in (("ABA d", ["0"]), ("ABA c", []), ("BAB d", []), ("BAB c", ["0"])):
+        column = [row[f"{name} value"] for row in rows]
+        values = column[: len(column) - len(padding)]
+        good.append(column == [*values[::-1], *padding])
+    return tallied(good, "rows of Ruth's method read the same in both directions")
+
+
+def _within(measured: str, bound: str, word: str) -> Decide:
+    """Judge of statements that a column of the table of structure, a row a run, is within its bound in another."""
+
+    def decide(results: Results, most: float) -> Decision:
+        pairs = [(float(row[measured]), float(row[bound])) for row in results.rows("structure")]
+        shares = [one / limit for one, limit in pairs if not isnan(one)]  # asymmetric methods have no return
+        largest = short(max(shares), 2)
+        return tallied((share <= most for share in shares), "runs", f"; largest {word} {largest} of the bound")
+
+    return decide
+
+
+STRUCTURE = (
+    mathematics(
+        id="time-reversible",
+        paper="Section 2, below Eq. 3",
+        sentence="SIs are time reversible if the symplectic coefficients are symmetric",
+        statement="Symmetric integrators are time reversible: z(0) → z(τ) can be exactly reverted",
+        threshold="n steps forward and n steps back return to the start within n roundings of a step, times the growth "
+        "of errors along the run",
+        bound=1.0,
+        needs=("tables/structure.csv",),
+    )(_within("return error", "return bound", "return error")),
+    background(
+        id="symplectic",
+        paper="Section 1",
+        sentence="due to their structure-preserving properties",
+        statement="The integrators preserve the symplectic structure",
+        threshold="JᵀΩJ = Ω for the tangent map J of each run in double-double, within a random walk of its roundings",
+        bound=1.0,
+        needs=("tables/structure.csv",),
+    )(_within("symplectic defect", "symplectic walk", "defect")),
+)
+
+
+@mathematics(
+    id="first-same-as-last",
+    paper="Section 2, above Table 1",
+    sentence="The number of stages is defined as s = k - 1 for symmetric coefficients due to the first same as last "
+    "property",
+    statement="A symmetric method of k pairs of coefficients costs s = k - 1 derivative evaluations a step",
+    threshold="three steps of every registered symmetric method evaluate the gradient of V 3s times, and once more if "
+    "a kick comes first, counted by a stepper that keeps the last gradient; k is the length of the longer row",
+)
+def first_same_as_last(results: Results) -> Decision:
+    good = []
+    for method in results.methods.values():
+        rows = [[Fraction(c) for c in row] for row in (method.kick, method.drift)]
+        if all(row == row[::-1] for row in rows):
+            k = max(map(len, rows))
+            good.append(gradients(method, steps=3) == 3 * (k - 1) + (len(method.kick) == k))
+    return tallied(good, "methods")
+
+
+def gradients(method: Tableau, steps: int) -> int:
+    """Count the gradients of V = q^2/2 that some steps ask for if the last one is kept while q is the same."""
+    pairs = list(zip_longest(map(float, method.kick), map(float, method.drift), fillvalue=0.0))
+    count, kept, q, p = 0, None, 1.0, 0.0
+    for _ in range(steps):
+        for d, c in pairs:
+            if method.first == "drift":
+                q += 0.1 * c * p
+            if d and kept != q:
+                kept, count = q, count + 1
+            p -= 0.1 * d * q
+            if method.first == "kick":
+                q += 0.1 * c * p
+    return count
+
+
+@background(
+    id="cost-proportional-to-stages",
+    paper="Section 2, above Table 1",
+    sentence="The computational cost of SIs is approximately proportional to the number of derivative evaluations "
+    "(stages)",
+    statement="The operations of a step per stage are approximately equal for all ten methods",
+    threshold="arithmetic operations of a step, divided by its stages: the largest of the ten methods at most 1.26 "
+    f"times the smallest, on each system; {APPROXIMATELY.brief}",
+    bound=APPROXIMATELY.number,
+)
+def cost_proportional(results: Results, most: float) -> Decision:
+    ratios = {}
+    for name, system in (("oscillator", sho), ("Hénon-Heiles", henon_heiles), ("Sun-Mercury", kepler)):
+        costs = [operations(results.method(one), system.SYSTEM) / results.method(one).stages for one in BENCHMARKED]
+        ratios[name] = max(costs) / min(costs)
+    told = ", ".join(f"{name} {short(ratio)}" for name, ratio in ratios.items())
+    return counted([ratio <= most for ratio in ratios.values()], f"largest over least: {told}")
+
+
+class Counted:
+    """A number that counts the operations made with it and others that share its counter."""
+
+    def __init__(self, counter: list[int]) -> None:
+        self.counter = counter
+
+    def _one(self, *_: object) -> Counted:
+        self.counter[0] += 1
+        return self
+
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = __neg__ = sqrt = _one
+
+
+def operations(method: Tableau, system: System) -> int:
+    """Count the operations of a step: its gradients of V, and two for each coordinate of a kick or drift."""
+    counter = [0]
+    q = tuple(Counted(counter) for _ in range(system.dimension))
+    assert system.grad_V is not None
+    system.grad_V(q, *(Counted(counter) for _ in system.parameters))
+    return method.stages * counter[0] + 2 * system.dimension * (len(method.kick) + len(method.drift))

@@ -1,0 +1,118 @@
+"""Entries of a config: declarations of members, and readers of values.
+
+The settings of a config are frozen dataclasses. :func:`setting` declares a member once: description, unit, limits and
+default. They are plain dataclasses so that jobs with settings start quickly;
+:mod:`nearharmonic_paper.config.reading` reads them with pydantic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import MISSING, dataclass, field
+from typing import Annotated, Any
+
+from nearharmonic.engine.settings import positive
+from nearharmonic.errors import bad_setting
+from nearharmonic.numerics.written import ALL_DIGITS, integer_of
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Reader of a config value: ``accept`` returns the converted value, or raises ValueError or TypeError.
+
+    ``schema`` describes the accepted values as JSON Schema. pydantic calls both methods.
+    """
+
+    accept: Callable[[Any], Any]
+    schema: tuple[tuple[str, Any], ...]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_plain_validator_function(self._accept)
+
+    def _accept(self, value: Any) -> Any:
+        try:
+            return self.accept(value)
+        except TypeError:  # pydantic reports it as a validation error
+            raise ValueError from None
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
+        return {key: list(value) if isinstance(value, tuple) else value for key, value in self.schema}
+
+
+def _positive_number(value: object) -> float:
+    return float(positive("", value))
+
+
+def _decimal_text(value: object) -> str:
+    return format(positive("", value).normalize(ALL_DIGITS), "f")
+
+
+_NUMBER = (("type", ("number", "string")),)
+
+#: A finite number above 0, or the decimal string of one (YAML 1.1 reads 1e-4 as a string), as a float.
+PositiveNumber = Annotated[float, Reading(_positive_number, _NUMBER)]
+#: As above, as a plain decimal string with all digits.
+PositiveDecimal = Annotated[str, Reading(_decimal_text, _NUMBER)]
+
+#: Pydantic's configuration of dataclasses of settings: unknown keys are errors.
+STRICT: Any = {"extra": "forbid"}
+
+#: Allowed values, in words.
+POSITIVE, AT_LEAST_LOWEST = "a finite number above 0", "a finite number, at least that of lowest"
+#: Force evaluations of one part of an experiment, all methods together: some minutes.
+MOST_EVALUATIONS = 10**12
+
+
+def setting(
+    description: str, allowed: str = "", *, unit: str = "", default: Any = MISSING, each: str = "", **limits: Any
+) -> Any:
+    """Declare a member of a dataclass of settings.
+
+    Parameters
+    ----------
+    description : str
+        Meaning of the member, for the documentation.
+    allowed : str
+        Allowed values, as text for errors; not needed for a section, because errors name its keys.
+    unit : str
+        Unit of a number.
+    default : object
+        Value of a missing key; a class for a section whose keys all have defaults.
+    each : str
+        Allowed entries of a list, as text for errors.
+    **limits
+        ``ge``, ``le``, ``gt``, ``lt`` and ``min_length``, as in ``pydantic.Field``.
+    """
+    told = {"allowed": allowed, "unit": unit, "each": each}
+    metadata = {"description": description, "json_schema_extra": {k: v for k, v in told.items() if v}, **limits}
+    if isinstance(default, type):
+        return field(default_factory=default, metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+def whole_between(least: int, most: int) -> tuple[Callable[[Any], int], tuple[tuple[str, Any], ...]]:
+    """Return the arguments of :class:`Reading` for an integer within limits, as an entry of a list."""
+
+    def accept(value: object) -> int:
+        number = integer_of(value)
+        if not least <= number <= most:
+            raise ValueError
+        return number
+
+    return accept, (("type", "integer"), ("minimum", least), ("maximum", most))
+
+
+def whole_from(least: int, most: int | None = None) -> dict[str, Any]:
+    """Return limits of an integer, with their text, as keywords of :func:`setting`."""
+    if most is None:
+        return {"allowed": f"an integer of {least} or more", "unit": "1", "ge": least}
+    return {"allowed": f"an integer from {least} to {most}", "unit": "1", "ge": least, "le": most}
+
+
+def check_affordable(key: str, count: int, each: float) -> None:
+    """Raise SettingError if the ``count`` of a ``key``, of so many force evaluations ``each``, takes too many."""
+    if each * count > MOST_EVALUATIONS:
+        allowed = f"it would take {each * count:.2g} force evaluations, and may take {MOST_EVALUATIONS:.0e}"
+        raise bad_setting(key, count, allowed)

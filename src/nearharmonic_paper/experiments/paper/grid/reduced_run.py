@@ -1,0 +1,46 @@
+"""Runs of one method on one system of which reduced numbers alone are kept."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from nearharmonic.engine.settings import Sweep
+from nearharmonic.output.dataset import Contents, Variables, assembled
+from nearharmonic_paper.experiments.paper.grid.earlier import Earlier, EarlierFile
+from nearharmonic_paper.experiments.paper.grid.plan import Run
+from nearharmonic_paper.experiments.paper.reduce import STATES, joined, numbers
+from nearharmonic_paper.experiments.paper.run import COORDINATES, contents, integrate_run
+from nearharmonic_paper.experiments.paper.settings import PAPER
+
+#: Samples of a run, from which its numbers are computed before it is dropped.
+SAMPLES = 500
+#: Runs that are held at once: 28 MB of planar trajectories.
+AT_ONCE = 1000
+
+
+def integrate_and_reduce(
+    sweep: Sweep, integrator: str, shard: int, earlier: Sequence[EarlierFile] = ()
+) -> dict[str, Contents]:
+    """Integrate one shard with 500 samples, as the rule ``integrate`` does, and keep reduced numbers alone.
+
+    Returns
+    -------
+    dict
+        ``run``: numbers over tau_per_stage, those of double precision in the root of a file, those of extended
+        precision in a group.
+    """
+    return {"run": contents(sweep, integrator, shard, Earlier(sweep, integrator, shard, earlier), reduced_run)}
+
+
+def reduced_run(run: Run) -> Variables:
+    """Return the numbers of planned runs over tau_per_stage, a thousand runs at a time."""
+    parts = []
+    for begin in range(0, len(run.steps), AT_ONCE):
+        among = slice(begin, begin + AT_ONCE)
+        some = replace(run, tau_per_stage=run.tau_per_stage[among], steps=run.steps[among], samples=SAMPLES)
+        notes = {"system": run.system, "integrator": run.integrator}
+        trajectories = assembled(integrate_run(some), COORDINATES, notes)
+        parts.append(numbers(trajectories.drop_vars(STATES if run.system in PAPER else (), errors="ignore")))
+    made = joined(parts, "tau_per_stage")
+    return {str(name): (tuple(map(str, one.dims)), one.values, one.attrs) for name, one in made.variables.items()}

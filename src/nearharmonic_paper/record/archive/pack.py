@@ -1,0 +1,209 @@
+"""A result as one self-describing zip file: an RO-Crate with the digest of every file and every run of the workflow.
+
+Equal results give equal bytes on every machine: members are sorted, have one fixed date and are stored without
+compression, because its output depends on the version of zlib. Almost all members already have compressed formats.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path, PurePosixPath
+from typing import Any
+from zipfile import ZIP_STORED, ZipFile, ZipInfo
+
+from nearharmonic.errors import ResultFileError, SettingError, bad_setting
+from nearharmonic.output.atomic import replacing
+from nearharmonic_paper.record import history
+from nearharmonic_paper.record.archive import seal
+from nearharmonic_paper.record.archive.description import workflow
+from nearharmonic_paper.record.archive.description.member import Member, format_of, opened
+from nearharmonic_paper.record.archive.description.metadata import METADATA, PREVIEW, metadata
+from nearharmonic_paper.record.archive.description.preview import preview
+from nearharmonic_paper.record.archive.description.readme import readme
+from nearharmonic_paper.record.archive.description.software import DOCUMENTS, citation, document
+from nearharmonic_paper.record.archive.description.summary import Run
+from nearharmonic_paper.record.archive.description.zenodo import ZENODO, zenodo
+from nearharmonic_paper.record.archive.user_files import UserFiles
+from nearharmonic_paper.record.files import manifest
+from nearharmonic_paper.record.files.trusted import recorded_digests
+
+#: Folder of the trajectories, which an archive includes only on request.
+RUNS = "runs"
+#: The date of every member, the earliest that a zip file can hold.
+DATE = (1980, 1, 1, 0, 0, 0)
+
+_CHUNK = 1 << 20
+_FILE_MODE = 0o100644
+_UNIX = 3
+_KINDS = {
+    "cubes": "Cube",
+    "derived": "Document",
+    "figures": "Figure",
+    "report.html": "Page",
+    "runs": "Trajectories",
+    "tables": "Table",
+}
+_ADDED = {
+    "config": "Settings of a run as resolved; `snakemake --configfile` takes this file.",
+    "CITATION.cff": "How to cite the software and the paper.",
+    "LICENSE": "Text of the licence.",
+    "history.jsonl": "Every run of the workflow, oldest first: times, command, commit, settings, versions, counts.",
+    "manifest.json": "Every result file with its size, its digest, and the code that made it.",
+    "README.md": "What this archive holds and how to read it.",
+    ZENODO: "Metadata for a deposit at Zenodo.",
+}
+
+
+def faults(folder: Path) -> list[str]:
+    """Return the reasons against archiving the result in ``folder``, one sentence each; [] if there are none.
+
+    A result is archived only if its files agree with its manifest, and if its history has their settings.
+    """
+    from nearharmonic_paper.record import verify
+
+    return [str(fault) for fault in verify.faults(folder)] or ([] if history.runs_of(folder) else [_no_history(folder)])
+
+
+def _no_history(folder: Path) -> str:
+    return f"{folder / 'history.jsonl'} holds no run, so that the settings behind {folder.absolute().name} are unknown"
+
+
+def save(
+    folder: str | os.PathLike[str], place: str | os.PathLike[str] | None = None, *, with_runs: bool = False
+) -> Path:
+    """Write the result in ``folder`` as an archive, atomically.
+
+    The caller calls :func:`faults` first. Digests are checked again while files are copied.
+
+    Parameters
+    ----------
+    folder, place
+        As for :func:`target`; an existing file is replaced.
+    with_runs
+        True to include the trajectories below ``runs/``.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    SettingError
+        ``place`` is no zip file outside of ``folder``, or it cannot be written.
+    ResultFileError
+        The manifest or the history is missing, or a file is missing or differs from the manifest.
+    """
+    result = Path(folder).absolute()
+    zipped = target(result, place)
+    members = _members(result, with_runs=with_runs)
+    try:
+        with replacing(zipped) as part:
+            _write(part, members)
+            seal.close(part)
+    except OSError as error:
+        message = f"{zipped} cannot be written: {error}"
+        raise SettingError(message) from error
+    return zipped
+
+
+def target(folder: str | os.PathLike[str], place: str | os.PathLike[str] | None) -> Path:
+    """Return the file for an archive of the result in ``folder``; by default its name in the working directory.
+
+    Raises
+    ------
+    SettingError
+        ``place`` has another ending, or it is a folder, or it lies in ``folder``.
+    """
+    result = Path(folder).absolute()
+    zipped = Path(f"{result.name}.zip" if place is None else place)
+    if zipped.suffix != ".zip" or zipped.is_dir():
+        raise bad_setting("-o", str(zipped), "a file with the ending .zip")
+    if zipped.resolve().is_relative_to(result.resolve()):
+        raise bad_setting("-o", str(zipped), f"a file outside of {result.name}, which it archives")
+    return zipped
+
+
+def _members(result: Path, *, with_runs: bool) -> list[Member]:
+    """Return all members of the archive, sorted by path."""
+    runs = [run for run in history.runs_of(result) if run["status"] != "damaged"]
+    if not runs:
+        raise ResultFileError(_no_history(result))
+    recorded = manifest.read(result)["files"]
+    taken = {path: entry for path, entry in recorded.items() if with_runs or PurePosixPath(path).parts[0] != RUNS}
+    left_out = len(recorded) - len(taken)
+    user_files = UserFiles(recorded.values(), recorded_digests(result))
+    configs, texts = _configs(runs, user_files)
+    makers = history.makers_in(result)
+    members = [_result_file(result, path, entry, makers.get(path, entry.get("run"))) for path, entry in taken.items()]
+    members += [Member.of_bytes(path, text, _ADDED["config"]) for path, text in texts.items()]
+    members += [Member.of_file(name, result / name, _ADDED[name]) for name in manifest.LEFT_OUT]
+    members += [Member.of_bytes(name, document(name), _ADDED[name]) for name in DOCUMENTS]
+    members += user_files.members()
+    members += workflow.members()
+    members.append(Member.of_bytes(ZENODO, zenodo(result.name, citation(), runs, left_out), _ADDED[ZENODO]))
+    text = readme(result.name, members, runs, left_out)
+    members.append(Member.of_bytes("README.md", text, _ADDED["README.md"]))
+    members.sort(key=lambda member: member.path)
+    described = metadata(result.name, members, runs, configs, left_out)
+    members.append(Member.of_bytes(METADATA, described, "RO-Crate metadata."))
+    members.append(Member.of_bytes(PREVIEW, preview(described), "Preview of the metadata."))
+    return sorted(members, key=lambda member: member.path)
+
+
+def _configs(runs: Sequence[Run], user_files: UserFiles) -> tuple[dict[str, str], dict[str, bytes]]:
+    """Return the path of the config of each run by the id of the run, and the text of each config by its path.
+
+    The config of the newest successful run is ``config.json``; different configs have their digest in the name. Keys
+    without values are omitted, as in a handwritten config.
+    """
+    texts = {
+        run["id"]: json.dumps(_set(user_files.config(run["config"])), indent=1, ensure_ascii=False).encode() + b"\n"
+        for run in runs
+    }
+    newest = texts[next((run for run in reversed(runs) if run["status"] == "ok"), runs[-1])["id"]]
+    paths = {
+        name: "config.json" if text == newest else f"config-{hashlib.sha256(text).hexdigest()[:12]}.json"
+        for name, text in texts.items()
+    }
+    return paths, {path: texts[name] for name, path in paths.items()}
+
+
+def _set(value: Any) -> Any:
+    """Return ``value`` without None values of nested mappings."""
+    if isinstance(value, Mapping):
+        return {key: _set(member) for key, member in value.items() if member is not None}
+    return value
+
+
+def _result_file(result: Path, path: str, entry: Mapping[str, Any], run: str | None) -> Member:
+    """Return the member for the file ``path`` of ``result`` with this ``entry`` in the manifest, made by ``run``."""
+    first = PurePosixPath(path).parts[0]
+    stem = PurePosixPath(path).with_suffix("").relative_to(first) if path != first else PurePosixPath(first)
+    volatile = entry.get("volatile") or ()
+    measured = "; holds measured times" if volatile else ""
+    description = f"{_KINDS.get(first, 'File')} {stem}, {format_of(path)[1]}, made by {entry['function']}{measured}."
+    return Member(
+        path=path, source=result / path, size=entry["size"], sha256=entry["sha256"], description=description, run=run
+    )  # fmt: skip
+
+
+def _write(place: Path, members: Sequence[Member]) -> None:
+    with ZipFile(place, "w", ZIP_STORED) as archive:
+        archive.comment = seal.BLANK
+        for member in members:
+            information = ZipInfo(member.path, DATE)
+            information.create_system = _UNIX
+            information.external_attr = _FILE_MODE << 16
+            information.file_size = member.size
+            digest = hashlib.sha256()
+            with archive.open(information, "w") as copy, opened(member.source) as source:
+                while chunk := source.read(_CHUNK):
+                    digest.update(chunk)
+                    copy.write(chunk)
+            if digest.hexdigest() != member.sha256:
+                message = f"{member.path} is not the file that the manifest records: see `nearharmonic verify`"
+                raise ResultFileError(message)

@@ -1,0 +1,118 @@
+"""State of a folder of results at the end of a run: sizes and times of all its files, and the end of its history.
+
+A start compares it with the present state, which takes milliseconds, and computes digests only of what differs.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Collection, Iterable
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.output.atomic import read_bytes, sealed, write_text
+from nearharmonic.output.atomic import sealed_json_opened as opened
+from nearharmonic_paper.record import history
+from nearharmonic_paper.record.files import manifest
+from nearharmonic_paper.tasks.receipts import receipts_in
+
+STATE = Path("logs", "state")
+#: Files of the record, which are compared too.
+RECORD = (history.HISTORY, manifest.MANIFEST)
+
+Observed = list[int] | None
+
+
+def save(folder: Path, makeable: Iterable[str]) -> None:
+    """Write the state of ``folder`` after a run; files that are not as their job wrote them count as unknown.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of results, with a manifest.
+    makeable : iterable of str
+        Names of all files that jobs of the present config make.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    ResultFileError
+        The manifest is missing or damaged.
+    """
+    told = manifest.read(folder)
+    unknown = {*told["changed"], *told["unrecorded"]}
+    receipts = (place.relative_to(folder).as_posix() for place, _ in receipts_in(folder))
+    names = sorted({*makeable, *told["files"], *RECORD, *receipts} - unknown)
+    files = {name: _observed(folder, name) for name in names} | {name: [] for name in sorted(unknown)}
+    lines = history.lines_of(folder / history.HISTORY)
+    head = lost_line(folder) or (lines[-1].digest if lines else None)
+    write_text(folder / STATE, json.dumps(sealed({"files": files, "head": head})) + "\n")
+
+
+def lost_line(folder: Path) -> str | None:
+    """Return the digest of the last line of the history at the last :func:`save`, if it is neither there nor recorded.
+
+    The chain of digests in the history shows every other loss.
+    """
+    head = _saved(folder).get("head")
+    lines = history.lines_of(folder / history.HISTORY)
+    known = {digest for line in lines for digest in (line.digest, *line.known)}
+    return head if isinstance(head, str) and head not in known else None
+
+
+def differing(folder: Path) -> set[str] | None:
+    """Return the names of the files that differ from the state of ``folder``; None if that is not known."""
+    files = _saved(folder).get("files")
+    if not isinstance(files, dict):
+        return None
+    return {name for name, before in files.items() if _observed(folder, name) != before or _is_broken(folder, name)}
+
+
+def files_to_remake(folder: Path, makeable: Collection[str], different: Collection[str] | None) -> list[str]:
+    """Return the sorted names of the present files that jobs make, and that are not as their job wrote them.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of results.
+    makeable : collection of str
+        Names of all files that jobs of the present config make.
+    different : collection of str, optional
+        Names of the files that :func:`differing` returned; None if that is not known.
+
+    Raises
+    ------
+    OSError
+        A file cannot be read.
+    """
+    names = set(makeable) if different is None else set(makeable).intersection(different)
+    there = [name for name in sorted(names) if os.path.lexists(folder / name)]
+    entries = manifest.entries_of(folder) if there else {}
+    return [name for name in there if name not in entries or manifest.is_changed(folder / name, entries[name])]
+
+
+def _saved(folder: Path) -> dict[str, Any]:
+    """Return the saved state; empty if there is none or it is damaged."""
+    try:
+        return opened(read_bytes(folder / STATE)) or {}
+    except OSError:
+        return {}
+
+
+def _is_broken(folder: Path, name: str) -> bool:
+    """Return True for a receipt whose seal does not match; a flipped bit leaves size and time as they were."""
+    try:
+        return name.startswith("logs/") and opened(read_bytes(folder / name)) is None
+    except OSError:
+        return True
+
+
+def _observed(folder: Path, name: str) -> Observed:
+    """Return size and time of a file; None if there is none."""
+    try:
+        found = os.stat(f"{folder}/{name}")  # noqa: PTH116 - pathlib takes longer than the system
+    except OSError:
+        return None
+    return [found.st_size, found.st_mtime_ns]

@@ -1,0 +1,228 @@
+"""Check of a folder of results against its record: every file, and the code and coefficients that made it."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+from shlex import quote
+from typing import Any
+
+from nearharmonic.errors import NearharmonicError, ResultFileError
+from nearharmonic.output.atomic import parts_in
+from nearharmonic.output.store import command_for, foreign_in, workflow_command
+from nearharmonic_paper.record import history
+from nearharmonic_paper.record.files import manifest
+from nearharmonic_paper.record.files.trusted import integrator_files_not_run, is_edited, recorded_digests
+from nearharmonic_paper.record.running.state import lost_line
+from nearharmonic_paper.tasks.definitions import defined, read_definitions
+from nearharmonic_paper.tasks.experiment import beside_the_paper, experiments
+from nearharmonic_paper.tasks.provenance import digests
+from nearharmonic_paper.tasks.receipts import damaged_receipts, identity, measured
+
+Entries = Mapping[str, Mapping[str, Any]]
+
+#: Beginnings of file names, in the order of their production.
+ORDER = ("runs/", "cubes/", "derived/", "figures/", "tables/", "report.html")
+
+
+@dataclass(frozen=True, order=True, kw_only=True)
+class Fault:
+    """A deviation from the record.
+
+    Attributes
+    ----------
+    file : str
+        Name of the file in the folder of results.
+    says : str
+        Description of the fault.
+    mend : str
+        The command or action that repairs it.
+    """
+
+    file: str
+    says: str
+    mend: str
+
+    def __str__(self) -> str:
+        return f"{self.file} {self.says}. {self.mend}"
+
+
+def faults(folder: Path) -> list[Fault]:
+    """Compare every file of ``folder`` with the record, and the code and coefficients here with those recorded.
+
+    Only the record is parsed; all other files are compared as bytes, so that damaged files cannot mislead or block the
+    reader. Of HDF5 files with the recorded bytes the list of members is read, and no value.
+
+    Returns
+    -------
+    list of Fault
+        Faults in the order of their repair: runs, cubes, and derived files; empty if there are none.
+    """
+    try:
+        told = manifest.read(folder)
+    except ResultFileError as error:
+        says, _, mend = str(error).partition(". ")
+        says = says.removeprefix(f"{folder / manifest.MANIFEST} ")
+        return [*_of_record(folder), Fault(file=manifest.MANIFEST, says=says, mend=mend)]
+    found = [*_of_record(folder), *_of_files(folder, told)]
+    whole = {name: entry for name, entry in told["files"].items() if name not in {fault.file for fault in found}}
+    found += [*_of_inputs(folder, whole), *_of_origins(folder, told["files"])]
+    return sorted(found, key=lambda fault: (_rank(fault.file), fault))
+
+
+def _of_record(folder: Path) -> Iterator[Fault]:
+    """Yield a fault for each line of the history and each receipt that has changed since it was written."""
+    again, place = command_for(folder / "report.html"), folder / history.HISTORY
+    if os.path.lexists(place) and not place.is_file():
+        yield Fault(file=history.HISTORY, says="is not a regular file", mend="Move it elsewhere")
+    lines = history.lines_of(place)
+    faults = [f"line {line.number} {line.fault}" for line in history.faulty_lines(lines)]
+    if lost_line(folder):
+        faults.append(f"has lost the last line that was written, or more; it has {len(lines)}")
+    for says in faults:
+        yield Fault(file=history.HISTORY, says=says, mend=f"The next run with jobs records this, for example: {again}")
+    for place in damaged_receipts(folder):
+        mend = f"The next run replaces or removes it: {workflow_command(place)}"
+        yield Fault(file=place.relative_to(folder).as_posix(), says="is no receipt as its job wrote it", mend=mend)
+    for place in parts_in(folder):
+        mend = f"The next run with jobs removes it, for example: {again}"
+        yield Fault(
+            file=place.relative_to(folder).as_posix(), says="is a temporary file of an unfinished job", mend=mend
+        )
+
+
+def _rank(name: str) -> int:
+    """Return the rank of a file in ``ORDER``."""
+    return next((i for i, part in enumerate(ORDER) if name.startswith(part)), 0)
+
+
+def _of_files(folder: Path, told: Mapping[str, Any]) -> Iterator[Fault]:
+    entries, former, there = told["files"], set(told["former"]), set(manifest.names_in(folder))
+    by_now = manifest.entries_of(folder)
+    for name in sorted((there | entries.keys()) - (former - there)):
+        again = f"Make it again: {command_for(folder / name)}"
+        if name in former:
+            yield Fault(file=name, says="is of a former config: no job makes it now", mend="Move it elsewhere")
+        elif name not in there:
+            yield Fault(file=name, says="is missing", mend=again)
+        elif (digest := measured(folder / name)["sha256"]) != entries.get(name, {}).get("sha256"):
+            if digest == by_now.get(name, {}).get("sha256"):
+                mend = f"Wait for it, or run the workflow again: {workflow_command(folder / name)}"
+                yield Fault(file=name, says="was made by a run that has not ended, or was killed", mend=mend)
+            elif name in told["unrecorded"]:
+                yield Fault(file=name, says="has lost its record", mend=again)
+            elif name not in entries:
+                yield Fault(file=name, says="is extra: no job made it", mend="Move it elsewhere")
+            else:
+                yield Fault(file=name, says="is damaged: its bytes are not those that its job wrote", mend=again)
+        elif name.endswith(".h5") and (says := foreign_in(folder / name)):
+            yield Fault(file=name, says=says, mend=again)
+
+
+def _of_inputs(folder: Path, entries: Entries) -> Iterator[Fault]:
+    """Yield a fault for each file whose inputs differ from ``entries``, for example after an interrupted run."""
+    now: dict[str, str] = {}
+    for name, entry in entries.items():
+        for source, before in entry.get("inputs", {}).items():
+            if source in entries and source not in now:
+                now[source] = identity(folder / source)
+            if now.get(source, before) != before:
+                mend = f"Bring it up to date: {workflow_command(folder / name)} -- {quote(str(folder / name))}"
+                yield Fault(file=name, says=f"was made from another {source}", mend=mend)
+                break
+
+
+def _of_origins(folder: Path, entries: Entries) -> Iterator[Fault]:
+    """Yield a fault for each function whose code, systems or methods have changed since it made some of its files."""
+    made_otherwise: dict[tuple[str, str], list[str]] = {}
+    difference = cache(partial(_difference, recorded_digests(folder)))
+    for name, entry in entries.items():
+        reached = tuple(entry["systems"]), tuple(entry["integrators"])
+        definitions = json.dumps(entry.get("definitions", {}))
+        differs = difference(entry["function"], *reached, definitions, **_recorded(entry))
+        if differs:
+            made_otherwise.setdefault((entry["function"], differs), []).append(name)
+    for (function, differs), names in made_otherwise.items():
+        others = f" (and {len(names) - 1} more)" if len(names) > 1 else ""
+        says = f"was made with other {differs}{others}, by {function}"
+        yield Fault(
+            file=names[0], says=says, mend=f"Make it again: {workflow_command(folder / names[0])}{_target_of(function)}"
+        )
+
+
+def _recorded(entry: Mapping[str, Any]) -> dict[str, str]:
+    return {what: entry[what] for what in ("code", "coefficients")}
+
+
+def _difference(
+    files: Mapping[str, str],
+    function: str,
+    problems: tuple[str, ...],
+    methods: tuple[str, ...],
+    definitions: str,
+    **recorded: str,
+) -> str:
+    """Describe the deviations from the record; ``definitions`` of systems and integrators are JSON.
+
+    Coefficients from files that are not trusted are compared by the recorded digests of these ``files``.
+    """
+    told = json.loads(definitions)
+    try:
+        not_run = integrator_files_not_run([{"definitions": told}])
+        with defined(read_definitions(told)):
+            here = digests(function, problems, () if not_run else methods)
+        if not_run:
+            here["coefficients"] = "" if any(is_edited(file, files) for file in not_run) else recorded["coefficients"]
+    except NearharmonicError as error:
+        return f"code, of which something is not here ({error})"
+    return " and ".join(what for what in recorded if here[what] != recorded[what])
+
+
+def _target_of(function: str) -> str:
+    """Return the target of the files of ``function``, as the end of a command; empty for the default target."""
+    room, _, rest = function.removeprefix("reproduction.").partition(".")
+    found = experiments().get(rest.partition(".")[0]) if room == "experiments" else None
+    return f" -- {found.target}" if found in beside_the_paper() else ""
+
+
+def extent(folder: Path) -> tuple[int, int]:
+    """Return the number of files in the manifest of ``folder``, and their total size in bytes.
+
+    Raises
+    ------
+    ResultFileError
+        The manifest is missing or damaged.
+    """
+    sizes = [entry["size"] for entry in manifest.read(folder)["files"].values()]
+    return len(sizes), sum(sizes)
+
+
+def files_not_run(folder: Path) -> list[str]:
+    """Return the sorted files with users' integrators whose coefficients :func:`faults` does not compute.
+
+    Raises
+    ------
+    ResultFileError
+        The manifest is missing or damaged.
+    """
+    return integrator_files_not_run(manifest.read(folder)["files"].values())
+
+
+def of_other_configs(folder: Path) -> int:
+    """Return the number of files from runs with a different config than that of the newest successful run.
+
+    They may be up to date: the section of one system does not affect other systems.
+
+    Raises
+    ------
+    ResultFileError
+        The manifest is missing or damaged.
+    """
+    configs = {run["id"]: run.get("config_digest") for run in history.runs_of(folder)}
+    newest, makers = history.newest_finished(folder), history.makers_in(folder)
+    runs = [makers.get(name, entry.get("run")) for name, entry in manifest.read(folder)["files"].items()]
+    return sum(configs.get(run) != newest.get("config_digest") for run in runs) if newest else 0

@@ -1,0 +1,151 @@
+"""The page of results, ``report.html``, and a page of each interactive figure alone; they need no network."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from nearharmonic.integrators import BENCHMARKED
+from nearharmonic_paper.claims.claim import OPEN
+from nearharmonic_paper.claims.pages.summary import failures, of_the_paper, sums
+from nearharmonic_paper.report import assets
+from nearharmonic_paper.report.plots import models
+from nearharmonic_paper.report.shown.declared import pages_alone
+from nearharmonic_paper.report.shown.figures import ShownFigure, coefficients, entries, interactive, static
+from nearharmonic_paper.report.shown.links import Places
+from nearharmonic_paper.report.shown.results import ShownResults
+from nearharmonic_paper.report.shown.tables import ShownTable
+from nearharmonic_paper.tasks.experiment import Experiment, beside_the_paper
+
+#: Maximum size of the page in bytes.
+LARGEST = 4_000_000
+#: Verdicts in the order of the statements beneath a figure.
+WORST_FIRST = ("fails", "erratum", "holds in part", "holds but for edges", "holds", OPEN)
+#: Cube whose figure stands at the top of the page, if it is there and the config has no system of its own.
+FIRST_SHOWN = "henon_heiles"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """Results of an experiment; empty if its target has not been made."""
+
+    experiment: Experiment
+    figures: Sequence[ShownFigure]
+    tables: Sequence[ShownTable]
+
+    @property
+    def anchor(self) -> str:
+        """Id of the heading."""
+        return self.experiment.name.replace("_", "-")
+
+    @property
+    def is_made(self) -> bool:
+        """True if there are results."""
+        return bool(self.figures or self.tables)
+
+
+def sections_of(results: ShownResults) -> list[Section]:
+    """Return the section of each experiment except the paper, with its results in ``results``."""
+    return [
+        Section(
+            experiment=one,
+            figures=list(static(results, one.figure_titles)),
+            tables=results.tables(one.table_patterns),
+        )
+        for one in beside_the_paper()
+    ]
+
+
+def page(folder: str | os.PathLike[str], leftovers: Sequence[str] = (), **_: Any) -> dict[str, str]:
+    """Make the page of the results in a folder.
+
+    Parameters
+    ----------
+    folder : path
+        ``results/<name>``, with ``tables/claims.json``, ``tables/skipped.csv``, cubes and figures; other existing
+        results are shown too. Verdicts are shown if one of the paper's systems has a cube.
+    leftovers : sequence of str
+        Names of files in the folder that the config does not make: the last line names them, and nothing shows them.
+    **_
+        The integrators, which a rule names for their digests, and paths of its inputs, which are found in the folder.
+
+    Returns
+    -------
+    dict
+        ``page``, the text of the HTML file, and those of the pages of single figures under the names of
+        :func:`nearharmonic_paper.report.shown.declared.pages_alone`. The same results give the same text.
+
+    Raises
+    ------
+    ResultFileError
+        A cube or the table of claims is missing or damaged; the message names the command that makes it again.
+    """
+    results = ShownResults(Path(folder), leftovers)
+    figures = list(interactive(results))
+    # Omissions and claims have their own sections.
+    placed = ("skipped", "claims", *(pattern for one in beside_the_paper() for pattern in one.table_patterns))
+    tables = results.tables(("table*", "*"), without=placed)
+    plots = {name: plot for figure in figures for name, plot in figure.plots.items()}
+    for name, plot in plots.items():
+        plot.name = name  # the script of the page finds it by this id
+    sections = sections_of(results)
+    every = [*figures, *(figure for section in sections for figure in section.figures)]
+    places = Places(every, [*tables, *(table for section in sections for table in section.tables)])
+    claims = [claim | {"pieces": places.pieces(claim)} for claim in results.claims]
+    for figure in every:
+        own = (claim for claim in claims if figure.anchor in places.figures(claim))
+        figure.statements = sorted(own, key=lambda claim: WORST_FIRST.index(claim["verdict"]))
+    legend = entries(figures)
+    values = {
+        "results": results,
+        "claims": claims,
+        "counted": of_the_paper(results.claims),
+        "sums": sums(results.claims),
+        "failures": failures(results.claims),
+        "figures": figures,
+        "own": [results.labels[str(one.cube)] for one in figures if one.is_own],
+        "every": every,
+        "first": next((one for one in figures if one.is_own or one.cube == FIRST_SHOWN), next(iter(every), None)),
+        "legend": legend,
+        "methods": coefficients(one.method for one in legend if "figure-6" in {figure.anchor for figure in figures}),
+        "tables": tables,
+        "skipped": results.tables(("skipped",)),
+        "sections": sections,
+        "document": _packed(plots),
+    }
+    return {"page": _small_enough(values), **_alone(results, figures)}
+
+
+def figure_6_alive() -> str:
+    """Return a page with Figure 6 in motion alone, for the methods of the paper's figures."""
+    return assets.filled("alive.html", {"methods": coefficients(BENCHMARKED)})
+
+
+def _alone(results: ShownResults, figures: Sequence[ShownFigure]) -> dict[str, str]:
+    """Return the page of each interactive figure, by the names of their outputs."""
+    live = [one for one in figures if one.panels]
+    return {
+        name: assets.filled(
+            "figure.html", {"results": results, "figure": one, "legend": entries([one]), "document": _packed(one.plots)}
+        )
+        for name, one in zip(pages_alone(results.figures), live, strict=True)
+    }
+
+
+def _packed(plots: Mapping[str, Any]) -> str:
+    """Return the compressed document of plots, "" without plots."""
+    return assets.packed(models.document(list(plots.values()))) if plots else ""
+
+
+def _small_enough(values: Mapping[str, Any]) -> str:
+    """Return the text of the page; the largest optional pictures are removed until it is small enough."""
+    pictures = [figure for section in values["sections"] for figure in section.figures]
+    pictures.sort(key=lambda figure: len(figure.picture))
+    text = assets.filled("page.html", values)
+    while pictures and len(text.encode()) > LARGEST:
+        pictures.pop().picture = ""
+        text = assets.filled("page.html", values)
+    return text

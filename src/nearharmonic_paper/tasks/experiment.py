@@ -1,0 +1,183 @@
+"""Declarations of experiments: the sources of config sections, targets, reserved names, and sections of the page.
+
+Each folder of ``reproduction.experiments`` declares ``EXPERIMENT`` in its module ``experiment``; there is no other list
+of experiments. No job imports these modules, so that a new title invalidates no result.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from functools import cache
+from importlib import import_module
+from itertools import product
+from typing import Any
+
+from nearharmonic_paper.tasks.code.sources import PACKAGE, ROOT
+
+#: Dotted name of the folder below the package.
+ROOM = "reproduction.experiments"
+#: Endings of the files of a table and of a figure.
+OF_A_TABLE, OF_A_FIGURE = (".csv", ".md", ".tex"), (".pdf", ".svg", ".png")
+_PLACEHOLDER = re.compile(r"\{(\w+)\}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """An experiment.
+
+    Names of files have no endings and may contain placeholders, such as ``{system}``.
+
+    Attributes
+    ----------
+    name : str
+        Name of the folder.
+    title, about : str
+        Heading, and a sentence on the content.
+    target : str
+        Target of the workflow for its files; by default ``name``.
+    cubes_target : str
+        Target for its cubes and their derived files, which ``everything`` has; by default ``target``.
+    place : int
+        Position among the experiments, in the config, on the page of results and in documents; equal positions are
+        sorted by name.
+    duration, cubes_duration : str
+        Times for its target and for ``cubes_target`` on two cores; the second by default the first.
+    settings : type or None
+        Dataclass of its section of the config, None without settings.
+    key, effect : str
+        Key of that section, by default ``name``, and effect of the settings.
+    cubes : mapping of str to (str, str)
+        Dimensions and contents of its cubes, by name.
+    tables : tuple of str
+        Names of its tables of three files.
+    figures : mapping of str to str
+        Titles of its figures, by name.
+    others : tuple of str
+        All other files of its target, with folders and endings.
+    runs : tuple of str
+        Names of its run files, which are intermediate files.
+    measured : tuple of str
+        Beginnings of the names of files with measured times.
+    """
+
+    name: str
+    title: str
+    about: str
+    target: str = ""
+    cubes_target: str = ""
+    place: int = 100
+    duration: str = ""
+    cubes_duration: str = ""
+    settings: type | None = None
+    key: str = ""
+    effect: str = ""
+    cubes: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    tables: tuple[str, ...] = ()
+    figures: Mapping[str, str] = field(default_factory=dict)
+    others: tuple[str, ...] = ()
+    runs: tuple[str, ...] = ()
+    measured: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for member, default in (
+            ("target", "name"), ("cubes_target", "target"), ("key", "name"), ("cubes_duration", "duration"),
+        ):  # fmt: skip
+            object.__setattr__(self, member, getattr(self, member) or getattr(self, default))
+
+    @property
+    def room(self) -> str:
+        """Dotted name of its folder below the package."""
+        return f"{ROOM}.{self.name}"
+
+    def files(self, **values: Iterable[str]) -> list[str]:
+        """Return the names of the files of its target, relative to the folder of results.
+
+        Parameters
+        ----------
+        **values
+            Values of each placeholder; values of unknown placeholders are ignored.
+        """
+        return [name for file in self._unfilled() for name in _filled(file, values)]
+
+    def run_files(self, **values: Iterable[str]) -> list[str]:
+        """Return the names of its run files; arguments of :meth:`files`."""
+        return [f"runs/{name}.h5" for stem in self.runs for name in _filled(stem, values)]
+
+    def kinds_of_runs(self, **values: Iterable[str]) -> dict[str, str]:
+        """Return one run file of each kind; arguments of :meth:`files`.
+
+        Files of one kind differ in the last part of their names alone, and its placeholders stand in the key.
+        """
+        found = {}
+        for stem in self.runs:
+            folder, _, last = stem.rpartition("/")
+            for place in _filled(folder, values):
+                first = next(_filled(last, values), None)
+                if first is not None:
+                    found[f"runs/{place}/{last}.h5"] = f"runs/{place}/{first}.h5"
+        return found
+
+    def makes(self, name: str) -> bool:
+        """Return True if a file belongs to its target, for any values of placeholders."""
+        return any(fnmatchcase(name, _pattern(file)) for file in self._unfilled())
+
+    def _unfilled(self) -> list[str]:
+        """Names of the files of its target, with placeholders."""
+        cubes = [f"cubes/{stem}.h5" for stem in self.cubes]
+        tables = [f"tables/{stem}{suffix}" for stem in self.tables for suffix in OF_A_TABLE]
+        figures = [f"figures/{stem}{suffix}" for stem in self.figures for suffix in OF_A_FIGURE]
+        return [*cubes, *tables, *figures, *self.others]
+
+    @property
+    def table_patterns(self) -> tuple[str, ...]:
+        """Patterns for :mod:`fnmatch` of the names of all its tables."""
+        others = [name for name in self.others if name.startswith("tables/")]
+        stems = (*self.tables, *(name.removeprefix("tables/").rpartition(".")[0] for name in others))
+        return tuple(dict.fromkeys(map(_pattern, stems)))
+
+    @property
+    def figure_titles(self) -> dict[str, str]:
+        """Titles of its figures, by patterns of their names."""
+        return {_pattern(stem): title for stem, title in self.figures.items()}
+
+
+def _filled(stem: str, values: Mapping[str, Iterable[str]]) -> Iterator[str]:
+    """Yield ``stem`` with each combination of values of its placeholders."""
+    names = list(dict.fromkeys(_PLACEHOLDER.findall(stem)))
+    for chosen in product(*(values[name] for name in names)):
+        yield stem.format(**dict(zip(names, chosen, strict=True)))
+
+
+def _pattern(stem: str) -> str:
+    return _PLACEHOLDER.sub("*", stem)
+
+
+@cache
+def experiments() -> dict[str, Experiment]:
+    """Return all experiments by name, in the order of their positions.
+
+    Raises
+    ------
+    LookupError
+        A folder has no declaration, or a declaration with another name.
+    """
+    folders = sorted(path.parent.name for path in ROOT.joinpath(*ROOM.split(".")).glob("*/__init__.py"))
+    found = [_declared_in(folder) for folder in folders]
+    return {one.name: one for one in sorted(found, key=lambda one: (one.place, one.name))}
+
+
+def _declared_in(folder: str) -> Experiment:
+    module: Any = import_module(f"{PACKAGE}.{ROOM}.{folder}.experiment")
+    declared: Experiment = module.EXPERIMENT
+    if declared.name != folder:
+        message = f"{module.__file__} declares the experiment {declared.name!r}"
+        raise LookupError(message)
+    return declared
+
+
+def beside_the_paper() -> list[Experiment]:
+    """Return the experiments that have a target and a section of the page of their own."""
+    return [one for one in experiments().values() if one.target != "all"]

@@ -1,0 +1,265 @@
+"""A job of the workflow: calls the package function of a rule, writes its results, and logs its messages."""
+
+from __future__ import annotations
+
+import gc
+import os
+import platform
+import sys
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
+from inspect import signature
+from io import BufferedWriter, FileIO, TextIOWrapper
+from pathlib import Path
+from select import select
+from signal import SIGKILL
+from threading import Thread
+from typing import Any
+
+from nearharmonic.errors import NearharmonicError
+from nearharmonic.integrators import integrators
+from nearharmonic.output.atomic import write_bytes, write_text
+from nearharmonic.output.dataset import Contents
+from nearharmonic.output.store import kept_for
+from nearharmonic.output.table import Table, save_document
+from nearharmonic.output.table import save as save_table
+from nearharmonic.systems import systems
+from nearharmonic_paper.tasks.definitions import defined, files_in
+from nearharmonic_paper.tasks.provenance import digests, function_of, named_in, provenance
+from nearharmonic_paper.tasks.receipts import WHOLE, Receipt, folder_of
+
+Places = Sequence[str]
+
+#: Environment variable with the host and the number of the process of Snakemake: a job ends with it.
+LEADER = "NEARHARMONIC_LEADER"
+
+
+def run(snakemake: Any) -> None:
+    """Run the job of a rule whose ``params.task`` comes from :func:`nearharmonic_paper.tasks.provenance.task`.
+
+    The function is called with its settings, and with the paths of the inputs of the rule under their names. Its
+    optional parameter ``threads`` is the number of threads of the job; ``report`` writes a progress line to the
+    terminal; ``earlier`` are files that this job may take results from. It returns a mapping with a result for each
+    named output, of the types of :func:`write`.
+
+    Raises
+    ------
+    SystemExit
+        Any error, with status 1 and one message.
+    """
+    with logged(snakemake.log[0]), rarely_collected():
+        task = snakemake.params.task
+        function, origin = function_of(task), provenance(task)
+        offered: dict[str, Callable[[], Any]] = {
+            "threads": lambda: snakemake.threads,
+            "report": lambda: _report,
+            "earlier": lambda: kept_for(folder_of(snakemake.log[0]), snakemake.output[0], origin),
+        }
+        extra = {name: value() for name, value in offered.items() if name in signature(function).parameters}
+        inputs = {name: _plain(value) for name, value in snakemake.input.items()}
+        receipt = Receipt(snakemake.log[0], map(str, snakemake.input))
+        with covered(task):
+            results = function(**task["settings"], **inputs, **extra)
+            for name, made in snakemake.output.items():
+                places = [made] if isinstance(made, str) else list(made)
+                write(results[name], places, origin, transparent=_is_transparent(snakemake))
+                receipt.add(places, task, **_remarks(function, results[name]))
+        receipt.write()
+
+
+def draw(snakemake: Any) -> None:
+    """Draw the figures of one cube, each with the package function in ``params.tasks`` under its stem.
+
+    A function gets the cube, which is read once, if the rule has the input ``cube``; it returns a matplotlib
+    ``Figure``. A figure with two names is drawn once.
+
+    Parameters
+    ----------
+    snakemake : object
+        Object that Snakemake passes to a script; its outputs are the files of each figure, by stem.
+
+    Raises
+    ------
+    SystemExit
+        Any error, with status 1 and one message.
+    """
+    from nearharmonic.output.store import read
+
+    with logged(snakemake.log[0]), rarely_collected():
+        shown = [read(snakemake.input.cube)] if hasattr(snakemake.input, "cube") else []
+        receipt = Receipt(snakemake.log[0], map(str, snakemake.input))
+        drawn: dict[str, list[str]] = {}
+        for stem, task in snakemake.params.tasks.items():
+            places = list(getattr(snakemake.output, stem))
+            if task["function"] in drawn:
+                for made, place in zip(drawn[task["function"]], places, strict=True):
+                    write_bytes(place, Path(made).read_bytes())
+            else:
+                with covered(task):
+                    figure = function_of(task)(*shown)
+                    figure.set_label(snakemake.params.captions[stem])
+                    write(figure, places, provenance(task), transparent=_is_transparent(snakemake))
+            drawn[task["function"]] = places
+            receipt.add(places, task)
+        receipt.write()
+
+
+def _remarks(function: Any, result: Any) -> dict[str, Any]:
+    """Return the remarks of a receipt on a result."""
+    if hasattr(function, "measures_time"):
+        return {"volatile": [WHOLE]}
+    if isinstance(result, Contents):
+        return {"evaluations": result.evaluations}
+    return {"volatile": result.volatile} if isinstance(result, Table) else {}
+
+
+@contextmanager
+def rarely_collected() -> Iterator[None]:
+    """Run the garbage collector rarely inside the block, and never after the block.
+
+    In a process of one second the collections take a tenth of the time, and the last one, at exit, another tenth.
+    """
+    gc.set_threshold(200_000)
+    yield
+    gc.freeze()
+
+
+@contextmanager
+def covered(task: Mapping[str, Any]) -> Iterator[None]:
+    """Restrict registries to entries that the digests of ``task`` cover: edits of other entries would not be detected.
+
+    Raises
+    ------
+    NearharmonicError
+        A file of a user's system or integrator has changed since the task was described; or the block looks up a system
+        or an integrator that is neither among the settings nor in a module that the function imports.
+    """
+    named, reached = named_in(task["settings"]), task["modules"]
+    with defined(task["definitions"]):
+        if task["definitions"]:
+            _check_files(task)
+        with ExitStack() as stack:
+            for registry in (systems, integrators):
+                stack.enter_context(registry.restricted(named, reached))
+            yield
+
+
+def _check_files(task: Mapping[str, Any]) -> None:
+    """Create users' systems and integrators; raise an error for a file that has changed since the planning."""
+    for name in task["definitions"].get("systems", ()):
+        systems[name]
+    here = digests(task["function"], task["systems"], task["integrators"])
+    if any(here[what] != task[what] for what in here):
+        message = f"{' or '.join(files_in(task['definitions']))} has changed since the run began: start the run again"
+        raise NearharmonicError(message)
+
+
+def _is_transparent(snakemake: Any) -> bool:
+    return bool(getattr(snakemake.params, "transparent", False))
+
+
+def write(result: Any, places: Places, origin: Mapping[str, str], *, transparent: bool = False) -> None:
+    """Write one result of a task to its files.
+
+    Parameters
+    ----------
+    result : object
+        A :class:`~nearharmonic.output.dataset.Contents` or an ``xarray.Dataset`` goes to an HDF5 file, a
+        :class:`~nearharmonic.output.table.Table` to CSV, Markdown and LaTeX, a matplotlib ``Figure`` to PDF, SVG and
+        PNG, a dict to TOML, and a string or bytes to a file as they are.
+    places : sequence of str
+        The files; files of one table or figure differ only in their endings.
+    origin : mapping
+        Provenance, as attributes of HDF5 files and as a section of TOML files.
+    transparent : bool
+        SVG files of figures have no background.
+    """
+    from nearharmonic.output import store
+
+    if isinstance(result, Contents):
+        attributes = {**result.attributes, **origin}
+        store.write(places[0], result.variables, attributes, result.groups, coordinates=result.coordinates)
+    elif isinstance(result, Table):
+        save_table(result, places)
+    elif isinstance(result, str):
+        write_text(places[0], result)
+    elif isinstance(result, bytes):
+        write_bytes(places[0], result)
+    elif hasattr(result, "data_vars"):  # a Dataset is a mapping too
+        store.write_dataset(places[0], result, origin)
+    elif hasattr(result, "savefig"):
+        from nearharmonic.plotting.style import save
+
+        save(result, places, transparent=transparent)
+    else:
+        save_document({"provenance": dict(origin), **result}, places[0])
+
+
+class _Log(FileIO):
+    """A log file: text for which the disk has no room is lost, and never hides an error of the job."""
+
+    def write(self, text: Any, /) -> int:
+        try:
+            return super().write(text)
+        except OSError:
+            return len(text)
+
+
+@contextmanager
+def logged(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Write printed text and tracebacks to the file ``path``; the terminal shows an error in one sentence.
+
+    Raises
+    ------
+    SystemExit
+        Any error inside the block, with status 1.
+    """
+    _end_with_leader()
+    try:
+        file = _Log(os.fspath(path), "w")
+    except OSError as error:
+        raise SystemExit(f"{path} cannot be written: {error.strerror}") from None
+    with TextIOWrapper(BufferedWriter(file), encoding="utf-8", errors="backslashreplace") as log:
+        try:
+            with redirect_stdout(log), redirect_stderr(log):
+                yield
+        except NearharmonicError as error:
+            log.write(f"{error}\n")
+            raise SystemExit(str(error)) from None
+        except Exception as error:
+            traceback.print_exc(file=log)
+            message = f"{type(error).__name__}: {error} (traceback in {path})"
+            raise SystemExit(message) from None
+
+
+def _end_with_leader() -> None:
+    """End this process when that of Snakemake ends, however it does; a job on another computer has no such process."""
+    host, _, number = os.environ.get(LEADER, "").rpartition(":")
+    if host == platform.node() and int(number) != os.getpid():
+        Thread(target=_watch, args=(int(number),), daemon=True).start()
+
+
+def _watch(leader: int) -> None:
+    """Wait for the end of the process ``leader``, then kill this process and those that it has started."""
+    if hasattr(os, "pidfd_open"):
+        with suppress(ProcessLookupError):
+            select([os.pidfd_open(leader)], [], [])
+    import psutil
+
+    if not hasattr(os, "pidfd_open"):
+        with suppress(psutil.NoSuchProcess):
+            psutil.Process(leader).wait()
+    for child in psutil.Process().children(recursive=True):
+        with suppress(psutil.NoSuchProcess):
+            child.kill()
+    os.kill(os.getpid(), SIGKILL)
+
+
+def _report(text: str) -> None:
+    print(text, file=sys.__stderr__, flush=True)
+
+
+def _plain(value: Any) -> str | list[str]:
+    """Convert an input of Snakemake to a path or a list of paths."""
+    return str(value) if isinstance(value, str) else [str(path) for path in value]

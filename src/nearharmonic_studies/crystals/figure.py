@@ -1,0 +1,258 @@
+"""Figures of the experiment on crystals: errors, leaders, phonons, gains, and long runs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+from nearharmonic.plotting.style import log_scale, method_handles, new_figure, panel_letter, style_of
+from nearharmonic_paper.tasks.declarations import figure
+
+#: Methods whose curves are drawn, at most eight, and colours of the kinds of methods.
+DRAWN = (
+    "leapfrog", "bcss_s4", "predescu_s3", "babps6o5h", "babs7o7h", "babps9o7h", "trained_coarse", "trained_light",
+)  # fmt: skip
+KINDS = {
+    "general": ("general", "#6b6b6b"),
+    "paper": ("harmonic conditions (the paper)", "#e08214"),
+    "trained": ("trained", "#c1121f"),
+}
+#: Colours of the crystals, and the lead in decades with full colour.
+CRYSTALS, FULL, PALEST = ("#0b3c8c", "#b45309", "#00785a", "#9d174d"), 1.0, 0.25
+#: Forces in the fastest period at which gains and the band of phonons are drawn.
+AT = (26.0, 16.0)
+PER_PERIOD = "forces in a period of the fastest phonon"
+
+
+@figure(
+    cube="crystals",
+    category="Beyond the paper",
+    caption=(
+        "Energy error on crystals against the number of forces in a period of the fastest phonon. Columns are "
+        "crystals, rows temperatures over that of the melting point. Medians over equilibrated starts of the maximum "
+        "error, in units of the mean kinetic energy; curves end where a run diverges."
+    ),
+)
+def crystals_error(cube: xr.Dataset) -> Figure:
+    """Draw ``max_energy_error`` (median) of ``cube``: a panel for each crystal and three temperatures."""
+    rows = _three(cube["temperature"].values)
+    every = list(map(str, cube["integrator"].values))
+    names = every if len(every) <= len(DRAWN) else [name for name in DRAWN if name in every] or every[: len(DRAWN)]
+    drawn = new_figure(2.6 * cube.sizes["crystal"] + 0.6, 2.3 * len(rows) + 1.1)
+    grid = drawn.subplots(len(rows), cube.sizes["crystal"], sharex=True, sharey=True, squeeze=False)
+    inches = drawn.get_figheight()
+    drawn.subplots_adjust(
+        left=0.75 / drawn.get_figwidth(),
+        right=0.985,
+        top=1 - 0.3 / inches,
+        bottom=1.05 / inches,
+        wspace=0.06,
+        hspace=0.18,
+    )
+    median = cube["max_energy_error"].sel(quantile=0.5)
+    for r, temperature in enumerate(rows):
+        for c, crystal in enumerate(cube["crystal"].values):
+            axes = grid[r, c]
+            for name in names:
+                errors = median.sel(crystal=crystal, temperature=temperature, integrator=name)
+                axes.plot(cube["forces"], errors.where(errors < 1), **style_of(str(name)).line(markersize=3.4))
+            log_scale(axes, "y")
+            _forces_axis(axes, cube["forces"].values)
+            panel_letter(axes, r * cube.sizes["crystal"] + c, rf"{crystal}, $T = {temperature:g}\,T_\mathrm{{melt}}$")
+    for axes in grid[:, 0]:
+        axes.set_ylabel(r"$\max|\Delta H|\,/\,\langle T\rangle$")
+    for axes in grid[-1]:
+        axes.set_xlabel("forces per fastest period")
+    labels = cube["label"].sel(integrator=names).values
+    drawn.legend(handles=method_handles(names, labels), loc="lower center", ncols=8, columnspacing=1.2, handlelength=2)
+    return drawn
+
+
+@figure(
+    cube="crystals",
+    category="Beyond the paper",
+    caption=(
+        "The kind of method with the smallest maximum energy error, by temperature over that of the melting point and "
+        "by the number of forces in a period of the fastest phonon. Numbers and the depth of the colour are its lead "
+        "over the best method of another kind, in decades. White: no method keeps the error below a tenth of the mean "
+        "kinetic energy."
+    ),
+)
+def crystals_map(cube: xr.Dataset) -> Figure:
+    """Draw ``leader`` and ``lead`` of ``cube`` over temperature and forces, a panel for each crystal."""
+    count = cube.sizes["crystal"]
+    columns = 2 if count > 1 else 1
+    rows = -(-count // columns)
+    drawn = new_figure(4.7 * columns, 0.35 * cube.sizes["temperature"] * rows + 0.7 * rows + 0.9)
+    grid = drawn.subplots(rows, columns, squeeze=False)
+    inches = drawn.get_figheight()
+    drawn.subplots_adjust(left=0.075, right=0.99, top=1 - 0.3 / inches, bottom=0.9 / inches, wspace=0.14, hspace=0.55)
+    for axes in grid.flat[count:]:
+        axes.set_axis_off()
+    for k, crystal in enumerate(cube["crystal"].values):
+        _map(grid.flat[k], cube.sel(crystal=crystal))
+        panel_letter(grid.flat[k], k, str(crystal))
+    handles = [Patch(color=colour, label=label) for label, colour in KINDS.values()]
+    drawn.legend(handles=handles, loc="lower center", ncols=3)
+    return drawn
+
+
+def _map(axes: Axes, one: xr.Dataset) -> None:
+    shape = one["lead"].shape
+    kinds = dict(zip(one["integrator"].values, one["kind"].values, strict=True))
+    colours = np.ones((*shape, 3))
+    for i, j in np.ndindex(shape):
+        leader, lead = str(one["leader"].values[i, j]), float(one["lead"].values[i, j])
+        if leader and np.isfinite(lead):
+            depth = PALEST + (1 - PALEST) * min(lead / FULL, 1)
+            colours[i, j] = 1 - depth * (1 - np.array(to_rgb(KINDS[str(kinds[leader])][1])))
+            axes.text(j, i, f"{lead:.1f}", ha="center", va="center", fontsize=7.5, color="w" if depth > 0.6 else "k")
+    axes.imshow(colours, aspect="auto", origin="lower", interpolation="nearest")
+    axes.set_xticks(range(shape[1]), [f"{value:g}" for value in one["forces"].values])
+    axes.set_yticks(range(shape[0]), [f"{value:g}" for value in one["temperature"].values])
+    axes.set(xlabel=PER_PERIOD, ylabel=r"$T\,/\,T_\mathrm{melt}$")
+    axes.tick_params(length=0)
+    axes.grid(visible=False)
+
+
+@figure(
+    cube="crystals",
+    category="Beyond the paper",
+    caption=(
+        "Above: density of phonons of each crystal at rest, over frequency divided by the highest. Below: the windows "
+        "of step sizes for which methods were trained, as frequency times step size per stage. The grey bands are the "
+        "upper half of the frequencies of a crystal, at a number of forces in a period of the fastest phonon."
+    ),
+)
+def crystals_phonons(cube: xr.Dataset) -> Figure:
+    """Draw ``density`` of ``cube``, and the windows of trained methods."""
+    drawn = new_figure(7.4, 6.2)
+    above, below = drawn.subplots(2, 1, height_ratios=(1.2, 1))
+    drawn.subplots_adjust(left=0.17, right=0.98, top=0.95, bottom=0.09, hspace=0.42)
+    bins = cube.sizes["bin"]
+    edges = np.arange(bins + 1) / bins
+    for crystal, colour in zip(cube["crystal"].values, CRYSTALS, strict=False):
+        above.stairs(cube["density"].sel(crystal=crystal), edges, color=colour, label=str(crystal), linewidth=1.2)
+    above.set(xlim=(0, 1), xlabel=r"$\omega\,/\,\omega_\mathrm{max}$", ylabel="density of phonons")
+    above.set_ylim(bottom=0)
+    above.legend(loc="upper left")
+    panel_letter(above, 0, "phonons")
+    trained = cube.isel(integrator=np.isfinite(cube["window"].values[:, 0])).sortby(cube["window"][:, 0])
+    for k, (name, (low, high)) in enumerate(zip(trained["integrator"].values, trained["window"].values, strict=True)):
+        below.plot([low, high], [k, k], color=style_of(str(name)).colour, linewidth=6, solid_capstyle="butt")
+    for forces, alpha in ((40, 0.12), (20, 0.22), (10, 0.34)):
+        most = 2 * np.pi / forces
+        below.axvspan(most / 2, most, color="#808080", alpha=alpha, linewidth=0)
+        below.text(
+            most / 2**0.5, trained.sizes["integrator"] - 0.35, f"{forces} forces", ha="center", va="bottom", fontsize=8
+        )
+    below.set_yticks(range(trained.sizes["integrator"]), trained["label"].values)
+    log_scale(below, "x")
+    below.set(xlim=(0.01, 1), ylim=(-0.6, trained.sizes["integrator"] + 0.3), xlabel=r"$\omega\,\tau/s$")
+    panel_letter(below, 1, "windows of trained methods")
+    return drawn
+
+
+@figure(
+    cube="crystals",
+    category="Beyond the paper",
+    caption=(
+        "Gain of the best trained method over the best general one, in decades of the maximum energy error, against "
+        "the variation of the Hessian along the trajectory, for two numbers of forces in a period of the fastest "
+        "phonon. A point is a crystal at a temperature."
+    ),
+)
+def crystals_gain(cube: xr.Dataset) -> Figure:
+    """Draw the ratio of errors of ``cube`` against ``delta``, a panel for each number of forces."""
+    general, trained = (_best(cube, kind) for kind in ("general", "trained"))
+    shown = sorted({float(cube["forces"].sel(forces=at, method="nearest")) for at in AT}, reverse=True)
+    drawn = new_figure(3.6 * len(shown) + 0.6, 3.7)
+    grid = drawn.subplots(1, len(shown), sharey=True, squeeze=False)[0]
+    drawn.subplots_adjust(left=0.1, right=0.985, top=0.92, bottom=0.24, wspace=0.12)
+    for k, (axes, forces) in enumerate(zip(grid, shown, strict=True)):
+        for crystal, colour, marker in zip(cube["crystal"].values, CRYSTALS, "os^D", strict=False):
+            at = {"crystal": crystal, "forces": forces}
+            known = np.isfinite(general.sel(at)) & np.isfinite(trained.sel(at))
+            gain = np.log10(general.sel(at).where(known) / trained.sel(at).where(known))
+            axes.plot(cube["delta"].sel(crystal=crystal), gain, color=colour, marker=marker, label=str(crystal))
+        axes.axhline(0, color="#404040", linewidth=0.8)
+        log_scale(axes, "x")
+        axes.set_xlabel(r"variation of the Hessian, $\delta$")
+        panel_letter(axes, k, f"{forces:g} forces per fastest period")
+    grid[0].set_ylabel("gain of trained methods (decades)")
+    drawn.legend(*grid[0].get_legend_handles_labels(), loc="lower center", ncols=4)
+    return drawn
+
+
+def _best(cube: xr.Dataset, kind: str) -> xr.DataArray:
+    """Return the smallest median error of a kind of method, infinite without one."""
+    median = cube["max_energy_error"].sel(quantile=0.5)
+    return median.where(cube["kind"] == kind, np.inf).min("integrator")
+
+
+@figure(
+    cube="crystals",
+    category="Beyond the paper",
+    caption=(
+        "Above: change of the energy over a long run of a small crystal, in units of the mean kinetic energy, by a "
+        "straight line; a point is a start. Below: mean potential energy of a chain with friction and noise, over its "
+        "value for a harmonic crystal, at equal numbers of forces; bars are standard errors. Friction and noise act in "
+        "the middle of a step (B; leapfrog is then BAOAB) or at both ends (C)."
+    ),
+)
+def crystals_long_runs(cube: xr.Dataset) -> Figure:
+    """Draw ``drift`` and ``potential`` of ``cube``."""
+    drawn = new_figure(8.2, 6.4)
+    grid: Any = drawn.subplot_mosaic([["drift", "drift"], ["middle", "ends"]])
+    drawn.subplots_adjust(left=0.1, right=0.985, top=0.95, bottom=0.15, wspace=0.22, hspace=0.36)
+    methods = cube["drifting"].values
+    for m, name in enumerate(methods):
+        for c, crystal in enumerate(cube["crystal"].values):
+            values = np.abs(cube["drift"].sel(crystal=crystal, drifting=name).values)
+            grid["drift"].plot(
+                np.full(len(values), c + 0.16 * (m - (len(methods) - 1) / 2)), values, **style_of(str(name)).points()
+            )
+    log_scale(grid["drift"], "y")
+    grid["drift"].set_xticks(range(cube.sizes["crystal"]), cube["crystal"].values)
+    grid["drift"].set_ylabel(r"$|$change of $H|\,/\,\langle T\rangle$")
+    panel_letter(grid["drift"], 0, "drift over a long run")
+    grid["ends"].sharey(grid["middle"])
+    for k, (place, says) in enumerate((("middle", "bath in the middle of a step"), ("ends", "bath at both ends"))):
+        axes = grid[place]
+        for name in cube["averaged"].values:
+            one = cube.sel(averaged=name, bath=place)
+            look = style_of(str(name)).line(markersize=4, capsize=2)
+            known = np.isfinite(one["potential"])
+            axes.errorbar(cube["spacing"], one["potential"].where(known), one["potential_error"], **look)
+        _forces_axis(axes, cube["spacing"].values)
+        axes.set_xlabel(PER_PERIOD)
+        panel_letter(axes, k + 1, says)
+    grid["middle"].set_ylabel("potential energy / harmonic")
+    names = list(dict.fromkeys([*map(str, methods), *map(str, cube["averaged"].values)]))
+    labels = {
+        **dict(zip(map(str, methods), cube["drifting_label"].values, strict=True)),
+        **dict(zip(map(str, cube["averaged"].values), cube["averaged_label"].values, strict=True)),
+    }
+    drawn.legend(handles=method_handles(names, [labels[name] for name in names]), loc="lower center", ncols=4)
+    return drawn
+
+
+def _three(values: Any) -> list[float]:
+    """At most three values: the least, the middle one and the largest."""
+    return [float(values[k]) for k in sorted({0, len(values) // 2, len(values) - 1})]
+
+
+def _forces_axis(axes: Axes, forces: Any) -> None:
+    """A logarithmic axis with labels at round numbers of forces; large steps, of few forces, are on the right."""
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(FixedLocator([one for one in (40, 20, 10, 5) if min(forces) <= one <= max(forces)]))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.set_xlim(1.08 * max(forces), min(forces) / 1.08)

@@ -1,0 +1,100 @@
+"""Settings of the experiment on crystals."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from nearharmonic.engine.settings import one_of
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.user_file import expanded
+from nearharmonic_paper.entries import POSITIVE, STRICT, PositiveDecimal, setting, whole_from
+
+#: Crystals, and the cells of each at size 1: 4, 4 and 8 atoms or two masses in a cell.
+CELLS = {"argon": 3, "copper": 2, "silicon": 2, "chain": 512}
+#: Methods of the long runs, and those of the runs with a thermostat.
+DRIFTING = ("leapfrog", "predescu_s3", "babps9o7h", "trained_light")
+AVERAGED = ("leapfrog", "bcss_s3", "bcss_s4", "predescu_s3", "babs7o7h", "trained_coarse")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrystalsSettings:
+    """Energy error on crystals against temperature and step size."""
+
+    __pydantic_config__ = STRICT
+
+    integrators: tuple[str, ...] = setting(
+        "Methods of plain kicks and drifts that are compared",
+        "a list of at least two integrators, each named once",
+        each="the name of an integrator, or the path of a Python file that defines TABLEAU or TABLEAUS",
+        default=(
+            "leapfrog", "bcss_s3", "bcss_s4", "predescu_s3", "omelyan_v5", "pefrl", "srkn_b6", "srkn_b11",
+            "blanes_moan_s6o4",
+            "abas5o6h", "babs6o5h", "babps6o5h", "babs7o7h", "babps8o7h", "babps9o7h",
+            "trained_coarse", "trained_light", "trained_moderate", "trained_fine",
+        ),
+        min_length=2,
+    )  # fmt: skip
+    crystals: tuple[str, ...] = setting(
+        "Crystals",
+        f"a list of {', '.join(CELLS)}",
+        each=f"one of {', '.join(CELLS)}",
+        default=tuple(CELLS),
+        min_length=1,
+    )
+    cells: int = setting(
+        "Cells along an edge of the cubic crystals, and 2^(3 cells) of the chain; 0 takes 3, 2, 2 and 512",
+        default=0,
+        **whole_from(0, 6),
+    )
+    temperatures: tuple[PositiveDecimal, ...] = setting(
+        "Temperatures over that of the melting point",
+        "a list of numbers above 0",
+        unit="1",
+        each=POSITIVE,
+        default=("0.01", "0.03", "0.1", "0.3", "1"),
+        min_length=1,
+    )
+    forces: tuple[PositiveDecimal, ...] = setting(
+        "Forces in a period of the fastest phonon; leapfrog is stable above pi",
+        "a list of numbers above 0",
+        unit="1",
+        each=POSITIVE,
+        default=("40", "32", "26", "20", "16", "13", "10", "8", "6.3", "5", "4"),
+        min_length=1,
+    )
+    periods: int = setting("Periods of the fastest phonon in a run", default=20, **whole_from(1))
+    starts: int = setting("Equilibrated starts at each temperature", default=10, **whole_from(1, 1000))
+    drift_steps: int = setting("Steps of the runs that measure the drift of the energy", default=10**5, **whole_from(1))
+    drift_starts: int = setting("Starts of these runs", default=2, **whole_from(2, 1000))
+    average_forces: int = setting("Forces of a run that measures averages", default=10**6, **whole_from(1))
+    seed: int = setting("Chooses the starts", default=1, **whole_from(0))
+
+    def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
+        """Raise an error for unknown integrators, and for those that need more than forces.
+
+        Raises
+        ------
+        NearharmonicError
+            The first error found, with keys as in a config.
+        """
+        for name in self.crystals:
+            one_of("crystals.crystals", name, tuple(CELLS))
+        for name in self.methods:
+            tableau = integrators[name]
+            if tableau.modified or tableau.processed:
+                allowed = "methods of plain kicks and drifts, without modified potentials and processors"
+                raise bad_setting("crystals.integrators", name, allowed)
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Names of the methods, including those from files."""
+        return expanded(self.integrators)
+
+    def size(self, crystal: str) -> int:
+        """Return the number of cells of a crystal, along an edge or of the chain."""
+        if self.cells == 0:
+            return CELLS[crystal]
+        return 2 ** (3 * self.cells) if crystal == "chain" else self.cells

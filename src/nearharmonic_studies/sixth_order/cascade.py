@@ -1,0 +1,203 @@
+"""Search for sixth-order near-harmonic methods: a cascade of random starts, walks along families, and a ranking.
+
+For each number of stages and each first operator, the search from random points finds solutions of order six. Starts
+near these find solutions of the next harmonic order, and so on until there are no free parameters. Without the cascade
+one of fifty random starts would find an isolated solution of eight stages, and one of thousands a solution of ten.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+
+from nearharmonic.integrators.tableau import First
+from nearharmonic.numerics.search import RandomStarts, distinct
+from nearharmonic_studies.sixth_order.conditions import NYSTROM_ORDER, Doubles, NystromEquations
+from nearharmonic_studies.sixth_order.criterion import Merit, criterion_of, system_of
+from nearharmonic_studies.sixth_order.kernels import Walk, assess, descend, solve
+from nearharmonic_studies.sixth_order.settings import SixthOrderSettings
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cascade:
+    """Settings of the search.
+
+    Attributes
+    ----------
+    bound : float
+        Bound of the unknowns of the solutions that are kept: methods with longer substeps are not useful.
+    near, most_near : float and int
+        Standard deviation and maximum number of the starts near a solution, for the search at the next harmonic order.
+    apart : float
+        Minimum distance (largest difference) between the starts of walks along a family.
+    walk : Walk
+        Settings of the walks.
+    """
+
+    bound: float = 2.0
+    near: float = 0.1
+    most_near: int = 20
+    apart: float = 0.05
+    walk: Walk = field(default_factory=Walk)
+
+
+@dataclass(frozen=True)
+class Count:
+    """Search results of one kind; ``solutions`` counts distinct solutions, or samples with free parameters."""
+
+    stages: int
+    first: First
+    harmonic_order: int
+    free: int
+    starts: int
+    hits: int
+    solutions: int
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A solution: unknowns, number of starts that led there (0 after a walk along its family), and merit."""
+
+    stages: int
+    first: First
+    harmonic_order: int
+    free: int
+    unknowns: tuple[float, ...]
+    hits: int
+    merit: Merit
+
+    @property
+    def composition(self) -> str:
+        """BAB if the kick is first, else ABA."""
+        return "BAB" if self.first == "kick" else "ABA"
+
+    def row(self) -> dict[str, str | int | float]:
+        """The line of a table."""
+        plain: dict[str, str | int | float] = {
+            "composition": self.composition,
+            "stages": self.stages,
+            "harmonic_order": self.harmonic_order,
+            "free": self.free,
+            "hits": self.hits,
+        }
+        unknowns = " ".join(f"{x:.15g}" for x in self.unknowns)
+        return plain | asdict(self.merit) | {"unknowns": unknowns}
+
+
+@dataclass(frozen=True)
+class Findings:
+    """``counts`` by stages, first and harmonic order; ``candidates`` by merit, the best first."""
+
+    counts: tuple[Count, ...]
+    candidates: tuple[Candidate, ...]
+
+
+def find_solutions(
+    settings: SixthOrderSettings,
+    *,
+    stages: tuple[int, ...] = (7, 8, 9, 10, 11),
+    firsts: tuple[First, ...] = ("kick", "drift"),
+    cascade: Cascade = Cascade(),
+    threads: int = 1,
+    report: Callable[[str], None] = lambda _: None,
+) -> Findings:
+    """Find and rank solutions of Nystrom order six for all stages, first operators and harmonic orders.
+
+    With fewer than 7 stages there is no solution; more than 11 have not been searched. The result does not depend on
+    ``threads``. ``report`` is called with each count, in the thread of its computation.
+    """
+    # The longest tasks first, so that all threads finish together.
+    tasks = [(s, first) for s in sorted(stages, reverse=True) for first in firsts]
+    with ThreadPoolExecutor(threads) as pool:
+        found = list(pool.map(lambda task: list(_cascade(task[0], task[1], settings, cascade, report)), tasks))
+    levels = [level for levels in found for level in levels]
+    counts = sorted((count for count, _ in levels), key=lambda c: (c.stages, c.first, c.harmonic_order))
+    candidates = sorted((c for _, best in levels for c in best), key=lambda c: (c.merit.value, c.unknowns))
+    return Findings(tuple(counts), tuple(candidates))
+
+
+def winners(findings: Findings) -> tuple[Candidate, ...]:
+    """Return the four best candidates of a harmonic order above their order, one per number of stages and composition.
+
+    Candidates of one family, and of successive harmonic orders, are similar: one represents all.
+    """
+    chosen: dict[tuple[int, First], Candidate] = {}
+    for candidate in findings.candidates:
+        if candidate.harmonic_order > NYSTROM_ORDER:
+            chosen.setdefault((candidate.stages, candidate.first), candidate)
+    return tuple(chosen.values())[:4]
+
+
+def _cascade(
+    stages: int, first: First, settings: SixthOrderSettings, cascade: Cascade, report: Callable[[str], None]
+) -> Iterator[tuple[Count, list[Candidate]]]:
+    starts = RandomStarts(settings.starts, (settings.seed, stages, first == "kick"), bound=cascade.bound)
+    random = starts.generator()
+    points = starts.points(random, stages - 1)
+    for harmonic_order in range(NYSTROM_ORDER, stages):
+        equations = NystromEquations(stages, first, harmonic_order)
+        found, solved = solve(system_of(equations), points, starts.bound)
+        hits = found[solved]
+        solutions, multiplicity = distinct(hits[np.lexsort(hits.T[::-1])], starts.same)
+        count = Count(stages, first, harmonic_order, equations.free, len(points), len(hits), len(solutions))
+        if equations.free:
+            solutions = _walked(equations, solutions, settings, cascade, random)
+            best = candidates_of(equations, solutions, [0] * len(solutions))
+        else:
+            best = candidates_of(equations, solutions, multiplicity)
+        report(_sentence(count, best))
+        yield count, best
+        # The ends of the walks are near good methods of the next harmonic order.
+        points = _near(np.concatenate([hits, solutions]), settings.starts, cascade, random)
+
+
+def _near(hits: Doubles, wanted: int, cascade: Cascade, random: np.random.Generator) -> Doubles:
+    """Return about ``wanted`` points: each of ``hits``, and points near it."""
+    copies = min(cascade.most_near, max(1, wanted // max(1, len(hits))))
+    near = np.repeat(hits, copies, axis=0)[: max(wanted, len(hits))]
+    noise = random.normal(0, cascade.near, near.shape)
+    noise[::copies] = 0
+    return np.ascontiguousarray(near + noise)
+
+
+def _walked(
+    equations: NystromEquations,
+    samples: Doubles,
+    settings: SixthOrderSettings,
+    cascade: Cascade,
+    random: np.random.Generator,
+) -> Doubles:
+    """Return the distinct ends of walks from the best ``samples`` (solution, unknown) of a family."""
+    values = assessed(equations, samples)[:, 4]
+    ends, _ = distinct(samples[np.argsort(values, kind="stable")], cascade.apart, most=settings.walks)
+    noise = random.normal(0, 1, (len(ends), settings.walk_steps, equations.unknowns))
+    ends = descend(system_of(equations), criterion_of(equations.stages), cascade.bound, cascade.walk, noise, ends)
+    return distinct(ends[np.argsort(assessed(equations, ends)[:, 4], kind="stable")], cascade.apart)[0]
+
+
+def assessed(equations: NystromEquations, solutions: Doubles) -> Doubles:
+    """Return (e_N, e_H, A, tau*, J) of each of ``solutions`` (solution, unknown)."""
+    return assess(system_of(equations), criterion_of(equations.stages), solutions)
+
+
+def candidates_of(equations: NystromEquations, solutions: Doubles, multiplicity: Sequence[int]) -> list[Candidate]:
+    """Return ``solutions`` (solution, unknown) with their merits, the best first."""
+    kind = (equations.stages, equations.first, equations.harmonic_order, equations.free)
+    rows = [
+        Candidate(*kind, tuple(map(float, x)), hits, Merit(*map(float, merit)))
+        for x, hits, merit in zip(solutions, multiplicity, assessed(equations, solutions), strict=True)
+    ]
+    return sorted(rows, key=lambda row: row.merit.value)
+
+
+def _sentence(count: Count, best: list[Candidate]) -> str:
+    composition = "BAB" if count.first == "kick" else "ABA"
+    kind = "isolated" if count.free == 0 else f"{count.free} free"
+    merit = f", best J = {best[0].merit.value:.2f}" if best else ""
+    return (
+        f"{count.stages} stages, {composition}, harmonic order {count.harmonic_order} ({kind}): "
+        f"{count.hits} of {count.starts} starts, {count.solutions} solutions{merit}"
+    )

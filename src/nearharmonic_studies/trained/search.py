@@ -1,0 +1,215 @@
+"""Search for the method of one purpose: families one after another, selection on a validation set, all digits."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from hashlib import sha256
+from operator import itemgetter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.output.table import Table
+from nearharmonic.theory.linear_stability import stability_limit
+from nearharmonic.theory.order import generalised_order_of, harmonic_order, nystrom_order_of, order_of
+from nearharmonic.training.family import Family
+from nearharmonic.training.objective import DIGITS, Objective, mean_errors, tableau_of
+from nearharmonic.training.population import Ensemble
+from nearharmonic.training.published import published_methods
+from nearharmonic.training.search import Found
+from nearharmonic.training.searcher import Searcher, search, starts_of
+from nearharmonic_studies.trained.problems.purpose import Purpose
+from nearharmonic_studies.trained.problems.purposes import PURPOSES
+from nearharmonic_studies.trained.settings import SearchSettings
+
+SOURCE = "trained by nearharmonic_studies.trained"
+CAPTION = (
+    "{title}: the families searched for {what}, tau/s {low:.3g} to {high:.3g}, {problems}. Objective: worst over the "
+    "window of the mean log10 of the largest energy error against the best published method, and half of its mean; "
+    "gains in decades on other problems and intervals twice as long, the least in the window and the mean."
+)
+HEADER = (
+    "composition", "stages", "order for quadratic T", "harmonic order", "squares", "searches", "methods tried",
+    "ended at the best", "best from", "objective", "validation", "least gain", "mean gain",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Selection:
+    """Settings of the choice of a method.
+
+    Attributes
+    ----------
+    short_list : int
+        Number of methods of each family that are compared on the validation set.
+    longer : float
+        Ratio of the intervals of validation and test to those of training.
+    """
+
+    short_list: int = 3
+    longer: float = 2.0
+
+
+#: A method of the short list: its objective on the validation set, and its search result.
+Candidate = tuple[float, Found]
+
+
+def train(
+    purpose: str,
+    settings: SearchSettings,
+    known: Sequence[str],
+    report: Callable[[str], None],
+    before: Sequence[str] = (),
+    selection: Selection = Selection(),
+) -> dict[str, Any]:
+    """Search for the method of a purpose.
+
+    Starts are the ``known`` methods, of which the published ones are the reference, and the methods of other purposes,
+    from the paths of their documents ``before``.
+
+    Returns
+    -------
+    dict
+        ``document`` with the method, for a TOML file, and ``landscape``, a :class:`Table` of the families.
+    """
+    goal = PURPOSES[purpose]
+    begun = [*(_method(Path(place)) for place in before), *map(integrators.__getitem__, known)]
+    published = published_methods(known)
+    training, validation, test = (
+        _Judge(goal, settings, published, which, longer)
+        for which, longer in enumerate((1.0, selection.longer, selection.longer))
+    )
+    all_findings = _all_findings(goal, settings, training, begun, report)
+    short = [one for findings in all_findings for one in _short_list(findings, validation, selection.short_list)]
+    _, best = min(short, key=itemgetter(0))
+    rows = [_row(findings, short, test) for findings in all_findings]
+    low, high = goal.window
+    caption = CAPTION.format(title=goal.title, what=goal.what, low=low, high=high, problems=goal.problems)
+    return {
+        "document": _document(goal, settings, best, test),
+        "landscape": Table(header=HEADER, rows=rows, caption=caption),
+    }
+
+
+def _all_findings(
+    goal: Purpose,
+    settings: SearchSettings,
+    training: _Judge,
+    begun: Sequence[Tableau],
+    report: Callable[[str], None],
+) -> list[Searcher]:
+    """Return the findings of each family, each chain from its first."""
+    effort = goal.effort(settings.trials, settings.random, settings.refinements)
+    found: list[Searcher] = []
+    for chain in goal.chains:
+        before: list[Searcher] = []
+        for family in chain.families():
+            starts = starts_of(family, begun, [one.best for one in before if one.found], effort)
+            before.append(search(training.objective(family, effort.population), starts, effort, settings.seed, None))
+            if not before[-1].found:  # no published method has its shape, and there are no random starts
+                continue
+            best = before[-1].best
+            report(
+                f"{goal.title}: {family.stages} stages, {family.first} first: objective {best.value:.3f} from "
+                f"{best.origin}, {before[-1].again} of {len(before[-1].found)} searches ended there"
+            )
+        found += [one for one in before if one.found]
+    if not found:
+        raise bad_setting("trained.search.random", settings.random, "at least 1, as no published method is a start")
+    return found
+
+
+class _Judge:
+    """The objective on a set, 0 training, 1 validation or 2 test, with intervals ``longer`` by a factor."""
+
+    def __init__(
+        self, goal: Purpose, settings: SearchSettings, published: Sequence[Tableau], which: int, longer: float
+    ) -> None:
+        count = settings.held_out if which else settings.systems
+        self._goal = goal
+        self.ensembles: list[Ensemble] = goal.ensembles(count, 3 * settings.seed + which, longer)
+        self.references = [
+            mean_errors(one, published, goal.tau_per_stage, goal.charge).min(axis=0) for one in self.ensembles
+        ]
+
+    def objective(self, family: Family, size: int = 1) -> Objective:
+        """The objective of a family."""
+        return Objective(
+            family, self.ensembles, self._goal.tau_per_stage, self.references, size=size, charge=self._goal.charge,
+        )  # fmt: skip
+
+    def gains(self, found: Found) -> Any:
+        """Gains in decades (T,), the mean over the ensembles."""
+        return self.objective(found.family).gains(found.unknowns[None])[:, 0].mean(axis=0)
+
+
+def _method(place: Path) -> Tableau:
+    """Return the method of a document, at least in double precision."""
+    found = tomllib.loads(place.read_text(encoding="utf-8"))
+    rows: dict[str, Any] = {name: tuple(found[name]) for name in ("kick", "drift")}
+    about = {name: found[name] for name in ("name", "first", "order", "digits")}
+    return Tableau(**about, **rows, source=SOURCE)
+
+
+def _short_list(findings: Searcher, validation: _Judge, count: int) -> list[Candidate]:
+    """Return the best ``count`` methods of a family, with objectives on the validation set."""
+    ranked = sorted(findings.found, key=lambda one: one.value)[:count]
+    objective = validation.objective(findings.best.family, count)
+    values = objective(np.stack([one.unknowns for one in ranked])).tolist()
+    return list(zip(values, ranked, strict=True))
+
+
+def _row(findings: Searcher, short: Sequence[Candidate], test: _Judge) -> list[Any]:
+    family, best = findings.best.family, findings.best
+    validation, own = min((one for one in short if one[1].family == family), key=itemgetter(0))
+    gains = test.gains(own)
+    return [
+        "BAB" if family.first == "kick" else "ABA", family.stages, family.order, family.harmonic_order,
+        " ".join(map(str, family.squares)), len(findings.found), findings.trials, findings.again, best.origin,
+        best.value, validation, float(gains.min()), float(gains.mean()),
+    ]  # fmt: skip
+
+
+def _document(goal: Purpose, settings: SearchSettings, best: Found, test: _Judge) -> Mapping[str, Any]:
+    """Return the method with all digits, its proved properties, and its search."""
+    tableau = tableau_of(best.family, best.unknowns.tolist(), name=goal.title, source=SOURCE)
+    gains = test.gains(best)
+    squares = {"square": list(tableau.square)} if tableau.modified else {}
+    return {
+        "name": tableau.name,
+        "first": tableau.first,
+        "kick": list(tableau.kick),
+        "drift": list(tableau.drift),
+        **squares,
+        "digits": DIGITS,
+        "family_order": best.family.order,
+        **({"potential_degree": best.family.potential_degree} if best.family.potential_degree else {}),
+        "order": order_of(tableau),
+        "order_for_quadratic_T": nystrom_order_of(tableau),
+        **({} if tableau.modified else {"harmonic_order": harmonic_order(tableau)}),
+        **({"generalised_order": list(generalised_order_of(tableau))} if best.family.generalised_order else {}),
+        **({} if tableau.modified else {"stability_limit": float(stability_limit(tableau))}),
+        "sum_of_absolute_values": sum(abs(float(c)) for c in (*tableau.kick, *tableau.drift)),
+        "purpose": goal.what,
+        "window": list(goal.window),
+        "ensemble": goal.problems,
+        "seed": settings.seed,
+        "origin": best.origin,
+        "tau_per_stage": list(goal.tau_per_stage),
+        "gain": gains.tolist(),
+        "digest": _digest(goal, settings, tableau),
+    }
+
+
+def _digest(goal: Purpose, settings: SearchSettings, tableau: Tableau) -> str:
+    """Return the SHA-256, in hex, of the settings of the search and of its result in doubles."""
+    rows = [[float(c) for c in row] for row in (tableau.kick, tableau.drift)]
+    asked = {"purpose": asdict(goal), "settings": asdict(settings), "rows": rows}
+    return sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()

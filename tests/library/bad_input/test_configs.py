@@ -1,0 +1,199 @@
+"""Bad configs: each ends with one sentence that names the key, before any work."""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+from functools import partial
+from pathlib import Path
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from nearharmonic.errors import NearharmonicError
+from nearharmonic_paper.config.reading import load, read
+from nearharmonic_paper.config.schema import schema
+from support.bad_input import check_message, refused
+
+KIND = "E. bad configs"
+CASES = yaml.safe_load(Path(__file__).with_name("configs.yaml").read_text(encoding="utf-8"))
+GRID = {"lowest": 0.01, "highest": 1, "points_per_decade": 5}
+SMALL = {
+    "name": "small",
+    "integrators": ["ruth"],
+    "systems": {"sho": {"tau_per_stage": GRID}, "mine": {"system": "kepler", "tau_per_stage": {**GRID, "lowest": 0.5}}},
+}
+#: Values that no key for a number takes.
+NO_NUMBERS = [
+    "", "ten", "nan", ".inf", float("nan"), float("inf"), -float("inf"), "1e999999999", "1/1e999999999", "9" * 401,
+    10**400, -(10**400), "٣", "1_0", True, None, [], [1], {}, {"a": 1}, -1, "-5", "0x10", "1" * 10**5, "1e-400",
+]  # fmt: skip
+NUMBERS = [
+    "samples", "shards", "job_seconds", "systems.sho.t_end", "systems.sho.tau_per_stage.lowest",
+    "systems.sho.tau_per_stage.highest", "systems.sho.tau_per_stage.points_per_decade", "derive.starts",
+    "stability.kepler.orbits", "exact_oscillator.t_end",
+]  # fmt: skip
+LAUGHS = ["a: &a [x, x, x, x, x, x, x, x, x]"]
+LAUGHS += [f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]" for a, b in zip("abcdefgh", "bcdefghi", strict=True)]
+#: Files that are no config, by their contents, and words of the message.
+FILES = {
+    "empty.yaml": (b"", "is no config"),
+    "list.yaml": (b"- name\n- systems\n", "is no config"),
+    "text.yaml": (b"name", "is no config"),
+    "number.json": (b"5", "is no config"),
+    "binary.yaml": (bytes(range(256)), "byte 128 is no text in UTF-8"),
+    "latin.yaml": ("name: é".encode("latin-1"), "is no text in UTF-8"),
+    "zeros.yaml": (b"\0" * 100, "cannot be read as a config"),
+    "broken.yaml": (b"name: [1, 2\nsystems: }", "in line 2"),
+    "tab.yaml": (b"systems:\n\tsho: 1\n", "in line 2"),
+    "colon.yaml": (b"name: a: b\n", "in line 1"),
+    "broken.json": (b'{"name": "x",\n "systems": }', "systems = None"),
+    "tag.yaml": (b"name: !!python/object/apply:os.system ['true']\n", "could not determine a constructor"),
+    "two.yaml": (b"name: a\n---\nname: b\n", "cannot be read as a config"),
+    "alias.yaml": (b"name: *nobody\n", "in line 1"),
+    "cyclic.yaml": (b"name: x\nsystems: &a\n  sho: *a\n", "the alias *a in line 3 is part of what it repeats"),
+    "cyclic_list.yaml": (b"name: &a [*a]\n", "part of what it repeats"),
+    "laughs.yaml": ("\n".join(LAUGHS).encode(), "10000"),
+    "digits.yaml": (b"name: x\nsamples: " + b"9" * 5000, "a value in it is not allowed: Exceeds the limit"),
+    "no_date.yaml": (b"name: 2026-13-01\n", "a value in it is not allowed: month must be in"),
+    "brackets.yaml": (b"name: " + b"[" * 5000 + b"]" * 5000, "more than 20 levels"),
+    "braces.json": (b'{"a":' * 5000 + b"1" + b"}" * 5000, "more than 20 levels"),
+    "dashes.yaml": (b"name:\n" + b"".join(b" " * i + b"-\n" for i in range(1, 100)), "more than 20 levels"),
+    "many.yaml": (b"name: [" + b"1," * 20_000 + b"]", "10000"),
+    "large.yaml": (b"# " + b"x" * 10**6, "more than 1000000 bytes"),
+    "twice.yaml": (b"name: a\nname: b\n", "the key 'name' is in lines 1 and 2"),
+    "inner.yaml": (b"systems:\n  sho: {a: 1}\n  sho: {a: 2}\n", "the key 'sho' is in lines 2 and 3"),
+    "twice.json": (b'{"name": "a", "name": "b"}', "the key 'name' is in line 1 twice"),
+    "lines.json": (b'{"systems":\n\t{"a": 1,\n\t"a": 2}}', "the key 'a' is in lines 2 and 3"),
+    "number_key.yaml": (b"5: a\n", "a key of the config = 5"),
+    "no.yaml": (b"systems: {no: 1}\n", "a key of systems = False"),
+    "null_key.yaml": (b"? \n: a\n", "a key of the config = None"),
+    "list_key.yaml": (b"? [a]\n: b\n", "cannot be read as a config"),
+    "date.yaml": (b"name: 2024-01-01\nintegrators: [ruth]\nsystems: {}\n", "has 2024-01-01, which YAML reads as"),
+}  # fmt: skip
+
+
+def changed(key, value):
+    """SMALL with the dotted ``key`` set to ``value``, or without it."""
+    config = copy.deepcopy(SMALL)
+    *above, last = key.split(".")
+    place = config
+    for step in above:
+        place = place.setdefault(step, {})
+    if value == "<left out>":
+        del place[last]
+    else:
+        place[last] = value
+    return config
+
+
+@pytest.fixture
+def written(tmp_path, monkeypatch):
+    """An empty working directory, which stays empty."""
+    folder = tmp_path / "here"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    yield tmp_path
+    assert not list(folder.iterdir())
+
+
+def test_a_bad_value_is_named_with_its_key(trials, written):
+    bad = trials(KIND)
+    load(SMALL)
+    for key, value, says in CASES:
+        with bad.case(f"{key} = {value!r}"):
+            refused(partial(load, changed(key, value)), says)
+
+
+def test_no_key_for_a_number_takes_anything_else(trials, written):
+    bad = trials(KIND)
+    for key in NUMBERS:
+        for value in NO_NUMBERS:
+            with bad.case(f"{key} = {str(value)[:40]}"):
+                refused(partial(load, changed(key, value)), key)
+
+
+def test_a_file_that_is_no_config_is_refused(trials, written):
+    bad = trials(KIND)
+    for name, (content, says) in FILES.items():
+        path = written / name
+        path.write_bytes(content)
+        with bad.case(name):
+            refused(partial(read, path), says)
+    for path in (written, written / "missing.yaml", Path("/dev/zero"), written / ("x" * 300)):
+        with bad.case(path):
+            refused(partial(read, path), "cannot be read as a config")
+    os.mkfifo(written / "pipe.yaml")
+    with bad.case("pipe"):
+        refused(partial(read, written / "pipe.yaml"), "not a regular file")
+
+
+def endless():
+    """Mappings of Python that hold themselves, or each other many times."""
+    own = {}
+    own["systems"] = own
+    laughing = []
+    for _ in range(18):
+        laughing = [laughing] * 9
+    return [own, {"name": laughing}, {**SMALL, "integrators": ["ruth"] * 10**5}]
+
+
+def test_mappings_without_end_are_refused(trials, written):
+    bad = trials(KIND)
+    for i, mapping in enumerate(endless()):
+        with bad.case(i):
+            refused(partial(load, mapping))
+
+
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=20),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
+    max_leaves=6,
+)
+KEYS = sorted(
+    [*schema()["properties"], "systems.sho.t_end", "systems.sho.precision", "systems.sho.tau_per_stage",
+     "systems.mine.q0", "systems.mine.parameters", "systems.mine.file", "stability.kepler", "stability.rounding.steps"]
+)  # fmt: skip
+
+
+def test_any_value_is_accepted_or_refused_in_one_line(trials, written):
+    bad = trials(KIND)
+
+    @settings(max_examples=100, database=None, derandomize=True)
+    @given(st.sampled_from(KEYS), VALUES)
+    def check(key, value):
+        with bad.case(f"{key} = {value!r}"):
+            try:
+                load(changed(key, value))
+            except NearharmonicError as error:
+                check_message(str(error))
+
+    check()
+
+
+def test_any_file_is_accepted_or_refused_in_one_line(trials, written):
+    bad = trials(KIND)
+    whole = yaml.safe_dump(SMALL).encode()
+
+    @settings(max_examples=60, database=None, derandomize=True)
+    @given(st.integers(0, len(whole)), st.integers(0, 20), st.binary(max_size=8) | st.sampled_from(b"{[&*!|:-#\t\"'"))
+    def check(begin, length, middle):
+        middle = bytes([middle]) if isinstance(middle, int) else middle
+        path = written / "any.yaml"
+        path.write_bytes(whole[:begin] + middle + whole[begin + length :])
+        with bad.case(path.read_bytes()):
+            try:
+                read(path)
+            except NearharmonicError as error:
+                check_message(str(error).replace(str(written), ""))
+
+    check()
+
+
+def test_json_is_read_as_well(written):
+    path = written / "good.json"
+    path.write_text(json.dumps(SMALL, indent="\t"), encoding="utf-8")
+    assert read(path) == load(SMALL)

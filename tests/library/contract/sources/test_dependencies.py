@@ -1,0 +1,109 @@
+"""Dependencies: each imported package is declared, and pinned for published results."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+from functools import cache
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+
+from nearharmonic.adapters import PACKAGES
+from support.projects.extras import EXTRAS, names_of, normal, of_extra, of_library
+
+ROOT = Path(__file__).parents[4]
+PINNED = {normal(name) for name in re.findall(r"^([\w.-]+)==", (ROOT / "constraints.txt").read_text(), re.MULTILINE)}
+#: Libraries that are timed beside ours, and may be missing.
+PEERS = ROOT / "src/nearharmonic_paper/experiments/work_precision/peers"
+#: Modules for one library each, which an extra of the same name installs.
+ADAPTERS = ROOT / "src/nearharmonic/adapters"
+PYTHON = [*(ROOT / "src").rglob("*.py"), *(ROOT / "workflow").rglob("*.py")]
+#: Rules are not Python: they are read line by line.
+RULES = [ROOT / "Snakefile", *(ROOT / "workflow").rglob("*.smk")]
+
+
+@cache
+def imported_in(path):
+    """Top-level names that a file imports."""
+    text = path.read_text(encoding="utf-8")
+    if path in RULES:
+        return set(re.findall(r"^\s*(?:from|import)\s+(\w+)", text, re.MULTILINE))
+    nodes = list(ast.walk(ast.parse(text)))
+    names = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+    names |= {node.module for node in nodes if isinstance(node, ast.ImportFrom) and node.level == 0}
+    return {name.partition(".")[0] for name in names}
+
+
+def distributions_of(paths):
+    """Distributions that files import, beside the standard library and this package, with the first file of each."""
+    known, found = packages_distributions(), {}
+    for path in sorted(paths):
+        for name in imported_in(path) - {"nearharmonic"} - sys.stdlib_module_names:
+            found.setdefault(normal(known.get(name, [name])[0]), str(path.relative_to(ROOT)))
+    return found
+
+
+def in_the_wall(path):
+    """True if a file belongs to the library, not to the reproduction, and is no adapter."""
+    return (
+        ROOT / "src/nearharmonic" in path.parents and "reproduction" not in path.parts and ADAPTERS not in path.parents
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PACKAGES)
+def test_extra_of_an_adapter_installs_what_it_imports(name):
+    found = distributions_of(
+        path for path in ADAPTERS.rglob("*.py") if path.relative_to(ADAPTERS).parts[0].startswith(name)
+    )
+    assert {
+        one: place
+        for one, place in found.items()
+        if one not in names_of([*of_library(), *of_extra(name.replace("_", "-"))])
+    } == {}
+
+
+@pytest.mark.slow
+def test_every_package_that_the_library_imports_is_a_dependency():
+    found = distributions_of(filter(in_the_wall, PYTHON))
+    assert {"llvmlite", "xarray"} <= found.keys()
+    declared = names_of([*of_library(), *of_extra("figures"), *of_extra("tailor")])
+    assert {name: place for name, place in found.items() if name not in declared} == {}
+
+
+def test_only_figures_import_matplotlib():
+    places = {path for path in filter(in_the_wall, PYTHON) if "matplotlib" in imported_in(path)}
+    assert len(places) > 1
+    assert {path for path in places if "plotting" not in path.parts} == set()
+
+
+@pytest.mark.slow
+def test_every_package_that_is_imported_is_declared():
+    found = distributions_of(path for path in [*PYTHON, *RULES] if not {PEERS, ADAPTERS} & {*path.parents})
+    assert {"llvmlite", "pyyaml", "snakemake"} <= found.keys()  # the walk sees Python, other names, and rules
+    declared = names_of([*of_library(), *of_extra("workflow")])
+    assert {name: place for name, place in found.items() if name not in declared} == {}
+
+
+@pytest.mark.parametrize("extra", ["workflow", "cluster", "docs", "test"])
+def test_extras_of_figures_and_tailor_are_part_of_larger_ones(extra):
+    assert names_of([*of_extra("figures"), *of_extra("tailor")]) <= names_of(of_extra(extra))
+
+
+def test_every_library_that_is_timed_is_declared_with_the_peers():
+    declared = names_of([*of_library(), *of_extra("peers")])
+    assert distributions_of(PEERS.glob("*.py")).keys() <= declared
+
+
+@pytest.mark.parametrize("extra", EXTRAS)
+def test_every_requirement_is_pinned(extra):
+    assert names_of([*of_library(), *of_extra(extra)]) - PINNED == set()
+
+
+@pytest.mark.slow
+def test_only_the_store_imports_what_opens_hdf5():
+    opening = {path.parent.name for path in PYTHON if imported_in(path) & {"h5py", "h5netcdf"}}
+    assert opening == {"store"}

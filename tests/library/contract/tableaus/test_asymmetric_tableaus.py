@@ -1,0 +1,110 @@
+"""Asymmetric methods: proofs, integration, export and loading, compared with symmetric ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import isnan
+
+import numpy as np
+import pytest
+from mpmath import inf, mp, mpf
+
+import nearharmonic as nh
+from nearharmonic.errors import TableauError
+from nearharmonic.exchange.coefficient_file import read
+from nearharmonic.exchange.export import export
+from nearharmonic.exchange.verdict import Verdict
+from nearharmonic.integrators import plain_integrators as integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.user_file import load_tableaus
+from nearharmonic.theory.oscillator import harmonic_energy_error
+from support.oracles.multiprecision import trajectory
+from support.oracles.structures import structure
+
+ASYMMETRIC = [name for name, tableau in integrators.items() if not tableau.symmetric]
+BOTH = pytest.mark.parametrize("name", [*ASYMMETRIC, "ruth", "babps8o7h"])
+
+
+def test_they_are_of_odd_orders_as_well():
+    assert [integrators[name].order for name in ASYMMETRIC] == [2, 3, 4, 5, 3]
+    assert [nh.order_of(name) for name in ASYMMETRIC] == [2, 3, 3, 3, 3]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ASYMMETRIC)
+@pytest.mark.parametrize("precision", ["double", "extended"])
+def test_the_kernel_takes_the_steps_of_a_plain_loop(name, precision):
+    run = nh.integrate("henon_heiles", name, 0.125, t_end=5, samples=2, precision=precision)
+    with mp.workdps(40):
+        q, p = trajectory(integrators[name], nh.systems["henon_heiles"], mpf("0.125"), 40)[-1]
+        found = [*run.q.values[-1], *run.p.values[-1]]
+        # Forty steps of six kicks and drifts with compensated roundings of 1e-16, which the flow carries on.
+        assert max(abs(mpf(float(a)) - b) for a, b in zip(found, [*q, *p], strict=True)) < 2e-15
+    assert run.evaluations.item() == 40 * integrators[name].stages + 1
+
+
+def test_energy_error_has_no_bound_beyond_limit_of_stability():
+    limit = nh.stability_limit("ruth_s3o3")
+    assert harmonic_energy_error("ruth_s3o3", limit * mpf("0.999")) < inf
+    assert harmonic_energy_error("ruth_s3o3", limit * mpf("1.001")) == inf
+
+
+def test_energy_error_has_no_bound_at_edge_of_stability():
+    """The symplectic Euler method has the trace 2 - tau^2 = -2 at tau = 2, and the conserved form (p - q)^2."""
+    euler = Tableau(name="euler", order=1, first="kick", kick=("1", "0"), drift=("1",), source="Euler", digits=50)
+    assert harmonic_energy_error(euler, mpf("1.999")) < inf
+    assert harmonic_energy_error(euler, mpf(2)) == inf
+
+
+@BOTH
+def test_step_back_undoes_step_of_symmetric_method_alone(name):
+    there = nh.integrate("henon_heiles", name, 0.25, t_end=5, samples=2)
+    back = nh.integrate("henon_heiles", name, 0.25, t_end=-5, samples=2, q0=there.q.values[-1], p0=there.p.values[-1])
+    start = np.array([float(x) for x in nh.systems["henon_heiles"].q0])
+    assert (abs(back.q.values[-1] - start).max() < 1e-14) == integrators[name].symmetric
+
+
+@pytest.mark.slow
+def test_only_symmetric_methods_are_checked_by_running_back():
+    found = {name: structure(nh.systems["sho"], integrators[name], t_end="20") for name in ("ruth", "ruth_s3o3")}
+    assert isnan(found["ruth_s3o3"].return_error)
+    assert isnan(found["ruth_s3o3"].plain_return_error)
+    assert found["ruth"].return_error < found["ruth"].return_bound
+    # Every method is symplectic.
+    assert max(one.symplectic_defect for one in found.values()) < 1e-15
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ASYMMETRIC)
+@pytest.mark.parametrize("to", ["json", "toml"])
+def test_exported_file_claims_asymmetry_and_every_claim_holds(tmp_path, name, to):
+    place = tmp_path / f"{name}.{to}"
+    place.write_text(export(integrators[name], to), encoding="utf-8")
+    file = read(str(place))
+    assert file.symmetric is False
+    found = Verdict(file)
+    assert found.holds
+    assert (found.nearest.tableau.name, found.nearest.is_same, found.nearest.reversed) == (name, True, False)
+    assert not Verdict(replace(file, symmetric=True)).holds
+
+
+OWN = """
+import nearharmonic as nh
+TABLEAU = nh.Tableau(
+    name="mine", order={order}, first="drift", drift=("1", "-{third}", "{third}", "0"), digits=20, source="here",
+    kick=("-{small}", "0.75", "{large}"),
+)
+"""
+DECIMALS = {"third": "0.66666666666666666667", "small": "0.04166666666666666667", "large": "0.29166666666666666667"}
+
+
+def test_users_file_may_hold_one_and_its_order_is_proved(tmp_path):
+    """Ruth's method backwards is of order three as well."""
+    place = tmp_path / "own.py"
+    place.write_text(OWN.format(order=3, **DECIMALS))
+    assert load_tableaus(place)["mine"].symmetric is False
+    assert nh.order_of(load_tableaus(place)["mine"]) == 3
+    assert nh.sweep("sho", str(place), [0.1, 0.05]).max_energy_error.values[0] < 1e-4
+    place.write_text(OWN.format(order=4, **DECIMALS))
+    with pytest.raises(TableauError, match="declares order 4, and its coefficients, of 20 digits, have order 3"):
+        load_tableaus(place)

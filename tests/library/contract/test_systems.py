@@ -1,0 +1,244 @@
+"""Every registered system: its gradients against differences of its energies, its units, its invariants."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+import mpmath
+import numpy as np
+import pytest
+from mpmath import diff, mpf
+
+import nearharmonic as nh
+from nearharmonic.errors import NearharmonicError
+from nearharmonic.systems import Parameter, System
+from nearharmonic.systems.gradients import check_gradients
+from support.oracles.multiprecision import Multiprecision, value_of
+from support.oracles.reference_solutions import kepler_state
+
+#: A point off every axis, away from the start, so that no term of a gradient vanishes by symmetry.
+POINT = ("0.37", "-0.21", "0.53", "0.11", "-0.43", "0.29")
+
+
+def _constants(system):
+    return system.constants(mpf)
+
+
+def _called(formula):
+    """``formula`` as a function of mpmath numbers in which float literals are exact."""
+
+    def function(point, *constants):
+        result = formula(tuple(map(Multiprecision, point)), *map(Multiprecision, constants))
+        return tuple(map(value_of, result)) if isinstance(result, tuple) else value_of(result)
+
+    return function
+
+
+def _partial(function, point, i):
+    """d function / d point[i] by mpmath's differences: at 60 digits its error is near 1e-30."""
+    return diff(lambda x: function((*point[:i], x, *point[i + 1 :])), point[i])
+
+
+@pytest.fixture(params=sorted(nh.systems))
+def system(request):
+    return nh.systems[request.param]
+
+
+def test_grad_V_is_the_gradient_of_V(system):
+    q = tuple(map(mpf, POINT[: system.dimension]))
+    constants = _constants(system)
+    for i, slope in enumerate(_called(system.grad_V)(q, *constants)):
+        assert abs(slope - _partial(lambda x: _called(system.V)(x, *constants), q, i)) < mpf(10) ** -25
+
+
+def test_grad_T_is_the_gradient_of_T(system):
+    p = tuple(map(mpf, POINT[: system.dimension]))
+    for i, slope in enumerate(_called(system.grad_T)(p)):
+        assert abs(slope - _partial(_called(system.T), p, i)) < mpf(10) ** -25
+
+
+def test_quadratic_kinetic_energy_is_declared_rightly(system):
+    p = tuple(map(mpf, POINT[: system.dimension]))
+    quadratic = all(abs(v - u) < mpf(10) ** -50 for v, u in zip(system.grad_T(p), p, strict=True))
+    assert system.quadratic_kinetic_energy == quadratic
+
+
+def _harmonic(q, *_):
+    return q[0] ** 2 / 2 if len(q) == 1 else None
+
+
+def _attraction(q, *constants):
+    # Of GM alone: a system with another parameter attracts so for one value of it only.
+    return -constants[0] / mpmath.sqrt(sum(x * x for x in q)) if len(constants) == 1 else None
+
+
+@pytest.mark.parametrize(("name", "potential"), [("harmonic", _harmonic), ("gravity", _attraction)])
+def test_system_declares_exactly_the_properties_of_its_potential(system, name, potential):
+    """V = q^2/2 of one coordinate, V = -GM/|q|; T = p.p/2 for both."""
+    q = tuple(map(mpf, POINT[: system.dimension]))
+    expected = potential(q, *_constants(system))
+    same = expected is not None and abs(_called(system.V)(q, *_constants(system)) - expected) < mpf(10) ** -50
+    assert getattr(system, name) == (same and system.quadratic_kinetic_energy)
+
+
+@pytest.mark.parametrize("system", [s for s in nh.systems.values() if s.exact_position], ids=lambda s: s.name)
+def test_exact_position_obeys_equations_of_motion_from_initial_values(system):
+    """q'' = -grad_V at some time, by mpmath's differences."""
+    (q0, p0), t = system.start(mpf), mpf("0.37") * mpf(system.t_end)
+    force = system.grad_V(system.exact_position(system, t), *_constants(system))
+    for i in range(system.dimension):
+
+        def component(t, i=i):
+            return system.exact_position(system, t)[i]
+
+        assert abs(component(mpf(0)) - q0[i]) < mpf(10) ** -50 * max(map(abs, q0))
+        assert abs(diff(component, 0) - p0[i]) < mpf(10) ** -25 * max(map(abs, p0), default=0) + mpf(10) ** -25
+        assert abs(diff(component, t, 2) + force[i]) < mpf(10) ** -20 * max(map(abs, force))
+
+
+def test_the_oscillators_exact_position_turns_with_its_own_start():
+    sho = nh.systems["sho"]
+    moved = replace(sho, q0=("-0.3",), p0=("0.7",))
+    for t in (mpf(0), mpf("1.25"), mpf(500)):
+        assert abs(sho.exact_position(sho, t)[0] - mpmath.cos(t)) < mpf(10) ** -55
+        expected = mpmath.sqrt(mpf("0.58")) * mpmath.cos(t - mpmath.atan2(mpf("0.7"), mpf("-0.3")))
+        assert abs(sho.exact_position(moved, t)[0] - expected) < mpf(10) ** -55
+
+
+def test_exact_planet_position_solves_keplers_equation_for_own_mass():
+    planet = nh.systems["kepler"]
+    given = (planet.q0[0], planet.p0[1], planet.parameters["GM"].value)
+    x, y, u, v = (mpmath.nstr(number, 45) for number in kepler_state(*given, 700))
+    moved, expected = replace(planet, q0=(x, y), p0=(u, v)), kepler_state(*given, 700 + 5000)
+    # 45 digits of the start, over 2.4 periods.
+    for a, b in zip(planet.exact_position(moved, mpf(5000)), expected[:2], strict=True):
+        assert abs(a - b) < mpf(10) ** -38
+    unit = Parameter(value="1", unit="1", meaning="gravitational constant times mass, the unit")
+    scaled = replace(planet, parameters={"GM": unit}, q0=("1.5", "0"), p0=("0", "0.5"))
+    for a, b in zip(scaled.exact_position(scaled, mpf(77)), kepler_state("1.5", "0.5", 1, 77)[:2], strict=True):
+        assert abs(a - b) < mpf(10) ** -50
+    assert planet.exact_position(replace(planet, p0=("0", "0.333")), mpf(1)) is None  # unbound
+
+
+def test_invariants_commute_with_the_energy(system):
+    """The Poisson bracket {I, H} vanishes, away from the start."""
+    q, p = tuple(map(mpf, POINT[: system.dimension])), tuple(map(mpf, POINT[3 : 3 + system.dimension]))
+    constants = _constants(system)
+    for invariant in system.invariants.values():
+        value = invariant(q, p, *constants)
+        for k in range(len(value) if isinstance(value, tuple) else 1):
+
+            def component(x, y, invariant=invariant, k=k):
+                value = invariant(x, y, *constants)
+                return value[k] if isinstance(value, tuple) else value
+
+            bracket = sum(
+                _partial(lambda x: component(x, p), q, i) * system.grad_T(p)[i]
+                - _partial(lambda y: component(q, y), p, i) * system.grad_V(q, *constants)[i]
+                for i in range(system.dimension)
+            )
+            assert abs(bracket) < mpf(10) ** -25
+
+
+def test_system_states_units_source_and_reason_of_divergence(system):
+    assert set(system.units) >= {"q", "p", "t", "energy"}
+    assert all(system.units.values())
+    assert system.source
+    assert system.surface_reason
+    assert system.surface_limit > 0
+    assert all(parameter.unit and parameter.meaning for parameter in system.parameters.values())
+
+
+def test_henon_heiles_starts_at_energy_one_eighth():
+    """Nielsen (2015), below Eq. 18."""
+    system = nh.systems["henon_heiles"]
+    q, p = (tuple(map(mpf, row)) for row in (system.q0, system.p0))
+    assert system.T(p) + system.V(q) == mpf(1) / 8 or abs(system.T(p) + system.V(q) - mpf(1) / 8) < mpf(10) ** -58
+
+
+def test_mercury_has_its_known_eccentricity_and_period():
+    """NASA fact sheet: eccentricity 0.2056, sidereal period 87.969 d; the rounded speeds give 0.2055 and 87.99 d."""
+    system = nh.systems["kepler"]
+    q, p = (tuple(map(mpf, row)) for row in (system.q0, system.p0))
+    x, y = system.invariants["eccentricity_vector"](q, p, *_constants(system))
+    assert abs((x * x + y * y) ** 0.5 - mpf("0.2055")) < 5e-5
+    floats = [tuple(map(float, row)) for row in (system.q0, system.p0)]
+    period = system.period(*floats, *map(float, _constants(system)))
+    assert period / 24 == pytest.approx(87.99, abs=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("sho", {"q0": ("1", "0"), "p0": ("0", "0")}, "sho: harmonic means one coordinate"),
+        ("relativistic_oscillator", {"harmonic": True}, "relativistic_oscillator: harmonic means .* T = p"),
+        ("kepler", {"parameters": {}}, "kepler: gravity means .* GM as the only parameter"),
+        ("henon_heiles", {"position_t_end": "soon"}, "position_t_end = 'soon'"),
+    ],
+)
+def test_a_declaration_that_cannot_be_true_is_refused_at_once(name, change, words):
+    with pytest.raises(NearharmonicError, match=words):
+        replace(nh.systems[name], **change)
+
+
+OTHER_FORMULAS = [
+    ("sho", lambda q: 2 * q[0] ** 2, lambda q: (4 * q[0],)),
+    ("sho", lambda q: q[0] ** 2 / 2 + 1, lambda q: q),  # H0 is another, and so are relative errors
+    ("kepler", lambda q, GM: GM * (q[0] ** 2 + q[1] ** 2), lambda q, GM: (2 * GM * q[0], 2 * GM * q[1])),
+]
+
+
+@pytest.mark.parametrize(("name", "V", "grad_V"), OTHER_FORMULAS)
+def test_potential_other_than_declared_is_refused_at_first_use(name, V, grad_V):
+    sound, declared = nh.systems[name], {"sho": "harmonic", "kepler": "gravity"}[name]
+    wanted = ("name", "label", "q0", "p0", "t_end", "units", "source", "parameters")
+    fields = {key: getattr(sound, key) for key in wanted} | {"V": V, "grad_V": grad_V}
+    with pytest.raises(NearharmonicError, match=rf"{name}: {declared} contradicts V: at q = \("):
+        check_gradients(System(**fields, **{declared: True}))
+    check_gradients(System(**fields))
+
+
+@pytest.mark.parametrize(("name", "V", "grad_V"), OTHER_FORMULAS)
+def test_copy_with_another_potential_drops_what_was_declared_of_first(name, V, grad_V):
+    changed = replace(nh.systems[name], V=V, grad_V=grad_V)
+    assert (changed.harmonic, changed.gravity, changed.exact_position) == (False, False, None)
+    check_gradients(changed)
+    assert not replace(changed, t_end="1").exact_position
+    own = replace(nh.systems[name], V=V, grad_V=grad_V, exact_position=lambda *_: None)
+    assert own.exact_position not in (None, nh.systems[name].exact_position)
+    assert replace(nh.systems["henon_heiles"], V=lambda q: q[0] ** 2).position_t_end is None
+
+
+def test_copy_with_another_start_keeps_declarations():
+    for name, change in (("sho", {"q0": ("2",)}), ("kepler", {"parameters": dict(nh.systems["kepler"].parameters)})):
+        system, copy = nh.systems[name], replace(nh.systems[name], **change, t_end="7")
+        assert (copy.harmonic, copy.gravity) == {"sho": (True, False), "kepler": (False, True)}[name]
+        assert copy.exact_position is system.exact_position is not None
+    assert replace(nh.systems["henon_heiles"], q0=("0.1", "0")).position_t_end == "20"
+
+
+def test_parameters_and_start_come_in_the_number_type_asked_for():
+    system = nh.systems["kepler"]
+    assert system.constants(str) == ("1.71994752",)
+    assert system.constants(Fraction) == (Fraction(171994752, 10**8),)
+    assert system.constants(float) == (1.71994752,)
+    assert system.start(Fraction) == ((Fraction(6982, 100), 0), (0, Fraction(139896, 10**6)))
+    assert abs(system.start(mpf)[0][0] * 100 - 6982) < mpf(10) ** -55
+    assert nh.systems["sho"].constants(float) == ()
+
+
+def test_the_energy_is_kinetic_plus_potential_in_any_number_type():
+    """Sun and Mercury: p^2/2 - GM/x at the start, in which y = 0; the circular oscillator orbit has H = 1/2."""
+    system = nh.systems["kepler"]
+    (q, p), constants = system.start(mpf), system.constants(mpf)
+    expected = mpf("0.139896") ** 2 / 2 - mpf("1.71994752") / mpf("69.82")
+    assert abs(system.energy(q, p, constants) - expected) < mpf(10) ** -57
+    assert system.energy(*system.start(float), system.constants(float)) == pytest.approx(float(expected), rel=1e-15)
+    angle = np.linspace(0, 6, 7)
+    assert nh.systems["sho"].energy((np.cos(angle),), (np.sin(angle),)) == pytest.approx(np.full(7, 0.5), rel=1e-15)
+    assert nh.systems["henon_heiles"].energy(*nh.systems["henon_heiles"].start(Fraction)) == Fraction(1, 8)
+
+
+def test_a_registered_system_passes_the_check_of_first_use(system):
+    check_gradients(system)

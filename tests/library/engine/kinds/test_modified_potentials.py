@@ -1,0 +1,217 @@
+"""Runs of methods with kicks of a modified potential: against mpmath, in lanes, in order, and what is refused."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from mpmath import mpf
+
+import nearharmonic as nh
+from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.errors import SettingError, TableauError, UnknownNameError
+from nearharmonic.integrators import plain_integrators
+from nearharmonic.math import cos
+from support.methods.own_systems import sites
+from support.oracles import modified_steps
+from support.oracles.multiprecision import digits_of
+
+EVERY = pytest.mark.parametrize("name", list(nh.modified_integrators))
+PENDULUM = nh.System(name="pendulum", V=lambda q: -cos(q[0]), q0=("2",), p0=("0",), t_end="10")
+MASSES = "1.5", "0.5"
+SPRING = nh.System(
+    name="spring", V=lambda q, k: k * (q[0] - q[1]) ** 2 / 2 + q[0] ** 4, masses=MASSES, parameters={"k": "3"},
+    q0=("0.7", "-0.2"), p0=("0.1", "0.3"), t_end="4",
+)  # fmt: skip
+DRIVEN = nh.System(
+    name="driven",
+    V=lambda q, t: -cos(q[0]) - q[0] * cos(t) / 10,
+    time_dependent=True,
+    q0=("1",),
+    p0=("0.5",),
+    t_end="4",
+)
+STEPS = 40
+
+
+def rates_of(system):
+    if system is SPRING:
+        return modified_steps.spring([mpf(m) for m in MASSES], mpf(3)), [mpf(m) for m in MASSES]
+    if system is DRIVEN:
+        return modified_steps.driven_pendulum, None
+    if system.name == "kepler":
+        return modified_steps.kepler(mpf(system.parameters["GM"].value)), None
+    return modified_steps.henon_heiles, None
+
+
+@EVERY
+@pytest.mark.parametrize(
+    "system",
+    [
+        nh.systems["henon_heiles"],
+        *(pytest.param(one, marks=pytest.mark.slow) for one in (nh.systems["kepler"], SPRING, DRIVEN)),
+    ],
+    ids=lambda system: system.name,
+)
+@pytest.mark.parametrize("precision", ["double", "extended"])
+def test_states_are_those_of_the_same_steps_in_multiprecision(name, system, precision):
+    tau = mpf(system.t_end) / 4000 if system.name == "kepler" else mpf("0.1")
+    t_end = str(float(tau) * STEPS)
+    rates, masses = rates_of(system)
+    step, tableau = mpf(t_end) / STEPS, nh.modified_integrators[name]
+    expected = modified_steps.states(tableau, rates, system.q0, system.p0, step, STEPS, masses)[-1]
+    run = nh.integrate(system, name, float(step), t_end=t_end, precision=precision, samples=2)
+    for row, key in zip(expected, ("q", "p"), strict=True):
+        worst = max(abs(a - b) for a, b in zip(digits_of(run, key), row, strict=True)) / max(abs(x) for x in row)
+        # A unit of the last place for each of 40 steps of at most five kicks, along orbits that part slowly.
+        assert worst < 40 * 5 * (mpf(2) ** -53 if precision == "double" else mpf(2) ** -100)
+
+
+@pytest.mark.parametrize("square", [("0.02", "0"), ("0", "0.02"), ("0", "0")])
+def test_kick_that_two_steps_share_takes_gradient_for_either(square):
+    """The kick that closes a step may need none where the one that opens the next step does."""
+    tableau = nh.Tableau(
+        name="shared", order=1, first="kick", kick=("0.4", "0.6"), square=square, drift=("1",), symmetric=False,
+        source="here", digits=20,
+    )  # fmt: skip
+    system = nh.systems["henon_heiles"]
+    run = nh.integrate(system, tableau, 0.1, t_end=1, samples=1, precision="extended")  # all steps in one call
+    tau = mpf(1) / 10
+    expected = modified_steps.states(tableau, modified_steps.henon_heiles, system.q0, system.p0, tau, 10)
+    q, p = (np.array(row, float) for row in expected[-1])
+    assert run.q.values[-1] == pytest.approx(q, rel=1e-15, abs=1e-16)
+    assert run.p.values[-1] == pytest.approx(p, rel=1e-15, abs=1e-16)
+
+
+@pytest.mark.slow
+@EVERY
+@pytest.mark.parametrize("system", ["henon_heiles", PENDULUM], ids=["henon_heiles", "pendulum"])
+def test_errors_fall_with_the_declared_order_in_extended_precision(name, system):
+    order = nh.modified_integrators[name].order
+    taus = [0.05, 0.025, 0.0125]
+    errors = nh.sweep(system, name, taus, t_end=5, precision="extended").max_energy_error.values
+    slopes = np.log2(errors[:-1] / errors[1:])
+    assert errors[-1] > 1e-28  # above the rounding of double-doubles
+    assert np.abs(slopes[-1] - order) < 0.05
+    assert np.abs(slopes[0] - order) < 0.2
+
+
+@pytest.mark.slow
+@EVERY
+def test_energy_of_many_coordinates_is_measured_as_at_samples(name):
+    every = nh.integrate(sites(10), name, 0.5, samples=1000)
+    # Errors in double are exact to four digits: CERTAINTY of the kernel.
+    assert float(every.max_energy_error) == pytest.approx(np.abs(every.energy_error.values).max(), rel=1e-3)
+    assert float(every.max_energy_error) < 1e-3
+
+
+def test_a_result_says_how_many_gradients_a_step_takes():
+    run = nh.integrate("henon_heiles", "chin_4a", 0.5, t_end=5)
+    assert run.evaluations == 21
+    assert run.attrs["gradients_per_step"] == "1"
+
+
+def test_chins_middle_force_is_that_of_his_paper():
+    """F + tau^2 grad |F|^2 / 48, which the kick of 2/3 takes."""
+    tableau = nh.modified_integrators["chin_4a"]
+    assert abs(mpf(tableau.square[1]) / mpf(tableau.kick[1]) - mpf(1) / 48) < mpf(10) ** -50
+    assert set(tableau.square[::2]) == {"0"}
+
+
+@pytest.mark.parametrize(
+    ("system", "words"),
+    [
+        ("kepler_regularised", "it is regularised"),
+        (
+            nh.System(name="long", V=lambda q: sum(x * x for x in q), q0=("1",) * 60, p0=("0",) * 60, t_end="1"),
+            "compiled as loops",
+        ),
+        (
+            nh.System(name="quartic", V=lambda q: q[0] ** 2, T=lambda p: p[0] ** 4, q0=("1",), p0=("0",), t_end="1"),
+            "requires a quadratic kinetic energy",
+        ),
+    ],
+    ids=["regularised", "loops", "kinetic_energy"],
+)
+def test_system_without_modified_kicks_is_refused_in_one_sentence(system, words):
+    with pytest.raises(SettingError, match=f"integrator = 'chin_4a' is not allowed.*{words}") as caught:
+        nh.sweep(system, "chin_4a", [0.1])
+    assert "\n" not in str(caught.value)
+
+
+def test_roles_of_a_modified_method_cannot_be_swapped():
+    with pytest.raises(SettingError, match="first = 'drift' is not allowed"):
+        nh.integrate("sho", "chin_4a", 0.1, first="drift")
+    assert nh.integrate("sho", "chin_4a", 0.1, first="kick", t_end=1).status == "ok"
+
+
+def test_a_modified_method_beside_exact_oscillators_is_refused():
+    with pytest.raises(SettingError, match=r"chin_4a.*oscillators solved exactly"):
+        nh.integrate("sho", "chin_4a", 0.1, split="exact_oscillator")
+
+
+@pytest.mark.parametrize(
+    ("system", "numerics", "words"),
+    [
+        ("henon_heiles", Numerics(split="exact_oscillator"), "oscillators solved exactly"),
+        ("kepler_regularised", Numerics(), "is regularised"),
+    ],
+)
+def test_a_batch_without_a_kernel_names_its_argument(system, numerics, words):
+    with pytest.raises(SettingError, match=f"tableau = 'rowlands' is not allowed.*{words}"):
+        integrate_batch(
+            nh.systems[system], nh.integrators["rowlands"], t_end=Fraction(1), steps=[4], samples=2, numerics=numerics
+        )
+
+
+def test_the_registry_has_all_methods_and_three_views_share_them():
+    assert {*plain_integrators, *nh.modified_integrators, *nh.implicit_integrators} == set(nh.integrators)
+    assert not {*plain_integrators, *nh.modified_integrators} & set(nh.implicit_integrators)
+    assert not set(plain_integrators) & set(nh.modified_integrators)
+    assert all(nh.integrators[name] is one for name, one in nh.modified_integrators.items())
+    assert all(one.square for one in nh.modified_integrators.values())
+    assert not any(one.square or one.processor for one in plain_integrators.values())
+
+
+def test_view_names_missing_entries_and_is_pickled_as_itself():
+    with pytest.raises(UnknownNameError, match=r"unknown integrator 'chin_4'\. Did you mean 'chin_4a'"):
+        nh.modified_integrators["chin_4"]
+    with pytest.raises(UnknownNameError, match="unknown integrator 'ruth'"):
+        nh.modified_integrators["ruth"]
+    assert pickle.loads(pickle.dumps(nh.modified_integrators)) is nh.modified_integrators
+    assert repr(nh.modified_integrators).startswith("<nearharmonic.integrators.modified_integrators, a mapping of ")
+    assert nh.modified_integrators._repr_html_().count("<tr>") == len(nh.modified_integrators) + 1
+    assert nh.modified_integrators.module_of("chin_4a") == "nearharmonic.integrators.chin_1997"
+
+
+def test_users_file_has_modified_tableau_whose_order_is_proved(tmp_path):
+    """The leapfrog with the force of Takahashi and Imada has order two, and three for processed states alone."""
+    text = (
+        "import nearharmonic as nh\n"
+        "TABLEAU = nh.Tableau(name='m', order={}, first='drift', kick=('1',), drift=('0.5', '0.5'),\n"
+        "    square=('0.0416666666666666666667',), source='here', digits=20)\n"
+    )
+    (tmp_path / "own.py").write_text(text.format(2))
+    found = nh.integrate("henon_heiles", str(tmp_path / "own.py"), 0.1, t_end=5)
+    kernel = nh.integrate("henon_heiles", nh.integrators["rowlands"].kernel, 0.1, t_end=5)
+    assert found.max_energy_error == kernel.max_energy_error
+    (tmp_path / "wrong.py").write_text(text.format(4))
+    with pytest.raises(TableauError, match=r"declares order 4, .* have order 2 for a quadratic kinetic energy"):
+        nh.integrate("henon_heiles", str(tmp_path / "wrong.py"), 0.1)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"square": ("0", "0.01")}, "square = '2 numbers', expected one for each of 3 kicks"),
+        ({"square": ("0", "0.01", "0.01")}, r"square\[0\] = '0', expected its mirror image '0.01'"),
+        ({"square": ("0", "x", "0")}, r"square\[1\] = 'x', expected a finite decimal number"),
+    ],
+)
+def test_coefficients_of_the_square_that_cannot_be_are_refused(change, words):
+    with pytest.raises(TableauError, match=words):
+        replace(nh.modified_integrators["chin_4a"], **change)

@@ -1,0 +1,264 @@
+"""Initial values, parameters and output times at run time, backward and continued runs: the bits they must have."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from decimal import Decimal
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.errors import NearharmonicError
+from support.methods.own_systems import spring
+
+
+def same(a, b, names=("q", "p", "energy_error", "max_energy_error")):
+    return all(np.array_equal(a[name].values, b[name].values, equal_nan=True) for name in names)
+
+
+@pytest.mark.parametrize("precision", ["double", "extended"])
+def test_run_time_values_give_bits_of_system_with_them(precision):
+    """Strings and fractions exactly, to the digits below a double."""
+    kepler = nh.systems["kepler"]
+    GM = replace(kepler.parameters["GM"], value="1.7")
+    own = replace(kepler, q0=("69.1", "0.3"), p0=("0", "0.14"), parameters={"GM": GM})
+    expected = nh.integrate(own, "aba864", 200, t_end=4000, precision=precision)
+    for q0, p0, value in (
+        (("69.1", "0.3"), ("0", "0.14"), "1.7"),
+        ((Fraction(691, 10), Decimal("0.3")), ("0", Fraction(7, 50)), Fraction(17, 10)),
+        (["691/10", "3e-1"], [0, "0.14"], Decimal("1.7")),
+    ):
+        given = {"q0": q0, "p0": p0, "parameters": {"GM": value}}
+        found = nh.integrate("kepler", "aba864", 200, t_end=4000, precision=precision, **given)
+        assert same(found, expected)
+        swept = nh.sweep("kepler", "aba864", [200, 100], t_end=4000, precision=precision, **given)
+        assert swept.max_energy_error[0] == expected.max_energy_error
+
+
+def test_floats_mean_their_binary_value():
+    exact = [f"{x:.60f}" for x in (0.3, 0.4)]  # all digits of the doubles, which 0.3 and 0.4 are not
+    a = nh.integrate("henon_heiles", "ruth", 0.1, t_end=5, q0=np.array([0.3, 0.0]), p0=(0.0, 0.4))
+    b = nh.integrate("henon_heiles", "ruth", 0.1, t_end=5, q0=(exact[0], "0"), p0=("0", exact[1]))
+    c = nh.integrate("henon_heiles", "ruth", 0.1, t_end=5)
+    assert same(a, b)
+    assert a.q_low[0, 0] == 0 != c.q_low[0, 0]
+
+
+def test_new_values_compile_nothing():
+    nh.sweep("kepler", "aba864", [200], t_end=4000)
+    before = kernel_of.misses
+    for value in ("1.6", 1.65, "17/10"):
+        nh.sweep("kepler", "aba864", [200], t_end=4000, parameters={"GM": value}, q0=(70.0, value))
+    assert kernel_of.misses == before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "method", sorted(name for name, one in nh.integrators.items() if one.symmetric and not one.processed)
+)
+def test_a_run_backwards_returns_to_the_start(method):
+    """Symmetric methods: -tau undoes tau, up to 2 * 200 stages of 2e-32 grown by less than 1e3. Ruth's map alone is
+    not symmetric: there the way back is that of a method of order four."""
+    out = nh.integrate("henon_heiles", method, 0.2, t_end=4, precision="extended")
+    back = nh.integrate("henon_heiles", method, 0.2, t_end=-4, precision="extended", start=out)
+    defect = np.abs((back.q[-1] - out.q[0]) + (back.q_low[-1] - out.q_low[0])).max()
+    assert defect < 1e-25
+    assert (back.t[0], back.t[-1]) == (4, 0)
+
+
+def test_output_times_on_steps_are_the_samples_of_the_run():
+    run = nh.integrate("henon_heiles", "aba864", 0.25, t_end=10, samples=41)
+    found = nh.integrate("henon_heiles", "aba864", 0.25, t_end=10, t=run.t.values)
+    assert same(found, run)
+
+
+@pytest.mark.parametrize("how", [{}, {"summation": "plain"}, {"precision": "extended"}], ids=["carry", "plain", "dd"])
+@pytest.mark.parametrize("method", ["aba864", "babps9o7h"])
+def test_between_two_steps_lies_one_shorter_step_from_step_before(method, how):
+    """The step is computed by hand: a run of one step from the state of the step before, to 1/3 of a step."""
+    asked = [0, Fraction(1, 12), 3, Fraction(37, 12), Fraction(37, 12), "10"]
+    found = nh.integrate("henon_heiles", method, 0.25, t_end=10, t=asked, **how)
+    whole = nh.integrate("henon_heiles", method, 0.25, t_end=3, samples=2, **how)
+    step = nh.integrate("henon_heiles", method, 1 / 12, t_end=1 / 12, start=whole, samples=2, **how)
+    assert np.array_equal(found.q[2], whole.q[-1])
+    # 1/12 as a double differs from 1/12 by 5e-18.
+    assert np.abs(found.q[3] - step.q[-1]).max() < 1e-15
+    assert np.array_equal(found.q[3], found.q[4])
+    assert np.abs(found.energy_error[3] - step.energy_error[-1]) < 1e-15
+    assert np.abs(found.q[3] - whole.q[-1]).max() > 1e-3
+    end = nh.integrate("henon_heiles", method, 0.25, t_end=10, samples=2, **how)
+    assert np.array_equal(found.q[-1], end.q[-1])
+    assert found.max_energy_error == end.max_energy_error
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_state_between_steps_is_shorter_step_from_one_before(sign):
+    between = nh.integrate("henon_heiles", "ruth", 0.5, t_end=5 * sign, t=[2.45 * sign])
+    before = nh.integrate("henon_heiles", "ruth", 0.5, t_end=2 * sign)
+    shorter = nh.integrate("henon_heiles", "ruth", 0.45, t_end=0.45 * sign, start=before)
+    behind = nh.integrate("henon_heiles", "ruth", 0.5, t_end=2.5 * sign)
+    backwards = nh.integrate("henon_heiles", "ruth", 0.05, t_end=-0.05 * sign, start=behind)
+    assert np.abs(between.q[-1] - shorter.q[-1]).max() < 1e-14
+    assert np.abs(between.q[-1] - backwards.q[-1]).max() > 1e-6
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("t_end", "times"), [
+    ("0.1", np.linspace(0, 0.1, 11, dtype=np.float32)), ("0.7", np.linspace(0, 0.7, 8, dtype=np.float32)),
+    (0.3, [0, 0.1 * 3]), (0.3, [0, 0.3 - 2.0**-54]), (1e-3, np.array([0, 1e-3], np.float16)),
+])  # fmt: skip
+def test_time_within_a_rounding_of_the_end_is_the_end(t_end, times, sign):
+    """float32 of 0.1 is above it and of 0.7 below it, and 0.1 * 3 is the double behind 0.3."""
+    assert abs(float(times[-1]) - float(t_end)) > 0
+    found, run = (
+        nh.integrate("sho", "ruth", float(t_end) / 10, t_end=sign * float(t_end), **given)
+        for given in ({"t": [sign * x for x in times]}, {"samples": 2})
+    )
+    assert found.t[-1] == sign * float(t_end)
+    assert np.array_equal(found.q[-1], run.q[-1])
+    assert "running" in found
+
+
+@pytest.mark.parametrize(
+    ("times", "more"),
+    [([0, 0.3 + 2.0**-52], ""), (np.array([0, 0.3 + 2.0**-21], np.float32), "; float32 has 6 digits")],
+)
+def test_a_time_behind_the_end_is_refused_with_its_type(times, more):
+    with pytest.raises(NearharmonicError, match=f"is not allowed: a time from 0 to t_end = 0.3{more}$"):
+        nh.integrate("sho", "ruth", 0.1, t_end=0.3, t=times)
+
+
+CALLS = {
+    "integrate": lambda tau: nh.integrate("sho", "ruth", tau, t_end=1),
+    "integrate backwards": lambda tau: nh.integrate("sho", "ruth", tau, t_end=-1),
+    "ensemble": lambda tau: nh.ensemble("sho", "ruth", tau, q0=[[1], [2]], t_end=1),
+    "tangent": lambda tau: nh.tangent("sho", "ruth", tau, t_end=1),
+    "gradient": lambda tau: nh.gradient("sho", "ruth", tau, lambda q, p: q[0], t_end=1),
+    "section": lambda tau: nh.section("sho", "ruth", tau, surface=0, t_end=1),
+    "problem": lambda tau: nh.problem("sho", "ruth", t_end=1)(tau).to_dataset(),
+}
+
+
+@pytest.mark.parametrize(
+    "call", [pytest.param(x, marks=[pytest.mark.slow] * (key == "section")) for key, x in CALLS.items()], ids=CALLS
+)
+def test_step_one_percent_off_is_warned_of_where_asked(call):
+    """1/0.0099 = 101.01 are 101 steps, off by 0.01 %. The warning is of the line that calls."""
+    with pytest.warns(
+        UserWarning, match="^tau = 0.66 runs as 0.5: t_end = -?1 is no multiple .* by 2 equal steps$"
+    ) as told:
+        found = call(0.66)
+    assert [one.filename for one in told] == [__file__]
+    assert (found.tau_requested, abs(found.tau)) == (0.66, 0.5)
+    assert call("0.0099").tau_requested == 0.0099
+
+
+def test_a_sweep_names_the_worst_of_its_steps():
+    with pytest.warns(UserWarning, match=r"^taus\[1\] = 0.7 runs as 1: ") as told:
+        nh.sweep("sho", "ruth", [0.1, 0.7, 0.3], t_end=1)
+    assert [one.filename for one in told] == [__file__]
+
+
+def test_a_truth_value_is_no_step_of_a_prepared_run():
+    run = nh.problem("sho", "ruth", t_end=1)
+    assert run(1.0).tau_requested == 1
+    with pytest.raises(NearharmonicError, match="tau = True is not allowed"):
+        run(True)
+
+
+def test_energy_errors_at_output_times_are_exact():
+    """H of states between two steps in rational numbers; without the low half of H0 errors are off by 1e-7."""
+
+    def H(x, y, px, py):
+        return (x * x + y * y + px * px + py * py) / 2 + x * x * y - y**3 / 3
+
+    q0, p0 = ["0.1", "0.3"], ["0.35", "-0.1"]
+    run = nh.integrate("henon_heiles", "babps9o7h", 0.2, t_end=1, t=["0.3", "0.4", "0.9"], q0=q0, p0=p0)
+    H0 = H(*map(Fraction, q0 + p0))
+    for k, error in enumerate(run.energy_error.values):
+        halves = (zip(run[x].values[k], run[f"{x}_low"].values[k], strict=True) for x in "qp")
+        state = [Fraction(high) + Fraction(low) for pairs in halves for high, low in pairs]
+        assert error == pytest.approx(float(H(*state) / H0 - 1), rel=1e-13, abs=0), "energy error at an output time"
+
+
+def test_output_times_backwards():
+    there = nh.integrate("sho", "aba864", 0.1, t_end=-3, t=[0, -1.05, -3])
+    # cos is even; aba864 at tau = 0.1: phase and amplitude to 1e-8.
+    assert there.q[:, 0].values == pytest.approx(np.cos([0, 1.05, 3]), abs=1e-7)
+
+
+def test_unmeasured_run_diverges_if_not_finite_sampled_at_first_sample():
+    runs = {e: nh.integrate("henon_heiles", "ruth", 3.0, t_end=300, samples=11, energy=e)
+            for e in ("every", "samples", "none")}  # fmt: skip
+    assert {run.status.item() for run in runs.values()} == {"diverged"}
+    assert runs["every"].diverged_at < runs["samples"].diverged_at == 10
+    assert runs["none"].diverged_at.item() % 10 == 0
+    assert np.isfinite(runs["none"].q).all()
+
+
+def test_neighbours_of_run_do_not_change_its_sampled_errors():
+    """Sixteen runs of different lengths in eight lanes, against each alone."""
+    taus = [20 / n for n in range(40, 56)]
+    for given in ({}, {"t": [5, 10, 20]}):
+        together = nh.sweep("henon_heiles", "ruth", taus, t_end=20, energy="samples", **given)
+        for i, tau in enumerate(taus):
+            alone = nh.sweep("henon_heiles", "ruth", [tau], t_end=20, energy="samples", **given)
+            assert together.max_energy_error[i] == alone.max_energy_error[0]
+
+
+def test_energy_errors_are_relative_to_scale_that_is_asked_for():
+    """H0 = 1/8 of the Hénon-Heiles start."""
+    own = nh.integrate("henon_heiles", "ruth", 0.3, t_end=20)
+    scaled = nh.integrate("henon_heiles", "ruth", 0.3, t_end=20, energy_scale="0.25")
+    assert scaled.max_energy_error.item() == own.max_energy_error.item() / 2
+    assert "/(0.25 1)" in scaled.max_energy_error.long_name
+    declared = replace(nh.systems["henon_heiles"], energy_scale="0.25")
+    assert nh.integrate(declared, "ruth", 0.3, t_end=20).max_energy_error == scaled.max_energy_error
+
+
+def test_zero_energy_has_its_unit_and_dataset_states_it():
+    units = {"q": "m", "p": "kg m s-1", "t": "s", "energy": "J"}
+    hill = spring("hill", V=lambda q: -q[0] * q[0] / 2, grad_V=lambda q: (-q[0],), p0=("1",), t_end="3", units=units)
+    run = nh.integrate(hill, "yoshida_s7o6a", 0.15)
+    assert run.max_energy_error.units == run.energy_error.units == "J"
+    assert "/|H0|" not in run.max_energy_error.long_name
+    assert 0 < run.max_energy_error < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"q0": (0.3,)}, "q0 = (0.3,) is not allowed: 2 numbers"),
+        ({"q0": (0.3, float("nan"))}, "q0[0, 1] = nan"),
+        ({"q0": ("0.3", "1e400")}, "q0[1] = '1e400'"),
+        ({"q0": ("0.3", "1/0")}, "q0[1] = '1/0'"),
+        ({"q0": np.zeros((3, 2))}, "nearharmonic.ensemble takes many"),
+        ({"q0": np.zeros(3)}, "q0 = 'array of shape (3,)'"),
+        ({"parameters": {"GM": 1}}, "unknown parameter of henon_heiles 'GM'"),
+        ({"t": []}, "t = '0 times'"),
+        ({"t": "1"}, "t = '1'"),
+        ({"t": [1, 0.5]}, "t[1] = 0.5 is not allowed: a time not earlier"),
+        ({"t": [501]}, "t[0] = 501 is not allowed: a time from 0 to t_end = 500"),
+        ({"t": [-1]}, "t[0] = -1"),
+        ({"energy": "sample"}, "Did you mean 'samples'?"),
+        ({"energy_scale": 0}, "energy_scale = 0"),
+        ({"start": {"q": 1}}, "start = 'dict' is not allowed"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_before_any_work(given, words):
+    with pytest.raises(NearharmonicError, match=re.escape(words)):
+        nh.integrate("henon_heiles", "ruth", 0.1, **given)
+
+
+def test_a_result_that_cannot_be_continued_is_refused():
+    lost, other = nh.integrate("henon_heiles", "ruth", 3.0), nh.integrate("sho", "ruth", 0.1)
+    for start, words in ((lost, "diverged at step"), (other, "a result of sho")):
+        with pytest.raises(NearharmonicError, match=words):
+            nh.integrate("henon_heiles", "ruth", 0.1, start=start)
+    sound = nh.integrate("henon_heiles", "ruth", 0.1, t_end=1)
+    with pytest.raises(NearharmonicError, match="continues from the state of that result"):
+        nh.integrate("henon_heiles", "ruth", 0.1, start=sound, p0=(0, 0))

@@ -1,0 +1,371 @@
+"""``nh.plot``: the curves on the paper are the numbers of the Datasets, and everything else is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.figure import Figure
+
+import nearharmonic as nh
+from nearharmonic.errors import SettingError
+from nearharmonic.plotting.datasets import POINTS, varying
+from nearharmonic.plotting.plot import MEMBER
+from support.cubes import figure_cubes as made
+from support.cubes.artists import line_of, look_of
+from support.methods.own_systems import spring
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+TAUS = [0.8, 0.1, 0.4, 0.2]
+
+
+def legend(figure):
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_a_sweep_is_drawn_against_step_size_per_stage():
+    curve = nh.sweep("sho", "ruth", TAUS, t_end=20)
+    figure = nh.plot(curve)
+    assert isinstance(figure, Figure)
+    ascending = curve.sortby("tau")
+    for axes, name in zip(figure.axes, ("max_energy_error", "mean_energy_error"), strict=True):
+        line = line_of(axes, ascending.tau / 3, ascending[name])
+        assert line.get_color() == look_of("ruth")[0]
+        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    assert legend(figure) == ["Ruth"]
+
+
+def test_legend_and_lines_distinguish_several_sweeps():
+    curves = [
+        nh.sweep("sho", "ruth", TAUS, t_end=20),
+        nh.sweep("sho", "ruth", TAUS, t_end=20, precision="extended"),
+        nh.sweep("sho", "aba864", TAUS, t_end=20),
+        nh.sweep("sho", EXAMPLES / "fourth_order.py", TAUS, t_end=20),
+    ]
+    figure = nh.plot(curves)
+    assert legend(figure) == ["Ruth, double precision", "Ruth, extended precision", "ABA864", "five leapfrogs"]
+    stages = (3, 3, 7, 5)
+    lines = [
+        line_of(figure.axes[0], np.sort(one.tau) / s, one.sortby("tau").max_energy_error)
+        for one, s in zip(curves, stages, strict=True)
+    ]
+    assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == 4
+
+
+@pytest.mark.slow
+def test_stages_of_method_are_known_even_if_every_run_diverged():
+    curve = nh.sweep("kepler", "babps9o7h", [21915.0, 43830.0])
+    assert (curve.status == "diverged").all()
+    nh.plot(curve).draw_without_rendering()
+
+
+def test_a_cube_is_drawn_as_its_figure():
+    from nearharmonic.plotting.energy_error import draw_profile
+
+    cube = made.errors(["ruth", "babps9o7h"], precision=True)
+    assert nh.plot(cube)._repr_png_() == draw_profile(cube)._repr_png_()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("system", "axes"), [("sho", ("q", "p")), ("kepler", ("q_1", "q_2"))])
+def test_a_trajectory_is_drawn_over_time_and_as_an_orbit(system, axes):
+    run = nh.integrate(system, "ruth", 0.25 if system == "sho" else 90.0, t_end=20 if system == "sho" else 8766)
+    figure = nh.plot(run)
+    upper, lower = figure.axes
+    line_of(upper, run.t, abs(run.energy_error))
+    curve = lower.lines[0]  # smooth, through every sample
+    assert curve.get_xdata()[::POINTS].tolist() == run.q[:, 0].values.tolist()
+    assert curve.get_ydata()[::POINTS].tolist() == (run.p[:, 0] if system == "sho" else run.q[:, 1]).values.tolist()
+    assert all(name in label for name, label in zip(axes, (lower.get_xlabel(), lower.get_ylabel()), strict=True))
+    assert upper.get_yscale() == "log"
+    if system == "kepler":
+        assert "$10^{6}$ km" in lower.get_xlabel()
+    figure.draw_without_rendering()
+
+
+def test_trajectories_of_one_method_are_told_apart_by_their_steps():
+    runs = [nh.integrate("sho", "ruth", tau, t_end=20) for tau in (0.5, 0.25)]
+    assert legend(nh.plot(runs)) == ["Ruth, τ = 0.5", "Ruth, τ = 0.25"]
+
+
+@pytest.mark.slow
+def test_a_notebook_shows_the_figure_without_pyplot():
+    assert nh.plot(nh.sweep("sho", "ruth", TAUS, t_end=20))._repr_png_().startswith(b"\x89PNG")
+    assert "matplotlib.pyplot" not in subprocess.run(
+        [sys.executable, "-c", "import sys, nearharmonic.plotting.datasets; print(*sys.modules)"],
+        capture_output=True, text=True, check=True,
+    ).stdout.split()  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("what", "says"),
+    [
+        (lambda: 3, "datasets = 'int' is not allowed: a Dataset of nearharmonic.integrate"),
+        (list, "datasets = 'list' is not allowed"),
+        (lambda: "ruth", "datasets = 'str' is not allowed"),
+        (lambda: nh.sweep("sho", "ruth", TAUS, t_end=20).max_energy_error, "datasets = 'DataArray' is not allowed"),
+        (
+            lambda: [nh.integrate("sho", "ruth", 0.5, t_end=20), nh.sweep("sho", "ruth", TAUS, t_end=20)],
+            "datasets = 'a trajectory and energy errors over tau' is not allowed",
+        ),
+        (
+            lambda: [nh.sweep("kepler", "ruth", [90.0], t_end=900), nh.sweep("sho", "ruth", TAUS, t_end=20)],
+            "datasets = 'units of tau: 1, h' is not allowed: Datasets whose units are the same",
+        ),
+        (
+            lambda: [nh.integrate(s, "ruth", 0.5, t_end=20) for s in ("sho", "henon_heiles")],
+            "datasets = 'systems of one and of several coordinates' is not allowed",
+        ),
+        (lambda: [made.errors(["ruth"]), made.errors(["ruth"])], "datasets = 'a cube and a cube' is not allowed"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_in_one_sentence(what, says):
+    with pytest.raises(SettingError, match=re.escape(says)):
+        nh.plot(what())
+
+
+@pytest.mark.slow
+def test_the_axis_says_what_energy_errors_are_relative_to():
+    # V = q^2/2 - 1/2 from q = 1 at rest: H0 = 0.
+    zero = spring(V=lambda q: q[0] * q[0] / 2 - 0.5, units={"q": "m", "p": "m s-1", "t": "s", "energy": "m2 s-2"})
+    labels = {
+        r"$\max\,|\Delta H/H_0|$": spring(),
+        r"$\max\,|\Delta H|$ (m2 s-2)": zero,
+        r"$\max\,|\Delta H|$ relative to energy_scale 2, in m2 s-2": dataclasses.replace(zero, energy_scale="2"),
+    }
+    for label, system in labels.items():
+        curve = nh.sweep(system, "ruth", [0.1, 0.2], t_end=5)
+        assert nh.plot(curve).axes[0].get_ylabel() == label
+        run = nh.integrate(system, "ruth", 0.1, t_end=5)
+        assert nh.plot(run).axes[0].get_ylabel() == label.replace(r"\max\,", "")
+
+
+def test_an_ensemble_is_drawn_against_the_one_parameter_that_varies():
+    gm = np.linspace(1.5, 2.0, 7)
+    many = nh.ensemble("kepler", "ruth", 200.0, parameters={"GM": gm}, t_end=8000)
+    (axes,) = nh.plot(many).axes
+    line_of(axes, gm, many.max_energy_error)
+    assert axes.get_xlabel().startswith("GM")
+    assert axes.get_yscale() == "log"
+
+
+def test_ensemble_plot_shows_members_and_number_of_diverged_ones():
+    starts = [(0.1, 0.0), (0.2, 0.0), (8.0, 8.0)]  # far outside of the well
+    many = nh.ensemble("henon_heiles", "ruth", 0.5, q0=starts, p0=(0.0, 0.1), t_end=50)
+    (axes,) = nh.plot(many).axes
+    line_of(axes, [0, 1, 2], many.max_energy_error)
+    assert "1 of 3 diverged" in axes.get_title(loc="left")
+
+
+def test_errors_relative_to_different_energies_are_refused():
+    curves = [nh.sweep("sho", "ruth", TAUS, t_end=20, energy_scale=scale) for scale in (None, 3)]
+    with pytest.raises(SettingError, match="Datasets whose energy errors mean the same"):
+        nh.plot(curves)
+    runs = [nh.integrate("sho", "ruth", 0.5, t_end=20, energy_scale=scale) for scale in (None, 3)]
+    with pytest.raises(SettingError, match="Datasets whose energy errors mean the same"):
+        nh.plot(runs)
+
+
+def test_run_without_energies_plots_orbit_and_sweep_is_refused():
+    (axes,) = nh.plot(nh.integrate("sho", "ruth", 0.5, t_end=20, energy="none")).axes
+    assert axes.get_title(loc="left").endswith("phase space, from the dot on")
+    with pytest.raises(SettingError, match="energy='none'"):
+        nh.plot(nh.sweep("sho", "ruth", TAUS, t_end=20, energy="none"))
+
+
+def test_a_figure_of_diverged_runs_alone_says_so():
+    figure = nh.plot(nh.sweep("kepler", "babps9o7h", [21915.0, 43830.0]))
+    for axes in figure.axes:
+        assert any("every run diverged" in text.get_text() for text in axes.texts)
+        assert axes.get_xlim()[0] > 1000  # as wide as the steps that were tried
+
+
+def test_ensembles_are_drawn_against_their_only_common_varied_parameter():
+    def ensemble(**values):
+        return xr.Dataset({f"parameter_{name}": ("member", given) for name, given in values.items()})
+
+    one, both = ensemble(a=[1.0, 2.0], b=[3.0, 3.0]), ensemble(a=[1.0, 2.0], b=[3.0, 4.0])
+    assert varying([one]) == varying([one, one]) == "parameter_a"
+    other = ensemble(a=[1.0, 1.0], b=[3.0, 4.0])
+    for given in ([both], [one, both], [one, other], [ensemble(a=[1.0, 1.0])], [ensemble()]):
+        assert varying(given) == MEMBER
+
+
+def test_an_orbit_between_coarse_samples_is_the_exact_one():
+    """A step of order four of 1/32 errs by its fifth power over 120."""
+    run = nh.integrate("sho", "babps9o7h", 0.5, t_end=20)
+    (curve, _) = nh.plot(run, kind="phase").axes[0].lines
+    assert curve.get_xdata().size == 40 * POINTS + 1
+    assert abs(np.hypot(curve.get_xdata(), curve.get_ydata()) - 1).max() < POINTS * (0.5 / POINTS) ** 5 / 120
+
+
+@pytest.mark.slow
+def test_coarse_samples_behind_fine_ones_are_a_curve_too():
+    """The focus is at the origin: the distance from both foci of the ellipse has one sum."""
+    times = np.concatenate([np.linspace(0, 100, 20), np.linspace(500, 8766, 14)])
+    run = nh.integrate("kepler", "trained_orbits", 80.0, t_end=8766, t=times)
+    curve = nh.plot(run, kind="orbit").axes[0].lines[0].get_xydata()
+    axis = 1 / (2 / 69.82 - 0.139896**2 / 1.71994752)  # the vis-viva equation, in 1e6 km
+    far = np.array([2 * (69.82 - axis), 0])
+    lengths = np.linalg.norm(curve, axis=1) + np.linalg.norm(curve - far, axis=1)
+    assert lengths == pytest.approx(2 * axis, rel=1e-4)
+    assert len(curve) == 33 * POINTS + 1  # a polygon has the samples alone
+
+
+@pytest.mark.parametrize(
+    ("make", "tau"),
+    [
+        (lambda folder: dataclasses.replace(nh.systems["henon_heiles"], masses=("16", "16")), 2.0),
+        (lambda folder: spring(), 0.5),
+        (lambda folder: spring(name=str(folder / "evil.py")), 0.5),
+    ],
+    ids=["another of its name", "own", "named as a file"],
+)
+def test_coarse_orbits_of_systems_that_bear_a_name_are_points(tmp_path, make, tau):
+    (tmp_path / "evil.py").write_text("raise SystemExit('it has run')\n")
+    run = nh.integrate(make(tmp_path), "ruth", tau, t_end=40 * tau)
+    line = nh.plot(run, kind="phase").axes[0].lines[0]
+    assert (line.get_linestyle(), line.get_marker()) == ("None", ".")
+    assert line.get_xdata().tolist() == run.q.values[:, 0].tolist()
+    fine = nh.integrate(make(tmp_path), "ruth", 0.1, t_end=3)
+    assert nh.plot(fine, kind="phase").axes[0].lines[0].get_linestyle() == "-"
+
+
+def test_registered_formulas_with_other_numbers_are_drawn_as_a_curve():
+    other = dataclasses.replace(nh.systems["sho"], name="sho", q0=("2",))
+    curve = nh.plot(nh.integrate(other, "babps9o7h", 0.5, t_end=20), kind="phase").axes[0].lines[0]
+    assert np.hypot(curve.get_xdata(), curve.get_ydata()) == pytest.approx(2, rel=1e-6)
+    assert curve.get_xdata().size > 500
+
+
+@pytest.mark.slow
+def test_a_tangent_result_shows_its_indicators_over_time():
+    starts = {"q0": [[0, 0.1], [0, -0.15]], "p0": [[0.4, 0.1], [0.49, 0]]}
+    for given in ({}, starts):
+        found = nh.tangent("kepler" if not given else "henon_heiles", "ruth", 20 if not given else 0.1, samples=9,
+                           t_end=2000 if not given else 20, **given)  # fmt: skip
+        figure = nh.plot(found)
+        names = ("lyapunov_exponent", "megno", "sali")
+        for axes, name, says in zip(figure.axes, names, ("exponent", "MEGNO", "SALI"), strict=True):
+            assert says in axes.get_ylabel()
+            for row, line in zip(np.atleast_2d(found[name]), axes.lines, strict=True):
+                np.testing.assert_array_equal(line.get_ydata(), row)
+        assert ("(1/h)" in figure.axes[0].get_ylabel(), "(h)" in figure.axes[2].get_xlabel()) == (
+            not given,
+            not given,
+        )
+        with pytest.raises(SettingError, match="kind = 'energy' is not allowed"):
+            nh.plot(found, kind="energy")
+    with pytest.raises(SettingError, match=r"^runs = "):
+        nh.animate(found)
+
+
+def test_observables_are_drawn_over_time():
+    observed = {"E1": lambda q, p: q[0] ** 2}
+    run = nh.integrate(spring(observables=observed), "ruth", 0.5, t_end=20)
+    (axes,) = nh.plot(run, axes=("t", "E1")).axes
+    line = line_of(axes, run.t, run.E1)
+    assert (axes.get_xlabel(), axes.get_ylabel(), line.get_linestyle()) == ("time $t$", "E1", "-")
+
+
+def test_a_method_of_a_registered_name_keeps_its_own_label():
+    own = dataclasses.replace(nh.integrators["ruth"], label="mine")
+    assert legend(nh.plot(nh.sweep("sho", own, [0.5, 0.625], t_end=5))) == ["mine"]
+
+
+def test_methods_of_one_figure_have_colours_of_their_own():
+    names = ("srkn_b11", "srkn_a14", "srkn_b6", "ruth", "leapfrog")
+    curves = [nh.sweep("sho", name, [0.5, 0.625], t_end=5) for name in names]
+    figure = nh.plot(curves)
+    colours = [line.get_color() for line in figure.axes[0].lines[:5]]
+    assert colours == [handle.get_color() for handle in figure.legends[0].legend_handles]
+    assert len(set(colours)) == 5
+
+
+@pytest.mark.filterwarnings("ignore:taus.* runs as")
+def test_labels_of_short_axes_are_inside_of_the_figure():
+    figure = nh.plot(nh.sweep("sho", "leapfrog", np.geomspace(0.3, 0.9, 12), t_end=20))
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        box = axes.get_tightbbox()
+        assert box.x0 >= 0
+        assert box.x1 <= figure.bbox.width
+
+
+def test_kind_axes_and_title_select_what_is_drawn():
+    run = nh.integrate("henon_heiles", "ruth", 0.2, t_end=20, samples=200)
+    (axes,) = nh.plot(run, kind="phase", axes=("q2", "p1"), title="Hénon-Heiles").axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$q_2$", "$p_1$")
+    assert axes.lines[0].get_xdata()[::POINTS].tolist() == run.q[:, 1].values.tolist()
+    assert axes.lines[0].get_ydata()[::POINTS].tolist() == run.p[:, 0].values.tolist()
+    figure = nh.plot(run, kind="energy", title="Hénon-Heiles")
+    (axes,) = figure.axes
+    line_of(axes, run.t, abs(run.energy_error))
+    assert [text.get_text() for text in figure.texts] == ["Hénon-Heiles"]
+    curve = nh.sweep("sho", "ruth", TAUS, t_end=20).sortby("evaluations")
+    (axes,) = nh.plot(curve, kind="work").axes
+    line_of(axes, curve.evaluations, curve.max_energy_error)
+
+
+@pytest.mark.slow
+def test_a_section_is_drawn_with_points_of_each_member():
+    found = nh.section(
+        "henon_heiles", "babps9o7h", 0.5, surface=0, starts=[[0, 0.1, 0.4, 0], [0, 0.2, 0.3, 0]], t_end=200
+    )
+    (axes,) = nh.plot(found).axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("$q_2$", "$p_2$")
+    for member, line in enumerate(axes.lines):
+        np.testing.assert_array_equal(line.get_xdata(), found.q[member, :, 1])
+        np.testing.assert_array_equal(line.get_ydata(), found.p[member, :, 1])
+    assert len({tuple(line.get_color()) for line in axes.lines}) == 2
+
+
+def test_a_recommendation_is_drawn_against_evaluations_and_time():
+    found = nh.recommend("sho", 1e-4, t_end=50, methods=["ruth", "babps8o7h", "aba864"])
+    figure = nh.plot(found)
+    for axes, x in zip(figure.axes, (found.evaluations.values, 1e3 * found.time.values), strict=True):
+        points = [(line.get_xdata()[0], line.get_ydata()[0]) for line in axes.lines if len(line.get_xdata()) == 1]
+        assert points == list(zip(x.tolist(), found.max_energy_error.values.tolist(), strict=True))
+    assert legend(figure) == [f"{i}. {label}" for i, label in enumerate(found.label.values, start=1)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("least", "most"), [(1100.0, 1900.0), (0.7, 0.7), (5.0, 600.0), (1e3, 1e9)])
+def test_every_axis_of_a_recommendation_has_two_labels(least, most):
+    found = nh.recommend("sho", 1e-3, t_end=10, methods=["ruth", "aba864"], budget=500)
+    found["max_energy_error"].values[:] = least, most
+    found["time"].values[:] = least / 1e3, most / 1e3
+    found["evaluations"] = found["evaluations"].dims, np.array([least, most])
+    found.attrs["error"] = most
+    figure = nh.plot(found)
+    figure.canvas.draw()
+    for axis in (figure.axes[0].yaxis, *(axes.xaxis for axes in figure.axes)):
+        low, high = axis.get_view_interval()
+        ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
+        labels = {tick.label1.get_text() for tick in ticks if low <= tick.get_loc() <= high} - {""}
+        assert len(labels) >= 2
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        ({"kind": "section"}, "kind = 'section' is not allowed: of a trajectory one of energy, orbit, phase"),
+        ({"kind": ""}, "kind = '' is not allowed"),
+        ({"kind": "energy", "axes": ("q1", "p1")}, "axes = ('q1', 'p1') is not allowed: two quantities of an orbit"),
+        (
+            {"kind": "phase", "axes": ("q1", "p3")},
+            "axes = ('q1', 'p3') is not allowed: two of q1, q2, p1, p2, energy_error, t",
+        ),
+        ({"kind": "phase", "axes": "q1"}, "axes = 'q1' is not allowed: two of q1, q2, p1, p2, energy_error, t"),
+    ],
+)
+def test_unknown_kinds_and_axes_are_refused_with_known_ones(more, says):
+    run = nh.integrate("henon_heiles", "ruth", 0.5, t_end=5)
+    with pytest.raises(SettingError, match=re.escape(says)):
+        nh.plot(run, **more)

@@ -1,0 +1,178 @@
+"""Figures of linear stability, of the kinetic energy and of the growth of round-off, read back from their artists."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+
+from nearharmonic_paper.experiments.stability.kinetic_energy.figure import kinetic_energy
+from nearharmonic_paper.experiments.stability.linear.figure import linear_stability
+from nearharmonic_paper.experiments.stability.rounding.figure import rounding_growth
+from support.cubes.artists import NO_LINE, SOLID, drawn, line_of, look, look_of, looks, slope, span, ticks
+from support.cubes.figure_cubes import METHODS, TAU, label
+from support.cubes.stability_cubes import amplitudes, rounding, traces
+
+RED = 0
+
+
+def colour_of(name):
+    return look_of(name)[0]
+
+
+# Linear stability
+
+
+def gaps(cube, name):
+    """(start, end) per stage of the gaps of a method, cut at the edge of the panel; 2.4 is the last step size."""
+    one = cube.sel(integrator=name)
+    edges = [(a, b) for a, b in zip(one.start.values, one.end.values, strict=True) if not np.isnan(a)]
+    return [(a / one.stages.item(), min(b / one.stages.item(), 2.4)) for a, b in edges]
+
+
+def test_gaps_are_red_from_first_to_last_step_size():
+    cube = traces()
+    for axes, name in zip(linear_stability(cube).axes, METHODS, strict=True):
+        _, *red = [(span(patch), patch.get_facecolor()) for patch in axes.patches]  # the first is the stable band
+        np.testing.assert_allclose([edges for edges, _ in red], gaps(cube, name), rtol=1e-15)
+        assert all(np.argmax(colour[:3]) == RED for _, colour in red)
+        (low, high), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+        assert (low, high, -bottom) == (0, 2.4, top)
+        marks = [line for line in axes.get_lines() if line.get_marker() == "v"]
+        assert [(line.get_xdata()[0], line.get_ydata()[0]) for line in marks] == [(a, top) for a, _ in gaps(cube, name)]
+    assert [len(gaps(cube, name)) for name in METHODS] == [1, 2, 3]
+
+
+def test_curves_are_half_trace_in_method_colour_and_exact_cosine():
+    cube = traces()
+    tau = cube.tau_per_stage.values
+    figure = linear_stability(cube)
+    for axes, name, stages in zip(figure.axes, METHODS, (2, 3, 4), strict=True):
+        trace = cube.half_trace.sel(integrator=name).values
+        curves = [line for line in axes.get_lines() if line.get_marker() in ("None", "none")]
+        exact, ours = curves
+        np.testing.assert_allclose(exact.get_ydata(), np.cos(stages * tau), atol=1e-12)
+        np.testing.assert_array_equal(exact.get_xdata(), tau)
+        np.testing.assert_array_equal(ours.get_xdata(), tau)
+        # Whatever the panel can show is drawn as it is.
+        shown = np.abs(trace) <= axes.get_ylim()[1]
+        assert 10 < shown.sum() < tau.size - 10
+        np.testing.assert_array_equal(ours.get_ydata()[shown], trace[shown])
+        assert look(ours) == (colour_of(name), None, None, SOLID)
+        assert colour_of(name) != to_hex(exact.get_color())
+
+
+def test_panel_title_names_method_first_edge_and_gap_growth():
+    titles = [axes.get_title(loc="left") for axes in linear_stability(traces()).axes]
+    assert titles == [
+        r"label of ruth:  $\tau^*$ = 2.500000, for good",
+        r"label of aba104:  $\tau^*$ = 2.625000, growth 2.5e-02",
+        r"label of babps9o7h:  $\tau^*$ = 2.750000, growth 3.7e-02",
+    ]
+
+
+# Kinetic energy
+
+
+def test_panels_of_kinetic_energy_show_amplitudes_that_their_titles_name():
+    cube = amplitudes()
+    upper = kinetic_energy(cube).axes[:2]
+    for axes, letter, amplitude in zip(upper, "AB", (0.031, 1.02), strict=True):
+        assert axes.get_title(loc="left") == rf"$\mathbf{{{letter}}}$  amplitude {amplitude}"
+        assert axes.get_xlabel() == r"step size per stage, $\tau/s$"
+        for name in METHODS:
+            errors = cube.max_energy_error.sel(roles="own", amplitude=amplitude, integrator=name)
+            assert look(line_of(axes, TAU, errors)) == look_of(name)
+        assert len(axes.get_lines()) == len(METHODS)
+        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    assert upper[0].get_ylabel() == r"$\max\,|\Delta H/H_0|$"
+    assert upper[0].get_ylim() == upper[1].get_ylim()
+
+
+def test_errors_over_ruth_are_drawn_in_own_and_exchanged_roles():
+    cube = amplitudes()
+    lower = kinetic_energy(cube).axes[2:]
+    titles = (r"$\mathbf{C}$  error / Ruth's at $\tau/s$ = 0.07", r"$\mathbf{D}$  the same, T and V exchanged")
+    for axes, roles, title in zip(lower, ("own", "exchanged"), titles, strict=True):
+        assert axes.get_title(loc="left") == title
+        assert axes.get_xlabel() == "amplitude $A$"
+        for name in METHODS:
+            ratio = cube.relative_error.sel(roles=roles, integrator=name)
+            assert look(line_of(axes, cube.amplitude, ratio)) == look_of(name)
+        assert len(axes.get_lines()) == len(METHODS)
+    assert lower[0].get_ylabel() == "error / Ruth's"
+    assert lower[0].get_ylim() == lower[1].get_ylim()
+
+
+def test_large_error_does_not_stretch_axes_of_kinetic_energy():
+    cube = amplitudes()
+    cube["max_energy_error"][:, :, 0, -1] = 1e7
+    assert [axes.get_ylim()[1] for axes in kinetic_energy(cube).axes[:2]] == [10, 10]
+
+
+# Both, and the growth of round-off
+
+
+#: Sources drawn for energy and lag, and Brouwer's exponents.
+VARIABLES = (
+    ("energy_error", ("plain", "compensated", "extended"), 0.5),
+    ("lag", ("plain", "compensated", "extended", "coefficients"), 1.5),
+)
+
+
+def test_rms_is_drawn_over_time_with_dashes_by_source():
+    cube = rounding()
+    figure = rounding_growth(cube)
+    sources = looks(figure.legends[1])
+    assert list(sources) == ["plain", "compensated", "extended", "coefficients"]
+    assert len({dashes for *_, dashes in sources.values()}) == 4
+    assert sources["plain"][3] == SOLID
+    for axes, (variable, shown, _) in zip(figure.axes[:2], VARIABLES, strict=True):
+        for name in METHODS:
+            time = cube.time.sel(integrator=name)
+            for source in shown:
+                rms = cube[f"{variable}_rms"].sel(integrator=name, source=source)
+                curve = line_of(axes, time, rms)
+                assert look(curve) == (colour_of(name), None, None, sources[source][3])
+                assert drawn(curve).all()
+        assert len(axes.get_lines()) == len(METHODS) * len(shown) + 3
+
+
+def test_grey_laws_have_brouwers_slopes_above_curve_centres():
+    cube = rounding()
+    for axes, (variable, _, exponent) in zip(rounding_growth(cube).axes[:2], VARIABLES, strict=True):
+        laws = axes.get_lines()[-3:]
+        for source, law in zip(("plain", "compensated", "extended"), laws, strict=True):
+            assert slope(law) == pytest.approx(exponent, abs=1e-9)
+            ends = cube[f"{variable}_rms"].sel(source=source).values[:, -1]
+            assert law.get_ydata()[-1] == pytest.approx(6 * np.prod(ends) ** (1 / len(METHODS)), rel=1e-12)
+            red, green, blue = (int(to_hex(law.get_color())[i : i + 2], 16) for i in (1, 3, 5))
+            assert red == green == blue
+
+
+def test_exponents_stand_in_row_of_their_method_with_their_intervals():
+    cube = rounding()
+    figure = rounding_growth(cube)
+    markers = {source: marker for source, (_, marker, _, _) in looks(figure.legends[1]).items() if marker}
+    assert list(markers) == ["plain", "compensated", "extended"]
+    assert len(set(markers.values())) == 3
+    for axes, (variable, _, exponent) in zip(figure.axes[2:], VARIABLES, strict=True):
+        found = {container[0].get_xdata()[0]: container for container in axes.containers}
+        assert len(found) == 3 * len(METHODS)
+        assert axes is not figure.axes[2] or ticks(axes.yaxis) == {label(name): row for row, name in enumerate(METHODS)}
+        for row, name in enumerate(METHODS):
+            heights = []
+            for source, marker in markers.items():
+                one = cube.sel(integrator=name, source=source)
+                middle, width = one[f"{variable}_exponent"].item(), one[f"{variable}_interval"].item()
+                point, _, (bar,) = found[middle]
+                assert look(point)[:2] == (colour_of(name), marker)
+                assert look(point)[3] == NO_LINE
+                (segment,) = bar.get_segments()
+                np.testing.assert_allclose(segment[:, 0], [middle - width, middle + width], rtol=1e-14)
+                assert to_hex(bar.get_color()[0]) == colour_of(name)
+                heights.append(point.get_ydata()[0])
+            assert np.round(heights).tolist() == [row] * 3
+            assert heights == sorted(set(heights))
+        (law,) = [line for line in axes.get_lines() if look(line)[1] is None and look(line)[3] == SOLID]
+        assert list(law.get_xdata()) == [exponent, exponent]

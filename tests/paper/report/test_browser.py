@@ -1,0 +1,300 @@
+"""The page in chromium: no network, no error, and legend, hover and zoom that do what they say."""
+
+from __future__ import annotations
+
+import re
+
+import h5py
+import numpy as np
+import pytest
+
+import nearharmonic as nh
+from nearharmonic_paper.report.page import page
+from support.cubes.page_results import CLAIMS, DRAWN, PLOTS, SYSTEMS, write_results
+
+pytestmark = pytest.mark.browser
+ALL_FIGURES = [f"figure-{number}" for number in PLOTS]
+
+
+def test_no_request_leaves_the_file_and_nothing_goes_wrong(opened, place):
+    page = opened()
+    page.evaluate("scrollTo(0, document.body.scrollHeight)")
+    page.locator("button.method").first.click()
+    page.wait_for_timeout(300)
+    assert {url for url in page.heard["requests"] if not url.startswith("data:")} == {place.as_uri()}
+    assert page.heard["errors"] == []
+
+
+def test_every_plot_is_drawn(wide):
+    names = wide.evaluate("Bokeh.documents[0].roots().map((plot) => plot.name)")
+    assert set(names) == {f"figure-{n}-panel-{i}" for n in PLOTS for i in range(1, PLOTS[n] + 1)}
+    for name in names:
+        box = wide.locator(f"#{name} canvas").first.bounding_box()
+        assert box["width"] > 300
+        assert box["height"] > 200
+
+
+def pixels_of(page, name, colour):
+    """Number of pixels of a plot with a colour, to a few steps of each channel."""
+    channels = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
+    return page.evaluate(
+        """async ([name, channels]) => {
+          const canvas = await viewOf(name).export("png", true);
+          const drawn = (canvas.canvas ?? canvas);
+          const { data } = drawn.getContext("2d").getImageData(0, 0, drawn.width, drawn.height);
+          let count = 0;
+          for (let i = 0; i < data.length; i += 4)
+            if (channels.every((value, k) => Math.abs(data[i + k] - value) < 12)) count += 1;
+          return count;
+        }""",
+        [name, channels],
+    )
+
+
+@pytest.mark.parametrize("method", ["aba104", "babs7o7h"])
+def test_legend_button_hides_its_method_in_every_panel(wide, method):
+    button = wide.locator(f"button[data-method={method}]")
+    before = wide.evaluate("(method) => drawnBy(method)", method)
+    with_it = {name for name, visible in before if visible}
+    figures = {name.rpartition("-panel-")[0] for name in with_it}
+    assert figures == ({"figure-6"} if method == "babs7o7h" else set(ALL_FIGURES) - {"figure-6"})
+    assert all(all(visible) for _, visible in before)
+    others = wide.evaluate("drawnBy('ruth')")
+    button.click()
+    assert button.get_attribute("aria-pressed") == "false"
+    assert not any(any(visible) for _, visible in wide.evaluate("(method) => drawnBy(method)", method))
+    assert wide.evaluate("drawnBy('ruth')") == others
+    button.click()
+    assert button.get_attribute("aria-pressed") == "true"
+    assert wide.evaluate("(method) => drawnBy(method)", method) == before
+
+
+def test_hidden_method_leaves_no_pixel_and_all_return_together(wide):
+    green = "#00a070"
+    before = pixels_of(wide, "figure-3-panel-2", green)
+    assert before > 100
+    wide.locator("button[data-method=aba104]").click()
+    wide.locator("button[data-method=ruth]").click()
+    wide.settle()
+    assert pixels_of(wide, "figure-3-panel-2", green) == 0
+    wide.locator("button.all").click()
+    wide.settle()
+    assert pixels_of(wide, "figure-3-panel-2", green) == before
+    assert wide.locator("button.method[aria-pressed=false]").count() == 0
+
+
+def lonely(x, y):
+    """Index (method, point) of the point that is farthest from all others, by logarithms over the ranges of both."""
+    there = np.argwhere(np.isfinite(y) & (y > 0))
+    places = np.array([[np.log(x[j]), np.log(y[i, j])] for i, j in there])
+    places = (places - places.min(axis=0)) / np.ptp(places, axis=0)
+    gaps = np.linalg.norm(places[:, None] - places[None], axis=-1) + 9 * np.eye(len(places))
+    inner = (places > 0.1).all(axis=1) & (places < 0.9).all(axis=1)
+    return tuple(there[np.argmax(np.where(inner, gaps.min(axis=1), 0))])
+
+
+@pytest.mark.parametrize(
+    ("panel", "system", "variable", "unit"),
+    [
+        ("figure-3-panel-1", "henon_heiles", "max_energy_error", ""),
+        ("figure-5-panel-2", "kepler", "mean_energy_error", " h"),
+    ],
+)
+def test_a_hover_shows_the_numbers_that_stand_in_the_cube(wide, results, panel, system, variable, unit):
+    with h5py.File(results / "cubes" / f"{system}.h5") as cube:
+        x, y = cube["tau_per_stage"][()], cube[variable][()]
+        i, j = lonely(x, y)
+        method, evaluations = cube["label"][i].decode(), cube["evaluations"][i, j]
+        status = cube["status"][i, j].decode()
+    wide.locator(f"#{panel}").scroll_into_view_if_needed()
+    left, top = wide.evaluate("([id, x, y]) => spotOf(id, x, y)", [panel, float(x[j]), float(y[i, j])])
+    wide.mouse.move(left - 3, top)
+    wide.mouse.move(left, top)
+    tooltip = wide.locator(".bk-tooltip-content", has_text=method)
+    tooltip.wait_for(timeout=3000)
+    said = " ".join(tooltip.inner_text().split())
+    assert method in said
+    assert f"{x[j]:.6g}{unit}" in said
+    shown_error = float(re.search(r"\|ΔH/H₀\|: (\S+)", said)[1])
+    assert shown_error == pytest.approx(y[i, j], rel=5.1e-5)  # five digits
+    assert f"{evaluations:,}" in said
+    assert f"status: {status}" in said
+    wide.mouse.move(2, 2)
+
+
+def ranges(page, panel):
+    return page.evaluate("(id) => [plotOf(id).x_range, plotOf(id).y_range].map((one) => [one.start, one.end])", panel)
+
+
+def test_rectangle_in_one_panel_zooms_all_panels_of_its_figure(wide):
+    upper, lower, other = "figure-3-panel-1", "figure-3-panel-2", "figure-1-panel-1"
+    before, apart = ranges(wide, upper), ranges(wide, other)
+    assert ranges(wide, lower) == before
+    wide.locator(f"#{upper}").scroll_into_view_if_needed()
+    (x0, x1), (y0, y1) = before
+    start = wide.evaluate("([id, x, y]) => spotOf(id, x, y)", [upper, x0 * (x1 / x0) ** 0.2, y0 * (y1 / y0) ** 0.2])
+    end = wide.evaluate("([id, x, y]) => spotOf(id, x, y)", [upper, x0 * (x1 / x0) ** 0.6, y0 * (y1 / y0) ** 0.7])
+    wide.mouse.move(*start)
+    wide.mouse.down()
+    wide.mouse.move(*end, steps=4)
+    wide.mouse.up()
+    wide.settle()
+    after = ranges(wide, upper)
+    for (low, high), (first, last), (a, b) in zip(after, before, [(0.2, 0.6), (0.2, 0.7)], strict=True):
+        np.testing.assert_allclose(np.log([low / first, high / first]) / np.log(last / first), [a, b], atol=0.02)
+    assert ranges(wide, lower) == after
+    assert ranges(wide, other) == apart
+    wide.locator("#figure-3 button[data-zoom=reset]").click()
+    np.testing.assert_allclose(ranges(wide, lower), before)
+
+
+def test_the_table_of_claims_has_as_many_rows_as_claims(wide):
+    assert wide.locator("table.claims tbody tr").count() == len(CLAIMS)
+    wide.locator("#statements").evaluate("(one) => { one.open = true; }")
+    assert wide.locator("table.claims tbody tr .verdict").all_inner_texts() == [claim[3] for claim in CLAIMS]
+
+
+def test_verdict_filter_shows_claims_and_link_restores_hidden_one(wide):
+    rows = wide.locator("table.claims tbody tr")
+    wide.locator("#statements").evaluate("(one) => { one.open = true; }")
+    wide.locator("button[data-only=holds]").click()
+    assert [row.get_attribute("id") for row in rows.all() if row.is_visible()] == [
+        "claim-one",
+        "claim-five",
+        "claim-eight",
+    ]
+    pressed = wide.locator("button[data-only][aria-pressed=true]")
+    assert pressed.all_inner_texts() == ["3 hold"]
+    wide.locator(".tile.fails a").click()
+    rows.nth(2).wait_for()
+    assert all(row.is_visible() for row in rows.all())
+    assert pressed.all_inner_texts() == [f"all {len(CLAIMS)}"]
+
+
+def test_a_made_small_picture_looks_like_the_file(wide, results):
+    """By pixels; a shift of a hundredth of a point changes one by the share of one row of samples at most, 64."""
+    different = """async (sources) => {
+      const pixels = async (source) => {
+        const image = new Image();
+        image.src = source;
+        await image.decode();
+        const canvas = Object.assign(document.createElement("canvas"), { width: 1008, height: 922 });
+        canvas.getContext("2d").drawImage(image, 0, 0, 1008, 922);
+        return canvas.getContext("2d").getImageData(0, 0, 1008, 922).data;
+      };
+      const [one, other] = [await pixels(sources[0]), await pixels(sources[1])];
+      const dark = one.filter((value) => value < 128).length / one.length;
+      return [dark, one.filter((value, i) => Math.abs(value - other[i]) > 100).length / one.length];
+    }"""
+    original = (results / f"figures/{DRAWN}.svg").read_text(encoding="utf-8")
+    small = wide.locator("#figure-4 img").get_attribute("src")
+    assert len(small) < 0.75 * len(original)
+    whole = wide.evaluate("(text) => 'data:image/svg+xml,' + encodeURIComponent(text)", original)
+    dark, share = wide.evaluate(different, [whole, small])
+    assert dark > 0.001
+    assert share < 1e-5
+
+
+def test_a_link_from_a_claim_opens_its_table(wide):
+    table = wide.locator("#table-3")
+    assert table.get_attribute("open") is None
+    wide.locator("#statements").evaluate("(one) => { one.open = true; }")
+    wide.locator("#claim-three a").click()
+    wide.wait_for_selector("#table-3[open]")
+    assert "-0.9129" in table.inner_text()
+
+
+#: What is drawn in each element: the name of the plot, and of each visible line its method, column and points.
+DRAWN_IN = """() => Object.fromEntries([...document.querySelectorAll(".plot")].map((element) => {
+  const view = Bokeh.index.roots.find((view) => element.contains(view.el));
+  const lines = view.model.renderers.filter((one) => one.glyph.type === "Line" && one.glyph.line_alpha.value !== 0);
+  const points = ({ data_source, glyph }) => [glyph.x.field, glyph.y.field].map((at) => [...data_source.data[at]]);
+  return [element.id, [view.model.name, ...lines.map((one) => [one.tags[0], one.glyph.y.field, ...points(one)])]];
+}))"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "systems",
+    [
+        ("well",),
+        pytest.param(("zeta", "Alpha"), marks=pytest.mark.long),
+        ("aardvark", "kepler", "sho"),
+        pytest.param(("f10", "f9", "f1_x"), marks=pytest.mark.long),
+        ("pendulum", "figure", "venus"),
+    ],
+)
+def test_each_heading_has_the_curves_of_its_own_cube(browser, tmp_path, systems):
+    folder = write_results(tmp_path / "own", systems=systems)
+    place = folder / "report.html"
+    place.write_text(page(folder=folder)["page"], encoding="utf-8")
+    shown = browser.new_page()
+    shown.goto(place.as_uri())
+    shown.wait_for_selector("html[data-ready]", state="attached")
+    drawn = shown.evaluate(DRAWN_IN)
+    assert {element: name for element, (name, *_) in drawn.items()} == dict(zip(drawn, drawn, strict=True))
+    for system in systems:
+        anchor = {"sho": "figure-1", "kepler": "figure-5"}.get(system, f"figure-{system}_energy_error")
+        assert SYSTEMS.get(system, system) in shown.locator(f"#{anchor} h3").inner_text()
+        with h5py.File(folder / "cubes" / f"{system}.h5") as cube:
+            tau, names = cube["tau_per_stage"][()], cube["integrator"].asstr()[()].tolist()
+            for panel, variable in enumerate(("max_energy_error", "mean_energy_error"), start=1):
+                _, *lines = drawn[f"{anchor}-panel-{panel}"]
+                values = cube[variable][()].reshape(-1, len(names), tau.size)
+                assert [method for method, *_ in lines] == names * len(values)
+                for (_, column, x, y), curve in zip(lines, values.reshape(-1, tau.size), strict=True):
+                    at = x.index(tau[5])
+                    assert (column, y[at]) == (variable, curve[5])
+    shown.close()
+
+
+@pytest.mark.parametrize("width", [1400, 400])
+def test_a_picture_and_the_thumbnails_come_before_one_reads(opened, width):
+    page = opened(viewport={"width": width, "height": 900})
+    box = page.locator(".hero img").bounding_box()
+    assert box["y"] + box["height"] < 900
+    assert page.locator(".thumbnails a").count() == len(PLOTS)
+
+
+def test_a_statement_beneath_its_figure_leads_to_its_row(wide):
+    wide.locator("#figure-3 details.statements summary").click()
+    wide.locator("#figure-3 details.statements a").first.click()
+    wide.wait_for_selector("#statements[open]")
+    assert wide.locator("#claim-two").is_visible()
+
+
+def test_link_to_a_figure_can_be_copied(opened):
+    page = opened()
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    page.locator("#figure-5 button.copy").click()
+    page.wait_for_function("document.querySelector('#figure-5 button.copy').textContent !== 'Copy link'")
+    assert page.evaluate("location.hash") == "#figure-5"
+    assert page.evaluate("navigator.clipboard.readText()").endswith("report.html#figure-5")
+
+
+STARTS = {"sho": ([1.0], [0.0]), "henon_heiles": ([0.3, 0.0], [0.0, 0.4])}
+
+
+@pytest.mark.parametrize("system", STARTS)
+@pytest.mark.parametrize("method", ["ruth", "babs7o7h"])
+def test_figure_in_motion_takes_the_steps_of_integrate(wide, system, method):
+    """200 steps of at most 14 moves of two roundings, whose errors grow with the time on regular orbits."""
+    q, p = STARTS[system]
+    found = wide.evaluate("(given) => alive.run(...given)", [system, method, 0.5, q, p, 200])
+    run = nh.integrate(system, method, 0.5, t_end=100, q0=q, p0=p, summation="plain")
+    assert found["q"] == pytest.approx(run.q.values[-1].tolist(), abs=1e-12)
+    assert found["p"] == pytest.approx(run.p.values[-1].tolist(), abs=1e-12)
+    assert found["worst"] == pytest.approx(run.max_energy_error.item(), rel=1e-4, abs=1e-14)
+
+
+def test_panel_c_is_seen_to_leave_its_energy_surface(wide):
+    """At iteration 52, as the paper's panel (C) with this method, step and start does."""
+    section = wide.locator("#alive")
+    section.locator("[name=method]").select_option("yoshida_s7o6a")
+    section.locator("[name=reset]").click()
+    for _ in range(52):
+        section.locator("button[name=step]").click()
+    assert section.locator("output").inner_text() == "left its energy surface at iteration 52"
+    section.locator("canvas").first.click(position={"x": 300, "y": 200})
+    section.locator("button[name=step]").click()
+    assert section.locator("output").inner_text().endswith("after 1 iterations")

@@ -1,0 +1,140 @@
+"""The plots of the page: they hold what the cubes hold."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import h5py
+import numpy as np
+import pytest
+from bokeh.document import Document
+from bokeh.models import Span
+
+import nearharmonic as nh
+from nearharmonic_paper.report.plots.energy_error import energy_error
+from support.cubes import figure_cubes as made
+from support.cubes.page_reader import written
+from support.cubes.page_results import PLOTS
+from support.methods.numba_potentials import springs
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def plots(text):
+    """The plots of the page, loaded by bokeh's classes, by the ids of their elements."""
+    loaded = Document.from_json(written(text, "plots"))
+    return {plot.name: plot for plot in loaded.roots}
+
+
+def hovered(plot, column, kind):
+    """The glyphs of a plot that the hover has a name for, of one kind, whose y is this column."""
+    found = [one for one in plot.renderers if one.name and type(one.glyph).__name__ == kind]
+    return [one for one in found if getattr(one.glyph.y, "field", one.glyph.y) == column]
+
+
+@pytest.mark.slow
+def test_document_loads_without_complaint_and_numbers_its_models_from_0(text, caplog):
+    found = written(text, "plots")
+    Document.from_json(found)
+    assert not caplog.records
+    numbered = re.findall(r'"id":"(\w+)"', json.dumps(found, separators=(",", ":")))
+    assert list(dict.fromkeys(numbered)) == [f"m{i}" for i in range(len({*numbered}))]
+
+
+def test_panels_of_six_figures_exist(plots):
+    names = {f"figure-{n}-panel-{i}" for n, count in PLOTS.items() for i in range(1, count + 1)}
+    assert set(plots) == names
+    assert all(plot.name == name for name, plot in plots.items())
+
+
+@pytest.mark.parametrize(("panel", "variable"), [(1, "max_energy_error"), (2, "mean_energy_error")])
+@pytest.mark.parametrize(("figure", "system"), [(1, "sho"), (3, "henon_heiles"), (5, "kepler")])
+def test_every_drawable_error_of_cube_is_in_panel_bitwise(results, plots, figure, system, panel, variable):
+    plot = plots[f"figure-{figure}-panel-{panel}"]
+    with h5py.File(results / "cubes" / f"{system}.h5") as cube:
+        layers = cube[variable][()].reshape(-1, len(made.METHODS), made.TAU.size)
+        evaluations = cube["evaluations"][()].reshape(layers.shape)
+    lines = hovered(plot, variable, "Line")
+    assert len(lines) == layers.shape[0] * len(made.METHODS)
+    for one, errors, cost in zip(
+        lines, layers.reshape(-1, made.TAU.size), evaluations.reshape(-1, made.TAU.size), strict=True
+    ):
+        there = np.isfinite(errors) & (errors > 0)
+        data = one.data_source.data
+        drawn = np.isfinite(data[variable])
+        np.testing.assert_array_equal(data[variable][drawn], errors[there])
+        np.testing.assert_array_equal(data["x"][drawn], made.TAU[there])
+        np.testing.assert_array_equal(data["evaluations"][drawn], cost[there])
+        assert made.label(one.tags[0]) in one.name
+
+
+def test_interval_of_advance_is_bar_around_its_point(results, plots):
+    bars = [one for one in plots["figure-4-panel-1"].renderers if type(one.glyph).__name__ == "Segment"]
+    assert [one.tags[0] for one in bars] == list(made.METHODS)
+    with h5py.File(results / "cubes/kepler.h5") as cube:
+        advances, intervals, evaluations = (
+            cube[name][()].reshape(-1, len(made.METHODS), made.TAU.size)[0]
+            for name in ("perihelion_advance", "perihelion_advance_interval", "evaluations_per_orbit")
+        )
+    for one, advance, interval, x in zip(bars, abs(advances), intervals, evaluations, strict=True):
+        known = interval < advance  # False for NaN
+        assert known.any()
+        expected = {"x0": x, "x1": x, "y0": advance - interval, "y1": advance + interval}
+        for end, values in expected.items():
+            np.testing.assert_array_equal(one.data_source.data[getattr(one.glyph, end).field], values[known])
+
+
+def test_errors_near_floor_of_potential_have_it_beside_them():
+    """The cube of a spring of numba: its errors are those of a sweep down to rounding."""
+    near = nh.sweep(springs(), "babs7o7h", [1e-3, 1e-2, 1e-1])
+    far = nh.sweep(springs(), "leapfrog", [0.1, 0.2])
+    for runs, count in ((near, 1), (far, 0)):
+        cube = runs.rename({runs.status.dims[0]: "tau_per_stage"}).expand_dims(integrator=["any"])
+        for panel in energy_error(cube.assign_coords(label=("integrator", ["any"]))):
+            spans = [one for one in panel.plot.center if isinstance(one, Span)]
+            assert [one.location for one in spans] == [runs.energy_floor] * count
+
+
+def test_a_run_that_left_its_surface_stands_on_the_edge(plots):
+    plot = plots["figure-3-panel-1"]
+    crosses = hovered(plot, "edge", "Scatter")
+    assert [one.tags[0] for one in crosses] == list(made.METHODS)
+    for one in crosses:
+        assert one.data_source.data["x"] == [made.TAU[-1]]
+        assert one.data_source.data["status"] == ["diverged at step 321"]
+
+
+def test_panels_of_figure_share_their_axes_and_figures_do_not(plots):
+    for figure in (1, 3, 5):
+        upper, lower = (plots[f"figure-{figure}-panel-{i}"] for i in (1, 2))
+        assert upper.x_range is lower.x_range
+        assert upper.y_range is lower.y_range
+    assert plots["figure-1-panel-1"].x_range is not plots["figure-3-panel-1"].x_range
+    assert plots["figure-2-panel-1"].x_range is plots["figure-2-panel-2"].x_range
+    A, B, C, D = (plots[f"figure-6-panel-{i}"] for i in range(1, 5))
+    assert A.x_range is B.x_range is not C.x_range
+    assert C.y_range is D.y_range
+
+
+def test_the_guides_have_the_slopes_of_their_orders(plots):
+    for name in ("figure-1-panel-1", "figure-5-panel-2"):
+        (guide,) = [one.data_source.data for one in plots[name].renderers if not one.tags]
+        slopes = [np.diff(np.log(y)) / np.diff(np.log(x)) for x, y in zip(guide["x"], guide["y"], strict=True)]
+        np.testing.assert_allclose(np.ravel(slopes), [4, 6])
+        labels = {one.text: (one.x, one.y) for one in plots[name].center if type(one).__name__ == "Label"}
+        assert labels["order 6"] == (guide["x"][1][1], guide["y"][1][1])
+
+
+def test_everything_a_method_draws_carries_its_name(plots):
+    named = [one.tags for plot in plots.values() for one in plot.renderers if type(one.glyph).__name__ != "VBar"]
+    assert all(len(tags) <= 1 for tags in named)
+    # Shades and contours of the Hamiltonian in four panels, slopes of orders 4 and 6 in six.
+    assert sum(not tags for tags in named) == 2 * 4 + 6
+
+
+def test_ticks_of_logarithmic_axes_are_powers_of_ten(plots):
+    axes = [axis for plot in plots.values() for axis in (*plot.below, *plot.left) if type(axis).__name__ == "LogAxis"]
+    assert len(axes) == 2 * 6 + 1 + 2  # energy errors, kappa, perihelion
+    assert {(type(axis.formatter).__name__, axis.formatter.min_exponent) for axis in axes} == {("LogTickFormatter", 0)}

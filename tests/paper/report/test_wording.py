@@ -1,0 +1,143 @@
+"""Words, markers and links of the page, each alone."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from colorsys import rgb_to_hls
+
+import pytest
+
+from nearharmonic.integrators import integrators
+from nearharmonic.plotting.palette import style_of
+from nearharmonic_paper.claims.results import power_of_ten, short
+from nearharmonic_paper.report import assets
+from nearharmonic_paper.report.plots.markers import MARKERS
+from nearharmonic_paper.report.plots.panels import span
+from nearharmonic_paper.report.shown import wording
+from nearharmonic_paper.report.shown.figures import ShownFigure
+from nearharmonic_paper.report.shown.links import Places
+from nearharmonic_paper.report.shown.results import VERDICTS
+from nearharmonic_paper.report.shown.tables import ShownTable
+
+
+@pytest.mark.parametrize(
+    ("said", "text"),
+    [
+        (short(4158365311), "4.16 × 10⁹"),
+        (short(1.5e-7, 2), "1.5 × 10⁻⁷"),
+        (short(0.25), "0.25"),
+        (power_of_ten(-30), "10⁻³⁰"),
+        (wording.percent(0.4928), "49 %"),
+        (wording.percent(0), "0 %"),
+        (wording.percent(2.7e-5), "below 0.01 %"),
+        (wording.counted(1, "row"), "1 row"),
+        (wording.counted(0, "row"), "0 rows"),
+        (wording.verdict("fails", 2), "fail"),
+        (wording.verdict("fails", 1), "fails"),
+        (wording.verdict("not decided here", 3), "not decided here"),
+    ],
+)
+def test_numbers_are_said_in_words(said, text):
+    assert said == text
+
+
+@pytest.mark.parametrize(
+    ("written", "shown"),
+    [
+        ("0.9128804378017515", "0.9129"),
+        ("1.0250652582803407e-06", "1.025e-06"),
+        ("-5.381790373413507e-06", "-5.382e-06"),
+        ("0.02", "0.02"),
+        ("20000", "20000"),
+        ("123456789", "123456789"),
+        ("0." + "3" * 76, "0." + "3" * 76),
+        ("ABAs5o6H", "ABAs5o6H"),
+        ("nan", "nan"),
+        ("", ""),
+        ("1e-76", "1e-76"),
+    ],
+)
+def test_only_float_cells_are_shortened(written, shown):
+    assert wording.cell(written) == shown
+
+
+def test_every_marker_of_method_has_shape_on_page():
+    styles = {style_of(name) for name in integrators} | {style_of(f"a new method {i}") for i in range(200)}
+    assert {style.marker for style in styles} == set(MARKERS)
+    assert len({(marker.shape, marker.angle) for marker in MARKERS.values()}) == len(MARKERS)
+
+
+def links(paper, needs=()):
+    figures = [ShownFigure(anchor=f"figure-{n}", title="", caption="", stem="", cube="kepler") for n in (4, 5)]
+    figures.append(ShownFigure(anchor="figure-limits", title="Limits", caption="", stem="", cube="linear"))
+    table = ShownTable(anchor="table-4", caption="", header=(), rows=(), file="tables/table4_coefficients.csv")
+    return Places(figures, [table]).pieces({"paper": {"section": paper}, "needs": list(needs)})
+
+
+@pytest.mark.parametrize(
+    ("paper", "needs", "pieces"),
+    [
+        ("Section 4", [], [("Section 4", "")]),
+        ("Figure 4, caption", [], [("Figure 4", "figure-4"), (", caption", "")]),
+        ("Figures 3, 4 and 5", [], [("Figures 3, ", ""), ("4", "figure-4"), (" and ", ""), ("5", "figure-5")]),
+        ("Fig. 5 and Table 4", [], [("Fig. 5", "figure-5"), (" and ", ""), ("Table 4", "table-4")]),
+        ("Figure 45", [], [("Figure 45", "")]),
+        ("Eq. 4", ["tables/table4_coefficients.csv"], [("Eq. 4", ""), ("; shown in ", ""), ("Table 4", "table-4")]),
+        (
+            "Section 5",
+            ["cubes/kepler.h5", "cubes/linear.h5"],
+            [
+                ("Section 5", ""), ("; shown in ", ""), ("Figure 4", "figure-4"), (", ", ""), ("Figure 5", "figure-5"),
+                (", ", ""), ("Limits", "figure-limits"),
+            ],
+        ),
+        ("Figure 4", ["cubes/linear.h5"], [("Figure 4", "figure-4")]),
+    ],
+)  # fmt: skip
+def test_claim_place_links_to_named_item_or_its_files(paper, needs, pieces):
+    assert links(paper, needs) == pieces
+
+
+def test_axis_holds_all_numbers_except_those_it_cannot_show():
+    one = span([[0.0, -1.0, float("nan"), 1e-9], [float("inf"), 1e-3]], logarithmic=True)
+    assert one.start < 1e-9
+    assert 1e-3 < one.end < 1
+    assert span([[1e-9, 1e9]], logarithmic=True, highest=10).end == 10
+    assert span([], logarithmic=True).start > 0
+    flat = span([[3.0, 3.0]], logarithmic=False)
+    assert flat.start < 3 < flat.end
+
+
+@pytest.mark.parametrize("name", ["page.html", "figure.html", "parts.html", "page.css", "page.js", "alive.js"])
+def test_an_edit_of_template_style_or_script_changes_the_digest(tmp_path, monkeypatch, name):
+    before = assets.digest()
+    for each in assets.FOLDER.iterdir():
+        shutil.copy(each, tmp_path)
+    monkeypatch.setattr(assets, "FOLDER", tmp_path)
+    assert assets.digest() == before
+    (tmp_path / name).write_text((tmp_path / name).read_text() + " ")
+    assert assets.digest() != before
+
+
+@pytest.mark.parametrize(
+    ("verdict", "look", "sign", "hue"),
+    [
+        ("holds", "holds", "✓", "green"), ("holds but for edges", "edges", "✓", "green"),
+        ("holds in part", "part", "◐", "yellow"), ("fails", "fails", "✗", "red"), ("erratum", "erratum", "¶", "violet"),
+        ("not decided here", "open", "–", "grey"),
+    ],
+)  # fmt: skip
+def test_verdict_has_word_sign_and_colour_by_day_and_night(verdict, look, sign, hue):
+    assert VERDICTS[verdict] == look
+    style = (assets.FOLDER / "page.css").read_text(encoding="utf-8")
+    assert re.search(rf"^\.{look} \{{ --tone: var\(--(\w+)\); \}}$", style, re.MULTILINE)[1] == look
+    assert re.search(rf'^\.verdict\.{look}::before \{{ content: "(.)"; \}}$', style, re.MULTILINE)[1] == sign
+    hues = {"red": (0, 20), "yellow": (35, 65), "green": (75, 150), "violet": (250, 290)}
+    for colour in re.findall(rf"--{look}: #(\w+);", style):
+        red, green, blue = (int(colour[i : i + 2], 16) / 255 for i in (0, 2, 4))
+        angle, _, saturation = rgb_to_hls(red, green, blue)[0] * 360, None, rgb_to_hls(red, green, blue)[2]
+        low, high = hues.get(hue, (0, 360))
+        assert low <= angle <= high
+        assert (saturation < 0.2) == (hue == "grey")
+    assert len(re.findall(rf"--{look}: #", style)) == 2

@@ -1,0 +1,171 @@
+"""The site: it builds without a warning, its links lead somewhere, it asks for nothing from outside."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from functools import cache
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+pytest.importorskip("sphinx", reason="the site needs the extra [docs]")
+
+import nearharmonic as nh
+
+pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).parents[3]
+#: What a browser loads by itself, by element and attribute.
+LOADED = {("script", "src"), ("link", "href"), ("img", "src"), ("iframe", "src"), ("source", "src"), ("object", "data")}
+
+
+@pytest.fixture(scope="module")
+def site():
+    """The site, by the command that CONTRIBUTING.md prints; a build that is up to date is checked again in seconds."""
+    place = ROOT / "build/site"
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-j", "auto", "docs", str(place)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, check=False, text=True, timeout=600)
+    assert done.returncode == 0, done.stderr
+    return place
+
+
+class Page(HTMLParser):
+    """Ids of a page, targets of its links, and files that it loads."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.ids, self.links, self.loaded = set(), set(), set()
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        for name, value in attributes:
+            if name in ("id", "name") and value:
+                self.ids.add(value)
+            if (tag, name) in LOADED:
+                self.loaded.add(value)
+            elif tag == "a" and name == "href":
+                self.links.add(value)
+
+
+@cache
+def read(path):
+    return Page(path.read_text(encoding="utf-8"))
+
+
+def pages(site):
+    return [path for path in site.rglob("*.html") if "_static" not in path.parts]
+
+
+def test_a_page_stands_for_each_source(site):
+    """Parts are included by pages."""
+    files = (path.relative_to(ROOT / "docs") for path in ROOT.glob("docs/**/*.md"))
+    sources = {path.with_suffix(".html") for path in files if path.parent.name != "parts"}
+    assert len(sources) > 80
+    assert sources <= {path.relative_to(site) for path in pages(site)}
+
+
+def test_no_page_loads_anything_from_outside(site):
+    outside = {(path.name, url) for path in pages(site) for url in read(path).loaded if urlsplit(url).netloc}
+    assert outside == set()
+
+
+def test_links_between_pages_lead_to_files_and_headings(site):
+    lost = set()
+    for path in pages(site):
+        for url in read(path).links | read(path).loaded:
+            parts = urlsplit(url)
+            if parts.scheme or parts.netloc:
+                continue
+            target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+            there = target.is_file() and (
+                not parts.fragment or target.suffix != ".html" or unquote(parts.fragment) in read(target).ids
+            )
+            if not there:
+                lost.add((str(path.relative_to(site)), url))
+    assert lost == set()
+
+
+def test_the_quickstart_ran_and_is_a_notebook_to_download(site):
+    """Two of its cells draw, and no cell failed: a build stops at an exception."""
+    (path,) = site.glob("_downloads/*/quickstart.ipynb")
+    cells = [one for one in json.loads(path.read_text(encoding="utf-8"))["cells"] if one["cell_type"] == "code"]
+    source = (ROOT / "docs/start/quickstart.md").read_text(encoding="utf-8")
+    assert cells
+    assert all("".join(one["source"]) in source for one in cells)
+    shown = (site / "start/quickstart.html").read_text(encoding="utf-8")
+    assert len(re.findall(r'<img [^>]*src="\.\./_images/\w+\.png"', shown)) == 2
+
+
+def test_pages_of_figures_have_each_statement_of_their_figure(site):
+    """A statement names its figure in the place that it has in the paper."""
+    entries = json.loads((ROOT / "docs/claims.json").read_text(encoding="utf-8"))
+    for number in range(1, 7):
+        text = " ".join(re.sub(r"<.*?>", "", (site / f"results/figure_{number}.html").read_text("utf-8")).split())
+        named = [one for one in entries if re.search(rf"(?:Fig\.|Figure) {number}\b", one["paper"]["section"])]
+        assert named
+        for one in named:
+            assert plain(one["statement"]) in plain(text), one["id"]
+            assert plain(one["value"]) in plain(text), one["id"]
+
+
+def plain(text):
+    """Letters and digits alone: quotation marks and escapes differ between a page and its source."""
+    return re.sub(r"[\W_]+", "", re.sub(r"&\w+;|&#\w+;", "", text))
+
+
+def test_first_use_of_a_term_leads_to_the_glossary(site):
+    text = (site / "explanation/splitting.html").read_text(encoding="utf-8")
+    links = re.findall(r'href="[^"]*glossary\.html#term-([\w-]+)"', text)
+    assert {"drift", "kick", "stage", "symmetric", "splitting-method", "modified-Hamiltonian"} <= set(links)
+    assert len(links) == len(set(links))
+    assert text.index("#term-drift") < text.index("#term-stage")
+
+
+def test_tables_of_the_paper_are_those_of_the_theory(site):
+    """The largest coefficient of Ruth's method is 1 - 2 / (2 - 2^(1/3))."""
+    text = (site / "results/tables.html").read_text(encoding="utf-8")
+    assert f"{1 - 2 / (2 - 2 ** (1 / 3)):.12f}"[:-1] in text
+    assert str(nh.integrators["babps9o7h"].kick[0]) in text
+
+
+@pytest.fixture(scope="module")
+def browser(site):
+    """A function that opens a page of the site, and notes its requests and errors."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    import shutil
+
+    program = shutil.which("chromium")
+    if program is None:
+        pytest.skip("no chromium")
+    with sync_api.sync_playwright() as playwright:
+        running = playwright.chromium.launch(
+            executable_path=program, args=["--headless", "--no-sandbox", "--disable-gpu"]
+        )
+
+        def opened(name):
+            page = running.new_page(viewport={"width": 1200, "height": 900})
+            page.heard = []
+            page.on("request", lambda one: page.heard.append(one.url))
+            page.on("pageerror", lambda one: page.heard.append(f"error: {one}"))
+            page.goto((site / name).as_uri(), wait_until="load")
+            return page
+
+        yield opened
+        running.close()
+
+
+def test_a_browser_loads_formulas_and_nothing_from_outside(browser):
+    page = browser("start/near_harmonic.html")
+    page.wait_for_selector("mjx-container", timeout=20_000)
+    assert [url for url in page.heard if not url.startswith(("file:", "data:", "blob:"))] == []
+
+
+def test_figure_6_moves_on_the_site(browser):
+    frame = browser("results/figure_6.html").frame_locator("iframe")
+    frame.locator("button[name=step]").click()
+    assert frame.locator("output").inner_text().endswith("after 1 iterations")

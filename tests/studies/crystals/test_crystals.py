@@ -1,0 +1,173 @@
+"""Runs on crystals: loops against independent ones, harmonic limits, leaders and the cube."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import nearharmonic as nh
+from nearharmonic.errors import NearharmonicError
+from nearharmonic.math import exp
+from nearharmonic.numerics.compiled import Normal
+from nearharmonic_paper.pages.targets.crystals import MIDDLE
+from nearharmonic_studies.crystals.dynamics import equilibrated, halves, loops_for
+from nearharmonic_studies.crystals.reductions import kind_of, reduction, trend, window_of
+from nearharmonic_studies.crystals.run import Start, delta, energies, energy_errors, start_of
+from nearharmonic_studies.crystals.settings import CrystalsSettings
+from nearharmonic_studies.crystals.solids.chain import chain
+from nearharmonic_studies.crystals.trained_method import TRAINED_ON_CRYSTALS
+
+CELLS = 4
+SOLID = chain(CELLS)
+LOOPS = loops_for(SOLID.gradient)
+
+
+def ring(q):
+    """The chain as a formula of the package, which derives and compiles its force by itself."""
+    n = 2 * CELLS
+    return sum((1 - exp(-(q[(i + 1) % n] - q[i]))) ** 2 for i in range(n))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["leapfrog", "babs7o7h", "bcss_s4"])
+def test_a_run_is_that_of_the_package(name):
+    """Both round about ten times a force; 200 forces of a stable run lose three digits at most."""
+    start, steps, tau = start_of(SOLID, LOOPS, 0.3, [1]), 50, 0.3
+    system = nh.System(
+        name="ring", V=ring, q0=[0.0] * 8, p0=[0.0] * 8, t_end=steps * tau, masses=[float(m) for m in SOLID.masses]
+    )
+    found = nh.integrate(system, name, tau, q0=start.u, p0=start.p, t_end=steps * tau, summation="plain")
+    kinetic, potential = energies(SOLID, LOOPS, nh.integrators[name], tau, steps, start)[-1]
+    q, p = found.q.values[-1], found.p.values[-1]
+    assert kinetic == pytest.approx(sum(p * p / SOLID.masses) / 2, rel=1e-12)
+    assert potential == pytest.approx(float(ring(tuple(q))), rel=1e-12)
+
+
+@pytest.mark.slow
+def test_without_friction_the_thermostatted_loop_is_the_other():
+    start = start_of(SOLID, LOOPS, 0.3, [2])
+    for name in ("leapfrog", "bcss_s4", "babs7o7h"):
+        moves, kicks = halves(nh.integrators[name], 0.2)
+        u, p, average = start.u.copy(), start.p.copy(), np.zeros(2)
+        LOOPS.thermostatted(u, p, SOLID.masses, moves, kicks, False, 1.0, np.zeros((40, 8)), average)
+        both = energies(SOLID, LOOPS, nh.integrators[name], 0.2, 40, start)
+        assert average == pytest.approx(both[1:, ::-1].sum(axis=0), rel=1e-12)
+        u, p, average = start.u.copy(), start.p.copy(), np.zeros(2)
+        LOOPS.thermostatted(u, p, SOLID.masses, moves, kicks, True, 1.0, np.zeros((80, 8)), average)
+        assert average == pytest.approx(both[1:, ::-1].sum(axis=0), rel=1e-12)
+
+
+def test_leapfrog_with_friction_samples_a_cold_crystal_exactly():
+    """BAOAB has the exact mean potential energy for harmonic V at every step size; 6 standard errors of blocks."""
+    energy, tau, normal = 1e-6, 0.25 * SOLID.period, Normal([3])
+    keep = float(exp(-0.5 * tau))
+    width = np.sqrt((1 - keep * keep) * energy * SOLID.masses)
+    u, p = np.zeros(8), np.sqrt(energy * SOLID.masses) * normal.rows(1, 8)[0]
+    moves, kicks = halves(nh.integrators["leapfrog"], tau)
+    blocks = np.zeros((40, 2))
+    for block in blocks:
+        LOOPS.thermostatted(u, p, SOLID.masses, moves, kicks, False, keep, width * normal.rows(4000, 8), block)
+    potential = blocks[2:, 0] / (4000 * 7 * energy / 2)  # seven modes; the eighth moves the chain as a whole
+    assert abs(potential.mean() - 1) < 6 * potential.std(ddof=1) / np.sqrt(len(potential))
+    assert potential.std(ddof=1) / np.sqrt(len(potential)) < 0.01
+
+
+@pytest.mark.slow
+def test_starts_have_the_temperature_and_rest():
+    """Means over 300 starts of seven modes: a relative error of sqrt(2 / 2100) = 3 %, five times that."""
+    found = [equilibrated(LOOPS, SOLID.masses, 1e-6, SOLID.period / 20, 1000, 0.1, Normal([4, k])) for k in range(300)]
+    kinetic = np.mean([np.sum(p * p / SOLID.masses) / 2 for _, p in found])
+    potential = np.mean([SOLID.gradient(u, np.empty(8)) for u, _ in found])
+    assert kinetic == pytest.approx(7 * 1e-6 / 2, rel=0.15)
+    assert potential == pytest.approx(7 * 1e-6 / 2, rel=0.15)
+    assert max(abs(p.sum()) for _, p in found) < 1e-15
+
+
+def test_normal_numbers_have_mean_0_and_variance_1():
+    rows = Normal([5]).rows(1000, 100)
+    assert abs(rows.mean()) < 5 / np.sqrt(rows.size)
+    assert abs(rows.var() - 1) < 5 * np.sqrt(2 / rows.size)
+    assert abs((rows**4).mean() - 3) < 5 * np.sqrt(96 / rows.size)
+
+
+@pytest.mark.slow
+def test_leapfrog_loses_energy_as_on_an_oscillator():
+    """A cold chain is harmonic: a quarter of the step has a sixteenth of the error, to 10 % at these steps."""
+    start = [start_of(SOLID, LOOPS, 1e-6, [6])]
+    leapfrog = nh.integrators["leapfrog"]
+    (coarse,), (fine,) = (energy_errors(SOLID, LOOPS, leapfrog, forces, 30, start)[0] for forces in (25, 100))
+    assert coarse / fine == pytest.approx(16, rel=0.1)
+
+
+def test_hessian_varies_in_proportion_to_the_amplitude():
+    cold, warm = (delta(SOLID, LOOPS, start_of(SOLID, LOOPS, t, [7]), 1) for t in (1e-6, 1e-4))
+    assert warm / cold == pytest.approx(10, rel=0.2)
+    assert delta(SOLID, LOOPS, Start(np.zeros(8), np.zeros(8)), 1) < 1e-9
+
+
+def made_runs():
+    errors = np.array(
+        [[[1e-3, 2e-3, 3e-3], [1e-4, 1e-4, 1e-4], [2e-5, 1e-5, 4e-5]], [[0.5] * 3, [np.inf] * 3, [0.7] * 3]]
+    )
+    return xr.Dataset(
+        {
+            "max_energy_error": (
+                ("temperature", "integrator", "forces", "start"),
+                errors[:, :, None, :],
+                {"long_name": "e"},
+            )
+        },
+        coords={"temperature": [0.1, 1], "integrator": ["leapfrog", "babs7o7h", "trained_light"], "forces": [10.0]},
+    )
+
+
+def test_leader_has_the_smallest_median_and_leads_another_kind():
+    found = reduction.of(made_runs(), over="start")
+    assert found.leader.values.ravel().tolist() == ["trained_light", ""]
+    assert found.lead.values[0, 0] == pytest.approx(np.log10(1e-4 / 2e-5))
+    assert np.isnan(found.lead.values[1, 0])
+    assert found.max_energy_error.sel(quantile=0.5).values[0, :, 0].tolist() == [2e-3, 1e-4, 2e-5]
+
+
+def test_method_that_is_not_registered_leads_nowhere():
+    runs = made_runs()
+    more = (runs.isel(integrator=[2]) * 0.1).assign_coords(integrator=["trained_on_crystals"])
+    found = reduction.of(xr.concat([runs, more], "integrator", combine_attrs="override"), over="start")
+    assert found.leader.values.ravel().tolist() == ["trained_light", ""]
+    assert found.max_energy_error.sel(quantile=0.5).values[0, 3, 0] == pytest.approx(2e-6)
+    assert kind_of("trained_on_crystals") == "trained on crystals"
+
+
+def test_method_trained_on_crystals_is_stable_in_its_window():
+    assert nh.order_of(TRAINED_ON_CRYSTALS) == 4
+    assert float(nh.stability_limit(TRAINED_ON_CRYSTALS)) > 0.5 * TRAINED_ON_CRYSTALS.stages
+    # A period of 2 pi has so many forces at the ends of the window.
+    assert 2 * np.pi / 0.5 < MIDDLE < 2 * np.pi / 0.33
+
+
+def test_kinds_and_windows_come_from_the_registered_methods():
+    assert [kind_of(one) for one in ("bcss_s4", "babps8o7h", "babs8o6_7h", "trained_fine")] == [
+        "general", "paper", "paper", "trained",
+    ]  # fmt: skip
+    assert window_of("trained_coarse") == (0.15, 0.235)
+    assert np.isnan(window_of("leapfrog")).all()
+
+
+def test_trend_of_a_straight_line_is_its_rise():
+    look = np.arange(0, 101, 5)
+    lines = xr.DataArray([0.3 * look + 2, -0.1 * look], dims=("run", "look"), coords={"look": look})
+    assert trend(lines).values == pytest.approx([30, -10])
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"integrators": ("leapfrog", "rnia12", "takahashi")}, "takahashi"),
+        ({"integrators": ("leapfrog", "rowlands")}, "without modified potentials"),
+        ({"crystals": ("argn",)}, "Did you mean 'argon'"),
+    ],
+)
+def test_settings_that_cannot_run_are_named(changes, words):
+    with pytest.raises(NearharmonicError, match=words):
+        CrystalsSettings(**changes).check((), ())

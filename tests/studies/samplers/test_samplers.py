@@ -1,0 +1,239 @@
+"""Samplers: exact Gaussians, chains, effective samples and gains, against closed forms and other programs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mpmath
+import numpy as np
+import pytest
+import xarray as xr
+
+import nearharmonic as nh
+from nearharmonic.errors import NearharmonicError
+from nearharmonic.numerics.compiled import Normal
+from nearharmonic_studies.samplers.chains.effective import costs, covariances, enough, error_of, student, time_of
+from nearharmonic_studies.samplers.chains.loops import Chance, chance, loop_for, run
+from nearharmonic_studies.samplers.gaussian import efficiency, moments, power, spectrum, steps_matrix
+from nearharmonic_studies.samplers.reductions import reduction
+from nearharmonic_studies.samplers.search.training import Proposals, SecondOrder, _squares, methods_of
+from nearharmonic_studies.samplers.settings import SamplersSettings
+from nearharmonic_studies.samplers.targets.quartic import quantiles, quartic
+
+#: A quartic target whose coordinates are the same oscillator but for their frequencies.
+QUARTIC = quartic(20)
+LOOP = loop_for(QUARTIC)
+BCSS = nh.integrators["bcss_s4"]
+
+
+def leapfrog_matrix(h, steps):
+    """Powers of leapfrog's step of an oscillator, which begins with a kick, by numpy."""
+    return np.linalg.matrix_power(np.array([[1 - h * h / 2, h], [-h * (1 - h * h / 4), 1 - h * h / 2]]), steps)
+
+
+def test_matrix_of_a_trajectory_is_that_of_leapfrog():
+    angles = np.array([0.1, 0.7, 1.9])
+    found = power(steps_matrix(nh.integrators["leapfrog"], angles), 13)
+    assert found == pytest.approx(np.array([leapfrog_matrix(h, 13) for h in angles]), rel=1e-12)
+
+
+@pytest.mark.slow
+def test_gaussian_acceptance_and_jumps_are_those_of_random_proposals():
+    """2e5 proposals of 30 modes: 5 standard errors of the means."""
+    angles, random = np.linspace(0.3, 1.7, 30), np.random.default_rng(1)
+    matrices = np.array([leapfrog_matrix(h, 4) for h in angles])
+    acceptance, jumps = moments(matrices, 1)
+    z = random.normal(size=(200_000, 30, 2))
+    after = np.einsum("kij,nkj->nki", matrices, z)
+    accepted = np.minimum(1, np.exp(-((after**2).sum(axis=(1, 2)) - (z**2).sum(axis=(1, 2))) / 2))
+    assert 0.1 < acceptance < 0.9
+    assert abs(accepted.mean() - acceptance) < 5 * accepted.std() / len(z) ** 0.5
+    squares = accepted[:, None] * (after[..., 0] - z[..., 0]) ** 2 / 2
+    assert (np.abs(squares.mean(axis=0) - jumps) < 5 * squares.std(axis=0) / len(z) ** 0.5).all()
+
+
+def test_acceptance_of_many_modes_is_that_of_normal_errors():
+    """Neal (2011): erfc(sqrt(<dH>/4)); the next term of the limit is of order g = (1/modes)."""
+    matrix = leapfrog_matrix(0.05, 20)
+    g = (matrix**2).sum() - 2
+    modes = 1 / g
+    acceptance, _ = moments(matrix[None], modes)
+    assert acceptance == pytest.approx(float(mpmath.erfc(mpmath.sqrt(modes * g / 2 / 4))), rel=5 * g)
+
+
+@pytest.mark.slow
+def test_gaussian_gradients_are_those_of_a_chain():
+    """A chain of the package on the Gaussian, b = 0, at the step and length of the exact result: 5 standard errors."""
+    target = quartic(100, strength=0.0)
+    on, tau, length = spectrum(100, 10.0), 0.8, 6.0
+    exact = efficiency(BCSS, 4 * tau, length, on)
+    drawn = chance(Normal([1]), 4000, 100)
+    start = target.start(Normal([2]))
+    chain = run(target, loop_for(target), BCSS, 4 * tau, length, start, drawn)
+    accepted = np.minimum(1, np.exp(-chain.changes))
+    assert abs(chain.acceptance() - exact.acceptance) < 5 * accepted.std() / 4000**0.5 + 2e-3  # nine lengths for all
+
+
+def autoregressive(random, correlation, shape):
+    """Chains of variance 1 whose neighbours have this correlation."""
+    noise = random.normal(size=shape) * (1 - correlation**2) ** 0.5
+    chains = np.empty_like(noise)
+    chains[:, 0] = random.normal(size=shape[0])
+    for k in range(1, shape[1]):
+        chains[:, k] = correlation * chains[:, k - 1] + noise[:, k]
+    return chains
+
+
+@pytest.mark.parametrize("correlation", [0.9, 0.3, -0.5])
+def test_autocorrelation_time_is_that_of_an_autoregressive_chain(correlation):
+    """(1 + r)/(1 - r) for lag-1 correlation r; 40 chains of 2000 have errors of a few percent."""
+    chains = autoregressive(np.random.default_rng(4), correlation, (40, 2000))
+    found = time_of(covariances(chains).mean(axis=0))
+    assert found == pytest.approx((1 + correlation) / (1 - correlation), rel=0.06)
+
+
+def test_as_many_lags_are_formed_as_the_sums_need():
+    """With and without each chain the time is that of all lags, to rounding."""
+    for correlation, fewer in ((0.3, True), (0.995, False)):
+        chains = autoregressive(np.random.default_rng(6), correlation, (6, 3000))
+        found, every = enough(chains), covariances(chains)
+        assert (found.shape[1] < every.shape[1]) == fewer
+        for kept in (slice(None), slice(1, None), slice(0, -1)):
+            assert time_of(found[kept].mean(axis=0)) == pytest.approx(time_of(every[kept].mean(axis=0)), rel=1e-12)
+
+
+@pytest.mark.slow
+def test_standard_error_is_the_spread_of_repeated_measurements():
+    """A spread of 80 repetitions has an error of 8 %; the jackknife errs on the large side by up to a third."""
+    random = np.random.default_rng(5)
+    values = [costs(autoregressive(random, 0.7, (16, 400))[..., None], np.ones(16)) for _ in range(80)]
+    spread = np.std([one[0] for one in values])
+    assert 0.84 < np.mean([error_of(one) for one in values]) / spread < 1.4
+
+
+def test_student_is_that_of_the_table():
+    assert (student(23), student(15), student(16)) == (2.069, 2.131, 2.131)
+
+
+@pytest.mark.slow
+def test_energy_errors_of_a_proposal_are_those_of_the_package():
+    """A trajectory of 6 steps by ``nh.integrate``; both round about ten times a force."""
+    n, tau = 3, 0.9
+    target = quartic(n)
+    frequencies = 10.0 ** -(1 - (np.arange(n) + 0.5) / n)
+    for name in ("leapfrog", "bcss_s4", "babs7o7h"):
+        drawn = Chance(np.array([[0.3, -1.1, 0.7]]), np.array([np.inf]), np.array([1.0]))
+        start = np.array([2.0, -1.0, 0.5])
+        chain = run(target, loop_for(target), nh.integrators[name], tau, 6 * tau, start, drawn)
+
+        def potential(q):
+            return sum((w * x) ** 2 / 2 + (w * x) ** 4 / 4 for w, x in zip(frequencies, q, strict=True))
+
+        system = nh.System(name="quartics", V=potential, q0=start, p0=drawn.momenta[0], t_end=6 * tau)
+        found = nh.integrate(system, name, tau, t_end=6 * tau, summation="plain")
+        assert chain.last == pytest.approx(found.q.values[-1], rel=1e-13, abs=1e-14)
+        assert chain.gradients == 6 * nh.integrators[name].stages
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["leapfrog", *(pytest.param(name, marks=pytest.mark.slow) for name in ("bcss_s4", "babs7o7h"))]
+)
+def test_chains_leave_the_moments_of_the_quartic_right(name):
+    """<x^2> and <x^4> of exp(-x^2/2 - x^4/4) by quadrature, from means of 8 chains: 5 standard errors."""
+    with mpmath.workdps(20):
+        moment = [mpmath.quad(lambda x, m=m: x**m * mpmath.exp(-(x**2) / 2 - x**4 / 4), [-8, 0, 8]) for m in (0, 2, 4)]
+    frequencies = 10.0 ** -(1 - (np.arange(20) + 0.5) / 20)
+    means = []
+    for k in range(8):
+        q, found = QUARTIC.start(Normal([6, k])), []
+        method = nh.integrators[name]
+        for part in range(200):  # the state after each 10 proposals
+            drawn = chance(Normal([7, k, part]), 10, 20)
+            q = run(QUARTIC, LOOP, method, 0.5 * method.stages, 6.0, q, drawn).last
+            found.append([np.mean((frequencies * q) ** m) for m in (2, 4)])
+        means.append(np.mean(found, axis=0))
+    error = np.std(means, axis=0, ddof=1) / 8**0.5
+    exact = np.array([float(moment[1] / moment[0]), float(moment[2] / moment[0])])
+    assert (error / exact < 0.03).all()
+    assert (np.abs(np.mean(means, axis=0) - exact) < 5 * error).all()
+
+
+@pytest.mark.slow
+def test_starts_have_the_quantiles_of_the_quartic():
+    for strength, temperature in ((0.0, 1.0), (1.0, 1.0), (2.0, 4.0)):
+        (x,) = quantiles(strength, np.array([0.83]), temperature)
+
+        def density(y, b=strength, t=temperature):
+            return mpmath.exp(-(y**2 / 2 + b * y**4 / 4) / t)
+
+        below, all_ = (mpmath.quad(density, [-20, 0, end]) for end in (float(x), 20))
+        assert float(below / all_) == pytest.approx(0.83, abs=1e-5)
+
+
+# A drift first, and a kick.
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["bcss_s4", pytest.param("predescu_s3", marks=pytest.mark.slow)])
+def test_squared_errors_of_the_search_are_those_of_gaussian_starts(name):
+    """For b = 0: <dH^2> = g + 3 g^2/4 with |M|^2 = 2 + g. 40000 even starts with weights err by 3 % at most."""
+    proposals, method, tau = Proposals(1, 40_000, (0.0,)), nh.integrators[name], 0.5
+    outer, inner = (np.array(row) for row in method.rows_double())
+    found = _squares(
+        method.first == "kick", outer, inner, method.stages, np.array([tau]), proposals.strengths,
+        proposals.frequencies, proposals.x, proposals.p, proposals.lengths, proposals.weights,
+    )  # fmt: skip
+    counts = np.rint(proposals.lengths / (method.stages * tau)).astype(int)
+    steps = steps_matrix(method, method.stages * tau * proposals.frequencies)
+    squares = [power(step[None], count)[0] for step, count in zip(steps, counts, strict=True)]
+    g = np.array([(one**2).sum() - 2 for one in squares])
+    assert found[0, 0] == pytest.approx((g + 0.75 * g * g).mean(), rel=0.03)
+
+
+@pytest.mark.slow
+def test_equal_steps_of_a_family_are_leapfrog():
+    """They need the gradients of leapfrog but for trajectories that are rounded to whole steps."""
+    proposals = Proposals(1, 500)
+    two = SecondOrder(stages=2, first="kick").method(np.array([0.25]), "two", "two")
+    assert proposals.gradients(two) == pytest.approx(proposals.gradients(nh.integrators["leapfrog"]), rel=0.15)
+
+
+def test_best_role_of_each_number_of_stages_is_kept():
+    runs = [
+        xr.Dataset(
+            {"objective": ((), value), "unknowns": ("unknown", np.full(stages - 1, 0.2))},
+            attrs={"family": f"{stages}_{first}"},
+        )
+        for stages, first, value in ((3, "drift", -0.1), (3, "kick", -0.2), (4, "kick", -0.1), (4, "drift", -0.3))
+    ]
+    assert {name: one.first for name, one in methods_of(runs).items()} == {
+        "searched_s3": "kick", "searched_s4": "drift",
+    }  # fmt: skip
+
+
+def test_gains_are_ratios_with_paired_intervals():
+    """Equal scatter of two methods on the same chains leaves their ratio without error."""
+    scatter = np.array([0.0, 0.1, -0.1])
+    runs = xr.Dataset(
+        {"cost": (("integrator", "part"), [4 + scatter, 3 + scatter, 2.5 + scatter])},
+        coords={"integrator": ["leapfrog", "bcss_s4", "searched_s4"]},
+    )
+    found = reduction.of(runs, over="part")
+    assert found.gain.values == pytest.approx(np.exp([0, 1, 1.5]))
+    assert found.gain_low.values == pytest.approx(found.gain_high.values)
+    assert found.over_best.values == pytest.approx(np.exp([-1, 0, 0.5]))
+    assert found.best.item() == "bcss_s4"
+    assert np.log(found.cost_high / found.cost_low).values == pytest.approx(2 * 12.706 * 0.1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"integrators": ("leapfrog", "mclachlan_atela_2")}, "symmetric methods"),
+        ({"integrators": ("leapfrog", "rowlands")}, "without modified potentials"),
+        ({"targets": ("quartik",)}, "Did you mean 'quartic'"),
+        ({"families": ("4_kik",)}, "Did you mean '4_kick'"),
+    ],
+)
+def test_settings_that_cannot_run_are_named(changes, words):
+    with pytest.raises(NearharmonicError, match=words):
+        replace(SamplersSettings(), **changes).check((), ())
