@@ -13,12 +13,13 @@ from functools import partial
 from importlib import import_module
 from typing import Any, NoReturn, TextIO
 
-from nearharmonic import __version__, commands
+from nearharmonic import __version__
 from nearharmonic.errors import FileWriteError, NearharmonicError, SettingError, unknown_name
 from nearharmonic.output.table import printable
-from nearharmonic_paper import commands as of_the_record
 
 PROGRAM = "nearharmonic"
+#: Packages whose modules are subcommands: of the library, and of the record, which the pipeline adds by name.
+OF_THE_LIBRARY, OF_THE_RECORD = "nearharmonic.commands", "nearharmonic_paper.commands"
 #: Exit status of a process that the user has interrupted: 128 plus the number of the signal.
 INTERRUPTED = 130
 
@@ -44,9 +45,9 @@ def command_names() -> tuple[str, ...]:
 def _packages() -> dict[str, str]:
     """Return the package of each subcommand, by its name."""
     return {
-        info.name.replace("_", "-"): package.__name__
-        for package in (commands, of_the_record)
-        for info in pkgutil.iter_modules(package.__path__)
+        info.name.replace("_", "-"): package
+        for package in (OF_THE_LIBRARY, OF_THE_RECORD)
+        for info in pkgutil.iter_modules(import_module(package).__path__)
     }
 
 
@@ -167,7 +168,7 @@ def _run(words: Sequence[str]) -> int:
 
     form = one_of("format", chosen.format, FORMATS)
     module = _module_of(top.command)
-    if module.__package__ == of_the_record.__name__:  # results never run code
+    if module.__package__ == OF_THE_RECORD:  # results never run code
         with trusting_only(getattr(chosen, "trust", ())):
             answer = module.answer(chosen)
     else:

@@ -18,7 +18,7 @@ from nearharmonic.systems import systems
 from nearharmonic_paper.tasks.code import sources
 from nearharmonic_paper.tasks.code.sources import closure
 from nearharmonic_paper.tasks.declarations import figures_of
-from nearharmonic_paper.tasks.experiment import experiments
+from nearharmonic_paper.tasks.experiment import ROOMS, experiments
 from nearharmonic_paper.tasks.provenance import code_digest
 
 RULES = Path(__file__).parents[2] / "workflow/rules"
@@ -46,8 +46,7 @@ def tasks():
     cubes = [stem for one in experiments().values() for stem in one.cubes]
     return sorted(
         f"nearharmonic.{module}"
-        for module in every
-        | {one.function.partition(":")[0] for one in figures_of("reproduction.experiments", systems, cubes)}
+        for module in every | {one.function.partition(":")[0] for one in figures_of(ROOMS, systems, cubes)}
     )
 
 

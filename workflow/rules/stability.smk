@@ -25,7 +25,7 @@ rule stability_compile:
     resources:
         compiler=1,  # as in the rule compile
     params:
-        task=lambda wildcards: task(f"reproduction.experiments.stability.{wildcards.ensemble}.run:warm_up"),
+        task=lambda wildcards: task(f"nearharmonic_paper.experiments.stability.{wildcards.ensemble}.run:warm_up"),
     script:
         "../scripts/task.py"
 
@@ -41,7 +41,7 @@ rule stability_run:
         integrator="|".join(METHODS),
     params:
         task=lambda wildcards: task(
-            f"reproduction.experiments.stability.{wildcards.ensemble}.run:measure",
+            f"nearharmonic_paper.experiments.stability.{wildcards.ensemble}.run:measure",
             integrator=wildcards.integrator,
             settings=getattr(CONFIG.stability, wildcards.ensemble),
         ),
@@ -59,7 +59,7 @@ rule stability_cube:
         LOG("stability/{ensemble}"),
     params:
         task=lambda wildcards: task(
-            f"reproduction.experiments.stability.{wildcards.ensemble}.reductions:reduce",
+            f"nearharmonic_paper.experiments.stability.{wildcards.ensemble}.reductions:reduce",
             integrators=CONFIG.stepwise,
             settings=getattr(CONFIG.stability, wildcards.ensemble),
         ),

@@ -327,7 +327,6 @@ def recall(slots: Floats, table: Floats, flags: Floats, n: int, tau: float, move
         _written(slots, at, counter + 2)
 
 
-types: Any = numba_types
 #: What a step takes beside the step size.
 ARRAY = "writable, C-contiguous array of float64 with one dimension"
 #: Arrays whose addresses are constants in machine code.

@@ -248,7 +248,7 @@ def warn_of_step(problem: Setup, asked: Sequence[float], steps: Sequence[int], k
     above = 2
     while (caller := sys._getframe(above).f_globals.get("__name__", "")) == "nearharmonic.errors":
         above += 1  # a public function is wrapped by naming_arguments
-    if off[i] < WARNED or caller.split(".")[0] == "nearharmonic":
+    if off[i] < WARNED or caller.startswith("nearharmonic"):
         return
     name = key if key == "tau" else f"{key}[{i}]"
     message = f"{name} = {asked[i]:.6g} runs as {used[i]:.6g}: t_end = {problem.t_end} is no multiple of it"

@@ -26,7 +26,7 @@ from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.exact.step import Step, composed
 from nearharmonic.exchange.coefficient_file import CoefficientFile
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.composition import Composition, First, Row
+from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.tableau import First, Row, Tableau
 
 Flow = Literal["kick", "drift"]

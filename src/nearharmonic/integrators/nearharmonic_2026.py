@@ -1,6 +1,6 @@
 """Methods of order six for quadratic kinetic energy and harmonic order seven or eight, after Nielsen's idea.
 
-The search ``reproduction.experiments.sixth_order`` finds these methods. Its criterion ranks them first among the
+The search ``nearharmonic_studies.sixth_order`` finds these methods. Its criterion ranks them first among the
 methods with their number of stages (7 to 11) and composition. Free parameters are those at the minimum of the
 criterion, rounded to four decimals. The choice used no integration of a problem. For a separable H whose kinetic energy
 is not quadratic their order is four. Labels are like those of the paper, with the order before the harmonic order. The

@@ -1,7 +1,8 @@
 """Methods of order six for quadratic T with five stages and modified potentials, found by our own search.
 
-:mod:`nearharmonic.training.family` has the equations, six for seven unknowns, and :mod:`nearharmonic.training.objective`
-finds the digits. The ABA method has the smallest norm of the error terms of degree seven in its family, to five digits;
+:mod:`nearharmonic.training.family` has the equations, six for seven unknowns;
+:mod:`nearharmonic.training.objective` finds the digits. The ABA method has the smallest
+norm of the error terms of degree seven in its family, to five digits;
 its second kick is the parameter of the family. The BAB method is the one with two innermost kicks of V alone that has
 the smallest coefficients.
 """

@@ -25,7 +25,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from nearharmonic.core.layout import Floats
 from nearharmonic.core.machine.reals import generic, jit
 from nearharmonic.errors import bad_setting
 from nearharmonic.numerics.portable import Floats

@@ -47,7 +47,7 @@ from nearharmonic.plotting.energy_error import (
     say_if_empty,
 )
 from nearharmonic.plotting.levels import draw_floor, energy_error_label
-from nearharmonic.plotting.palette import SPARE_COLOURS, style_of
+from nearharmonic.plotting.palette import SPARE_COLOURS
 from nearharmonic.plotting.plot import CUBE, MEMBER, PROFILE, RANKING, TRAJECTORY, check_measured, plot
 from nearharmonic.plotting.style import (
     house_style,

@@ -141,15 +141,15 @@ def plot(
         raise bad_setting("kind", kind, allowed)
     if axes is not None and chosen not in ("orbit", "phase", "section"):
         raise bad_setting("axes", axes, "two quantities of an orbit, a phase space or a section, and this has none")
-    drawing = with_matplotlib("drawing", "a plot")
+    drawing = with_matplotlib("a plot")
     drawn: Figure = drawing.draw(source, chosen, given, axes)
     if title is not None:
         drawing.write_above(drawn, title)
     return drawn
 
 
-def with_matplotlib(module: str, purpose: str) -> Any:
-    """Import a module of functions that draw, and matplotlib with it.
+def with_matplotlib(purpose: str) -> Any:
+    """Import the module of functions that draw datasets, and matplotlib with it.
 
     Raises
     ------
@@ -157,7 +157,7 @@ def with_matplotlib(module: str, purpose: str) -> Any:
         matplotlib is not installed.
     """
     try:
-        return import_module(f"nearharmonic.plotting.datasets.{module}")
+        return import_module("nearharmonic.plotting.datasets")
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "matplotlib":
             raise
@@ -230,7 +230,7 @@ def animate(
     if not given or any(kind_of(one) != TRAJECTORY for one in given):
         raise bad_setting("runs", type(runs).__name__, "a Dataset of nearharmonic.integrate, or a list of them")
     check_measured(given)
-    film = with_matplotlib("film", "a film")
+    film = with_matplotlib("a film")
     if ending == ".gif":
         write_bytes(Path(str(path)), film.gif(given, frames, fps, title))
         return Path(str(path))

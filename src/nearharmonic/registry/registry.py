@@ -326,9 +326,6 @@ def _cell(value: object) -> str:
     return escape(text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}...")
 
 
-Entry = TypeVar("Entry")
-
-
 class Selection(Mapping[str, Entry]):
     """A view of the entries of a registry that fulfil a condition, in the order of the registry.
 

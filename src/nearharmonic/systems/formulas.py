@@ -21,12 +21,9 @@ from nearharmonic.core.formulas.number import NO_SUCH_COMPONENT, Constant, Formu
 from nearharmonic.core.formulas.tracing import Hamiltonian
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.declaration import Members
-from nearharmonic.systems.energy import Energy, MassKineticEnergy, quadratic_T, takes_parameters
+from nearharmonic.systems.energy import Energy, MassKineticEnergy, Vector, quadratic_T, takes_parameters
 from nearharmonic.systems.numba_potential import NumbaEnergy, numba_potential
-from nearharmonic.systems.quantities import Vector
 from nearharmonic.systems.regularisation import RegularisedFormulas
-
-Vector = tuple[Any, ...]
 
 
 class DerivedGradient:
@@ -182,9 +179,6 @@ class Energies(Members):
             raise SystemDefinitionError(f"{self.name}: V depends on time, and its energy needs t")
         time = (t,) if self.time_dependent else ()
         return self._kinetic_energy.function(p, *constants) + self.V(q, *time, *constants)
-
-
-Vector = tuple[Any, ...]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,12 +27,12 @@ from threading import RLock
 from typing import Any, NamedTuple
 
 from nearharmonic.core.arithmetic import sqrt
-from nearharmonic.core.formulas.expression import Expression, Graph, Value, check_size, gradient, operations, value_of
+from nearharmonic.core.formulas.expression import Expression, Graph, Value, check_size, operations, value_of
+from nearharmonic.core.formulas.expression import gradient as derived
 from nearharmonic.core.formulas.number import FUNCTIONS, Constant, Number, call, scalar, vector
 from nearharmonic.core.formulas.program import Program, shortest_program
 from nearharmonic.errors import SystemDefinitionError, bad_setting
 from nearharmonic.systems.declaration import written_frequencies
-from nearharmonic.systems.energy import Components as Vector
 from nearharmonic.systems.energy import (
     Energy,
     MassKineticEnergy,
@@ -510,7 +510,7 @@ class SquareGradient:
         pairs = zip(force, self.formulas.acceleration(force, *given), strict=True)
         square: Expression | Constant = sum((f * a for f, a in pairs), start=Constant(0))
         coordinates: tuple[Value, ...] = tuple(x.value for x in q)
-        roots = gradient(graph, value_of(square), coordinates)
+        roots = derived(graph, value_of(square), coordinates)
         return shortest_program(graph, roots, value_of(scalar(self.formulas, "V", q, *given)))
 
 

@@ -8,15 +8,14 @@ from importlib import import_module
 from types import ModuleType
 
 from nearharmonic_paper.claims.claim import Claim
-from nearharmonic_paper.tasks.code.sources import PACKAGE, ROOT
-from nearharmonic_paper.tasks.experiment import ROOM
+from nearharmonic_paper.tasks.code.sources import ROOT, path_of
+from nearharmonic_paper.tasks.experiment import folders
 from nearharmonic_paper.tasks.provenance import code_digest
 
 
 def modules() -> list[str]:
     """Return the dotted names of the modules with statements."""
-    places = sorted(ROOT.joinpath(*ROOM.split(".")).glob("*/claims.py"))
-    return [f"{PACKAGE}.{ROOM}.{place.parent.name}.claims" for place in places]
+    return [name for name in (f"{folder}.claims" for folder in folders()) if path_of(name, ROOT).is_file()]
 
 
 def digest() -> str:

@@ -184,8 +184,7 @@ def _difference(
 
 def _target_of(function: str) -> str:
     """Return the target of the files of ``function``, as the end of a command; empty for the default target."""
-    room, _, rest = function.removeprefix("reproduction.").partition(".")
-    found = experiments().get(rest.partition(".")[0]) if room == "experiments" else None
+    found = next((experiments()[part] for part in function.split(".") if part in experiments()), None)
     return f" -- {found.target}" if found in beside_the_paper() else ""
 
 

@@ -74,13 +74,13 @@ def figure(
     return decorate
 
 
-def figures_of(package: str, systems: Collection[str], cubes: Collection[str] = ()) -> list[Declaration]:
-    """Return the figures that a package or a module declares, if the config has their cubes.
+def figures_of(packages: Collection[str], systems: Collection[str], cubes: Collection[str] = ()) -> list[Declaration]:
+    """Return the figures that packages or modules declare, if the config has their cubes.
 
     Parameters
     ----------
-    package : str
-        Dotted name below nearharmonic; the package is not imported.
+    packages : collection of str
+        Dotted names of packages or modules; they are not imported.
     systems : collection of str
         Systems of the config; each has a cube of its name.
     cubes : collection of str
@@ -91,7 +91,7 @@ def figures_of(package: str, systems: Collection[str], cubes: Collection[str] = 
     list of Declaration
         A figure of :data:`EVERY_SYSTEM` occurs once for each system.
     """
-    declared = list(_declarations(ROOT.joinpath(*package.split("."))))
+    declared = [one for package in packages for one in _declarations(ROOT.joinpath(*package.split(".")))]
     profiles = {one.cube: one for one in declared if one.profile and one.cube != EVERY_SYSTEM}
     found = []
     for one in declared:

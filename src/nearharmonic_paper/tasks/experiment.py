@@ -1,6 +1,6 @@
 """Declarations of experiments: the sources of config sections, targets, reserved names, and sections of the page.
 
-Each folder of ``reproduction.experiments`` declares ``EXPERIMENT`` in its module ``experiment``; there is no other list
+Each folder of :data:`ROOMS` declares ``EXPERIMENT`` in its module ``experiment``; there is no other list
 of experiments. No job imports these modules, so that a new title invalidates no result.
 """
 
@@ -15,10 +15,10 @@ from importlib import import_module
 from itertools import product
 from typing import Any
 
-from nearharmonic_paper.tasks.code.sources import PACKAGE, ROOT
+from nearharmonic_paper.tasks.code.sources import ROOT
 
-#: Dotted name of the folder below the package.
-ROOM = "reproduction.experiments"
+#: Packages of experiments: the paper's, and those that go beyond it.
+ROOMS = ("nearharmonic_paper.experiments", "nearharmonic_studies")
 #: Endings of the files of a table and of a figure.
 OF_A_TABLE, OF_A_FIGURE = (".csv", ".md", ".tex"), (".pdf", ".svg", ".png")
 _PLACEHOLDER = re.compile(r"\{(\w+)\}")
@@ -89,8 +89,8 @@ class Experiment:
 
     @property
     def room(self) -> str:
-        """Dotted name of its folder below the package."""
-        return f"{ROOM}.{self.name}"
+        """Dotted name of its folder."""
+        return next(folder for folder in folders() if folder.endswith(f".{self.name}"))
 
     def files(self, **values: Iterable[str]) -> list[str]:
         """Return the names of the files of its target, relative to the folder of results.
@@ -156,6 +156,13 @@ def _pattern(stem: str) -> str:
 
 
 @cache
+def folders() -> tuple[str, ...]:
+    """Return the dotted names of all experiments' folders."""
+    places = ((room, path) for room in ROOMS for path in ROOT.joinpath(*room.split(".")).glob("*/__init__.py"))
+    return tuple(sorted(f"{room}.{path.parent.name}" for room, path in places))
+
+
+@cache
 def experiments() -> dict[str, Experiment]:
     """Return all experiments by name, in the order of their positions.
 
@@ -164,15 +171,14 @@ def experiments() -> dict[str, Experiment]:
     LookupError
         A folder has no declaration, or a declaration with another name.
     """
-    folders = sorted(path.parent.name for path in ROOT.joinpath(*ROOM.split(".")).glob("*/__init__.py"))
-    found = [_declared_in(folder) for folder in folders]
+    found = [_declared_in(folder) for folder in folders()]
     return {one.name: one for one in sorted(found, key=lambda one: (one.place, one.name))}
 
 
 def _declared_in(folder: str) -> Experiment:
-    module: Any = import_module(f"{PACKAGE}.{ROOM}.{folder}.experiment")
+    module: Any = import_module(f"{folder}.experiment")
     declared: Experiment = module.EXPERIMENT
-    if declared.name != folder:
+    if declared.name != folder.rpartition(".")[2]:
         message = f"{module.__file__} declares the experiment {declared.name!r}"
         raise LookupError(message)
     return declared

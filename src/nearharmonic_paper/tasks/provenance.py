@@ -102,13 +102,13 @@ def settings_digest(task: Mapping[str, Any]) -> str:
 
 
 def _module_of(function: str) -> str:
-    return f"{PACKAGE}.{function.partition(':')[0]}"
+    return function.partition(":")[0]
 
 
 def function_of(task: Mapping[str, Any]) -> Any:
     """Return the package function that ``task`` names."""
     module, _, name = task["function"].partition(":")
-    return getattr(import_module(f"{PACKAGE}.{module}"), name)
+    return getattr(import_module(module), name)
 
 
 def named_in(settings: Mapping[str, Any]) -> set[str]:

@@ -67,4 +67,4 @@ def test_placeholders_are_filled_with_every_combination():
     assert one.run_files(x="pq") == ["runs/r/p.h5", "runs/r/q.h5", "runs/s.h5"]
     assert one.table_patterns == ("t_*", "*")
     assert one.figure_titles == {"f_*_*": "F"}
-    assert (one.target, one.key, one.room) == ("one", "one", "reproduction.experiments.one")
+    assert (one.target, one.key, one.room) == ("one", "one", "nearharmonic_paper.experiments.one")

@@ -22,7 +22,7 @@ from nearharmonic.recommendation.curve import Curve
 from nearharmonic_paper.experiments.paper.figures.fig6_substeps import draw_panels
 from nearharmonic_paper.experiments.work_precision.figures.times import work_precision_figure
 from nearharmonic_paper.tasks.declarations import figures_of
-from nearharmonic_paper.tasks.experiment import experiments
+from nearharmonic_paper.tasks.experiment import ROOMS, experiments
 from nearharmonic_paper.tasks.provenance import function_of
 from support.cubes import figure_cubes as made
 from support.cubes.artists import NO_LINE, entries, look, look_of, luminance
@@ -40,12 +40,12 @@ TRAINED = [name for name in integrators if name.startswith("trained_")]
 TOGETHER = [*BENCHMARKED, "rnia12", "na7"]
 EXPERIMENTS = experiments()
 SHOWN = [stem for one in EXPERIMENTS.values() for stem in one.cubes]
-DECLARED = {one.stem: one for one in figures_of("reproduction.experiments", ("henon_heiles", "kepler", "sho"), SHOWN)}
+DECLARED = {one.stem: one for one in figures_of(ROOMS, ("henon_heiles", "kepler", "sho"), SHOWN)}
 # Those of the systems that the paper has a figure of are drawn by that figure; every other system is shown like this.
 OWN = {stem: DECLARED.pop(stem) for stem in ("sho_energy_error", "henon_heiles_energy_error", "kepler_energy_error")}
 (DECLARED["sho_energy_error"],) = (
     replace(one, stem="sho_energy_error")
-    for one in figures_of("reproduction.experiments.paper.figures.energy_error", ("other",))
+    for one in figures_of(("nearharmonic_paper.experiments.paper.figures.energy_error",), ("other",))
 )
 
 

@@ -15,7 +15,7 @@ from nearharmonic.engine.settings import Numerics
 
 #: Precision and summation -> widths: lanes of one register, and of several.
 WIDTHS = {("double", "compensated"): (8, 16), ("double", "plain"): (8, 32), ("extended", "compensated"): (8,)}
-#: Systems whose runs share lanes; a regularised one has a lane of its own (tests/library/engine/kinds/test_regularised.py).
+#: Systems whose runs share lanes; a regularised one has a lane of its own (test_regularised.py).
 SYSTEMS = sorted(name for name, system in nh.systems.items() if system.regularisation is None)
 #: Systems whose kernels are also compiled for several registers: with T = p.p / 2 and with another.
 BOTH_KINETIC_ENERGIES = ("henon_heiles", "relativistic_oscillator")

@@ -8,7 +8,7 @@ from itertools import product
 
 import pytest
 
-from nearharmonic.exact import lie as lie
+from nearharmonic.exact import lie
 
 
 def free_dimensions(generators, highest):

@@ -36,7 +36,9 @@ def made(tmp_path, sweep, function):
     folder = tmp_path / "results/paper"
     (folder / "logs").mkdir(parents=True)
     for shard in (0, 1):
-        described = task(f"reproduction.experiments.paper.{function}", sweep=sweep, integrator="babs7o7h", shard=shard)
+        described = task(
+            f"nearharmonic_paper.experiments.paper.{function}", sweep=sweep, integrator="babs7o7h", shard=shard
+        )
         place = f"results/paper/runs/sho/babs7o7h/{shard}.h5"
         write(function_of(described)(**described["settings"])["run"], [place], provenance(described))
         receipt = Receipt(f"results/paper/logs/{shard}.log")

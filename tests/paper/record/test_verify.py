@@ -144,7 +144,7 @@ def test_the_command_names_the_target_that_the_function_belongs_to(results, func
 @pytest.mark.parametrize("experiment", sorted(path.parent.name for path in EXPERIMENTS.glob("*/__init__.py")))
 def test_every_experiment_has_a_target_that_makes_its_files(experiment):
     """The default target makes those of the paper alone."""
-    target = _target_of(f"reproduction.experiments.{experiment}.run:measure").removeprefix(" -- ") or "all"
+    target = _target_of(f"nearharmonic_paper.experiments.{experiment}.run:measure").removeprefix(" -- ") or "all"
     rules = "\n".join(path.read_text(encoding="utf-8") for path in RULES.glob("*.smk"))
     assert (target == "all") == (experiment == "paper")
     assert target == "all" or re.search(rf"^rule {target}:$", rules, re.MULTILINE)

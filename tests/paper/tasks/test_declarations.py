@@ -36,7 +36,7 @@ def declared(tmp_path, monkeypatch):
         (tmp_path / "experiments" / name).mkdir(parents=True)
         (tmp_path / "experiments" / name / "figure.py").write_text(text)
     monkeypatch.setattr(declarations, "ROOT", tmp_path)
-    return declarations.figures_of("experiments", ("sho", "kepler"), ("there",))
+    return declarations.figures_of(("experiments",), ("sho", "kepler"), ("there",))
 
 
 def test_figures_of_each_system_have_separate_names_and_functions(declared):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from nearharmonic_paper.tasks.declarations import figures_of
-from nearharmonic_paper.tasks.experiment import experiments
+from nearharmonic_paper.tasks.experiment import ROOMS, experiments
 
 METHODS = ("ruth", "babs7o7h")
 #: Of figure 2.
@@ -42,7 +42,7 @@ _OF_EXPERIMENTS = {
 }
 
 _PAPER = _EXPERIMENTS["paper"]
-_DRAWN = figures_of("reproduction.experiments", SYSTEMS, [stem for one in _EXPERIMENTS.values() for stem in one.cubes])
+_DRAWN = figures_of(ROOMS, SYSTEMS, [stem for one in _EXPERIMENTS.values() for stem in one.cubes])
 #: The paper's figures by target.
 FIGURES = {one.target: figures(one.stem) for one in _DRAWN if one.function.startswith(f"{_PAPER.room}.")}
 #: The pages of figures without a number.

@@ -6,9 +6,9 @@
 The row block of the lanes has ``width`` doubles in a row. Its rows are: d positions, their d carries, d momenta, their
 d carries; then the tally: maximum and sum of |H - H0| over the block, the carry of the sum, the latest H - H0, H0 as a
 pair, the largest |H - H0| allowed, and two bounds of the rounding error of H
-(:func:`nearharmonic.core.formulas.tracing.rounding_of`); then each parameter as a pair; then the running state, laid out
-as the first 4 d rows, and the d rests that its next move adds (:mod:`nearharmonic.core.step`). In extended precision
-the carries are the low halves of double-doubles.
+(:func:`nearharmonic.core.formulas.tracing.rounding_of`); then each parameter as a pair; then the running state, laid
+out as the first 4 d rows, and the d rests that its next move adds (:mod:`nearharmonic.core.step`). In extended
+precision the carries are the low halves of double-doubles.
 
 Formulas of many coordinates are compiled as loops, for one lane (:mod:`nearharmonic.core.large`).
 """

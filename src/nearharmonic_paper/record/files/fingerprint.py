@@ -14,7 +14,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.output.atomic import digest_of, plain
 from nearharmonic.systems import systems
 from nearharmonic_paper.config.config import Config
-from nearharmonic_paper.tasks.code.sources import PACKAGE, ROOT, module_digest
+from nearharmonic_paper.tasks.code.sources import PACKAGE, PACKAGES, ROOT, module_digest
 from nearharmonic_paper.tasks.code.user_sources import digest_of as digest_of_file
 from nearharmonic_paper.tasks.definitions import files_in
 from nearharmonic_paper.tasks.provenance import coefficients_digest
@@ -53,15 +53,15 @@ def fingerprint(config: Config) -> dict[str, Any]:
 
 
 def package_digest(root: Path = ROOT) -> str:
-    """Return the SHA-256 of the code of all modules of the package, without docstrings and comments."""
+    """Return the SHA-256 of the code of all modules of the packages, without docstrings and comments."""
     modules = sorted(_module_names(root))
     return digest_of({name: module_digest(name, None if root == ROOT else root) for name in modules})
 
 
 def _module_names(root: Path) -> Iterable[str]:
-    for path in root.rglob("*.py"):
+    for path in (path for package in PACKAGES for path in root.joinpath(package).rglob("*.py")):
         parts = path.relative_to(root).with_suffix("").parts
-        yield ".".join((PACKAGE, *(parts[:-1] if parts[-1] == "__init__" else parts)))
+        yield ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
 def versions() -> dict[str, str]:

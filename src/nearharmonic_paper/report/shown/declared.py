@@ -8,7 +8,7 @@ from math import inf
 from nearharmonic_paper.tasks.declarations import Declaration
 
 #: Package of the figures that may have interactive panels.
-PAPER = "reproduction.experiments.paper."
+PAPER = "nearharmonic_paper.experiments.paper."
 #: Interactive figures of other quantities than energy errors.
 OTHERS = ("fig2_decomposition", "fig4_perihelion", "fig6_substeps")
 

@@ -20,6 +20,7 @@ from nearharmonic_paper.report.shown.declared import in_order
 from nearharmonic_paper.report.shown.pictures import thumbnail
 from nearharmonic_paper.report.shown.tables import ShownTable, tables_of
 from nearharmonic_paper.tasks.declarations import Declaration, figures_of
+from nearharmonic_paper.tasks.experiment import ROOMS
 
 #: Verdicts in the order of the page, each with the name of its style.
 VERDICTS = {
@@ -67,7 +68,7 @@ class ShownResults:
         """The existing declared figures, in the order of the page."""
         cubes = self.stems("cubes", ".h5")
         drawn = self.stems("figures", ".svg")
-        return in_order(one for one in figures_of("reproduction.experiments", cubes, cubes) if one.stem in drawn)
+        return in_order(one for one in figures_of(ROOMS, cubes, cubes) if one.stem in drawn)
 
     @property
     def has_systems_of_the_paper(self) -> bool:

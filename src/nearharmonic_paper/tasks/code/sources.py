@@ -1,4 +1,4 @@
-"""Source files of the package: imports of each module, and digests that do not depend on docstrings and comments."""
+"""Source files of the packages: imports of each module, and digests that do not depend on docstrings and comments."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ from nearharmonic.errors import NearharmonicError
 
 Node = TypeVar("Node")
 
-PACKAGE = "nearharmonic"
+#: Packages whose sources count, and their common folder.
+PACKAGES = ("nearharmonic", "nearharmonic_paper", "nearharmonic_studies")
+PACKAGE = PACKAGES[0]
 ROOT = Path(__file__).parents[3]
 #: Maximum number of entries of the cache on disk, 150 bytes each. A larger cache is cleared.
 MOST_CACHED = 3000
@@ -40,7 +42,7 @@ def closure(*modules: str, root: Path | None = None) -> tuple[str, ...]:
     *modules : str
         Dotted names within the package.
     root : Path, optional
-        Folder of a package, which is read again at each call; by default the running package, whose files are read
+        Folder of the packages, which is read again at each call; by default the running package, whose files are read
         once.
 
     Raises
@@ -52,8 +54,8 @@ def closure(*modules: str, root: Path | None = None) -> tuple[str, ...]:
 
 
 def _closure(files: _Files, modules: tuple[str, ...]) -> tuple[str, ...]:
-    found = reached(modules, lambda name: [] if name == PACKAGE else [name.rpartition(".")[0], *files.imported(name)])
-    return tuple(sorted(found - {PACKAGE}))
+    found = reached(modules, lambda name: [] if name in PACKAGES else [name.rpartition(".")[0], *files.imported(name)])
+    return tuple(sorted(found - {*PACKAGES}))
 
 
 @cache
@@ -101,8 +103,8 @@ def module_of(name: str) -> str | None:
 
 
 def path_of(module: str, root: Path) -> Path:
-    """Return the file of the dotted name ``module`` in a package whose folder is ``root``."""
-    path = root.joinpath(*module.split(".")[1:])
+    """Return the file of the dotted name ``module`` of a package in the folder ``root``."""
+    path = root.joinpath(*module.split("."))
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
@@ -135,7 +137,7 @@ class _Files:
             level = len(written) - len(name)
             if level:
                 name = ".".join([*package[: len(package) - level + 1], *([name] if name else [])])
-            if name.split(".")[0] == PACKAGE:
+            if name.split(".")[0] in PACKAGES:
                 yield name
 
 

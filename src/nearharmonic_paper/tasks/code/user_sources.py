@@ -10,7 +10,7 @@ from pathlib import Path
 
 from nearharmonic.errors import SettingError
 from nearharmonic.registry.user_module import is_file
-from nearharmonic_paper.tasks.code.sources import PACKAGE, Source, reached, read_source
+from nearharmonic_paper.tasks.code.sources import PACKAGES, Source, reached, read_source
 
 
 def files_of(place: str | os.PathLike[str]) -> tuple[Path, ...]:
@@ -55,7 +55,7 @@ def package_modules_of(place: str | os.PathLike[str]) -> set[str]:
         The file cannot be read.
     """
     written = (name for path in files_of(place) for name in _source(path).imports)
-    return {name for name in written if name.split(".")[0] == PACKAGE}
+    return {name for name in written if name.split(".")[0] in PACKAGES}
 
 
 def digest_of(place: str | os.PathLike[str]) -> str:

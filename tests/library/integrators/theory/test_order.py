@@ -12,7 +12,7 @@ import pytest
 from mpmath import mp, mpf, nstr
 
 from nearharmonic.errors import SettingError
-from nearharmonic.exact import lie as lie
+from nearharmonic.exact import lie
 from nearharmonic.exact.words import SQUARE, logarithm, words
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau

@@ -45,7 +45,7 @@ def make(folder, asked, function=KEEPING):
     keep(folder, shards)
     for index, place in enumerate(shards):
         settings = {"sweep": asked, "integrator": "ruth", "shard": index}
-        origin = provenance(task(f"reproduction.experiments.paper.{function}", **settings))
+        origin = provenance(task(f"nearharmonic_paper.experiments.paper.{function}", **settings))
         module, name = FUNCTIONS[function], function.partition(":")[2]
         made = getattr(module, name)(**settings, earlier=kept_for(folder, place, origin))["run"]
         place.parent.mkdir(parents=True, exist_ok=True)

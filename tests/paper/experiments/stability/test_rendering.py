@@ -63,7 +63,9 @@ def runs(tmp_path_factory):
     folder, made = tmp_path_factory.mktemp("runs"), {}
     for name, settings in SMALL.items():
         for method in reversed(METHODS):
-            asked = task(f"reproduction.experiments.stability.{name}.run:measure", integrator=method, settings=settings)
+            asked = task(
+                f"nearharmonic_paper.experiments.stability.{name}.run:measure", integrator=method, settings=settings
+            )
             path = str(folder / f"{name}-{method}.h5")
             write(results(asked)["run"], [path], provenance(asked))
             made.setdefault(name, {})[method] = path
@@ -76,15 +78,17 @@ def made(runs, tmp_path_factory):
     found = {}
     for name, settings in SMALL.items():
         asked = task(
-            f"reproduction.experiments.stability.{name}.reductions:reduce", integrators=METHODS, settings=settings
+            f"nearharmonic_paper.experiments.stability.{name}.reductions:reduce", integrators=METHODS, settings=settings
         )
         found[name] = results(asked, **runs[name])
     for name, (files, settings) in TOGETHER.items():
         paths = [str(tmp_path_factory.mktemp(name) / "run.h5") for _ in files]
         for path, one in zip(paths, files, strict=True):
-            asked = task(f"reproduction.experiments.stability.{name}.run:measure", integrators=METHODS, **one)
+            asked = task(f"nearharmonic_paper.experiments.stability.{name}.run:measure", integrators=METHODS, **one)
             write(results(asked)["run"], [path], provenance(asked))
-        asked = task(f"reproduction.experiments.stability.{name}.reductions:reduce", integrators=METHODS, **settings)
+        asked = task(
+            f"nearharmonic_paper.experiments.stability.{name}.reductions:reduce", integrators=METHODS, **settings
+        )
         found[name] = results(asked, **({"run": paths[0]} if len(paths) == 1 else {"runs": paths}))
     return found | {
         "linear": results(task("nearharmonic_paper.experiments.stability.linear.run:measure", integrators=METHODS))
@@ -98,7 +102,7 @@ def cubes(made):
 
 @pytest.mark.parametrize("name", SMALL)
 def test_cube_holds_runs_in_order_of_methods(cubes, name):
-    module = f"reproduction.experiments.stability.{name}.run:measure"
+    module = f"nearharmonic_paper.experiments.stability.{name}.run:measure"
     made = {method: results(task(module, integrator=method, settings=SMALL[name]))["run"] for method in METHODS}
     parts = {method: assembled(run.variables, run.coordinates, {}) for method, run in made.items()}
     expected = REDUCTIONS[name](

@@ -6,8 +6,8 @@ TWO_STEPS["added"] = {
     "run": RUN("added/steps"),
     "results": {"cube": CUBE("added"), "table": TABLE("added")},
     "logs": ("added/run", "added/cube"),
-    "measure": task("reproduction.experiments.added.run:measure", **_ADDED),
-    "reduce": task("reproduction.experiments.added.reduce:reduce", **_ADDED),
+    "measure": task("nearharmonic_paper.experiments.added.run:measure", **_ADDED),
+    "reduce": task("nearharmonic_paper.experiments.added.reduce:reduce", **_ADDED),
 }
 
 

@@ -1,0 +1,1 @@
+"""Theory of the integrators: order, stability, the oscillator of a step."""
