@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from sundials4py.arkode import ARKodeSPRKTable_Create
 
+from nearharmonic.exchange.export import arkode_stages as stages
 from nearharmonic.exchange.method import method_for, nearest_doubles
-from nearharmonic.exchange.writers.sundials import stages
 from nearharmonic.integrators.tableau import Tableau
 
 

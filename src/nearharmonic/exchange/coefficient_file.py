@@ -147,8 +147,8 @@ def _csv(text: str) -> dict[str, Any]:
 
 def _python(place: str) -> dict[str, Any]:
     """Return the tableau of a user's file as a document."""
+    from nearharmonic.exchange.export import document
     from nearharmonic.exchange.method import as_registered
-    from nearharmonic.exchange.writers.data import document
     from nearharmonic.integrators import integrators
     from nearharmonic.integrators.file import tableau_at
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
+from nearharmonic.exchange.export import arkode_stages as stages
 from nearharmonic.exchange.method import nearest_doubles
-from nearharmonic.exchange.writers.sundials import stages
 
 #: Kick first and drift first; the last two are not symmetric.
 METHODS = ("leapfrog", "babs7o7h", "trained_light", "aba864", "srkn_a14", "mclachlan_atela_3", "ruth_s3o3")

@@ -1,15 +1,3 @@
-"""An integrator as a program in Julia: a function that takes steps, and the Hénon-Heiles system as an example."""
-
-from __future__ import annotations
-
-from string import Template
-
-from nearharmonic.exchange.method import COEFFICIENTS_DOUBLE_DIGITS as DOUBLE_DIGITS
-from nearharmonic.exchange.method import Coefficients, head, names
-
-BIG = "More than 17 digits are for BigFloat, which holds 77 of them unless setprecision says otherwise."
-
-PROGRAM = Template("""\
 $head
 # Indices below begin with 1, those above with 0. Run: julia $name.jl
 
@@ -21,13 +9,13 @@ const ${name}_$inner = [
 $inner_rows
 ]
 
-\"\"\"
+"""
     ${name}!(kick!, drift!, tau, steps, q, p)
 
 Take `steps` steps of length `tau` and change the vectors `q` and `p` in place.
 
 Your system is two functions: `kick!(h, q, p)` does `p .-= h * dV/dq(q)`, `drift!(h, q, p)` does `q .+= h * dT/dp(p)`.
-\"\"\"
+"""
 function ${name}!(kick!, drift!, tau, steps, q, p)
     steps < 1 && return q, p
     stages = length(${name}_$inner)
@@ -58,17 +46,3 @@ q, p = [$three, $zero], [$zero, $four]
 ${name}!(henon_heiles_kick!, henon_heiles_drift!, 0.25, 80, q, p)
 println("q = ", join(q, " "))
 println("p = ", join(p, " "))
-""")
-
-
-def write(coefficients: Coefficients) -> str:
-    """Return the program, with numbers of type BigFloat if the coefficients have more digits than a double."""
-    big = coefficients.digits > DOUBLE_DIGITS
-    number = 'big"{}"' if big else "{}"
-    return PROGRAM.substitute(
-        names(coefficients, number),
-        head=head(coefficients, "#", *([BIG] if big else [])),
-        zero=number.format("0.0"),
-        three=number.format("0.3"),
-        four=number.format("0.4"),
-    )

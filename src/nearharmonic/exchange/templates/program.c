@@ -1,17 +1,3 @@
-"""An integrator as a program in C99: arrays, a function that takes steps, and the Hénon-Heiles system as an example."""
-
-from __future__ import annotations
-
-from string import Template
-
-from nearharmonic.exchange.method import COEFFICIENTS_DOUBLE_DIGITS as DOUBLE_DIGITS
-from nearharmonic.exchange.method import Coefficients, head, names
-
-QUADRUPLE = (
-    "More than 17 digits are for quadruple precision, _Float128 of GCC and glibc, which holds 36 of them at most."
-)
-
-PROGRAM = Template("""\
 $head
 // Compile and run: cc -std=c11 -O2 -o $name $name.c && ./$name
 
@@ -73,34 +59,3 @@ int main(void)
     show("p", p);
     return 0;
 }
-""")
-
-SHOW_DOUBLE = """\
-static void show(const char *label, const real *x)
-{
-    printf("%s = %.17g %.17g\\n", label, x[0], x[1]);
-}"""
-
-SHOW_QUADRUPLE = """\
-static void show(const char *label, const real *x)
-{
-    char first[64], second[64];
-    strfromf128(first, sizeof first, "%.36g", x[0]);
-    strfromf128(second, sizeof second, "%.36g", x[1]);
-    printf("%s = %s %s\\n", label, first, second);
-}"""
-
-
-def write(coefficients: Coefficients) -> str:
-    """Return the program, in quadruple precision if the coefficients have more digits than a double."""
-    quadruple = coefficients.digits > DOUBLE_DIGITS
-    suffix = "f128" if quadruple else ""
-    feature = "#define __STDC_WANT_IEC_60559_TYPES_EXT__ // for strfromf128\n"
-    return PROGRAM.substitute(
-        names(coefficients, f"{{}}{suffix}"),
-        head=head(coefficients, "//", *([QUADRUPLE] if quadruple else [])),
-        includes=f"{feature}#include <stdio.h>\n#include <stdlib.h>" if quadruple else "#include <stdio.h>",
-        real="_Float128" if quadruple else "double",
-        suffix=suffix,
-        show=SHOW_QUADRUPLE if quadruple else SHOW_DOUBLE,
-    )

@@ -1,15 +1,3 @@
-"""An integrator as a program in Fortran 2008: a module, and the Hénon-Heiles system as an example."""
-
-from __future__ import annotations
-
-from string import Template
-
-from nearharmonic.exchange.method import COEFFICIENTS_DOUBLE_DIGITS as DOUBLE_DIGITS
-from nearharmonic.exchange.method import Coefficients, head, names
-
-QUADRUPLE = "More than 17 digits are for quadruple precision, real128, which holds 36 of them at most."
-
-PROGRAM = Template("""\
 $head
 ! Compile and run: gfortran -O2 -o $name $name.f90 && ./$name
 
@@ -98,15 +86,3 @@ program example
   print '(a, 2es$width)', "q =", q
   print '(a, 2es$width)', "p =", p
 end program example
-""")
-
-
-def write(coefficients: Coefficients) -> str:
-    """Return the program, in quadruple precision if the coefficients have more digits than a double."""
-    quadruple = coefficients.digits > DOUBLE_DIGITS
-    return PROGRAM.substitute(
-        names(coefficients, "{}_real_kind", ", &"),
-        head=head(coefficients, "!", *([QUADRUPLE] if quadruple else [])),
-        kind="real128" if quadruple else "real64",
-        width="45.35e4" if quadruple else "25.16e3",
-    )

@@ -1,1 +1,0 @@
-"""One file for each target of an export: a function of the coefficients that returns a text."""
