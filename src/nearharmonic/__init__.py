@@ -49,32 +49,29 @@ __version__ = "1.0.0"
 
 #: Modules of the names that are loaded lazily: numpy takes longer to load than a command without numpy runs.
 _MODULES = {
-    "Observable": "systems.quantities",
-    "Parameter": "systems.quantities",
-    "System": "systems.system",
-    "Tableau": "integrators.tableau",
-    "adapters": "adapters",
-    "animate": "plotting.plot",
-    "ensemble": "engine.ensemble",
-    "gradient": "engine.gradient",
-    "harmonic_order": "theory.order",
-    "implicit_integrators": "integrators",
-    "integrate": "engine.trajectory",
-    "integrators": "integrators",
-    "kappa": "theory.oscillator",
-    "modified_integrators": "integrators",
-    "order_of": "theory.order",
-    "palindrome": "integrators.tableau",
-    "problem": "engine.solution",
-    "plot": "plotting.plot",
-    "recommend": "recommendation.dataset",
-    "section": "engine.section",
-    "stability_limit": "theory.linear_stability",
-    "stepper": "engine.stepper",
-    "sweep": "engine.trajectory",
-    "systems": "systems",
-    "tailor": "training.tailor",
-    "tangent": "engine.tangent",
+    name: module
+    for module, names in {
+        "adapters": "adapters",
+        "engine.ensemble": "ensemble",
+        "engine.solution": "problem",
+        "engine.trajectory": "integrate sweep",
+        "engine.section": "section",
+        "engine.stepper": "stepper",
+        "engine.gradient": "gradient",
+        "engine.tangent": "tangent",
+        "integrators": "implicit_integrators integrators modified_integrators",
+        "integrators.tableau": "Tableau palindrome",
+        "theory.linear_stability": "stability_limit",
+        "theory.order": "harmonic_order order_of",
+        "theory.oscillator": "kappa",
+        "plotting.plot": "animate plot",
+        "recommendation.dataset": "recommend",
+        "systems": "systems",
+        "systems.quantities": "Observable Parameter",
+        "systems.system": "System",
+        "training.tailor": "tailor",
+    }.items()
+    for name in names.split()
 }
 
 #: Former names, which warn at their first use, and their present names.

@@ -88,20 +88,7 @@ def _parser_of(command: str) -> argparse.ArgumentParser:
 
 
 def help_text(command: str | None = None, *, columns: int = 100) -> str:
-    """Return the text of ``--help``, of a command or of the program.
-
-    Parameters
-    ----------
-    command : str, optional
-        Name of the command.
-    columns : int
-        Width of the terminal.
-
-    Raises
-    ------
-    UnknownNameError
-        No command has this name.
-    """
+    """Return the text of ``--help``, of a command or of the program, for a terminal of so many ``columns``."""
     if command is not None and command not in command_names():
         raise unknown_name("command", command, command_names())
     parser = _top_parser(["--help"]) if command is None else _parser_of(command)
@@ -123,17 +110,9 @@ def _joined(words: Sequence[str]) -> list[str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command.
+    """Run the command with these words, by default those of the process.
 
-    Parameters
-    ----------
-    arguments
-        Words after the name of the command; None: those of the process.
-
-    Returns
-    -------
-    int
-        Exit status: 0 for yes, 1 for no, 2 for bad input with a message, 130 for an interrupt by the user.
+    The exit status is 0 for yes, 1 for no, 2 for bad input with a message, 130 for an interrupt by the user.
     """
     if sys.stderr is None:  # closed; warnings and bars of progress are written to it without a question
         sys.stderr = open(os.devnull, "w")  # noqa: PTH123, SIM115
@@ -189,10 +168,7 @@ def _refused(reason: object) -> int:
 def _write(text: str) -> None:
     """Print ``text``; control characters are escaped, letters that the terminal does not have are question marks.
 
-    Raises
-    ------
-    FileWriteError
-        The output is closed, or its disk is full.
+    A closed output or a full disk raises FileWriteError.
     """
     if sys.stdout is None:
         if text:

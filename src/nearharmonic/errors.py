@@ -30,12 +30,10 @@ class NearharmonicError(ValueError):
 
 
 class InputError(NearharmonicError):
-    """Bad input. The message is one line of at most :data:`LONGEST` characters: the middle of a longer one is left out.
+    """Bad input: key, given value, what is allowed, and the nearest match, in one line of at most :data:`LONGEST`
+    characters.
 
-    Parameters
-    ----------
-    message : str
-        Key, given value, what is allowed, and the nearest match.
+    The middle of a longer message is left out.
     """
 
     def __init__(self, message: str) -> None:
@@ -65,17 +63,7 @@ class SettingError(InputError):
 
 
 class MissingPackageError(NearharmonicError, ImportError):
-    """A package of an extra that is not installed.
-
-    Parameters
-    ----------
-    purpose : str
-        The use of the package, with its article.
-    package : str
-        Its name.
-    extra : str
-        The extra of nearharmonic that installs it.
-    """
+    """A ``package`` of an ``extra`` of nearharmonic that is not installed; ``purpose`` is its use, with its article."""
 
     def __init__(self, purpose: str, package: str, extra: str) -> None:
         super().__init__(f"{purpose} needs the package {package}: pip install 'nearharmonic[{extra}]'")

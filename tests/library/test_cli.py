@@ -70,33 +70,6 @@ def test_an_answer_with_a_short_row_is_refused():
         Answer(header=["a", "b"], rows=[[1, 2], [3]])
 
 
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (["recommend", "keplr", "--error", "1e-9"], "unknown system 'keplr'. Did you mean 'kepler'?"),
-        (["recommend", "kepler", "--error", "small"], "error = 'small' is not allowed: a finite number above 0"),
-        (["recommend", "kepler"], "the following arguments are required: --error"),
-        (["recomend"], "unknown command 'recomend'. Did you mean 'recommend'?"),
-        (
-            ["list", "system"],
-            "kind = 'system' is not allowed: one of integrators, modified_integrators, implicit_integrators, systems. "
-            "Did you mean 'systems'?",
-        ),
-        (["list", "--formt", "json"], "unrecognized arguments: --formt. Did you mean '--format'?"),
-        (["list", "systems", "planets"], "unrecognized arguments: planets"),
-        (["--frob"], "unrecognized arguments: --frob"),
-        ([], "a command is missing: one of "),
-    ],
-)
-def test_bad_input_ends_with_status_2_and_one_message(arguments, says, capsys):
-    assert main(arguments) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.startswith("nearharmonic: ")
-    assert says in err
-    assert err.count("\n") == 1
-
-
 def test_the_version_is_that_of_the_package(capsys):
     assert main(["--version"]) == 0
     assert capsys.readouterr().out == f"nearharmonic {nh.__version__}\n"
@@ -149,13 +122,6 @@ def test_interrupt_is_quiet_and_unwritable_file_gives_one_message(raised, status
     assert out == ""
     assert says in err
     assert err.count("\n") == bool(says)
-
-
-def test_the_command_is_installed_under_its_name():
-    import tomllib
-
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert project["scripts"] == {"nearharmonic": "nearharmonic.cli:main"}
 
 
 def output_of(*arguments, **variables):

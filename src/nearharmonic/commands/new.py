@@ -43,13 +43,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
 
 def _target(name: str, output: str | None) -> Path:
-    """Return the file to write.
-
-    Raises
-    ------
-    SettingError
-        It exists, its name does not end in ``.py``, or its path cannot be written in the text of the file.
-    """
+    """Return the file to write: it is new, ends in ``.py``, and its path can be written in the text of the file."""
     from nearharmonic.errors import bad_setting
 
     place = Path(f"{name}.py" if output is None else output)
@@ -62,13 +56,7 @@ def _target(name: str, output: str | None) -> Path:
 
 
 def _check_name(kind: str, name: str, place: Path) -> None:
-    """Refuse a name that cannot be used in Python or in a config.
-
-    Raises
-    ------
-    SettingError
-        It is not a valid name, a registered system or integrator has it, or the file would hide a module of Python.
-    """
+    """Refuse a name that is not valid in Python and in a config, is registered, or hides a module of Python."""
     from nearharmonic.errors import bad_setting
     from nearharmonic.integrators import integrators
     from nearharmonic.systems import systems

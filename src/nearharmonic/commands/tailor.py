@@ -73,13 +73,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
 
 def _target(output: str) -> Path:
-    """Return the file to write.
-
-    Raises
-    ------
-    SettingError
-        It exists, its name is not a valid name of a method and a Python file, or a registered method has that name.
-    """
+    """Return the file to write: a new Python file, whose name is one for a method and is not registered."""
     from nearharmonic.errors import bad_setting
     from nearharmonic.integrators import integrators
 

@@ -9,7 +9,7 @@ Runs of regularised systems: equal steps of a fictitious time, samples that land
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
@@ -18,9 +18,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.core.layout import COUNTERS, EVERY_STEP, ITERATIONS, LOOKS, NEVER, SAMPLES, running_rows
+from nearharmonic.core.layout import (
+    COUNTERS,
+    EVERY_STEP,
+    ITERATIONS,
+    LAND,
+    LOOKS,
+    NEVER,
+    RUN,
+    SAMPLES,
+    Signature,
+    running_rows,
+)
 from nearharmonic.engine import execution
-from nearharmonic.engine.execution import Batch, Trajectories, filled, surface_limit, trajectories_of
+from nearharmonic.engine.execution import Batch, Trajectories, doubles, filled, surface_limit, trajectories_of
 from nearharmonic.engine.kernels import STANDARD, cost_of, kernel_of, physics_of, with_lanes
 from nearharmonic.engine.numbers import moves_of, parameters_at_run_time, standard_parameters, standard_start
 from nearharmonic.engine.settings import Numerics, check_fit
@@ -40,19 +51,13 @@ def processed_call(
 ) -> Callable[[], None]:
     """Return a call of the three batches of a processed method, which fills the arrays of ``batch``.
 
-    Parameters
-    ----------
-    batch : Batch
-        R runs; its moves are those of the kernel, of the inverse processor and of the processor, one behind the other.
-    kernel, first, last : Batch
-        Runs of the kernel, of the inverse processor from each start, and of the processor from each sample.
-    reference : pair of float
-        H0 for all runs, in place of the energy of each start.
+    ``kernel``, ``first`` and ``last`` are runs of the kernel, of the inverse processor from each start, and of the
+    processor from each sample. The moves of ``batch`` are theirs in this order, one behind the other.
     """
     parts = kernel, first, last
     given = np.split(batch.moves, np.cumsum([part.moves.shape[1] for part in parts[:-1]]), axis=1)
     inner, before, behind = (part.filled for part in parts)
-    marks, states, (error, worst, total), energy, running, _ = batch.filled
+    marks, _, states, error, worst, total, energy, running = batch.filled
 
     def call() -> None:
         for part, moves in zip(parts, given, strict=True):
@@ -77,7 +82,7 @@ def processed_call(
         """Measure the energies of processed states."""
         energy[:] = before.energy if isnan(reference[0]) else reference
         high, low = (behind.energy[:, k].reshape(marks.shape) - energy[:, k, None] for k in (0, 1))
-        error[:] = (high + low) + behind.blocks[0, :, 1].reshape(error.shape)
+        error[:] = (high + low) + behind.energy_error[:, 1].reshape(error.shape)
         start = before.energy - energy
         error[:, 0] = start[:, 0] + start[:, 1]
         worst[:] = np.abs(error)
@@ -116,16 +121,8 @@ def landing_call(
 ) -> Callable[[], None]:
     """Return a call of the runs of a regularised system: with the perturbation, or without it if its strength is 0.
 
-    Parameters
-    ----------
-    system, numerics
-        Regularised system, and arithmetic.
-    stages : int
-        Stages of a collocation method; 0 for a splitting method.
-    parameters : (R or 1, 2 P) array of float
-        Parameters of the runs, which may change from call to call.
-    arguments : tuple
-        Arguments of the function that :func:`nearharmonic.core.loops.kernel.build_landing` returns.
+    ``parameters`` (R or 1, 2 P) may change from call to call. ``arguments`` are those of the function that
+    :func:`nearharmonic.core.loops.kernel.build_landing` returns.
     """
     strength = None if system.regularisation is None else system.regularisation.strength
     place = None if strength is None else 2 * list(system.parameters).index(strength)
@@ -141,22 +138,7 @@ def landing_call(
 
 
 def check_bound(system: System, start: Floats, parameters: Floats) -> None:
-    """Raise an error for starts of a regularised system whose orbit is not bound.
-
-    Parameters
-    ----------
-    system : System
-        Of d coordinates; nothing is refused if it is not regularised.
-    start : (R, 4 d) array of float
-        Initial states.
-    parameters : (R or 1, 2 P) array of float
-        Parameters, as pairs.
-
-    Raises
-    ------
-    SettingError
-        An energy that is not below 0.
-    """
+    """Raise an error for starts (R, 4 d) of a regularised system whose orbit is not bound: H is not below 0."""
     if system.regularisation is None:
         return
     rows = start.reshape(len(start), 4, -1)
@@ -170,14 +152,9 @@ def check_bound(system: System, start: Floats, parameters: Floats) -> None:
 
 
 def sample_marks(steps: Integers, samples: int) -> Integers:
-    """Return the steps (R, S) at which to sample, first 0 and last ``steps``, padded with -1; S is 2 or more.
+    """Return the steps (R, S) at which to sample runs of ``steps`` (R,), first 0 and last ``steps``, padded with -1.
 
-    Parameters
-    ----------
-    steps : (R,) array of int
-        Steps of each run.
-    samples : int
-        Most samples of a run; they are as evenly spaced as whole steps allow.
+    A run has at most so many ``samples``, as evenly spaced as whole steps allow; S is 2 or more.
     """
     width = max(2, min(samples, int(steps.max()) + 1))
     if width == 2:  # as for every sweep
@@ -208,22 +185,13 @@ def prepared_batch(
     resumed: Floats | None = None,
     own_frequencies: bool = True,
 ) -> Batch:
-    """Return a batch that is ready to run.
+    """Return a batch that is ready to run, of arrays that :class:`Batch` describes.
 
-    Parameters
-    ----------
-    system, step, numerics
-        Problem, method, or a single composition of one, and arithmetic.
-    marks, scheme, moves, start, parameters
-        Arrays that :class:`Batch` describes.
-    scale : float
-        Energy that errors are relative to; 0 for |H0|, or for the unit of energy where H0 = 0.
-    reference : pair of float
-        H0 for all runs, high and low half, in place of the energy of each start.
-    resumed : (R, 5 D) array of float, optional
-        Running states of runs that go on from ``start`` with the same moves.
-    own_frequencies : bool
-        False if ``moves`` solve oscillators of other frequencies than the system's, those of each run's parameters.
+    ``step`` is a method, or a single composition of one. Errors are relative to the energy ``scale``; 0 means |H0|, or
+    the unit of energy where H0 = 0. ``reference`` is a pair H0 for all runs in place of the energy of each start.
+    ``resumed`` (R, 5 D) are the running states of runs that go on from ``start`` with the same moves.
+    ``own_frequencies`` is False if ``moves`` solve oscillators of other frequencies than the system's, those of each
+    run's parameters.
     """
     if isinstance(step, Tableau) and step.processed:
         return _prepared_processed(
@@ -232,29 +200,34 @@ def prepared_batch(
         )  # fmt: skip
     cost = step.stages * cost_of(system, numerics.compiled, **step.kernel_options)
     runs, d, stages = len(marks), start.shape[1] // 4, step.stages if step.implicit else 0
-    left_at, control = np.zeros(runs, np.int64), execution.control()
-    results = np.empty((4 * d + 3) * marks.size + (2 + running_rows(d, stages)) * runs)
-    parts = filled(marks, results, left_at, d)
-    front = measured(numerics), np.argsort(-marks.max(axis=1), kind="stable"), marks, scheme, start
-    behind = (
-        surface_limit(system, scale), scale, np.array(reference), numerics.look or execution.stretch(cost),
-        step.moves_per_step, step.first_same_as_last, moves, control, parts.states, *parts.blocks, parts.energy,
-        parts.running, left_at,
-    )  # fmt: skip
+    rows = running_rows(d, stages)
+    left_at, control, results = np.zeros(runs, np.int64), execution.control(), np.empty(doubles(marks.shape, d, rows))
+    arrays = filled(marks, results, left_at, d)._asdict()
+    given = arrays | {
+        "measured": measured(numerics), "order": np.argsort(-marks.max(axis=1), kind="stable"), "scheme": scheme,
+        "start": start, "parameters": parameters, "limit": surface_limit(system, scale), "scale": scale,
+        "reference": np.array(reference), "stretch": numerics.look or execution.stretch(cost),
+        "stages": step.moves_per_step, "kick_first": step.first_same_as_last, "moves": moves, "control": control,
+        "ends": arrays["running"],
+    }  # fmt: skip
     call: Callable[[], object]
     if system.regularisation is not None:
-        call = landing_call(system, numerics, stages, parameters, (*front, parameters, *behind))
+        call = landing_call(system, numerics, stages, parameters, _in_order(LAND, given))
     else:
-        parameters = parameters_at_run_time(system, numerics, parameters, own_frequencies=own_frequencies)
-        resumed = np.empty((0, running_rows(d, stages))) if resumed is None else resumed.copy()
+        given["parameters"] = parameters_at_run_time(system, numerics, parameters, own_frequencies=own_frequencies)
+        given["resumed"] = np.empty((0, rows)) if resumed is None else resumed.copy()
         if stages:  # iterations count from the start of a run
-            resumed[:, ITERATIONS - COUNTERS] = 0.0
-        kernel = kernel_of(system, numerics.compiled, **step.kernel_options)
-        call = kernel.prepared(*front, resumed, parameters, *behind)
+            given["resumed"][:, ITERATIONS - COUNTERS] = 0.0
+        call = kernel_of(system, numerics.compiled, **step.kernel_options).prepared(*_in_order(RUN, given))
     return Batch(
-        numerics=numerics, marks=marks, scheme=scheme, start=start, parameters=parameters, moves=moves,
+        numerics=numerics, marks=marks, scheme=scheme, start=start, parameters=given["parameters"], moves=moves,
         results=results, left_at=left_at, control=control, call=call, cost=cost,
     )  # fmt: skip
+
+
+def _in_order(signature: Signature, given: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Return the arguments of a compiled function that are ``given`` by name, in the order of its declaration."""
+    return tuple(given[argument.name] for argument in signature.arguments if argument.name in given)
 
 
 def _prepared_processed(
@@ -296,33 +269,12 @@ def integrate_batch(
     reference: tuple[float, float] = (nan, nan),
     resumed: Floats | None = None,
 ) -> Trajectories:
-    """Integrate R runs over [0, t_end], run i in ``steps[i]`` equal steps.
+    """Integrate R runs over [0, t_end], run i in ``steps[i]`` equal steps; ``t_end`` is negative to run backwards.
 
-    Parameters
-    ----------
-    system, tableau, numerics, scale, reference, resumed
-        As for :func:`prepared_batch`.
-    t_end : Fraction
-        End of the interval; negative to run backwards.
-    steps : (R,) sequence of int
-        Steps of each run.
-    samples : int
-        Most samples of a run; a single one is the end.
-    start : (R or 1, 4 d) array of float, optional
-        Initial states in place of the system's own, laid out as by
-        :func:`nearharmonic.engine.numbers.start_row`.
-    parameters : (R or 1, 2 P) array of float, optional
-        Parameters in place of the system's own, laid out as by
-        :func:`nearharmonic.engine.numbers.parameter_row`.
-    marks : (R, S) array of int, optional
-        Steps at which to sample in place of ``samples``: as :func:`sample_marks` returns them.
-
-    Raises
-    ------
-    SettingError
-        The system has no kernel for kicks of a modified potential.
-    KeyboardInterrupt
-        Ctrl-C, within a fraction of a second.
+    Each run keeps at most so many ``samples``; a single one is the end. ``marks`` (R, S) of :func:`sample_marks`
+    replace them. ``start`` (R or 1, 4 d) and ``parameters`` (R or 1, 2 P) replace the system's own, laid out as by
+    :func:`nearharmonic.engine.numbers.start_row` and ``parameter_row``. All else is as for
+    :func:`prepared_batch`. Ctrl-C ends a call within a fraction of a second.
     """
     if tableau.modified:
         check_fit(system, tableau, numerics.split, "tableau")

@@ -103,16 +103,8 @@ def trajectory_variables(
 ) -> Variables:
     """Return states at the samples, their energy errors, and the system's observables.
 
-    Parameters
-    ----------
-    problem : Setup
-        System of d coordinates, method and settings.
-    paths : Trajectories
-        R runs of S samples.
-    constants : sequence of float or (R, 1) array of float
-        Parameters of the system.
-    times : (S,) or (R, S) array of float, optional
-        Times of the samples, where they are not those of whole steps.
+    ``constants`` are the parameters of the system, floats or arrays (R, 1), and ``times`` (S,) or (R, S) those of the
+    samples, where they are not those of whole steps.
     """
     system, d = problem.system, problem.system.dimension
     units = system.units
@@ -187,8 +179,8 @@ def trajectory_dataset(
         variables |= over_runs(low_digits(problem, paths))
     variables |= clock_variables(problem, paths)
     variables |= invariant_variables(problem, paths, begin.state, begin.constants)
-    variables |= tau_variable(problem, paths) | initial_energy_variables(problem, paths)
-    one, notes = first_run(variables), problem_attributes(problem) | begin.attributes() | {"tau_requested": asked}
+    variables |= {"tau": step_used(problem, paths.steps)} | initial_energy_variables(problem, paths)
+    one, notes = first_run(variables), run_attributes(problem, begin, asked)
     notes |= problem.floor(begin.state, begin.parameters, paths.energy[:1])
     ends = times is None or np.ravel(times)[-1] == float(problem.end) + begin.t  # the last sample is the end of the run
     if ends and paths.running.size:
@@ -220,10 +212,16 @@ def parameter_variables(problem: Setup, parameters: Floats) -> Variables:
     } | {"parameters_low": (("member", "parameter"), parameters[:, 1::2], low)}
 
 
-def tau_variable(problem: Setup, paths: Trajectories) -> Variables:
-    """Return the step sizes of runs over tau_per_stage."""
+def step_used(problem: Setup, steps: int | Integers) -> Variable:
+    """Return the step size of so many steps, or the step sizes of runs over tau_per_stage."""
     notes = described("step size as used, t_end / steps", problem.system.units["t"])
-    return {"tau": (("tau_per_stage",), problem.taus(paths.steps), notes)}
+    taus = problem.taus(np.atleast_1d(steps))
+    return (("tau_per_stage",), taus, notes) if np.ndim(steps) else ((), taus[0], notes)
+
+
+def run_attributes(problem: Setup, begin: Start, asked_tau: float) -> dict[str, Any]:
+    """Return the attributes of a Dataset of runs with one step size that was asked for."""
+    return problem_attributes(problem) | begin.attributes() | {"tau_requested": asked_tau}
 
 
 def problem_attributes(problem: Setup) -> dict[str, Any]:
@@ -270,6 +268,14 @@ def over(dimension: str, variables: Variables) -> Variables:
     return {name: ((dimension, *rest[1:]), values, notes) for name, (rest, values, notes) in variables.items()}
 
 
+def without_members(variables: Variables) -> Variables:
+    """Return the variables of a single member without their dimension ``member``."""
+    return {
+        name: (dimensions[1:], values[0], notes) if dimensions[:1] == ("member",) else (dimensions, values, notes)
+        for name, (dimensions, values, notes) in variables.items()
+    }
+
+
 def over_runs(table: dict[str, tuple[Any, str, str]]) -> Variables:
     """Return described variables from (values, meaning, unit), whose first dimension is that of the runs."""
     dimensions = ("tau_per_stage", "sample", "component")
@@ -279,13 +285,10 @@ def over_runs(table: dict[str, tuple[Any, str, str]]) -> Variables:
 def sampled(problem: Setup, steps: Sequence[int], samples: int) -> Variables:
     """Integrate one run for each of ``steps``, with at most so many samples.
 
-    Returns
-    -------
-    Variables
-        t, q, p, energy_error and the system's observables over (tau_per_stage, sample, component); the maximum, the
-        mean and the number of the steps since the previous sample over (tau_per_stage, sample); tau, steps,
-        evaluations, status and diverged_at over tau_per_stage, which has no coordinate. Runs with fewer samples than
-        the longest are padded: NaN, and 0 steps.
+    Variables are t, q, p, energy_error and the system's observables over (tau_per_stage, sample, component); the
+    maximum, the mean and the number of the steps since the previous sample over (tau_per_stage, sample); tau, steps,
+    evaluations, status and diverged_at over tau_per_stage, which has no coordinate. Runs with fewer samples than the
+    longest are padded: NaN, and 0 steps.
     """
     paths = problem.run(steps, samples)
     path = trajectory_variables(problem, paths, problem.system.constants(float))
@@ -293,18 +296,13 @@ def sampled(problem: Setup, steps: Sequence[int], samples: int) -> Variables:
     leading = {name: path.pop(name) for name in ("t", "q", "p", "energy_error")}
     counts = error_variables(paths, problem)
     del counts["max_energy_error"], counts["mean_energy_error"]  # reductions of the blocks
-    return {**leading, **block_variables(problem, paths), **path, **counts, **tau_variable(problem, paths)}
+    return {**leading, **block_variables(problem, paths), **path, **counts, "tau": step_used(problem, paths.steps)}
 
 
 def checked_times(t: object, problem: Setup) -> list[Fraction]:
     """Return output times exactly, sorted from 0 towards the end of the interval, which may be negative.
 
     Floats mean their binary value, and one within a rounding of the end, in its own precision, is the end.
-
-    Raises
-    ------
-    SettingError
-        No list of one dimension, no times, too many, a masked one, one outside the interval, or one before another.
     """
     given, end = list_of("t", t, "a list of output times", MOST_SAMPLES), problem.end
     if not 1 <= len(given) <= MOST_SAMPLES:
@@ -344,16 +342,8 @@ def run_at(
 ) -> Trajectories:
     """Integrate R runs and return their states at K times; blocks between samples are not measured.
 
-    Parameters
-    ----------
-    problem : Setup
-        System of d coordinates, method and settings.
-    steps : (R,) sequence of int
-        Steps of each run.
-    times : (K,) sequence of Fraction
-        Output times, from :func:`checked_times`.
-    start, parameters, reference, resumed
-        As for :func:`nearharmonic.engine.batch.integrate_batch`.
+    ``times`` are those of :func:`checked_times`; the other arguments are those of
+    :func:`nearharmonic.engine.batch.integrate_batch`.
     """
     count = np.asarray(steps, np.int64)
     # Members of an ensemble take equal steps: exact arithmetic, which is slow, is done once for all of them.
@@ -409,7 +399,7 @@ def _step_on(
         columns[name][members, samples] = found.states[:, 1, i * d : (i + 1) * d]
     gained = (found.energy[:, 0] - paths.energy[members]) + (found.energy[:, 1] - paths.energy_low[members])
     unit = energy_unit(paths.energy[members], problem.scale)
-    columns["energy_error"][members, samples] = (gained + found.blocks[0, :, 1]) / unit
+    columns["energy_error"][members, samples] = (gained + found.energy_error[:, 1]) / unit
 
 
 def _over_samples(paths: Trajectories) -> Trajectories:

@@ -12,7 +12,7 @@ import numpy as np
 
 from nearharmonic.core.layout import COUNTERS
 from nearharmonic.engine import execution
-from nearharmonic.engine.batch import check_bound, sample_marks
+from nearharmonic.engine.batch import sample_marks
 from nearharmonic.engine.description import (
     checked_times,
     clock_variables,
@@ -23,19 +23,18 @@ from nearharmonic.engine.description import (
     over,
     over_runs,
     parameter_variables,
-    problem_attributes,
     run_at,
+    run_attributes,
+    step_used,
     trajectory_variables,
 )
-from nearharmonic.engine.execution import Batch, Filled, Trajectories, joined
-from nearharmonic.engine.kernels import formulas_digest, most_lanes_of
-from nearharmonic.engine.numbers import parameter_array, parameters_at_run_time, standard_parameters, start_array
-from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_THREADS, checked_count, checked_samples, checked_tau
-from nearharmonic.engine.setup import Setup, parameter_attributes, warn_of_step
-from nearharmonic.errors import bad_setting
+from nearharmonic.engine.execution import Batch, Filled, Trajectories, joined, sample_size, shapes
+from nearharmonic.engine.kernels import most_lanes_of
+from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_THREADS, checked_count, checked_samples
+from nearharmonic.engine.setup import Setup, Start, asked_steps, check_memory, start_of
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Floats, Integers
-from nearharmonic.output.dataset import assembled, described
+from nearharmonic.output.dataset import assembled
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
@@ -43,8 +42,6 @@ if TYPE_CHECKING:
 
 #: Members that a thread integrates at a time: so many that idle lanes at the end take little time.
 BLOCK = 2048
-#: Bytes of results that one call keeps at most.
-MOST_BYTES = 8_000_000_000
 
 
 def ensemble(
@@ -112,31 +109,26 @@ def ensemble(
         system, integrator, t_end=t_end, precision=precision, summation=summation, first=first, energy=energy,
         energy_scale=energy_scale, split=split,
     )  # fmt: skip
-    start = start_array(problem.system, q0, p0, plain=problem.plain)
-    given = standard_parameters(problem.system)[None, :]
-    if parameters is not None:
-        given = parameter_array(problem.system, parameters)
-    _check_rows(start, given)
-    check_bound(problem.system, start, given)
-    steps, kept = problem.steps_of(tau), checked_samples(samples)
-    warn_of_step(problem, [asked_tau := checked_tau(tau)], [steps])
-    members = _Members(problem, steps, start, given, checked_count("threads", threads, MOST_THREADS))
+    begin = start_of(problem, q0, p0, parameters, several=True)
+    (steps, asked_tau), kept = asked_steps(problem, tau), checked_samples(samples)
+    members = _Members(problem, steps, begin, checked_count("threads", threads, MOST_THREADS))
     if t is None:
         paths, times = members.sampled(kept), None
     else:
         asked = checked_times(t, problem)
         paths, times = members.at_times(asked), np.array([float(time) for time in asked])
-    attributes = problem_attributes(problem) | parameter_attributes(problem.system, parameters or {})
-    attributes |= {"formulas": formulas_digest(problem.system), "tau_requested": asked_tau}
-    attributes |= problem.floor(start, given, paths.energy)
-    return _dataset(problem, paths, start, given, times, attributes)
-
-
-def _check_rows(start: Floats, parameters: Floats) -> None:
-    members = max(len(start), len(parameters))
-    for key, rows in (("q0 and p0", start), ("parameters", parameters)):
-        if len(rows) not in (1, members):
-            raise bad_setting(key, f"{len(rows)} rows", f"one row, or one for each of {members} members")
+    attributes = run_attributes(problem, begin, asked_tau) | problem.floor(begin.state, begin.parameters, paths.energy)
+    constants = [column if len(begin.parameters) == 1 else column[:, None] for column in begin.parameters.T[::2]]
+    variables = trajectory_variables(problem, paths, constants, times)
+    if problem.numerics.compensated:
+        variables |= over_runs(low_digits(problem, paths))
+    variables |= clock_variables(problem, paths)
+    variables |= error_variables(paths, problem) | initial_energy_variables(problem, paths)
+    variables |= invariant_variables(problem, paths, begin.state, constants)
+    renamed = over("member", variables) | parameter_variables(problem, begin.parameters)
+    renamed["tau"] = step_used(problem, steps)
+    coordinates = [name for name in renamed if name.startswith("parameter_")]
+    return assembled(renamed, coordinates, attributes)
 
 
 @dataclass(frozen=True)
@@ -145,14 +137,8 @@ class _Members:
 
     problem: Setup
     steps: int
-    start: Floats
-    parameters: Floats
+    begin: Start
     threads: int
-
-    @property
-    def count(self) -> int:
-        """Number of members."""
-        return max(len(self.start), len(self.parameters))
 
     def at_times(self, times: Sequence[Fraction]) -> Trajectories:
         """Return all members at output times."""
@@ -170,21 +156,17 @@ class _Members:
 
     def sampled(self, samples: int) -> Trajectories:
         """Return all members, sampled at whole steps."""
-        problem, members, d = self.problem, self.count, self.problem.states_dimension
-        parameters_at_run_time(problem.system, problem.numerics, self.parameters)  # of all members, before any work
+        problem, members, d = self.problem, self.begin.members, self.problem.states_dimension
         marks, only_end = sample_marks(np.array([self.steps]), samples), samples == 1
         self._check_size(marks.size)
         kept = marks[0, only_end:]
         counters = [0, 1] * (problem.system.regularisation is not None)
         counters += [*range(-COUNTERS, 0)] * problem.tableau.implicit
+        shown = shapes((members, kept.size), d, len(counters))
         arrays = Filled(
-            marks=np.broadcast_to(kept, (members, kept.size)),
-            states=np.empty((members, kept.size, 4 * d)),
-            blocks=np.empty((3, members, kept.size)),
-            energy=np.empty((members, 2)),
-            running=np.empty((members, len(counters))),
-            left_at=np.empty(members, np.int64),
-        )
+            np.broadcast_to(kept, (members, kept.size)), np.empty(members, np.int64),
+            **{name: np.empty(shape) for name, shape in shown.items()},
+        )  # fmt: skip
         free: list[Batch] = []
 
         def compute(block: slice, start: Floats, parameters: Floats) -> None:
@@ -192,9 +174,9 @@ class _Members:
             batch = self._batch(marks, size, start, parameters, free)
             batch.run(size * self.steps)
             found = batch.filled.without_start(only_end)
-            arrays.states[block], arrays.blocks[:, block] = found.states, found.blocks
-            arrays.energy[block], arrays.left_at[block] = found.energy, found.left_at
-            arrays.running[block] = found.running[:, counters]
+            found = found._replace(running=found.running[:, counters])
+            for name in (*shown, "left_at"):
+                getattr(arrays, name)[block] = getattr(found, name)
             if size == BLOCK:
                 free.append(batch)
 
@@ -202,20 +184,18 @@ class _Members:
         return problem.trajectories(np.full(members, self.steps), arrays)
 
     def _check_size(self, samples: int) -> None:
-        size = self.count * samples * (4 * self.problem.system.dimension + 3) * 8
-        if size > MOST_BYTES:
-            what = f"the states of {self.count} members would take {size:.1e} bytes"
-            raise bad_setting("samples", samples, f"{what}, and a call keeps {MOST_BYTES:.0e}")
+        members, size = self.begin.members, sample_size(self.problem.system.dimension)
+        check_memory(f"the states of {members} members", members * samples * size, samples)
 
     def _in_blocks(self, compute: Callable[[slice, Floats, Floats], None]) -> None:
         """Call ``compute`` with each block of members, their starts and parameters; one row is for all members."""
-        given = self.start, self.parameters
+        given, members = (self.begin.state, self.begin.parameters), self.begin.members
 
         def one(i: int) -> None:
-            block = slice(i * BLOCK, min((i + 1) * BLOCK, self.count))
+            block = slice(i * BLOCK, min((i + 1) * BLOCK, members))
             compute(block, *(rows[block] if len(rows) > 1 else rows for rows in given))
 
-        count, steps = -(-self.count // BLOCK), self.count * self.steps
+        count, steps = -(-members // BLOCK), members * self.steps
         execution.Blocks(one, count, steps=steps, cost=self.problem.cost).execute(self.threads)
 
     def _batch(self, marks: Integers, size: int, start: Floats, parameters: Floats, free: list[Batch]) -> Batch:
@@ -226,30 +206,12 @@ class _Members:
         except IndexError:
             batch = None
         if batch is None:
+            lanes = replace(problem.numerics, width=most_lanes_of(problem.system, problem.numerics, problem.tableau))
             return problem.batch(
                 problem.moves([problem.end / self.steps]), np.repeat(marks, size, axis=0), np.zeros(size, np.int64),
-                np.resize(start, (size, start.shape[1])), parameters.copy(),
-                replace(problem.numerics, width=most_lanes_of(problem.system, problem.numerics, problem.tableau)),
+                np.resize(start, (size, start.shape[1])), parameters.copy(), lanes,
             )  # fmt: skip
         batch.start[:] = start
         if batch.parameters.size:  # none if they are compiled in
             batch.parameters[:] = parameters
         return batch
-
-
-def _dataset(
-    problem: Setup, paths: Trajectories, start: Floats, parameters: Floats, times: Floats | None,
-    attributes: Mapping[str, Any],
-) -> xr.Dataset:  # fmt: skip
-    constants = [column if len(parameters) == 1 else column[:, None] for column in parameters.T[::2]]
-    variables = trajectory_variables(problem, paths, constants, times)
-    if problem.numerics.compensated:
-        variables |= over_runs(low_digits(problem, paths))
-    variables |= clock_variables(problem, paths)
-    variables |= error_variables(paths, problem) | initial_energy_variables(problem, paths)
-    variables |= invariant_variables(problem, paths, start, constants)
-    renamed = over("member", variables) | parameter_variables(problem, parameters)
-    notes = described("step size as used, t_end / steps", problem.system.units["t"])
-    renamed["tau"] = (), problem.taus(paths.steps[:1])[0], notes
-    coordinates = [name for name in renamed if name.startswith("parameter_")]
-    return assembled(renamed, coordinates, attributes)

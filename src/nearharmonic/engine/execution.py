@@ -13,13 +13,13 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from math import inf, nan
+from math import inf, nan, prod
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nearharmonic.core.layout import COUNTERS, FAILED, ITERATIONS, PROGRESS, STOP
+from nearharmonic.core.layout import COUNTERS, FAILED, ITERATIONS, PROGRESS, RUN, STOP
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Bools, Floats, Integers
@@ -44,49 +44,19 @@ def stretch(cost: int) -> int:
 
 
 def execute(call: Callable[[], Any], state: NDArray[np.int64], steps: int, cost: int) -> None:
-    """Make the call; Ctrl-C stops it within a stretch, and a call of more than two seconds shows its progress.
+    """Make the call of a kernel with the control array ``state``; ``steps`` are those of all its runs, ``cost`` that of
+    one.
 
-    A call inside of :class:`Blocks` is stopped and shown together with the blocks.
-
-    Parameters
-    ----------
-    call : callable
-        Call of a kernel.
-    state : (2,) array of int
-        Its control array.
-    steps : int
-        Steps of all its runs together.
-    cost : int
-        Of a step: stages times the cost of a force.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        When the kernel has stopped. Its results must not be used.
+    Ctrl-C stops it within a stretch: KeyboardInterrupt is raised when the kernel has stopped, and its results must not
+    be used. A call of more than two seconds shows its progress. A call inside of :class:`Blocks` is stopped and shown
+    together with the blocks.
     """
     if (blocks := getattr(_OWN, "blocks", None)) is not None:
         blocks.call(call, state)
-        return
-    if steps * cost < SHORT or not _in_main_thread():
+    elif steps * cost < SHORT or not _in_main_thread():
         call()
-        return
-    ended = threading.Event()  # a thread that Ctrl-C interrupts the joining of counts as ended while it still runs
-
-    def work() -> None:
-        try:
-            call()
-        finally:
-            ended.set()
-
-    with _Progress(steps) as progress:
-        try:
-            threading.Thread(target=work, daemon=True).start()
-            while not ended.wait(PATIENCE):
-                progress.show(int(state[PROGRESS]))
-        except BaseException:
-            state[STOP] = 1
-            ended.wait()
-            raise
+    else:
+        Blocks(lambda _: execute(call, state, steps, cost), 1, steps=steps, cost=cost).execute(1)
 
 
 #: Blocks that the current thread works for.
@@ -96,14 +66,8 @@ _OWN = threading.local()
 class Blocks:
     """Blocks of runs that threads take from a queue.
 
-    Parameters
-    ----------
-    compute : callable
-        Computes one block, given its index; it calls kernels by :func:`execute`.
-    count : int
-        Number of blocks.
-    steps, cost : int
-        Steps of all runs of all blocks together; cost of a step.
+    ``compute`` computes the block of an index below ``count``, and calls kernels by :func:`execute`. ``steps`` are
+    those of all runs of all blocks together, and ``cost`` is that of a step.
     """
 
     def __init__(self, compute: Callable[[int], None], count: int, *, steps: int, cost: int) -> None:
@@ -111,13 +75,7 @@ class Blocks:
         self._stopped, self._done, self._controls = False, 0, dict[int, NDArray[np.int64]]()
 
     def execute(self, threads: int) -> None:
-        """Compute all blocks; Ctrl-C stops them all.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            When every thread has stopped.
-        """
+        """Compute all blocks; Ctrl-C stops them all, and is raised when every thread has stopped."""
         if self._steps * self._cost < SHORT or (threads == 1 and not _in_main_thread()):
             for i in range(self._count):
                 self._compute(i)
@@ -253,47 +211,63 @@ def energy_unit(energy: Floats, scale: float) -> Floats:
 class Filled(NamedTuple):
     """Arrays that a call fills for R runs of S samples each, of D coordinates.
 
-    ``marks`` (R, S): the step of each sample, -1 where a run has fewer. ``states`` (R, S, 4 D). ``blocks`` (3, R, S):
-    energy error, and maximum and sum of its modulus over the block before each sample. ``energy`` (R, 2): H0 as pairs.
-    ``running`` (R, 5 D): the states of the last forces; where runs land on physical times, it begins with the steps of
-    each, and those made to land. ``left_at`` (R,): the step at which a run left its energy surface, or 0.
+    ``marks`` (R, S): the step of each sample, -1 where a run has fewer. ``left_at`` (R,): the step at which a run left
+    its energy surface, or 0. ``states`` (R, S, 4 D). ``energy_error``, ``worst`` and ``total`` (R, S): H - H0, and
+    maximum and sum of its modulus over the block before each sample. ``energy`` (R, 2): H0 as pairs. ``running`` (R,
+    5 D): the states of the last forces; where runs land on physical times, it begins with the steps of each, and those
+    made to land.
     """
 
     marks: Integers
+    left_at: Integers
     states: Floats
-    blocks: Floats
+    energy_error: Floats
+    worst: Floats
+    total: Floats
     energy: Floats
     running: Floats
-    left_at: Integers
 
     def without_start(self, cut: bool = True) -> Filled:
         """These arrays without the first sample of each run, or as they are."""
-        if not cut:
-            return self
-        return self._replace(marks=self.marks[:, 1:], states=self.states[:, 1:], blocks=self.blocks[..., 1:])
+        return self._replace(**{name: getattr(self, name)[:, 1:] for name in ("marks", *SAMPLED) if cut})
+
+
+#: Arrays of doubles that a call fills, as the kernel declares them, and those with a number or a state a sample.
+RESULTS = {argument.name: argument.lengths for argument in RUN.arguments if argument.name in Filled._fields[2:]}
+SAMPLED = tuple(name for name, lengths in RESULTS.items() if "samples" in lengths)
+
+
+def shapes(marks: tuple[int, ...], d: int, running: int = 0) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of :data:`RESULTS` for marks (R, S) of this shape, and so many numbers of a running state."""
+    lengths = {"total_runs": marks[0], "samples": marks[1], "size": 4 * d, "pair": 2, "running_rows": running}
+    return {name: tuple(lengths[length] for length in names) for name, names in RESULTS.items()}
+
+
+def doubles(marks: tuple[int, ...], d: int, running: int = 0) -> int:
+    """Return the number of doubles of all :data:`RESULTS`."""
+    return sum(map(prod, shapes(marks, d, running).values()))
+
+
+def sample_size(d: int) -> int:
+    """Return the number of doubles that a sample takes."""
+    return doubles((1, 1), d) - doubles((1, 0), d)
 
 
 def filled(marks: Integers, results: Floats, left_at: Integers, d: int) -> Filled:
     """Return views of the ``results`` of runs of ``d`` coordinates with these ``marks``, an array in one piece."""
-    runs, samples = marks.shape
-    states, blocks = 4 * d * runs * samples, 3 * runs * samples
-    behind = states + blocks + 2 * runs
-    return Filled(
-        marks=marks,
-        states=results[:states].reshape(runs, samples, 4 * d),
-        blocks=results[states : states + blocks].reshape(3, runs, samples),
-        energy=results[states + blocks : behind].reshape(runs, 2),
-        running=results[behind:].reshape(runs, -1),
-        left_at=left_at,
-    )
+    begin, views = 0, {}
+    for name, shape in shapes(marks.shape, d, (results.size - doubles(marks.shape, d)) // len(marks)).items():
+        views[name] = results[begin : (begin := begin + prod(shape))].reshape(shape)
+    return Filled(marks, left_at, **views)
 
 
 def trajectories_of(
     system: System, tableau: Tableau, steps: Integers, arrays: Filled, numerics: Numerics, scale: float
 ) -> Trajectories:
     """Return the results of a kernel by name, energies relative to |H0|, to ``scale``, or to 1."""
-    marks, states, blocks, energy, running, left_at = arrays
-    error, worst, total = blocks / energy_unit(energy[:, 0], scale)[:, None]
+    marks, left_at, states, *blocks, energy, running = arrays
+    unit = energy_unit(energy[:, 0], scale)[:, None]
+    error, worst, total = (block / unit for block in blocks)
     length = marks.copy()
     length[:, 1:] -= marks[:, :-1]
     np.maximum(length, 1, out=length)
@@ -371,30 +345,12 @@ def surface_limit(system: System, scale: float) -> float:
 class Batch:
     """A queue of R runs with their arrays, which may be filled anew and run again.
 
-    Attributes
-    ----------
-    numerics : Numerics
-        Arithmetic, lanes, and when the energy is measured.
-    marks : (R, S) array of int
-        Steps at which to sample, first 0, padded with -1.
-    scheme : (R,) array of int
-        The row of ``moves`` that each run takes.
-    start : (R, 4 D) array of float
-        Initial states of the D coordinates of the kernel.
-    parameters : (R or 1, 2 P) array of float
-        Parameters of each run, or of all.
-    moves : (schemes, s + 2, columns) array of float
-        Coefficients with the step sizes multiplied in, from :func:`nearharmonic.engine.numbers.moves_of`.
-    results : array of float
-        States, blocks, energies and running states in one piece; :attr:`filled` splits it.
-    left_at : (R,) array of int
-        Step at which a run left its energy surface, or 0.
-    control : (2,) array of int
-        Control array of the call.
-    call : callable
-        Call of the compiled code, which fills ``results`` and ``left_at``.
-    cost : int
-        Cost of a step.
+    ``marks`` (R, S): steps at which to sample, first 0, padded with -1. ``scheme`` (R,): the row of ``moves`` (schemes,
+    s + 2, columns) that each run takes, from :func:`nearharmonic.engine.numbers.moves_of`. ``start`` (R, 4
+    D): initial states of the D coordinates of the kernel. ``parameters`` (R or 1, 2 P). ``results``: states, blocks,
+    energies and running states in one piece, which :attr:`filled` splits. ``left_at`` (R,): step at which a run left
+    its energy surface, or 0. ``control`` (2,): control array of ``call``, which fills ``results`` and ``left_at``.
+    ``cost``: that of a step.
     """
 
     numerics: Numerics

@@ -13,11 +13,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.core.formulas.number import Constant
-from nearharmonic.engine.description import error_variables, over, parameter_variables, problem_attributes
-from nearharmonic.engine.settings import KINETIC_POTENTIAL, checked_tau
-from nearharmonic.engine.setup import Setup, warn_of_step
+from nearharmonic.engine.description import (
+    error_variables,
+    over,
+    parameter_variables,
+    run_attributes,
+    step_used,
+    without_members,
+)
+from nearharmonic.engine.settings import KINETIC_POTENTIAL
+from nearharmonic.engine.setup import Setup, asked_steps, members_are_given, start_of
 from nearharmonic.engine.solution import Solution
-from nearharmonic.engine.tangent import checked_split, initial_rows, members_are_given
+from nearharmonic.engine.tangent import checked_split
 from nearharmonic.engine.variation import (
     check_coefficients,
     check_differentiable,
@@ -42,19 +49,10 @@ DIGITS = 50
 
 
 class DifferentiableObservable:
-    """A function g of states and parameters, with its derivatives.
+    """A function g of states and parameters of a system of d coordinates, with its derivatives.
 
-    Parameters
-    ----------
-    observable : str or callable
-        The name of an observable or invariant of the system, or a formula ``g(q, p)`` or ``g(q, p, *parameters)``.
-    system : System
-        System of d coordinates and P parameters.
-
-    Raises
-    ------
-    NearharmonicError
-        An unknown name, or a function that is no formula.
+    ``observable`` is the name of an observable or invariant of the system, or a formula ``g(q, p)`` or ``g(q, p,
+    *parameters)``.
     """
 
     def __init__(self, observable: Any, system: System) -> None:
@@ -88,16 +86,9 @@ class DifferentiableObservable:
             raise bad_setting("observable", self.name, f"{allowed}: {error}") from error
 
     def derivatives(self, problem: Setup, state: Floats, parameters: Floats) -> Floats:
-        """Return derivatives and then the value (2 d + P + 1, M, 2), as pairs, at M states.
+        """Return derivatives and then the value (2 d + P + 1, M, 2), as pairs, in the arithmetic of ``problem``.
 
-        Parameters
-        ----------
-        problem : Setup
-            Arithmetic: doubles, or double-doubles.
-        state : (M, 4, d) array of float
-            Positions and momenta with the digits below them.
-        parameters : (M or 1, 2 P) array of float
-            Parameters, as pairs.
+        ``state`` (M, 4, d) are positions and momenta with the digits below them, ``parameters`` (M or 1, 2 P) pairs.
         """
         rows = np.broadcast_to(parameters.reshape(len(parameters), -1, 2), (len(state), parameters.shape[1] // 2, 2))
         pairs = np.concatenate([state[:, :2].transpose(0, 2, 1), state[:, 2:].transpose(0, 2, 1), rows], axis=1)
@@ -222,21 +213,22 @@ def gradient(
     check_differentiable(subject)
     backward = backward_problem(problem)
     function = DifferentiableObservable(observable, subject)
-    begin = initial_rows(problem, q0, p0, parameters, start)
-    given = begin.parameters
-    members = max(len(begin.state), len(given))
+    if isinstance(start, Solution):
+        start = start.to_dataset()
+    begin = start_of(problem, q0, p0, parameters, start, several=True)
+    given, members = begin.parameters, begin.members
     rows = np.broadcast_to(begin.state, (members, begin.state.shape[1]))
-    steps = [problem.steps_of(tau)] * members
-    warn_of_step(problem, [asked_tau := checked_tau(tau)], steps[:1])
+    count, asked_tau = asked_steps(problem, tau)
+    steps = [count] * members
     if coefficients:
-        check_coefficients(backward.system, problem.tableau, steps[0], members)
+        check_coefficients(backward.system, problem.tableau, count, members)
     paths = problem.run(steps, 2, start=rows, parameters=given)
     end = np.stack([paths.q[:, -1], paths.q_low[:, -1], paths.p[:, -1], paths.p_low[:, -1]], axis=1)
     slopes = function.derivatives(problem, end[..., : subject.dimension], given)
-    back = backward.run(steps, steps[0] + 1 if coefficients else 2, start=_behind(subject, end, slopes, given))
+    back = backward.run(steps, count + 1 if coefficients else 2, start=_behind(subject, end, slopes, given))
     variables = _derivatives(problem, slopes, back) | _round_trip(problem, rows, back)
     if coefficients:
-        variables |= _by_coefficient(problem, backward, float(problem.end) / steps[0], back)
+        variables |= _by_coefficient(problem, backward, float(problem.end) / count, back)
     d, units = subject.dimension, subject.units
     variables |= {
         "q": (("member", "component"), paths.q[:, -1, :d], described("position at the end", units["q"])),
@@ -253,13 +245,11 @@ def gradient(
     if several := members_are_given(q0, p0, parameters, start):
         variables |= parameter_variables(problem, given)
     else:
-        variables = {name: (dims[1:], values[0], notes) for name, (dims, values, notes) in variables.items()}
-    unit = units["t"]
-    variables["tau"] = (), problem.taus(paths.steps[:1])[0], described("step size as used, t_end / steps", unit)
+        variables = without_members(variables)
+    variables["tau"] = step_used(problem, count)
     if subject.parameters:
         variables["parameter"] = ("parameter",), np.array(list(subject.parameters)), described("name of the parameter")
-    attributes = problem_attributes(problem) | begin.attributes()
-    attributes |= {"observable": function.name, "tau_requested": asked_tau}
+    attributes = run_attributes(problem, begin, asked_tau) | {"observable": function.name}
     coordinates = ["parameter", *(name for name in variables if several and name.startswith("parameter_"))]
     return assembled(variables, coordinates, attributes)
 
@@ -267,11 +257,8 @@ def gradient(
 def backward_problem(problem: Setup) -> Setup:
     """Return the runs of the sensitive system by the inverse of the method of ``problem``.
 
-    Raises
-    ------
-    SettingError
-        A processed method; a method for quadratic T, or with modified potentials, for a T that has parameters; or a
-        system whose formulas decide by parameters.
+    A processed method has none, nor has one for quadratic T if T has parameters, nor a system whose formulas decide by
+    parameters.
     """
     system, tableau = problem.system, problem.tableau
     if tableau.processed:

@@ -39,13 +39,7 @@ class InvariantWarning(UserWarning):
 
 
 def energy_at_start(system: System) -> float:
-    """Return H at the system's own start, in double precision.
-
-    Raises
-    ------
-    SettingError
-        It is not finite.
-    """
+    """Return H at the system's own start, in double precision; it is finite, or an error."""
     q, p = system.start(float)
     try:
         H0 = float(system.energy(q, p, system.constants(float), 0.0))
@@ -62,11 +56,6 @@ def invariant_values(
     """Return the invariants of ``system`` at states ``q``, ``p`` (..., d) as arrays (..., components), by name.
 
     They are evaluated in double precision, with the system's own parameters by default.
-
-    Raises
-    ------
-    SystemDefinitionError
-        An invariant cannot be evaluated.
     """
     given = system.constants(float) if constants is None else constants
     states = np.asarray(q, float), np.asarray(p, float)
@@ -118,26 +107,14 @@ def _at_state(
 
 @remembered
 def check_quantities(system: System) -> None:
-    """Evaluate invariants and observables at the start, so that formulas that fail do so before any work.
-
-    Raises
-    ------
-    SystemDefinitionError
-        An invariant or an observable cannot be evaluated.
-    """
+    """Evaluate invariants and observables at the start, so that formulas that fail do so before any work."""
     q, p = (np.array([row]) for row in system.start(float))
     invariant_values(system, q, p)
     observable_values(system, q, p, system.constants(float))
 
 
 def observable_values(system: System, q: Floats, p: Floats, constants: Sequence[Any]) -> dict[str, Floats]:
-    """Return the observables of ``system`` at states ``q``, ``p`` (..., d) as arrays (...), by name.
-
-    Raises
-    ------
-    SystemDefinitionError
-        An observable cannot be evaluated.
-    """
+    """Return the observables of ``system`` at states ``q``, ``p`` (..., d) as arrays (...), by name."""
     return {
         name: _evaluated(f"{system.name}: the observable {name}", observable.function, q, p, constants)[..., 0]
         for name, observable in system.observables.items()
@@ -153,32 +130,13 @@ def invariant_variables(
     *,
     start: tuple[Floats, Floats] | None = None,
 ) -> Variables:
-    """Return the invariants of ``system`` at the samples of R runs, and the drift of each, ``<name>_drift``.
+    """Return the invariants of ``system`` at the samples ``q``, ``p`` (R, S, d) of R runs, and their drifts,
+    ``<name>_drift``.
 
-    Parameters
-    ----------
-    system : System
-        A system of d coordinates.
-    q, p : (R, S, d) array of float
-        States at the samples; NaN where a run has no sample.
-    diverged : (R,) array of bool
-        True for runs that left their energy surface.
-    constants : sequence of floats or arrays, optional
-        Parameters of the system; its own by default.
-    start : pair of (R, d) arrays of float, optional
-        Positions and momenta at the start; by default the first sample.
-
-    Returns
-    -------
-    Variables
-        Values over (tau_per_stage, sample), with a dimension more, ``<name>_component``, for a vector; and drifts over
-        tau_per_stage: the maximum over the samples of |I - I0| / |I0|, Euclidean for a vector, or of |I - I0| where
-        I0 = 0; infinite where the run left its energy surface. The ``long_name`` says which.
-
-    Raises
-    ------
-    SystemDefinitionError
-        An invariant cannot be evaluated.
+    Values are over (tau_per_stage, sample), with a dimension more, ``<name>_component``, for a vector. A drift is the
+    maximum over the samples of |I - I0| / |I0|, Euclidean for a vector, or of |I - I0| where I0 = 0; infinite where the
+    run ``diverged`` (R,). The ``long_name`` says which. I0 is that of the first sample, unless there is a ``start``, a
+    pair of arrays (R, d).
     """
     found: Variables = {}
     q0, p0 = (q[:, 0], p[:, 0]) if start is None else start
@@ -220,21 +178,10 @@ def _checked(system: System) -> set[str]:
 
 
 def warn_of_changing(system: System, q: Floats, p: Floats, constants: Sequence[float]) -> None:
-    """Warn of each invariant that the exact solutions through the states of a run do not conserve, once for a system.
+    """Warn of each invariant that the exact solutions through the states (S, d) of a run do not conserve, once for a
+    system.
 
-    Parameters
-    ----------
-    system : System
-        A system of d coordinates.
-    q, p : (S, d) array of float
-        States of the run; those that are not finite are left out.
-    constants : sequence of floats
-        Parameters of the run.
-
-    Warns
-    -----
-    InvariantWarning
-        An invariant is not conserved.
+    States that are not finite are left out.
     """
     finite = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1))
     if q.shape[1] > MOST_COORDINATES or not finite.size or not system.invariants.keys() - _checked(system):

@@ -36,13 +36,7 @@ MEMBERS = 8
 
 
 def check_precision(system: System, precisions: Sequence[str], key: str = "precision") -> None:
-    """Raise an error for extended precision with a V that is computed in doubles.
-
-    Raises
-    ------
-    SettingError
-        It names the setting ``key``.
-    """
+    """Raise an error about the setting ``key`` for extended precision with a V that is computed in doubles."""
     if "extended" in precisions and numba_potential(system) is not None:
         needed = f"V of {system.name} is a function of numba, which computes in double precision"
         raise bad_setting(key, "extended", needed)
@@ -51,21 +45,9 @@ def check_precision(system: System, precisions: Sequence[str], key: str = "preci
 def energy_floor(system: System, scale: float, start: Floats, parameters: Floats, H0: Floats) -> dict[str, float]:
     """Return the attribute ``energy_floor`` of results; none unless V is a function of numba.
 
-    It is the rounding noise of V relative to what energy errors are relative to; of several runs the largest of the
-    first :data:`MEMBERS`.
-
-    Parameters
-    ----------
-    system : System
-        A system of d coordinates.
-    scale : float
-        Energy that errors are relative to; 0 for |H0|.
-    start : (R or 1, 4 d) array of float
-        Initial states.
-    parameters : (R or 1, 2 P) array of float
-        Parameters, in pairs.
-    H0 : (R,) array of float
-        Initial energies.
+    It is the rounding noise of V relative to what energy errors are relative to, of several runs the largest of the
+    first :data:`MEMBERS`: for initial states ``start`` (R or 1, 4 d), ``parameters`` (R or 1, 2 P) and energies ``H0``
+    (R,).
     """
     potential = numba_potential(system)
     if potential is None:
@@ -95,27 +77,10 @@ STANDARD = Numerics()
 def kernel_of(system: System, numerics: Numerics = STANDARD, *, modified: bool = False, stages: int = 0) -> Kernel:
     """Return the compiled kernel for ``system``, from the cache on disk if it is there.
 
-    Parameters
-    ----------
-    system : System
-        Its gradients are compared with its energies when it is first used in this process.
-    numerics : Numerics
-        The code depends on the settings that :attr:`Numerics.compiled` keeps. The default number of lanes is that of
-        one register.
-    modified : bool
-        True if kicks are of a modified potential.
-    stages : int
-        Stages of a collocation method; 0 for a splitting method.
-
-    Raises
-    ------
-    SystemDefinitionError
-        A formula fails or uses what formulas cannot (a branch, a function of math), or a gradient contradicts its
-        potential.
-    SettingError
-        Extended precision, or several SIMD lanes, for a V that is a function of numba.
-    CompiledCodeError
-        The machine code cannot be loaded.
+    The code depends on the settings that :attr:`Numerics.compiled` keeps; the default number of lanes is that of one
+    register. ``modified`` is True if kicks are of a modified potential, and ``stages`` are those of a collocation
+    method, 0 for a splitting method. A formula that fails or uses what formulas cannot, and a gradient that contradicts
+    its potential, raise SystemDefinitionError; extended precision or several lanes for a V of numba SettingError.
     """
     from nearharmonic.core.loops.kernel import build
 
@@ -162,14 +127,7 @@ def formulas_digest(system: System) -> str:
 def physics_of(system: System, numerics: Numerics = STANDARD, *, modified: bool = False, stages: int = 0) -> Physics:
     """Return the description of ``system`` for the compiler; its gradients are compared with its energies first.
 
-    Of ``numerics`` only ``split`` is used.
-
-    Raises
-    ------
-    SystemDefinitionError
-        A gradient contradicts its potential.
-    SettingError
-        The oscillators of the system are to be solved exactly, and cannot be.
+    Of ``numerics`` only ``split`` is used; oscillators that cannot be solved exactly raise SettingError.
     """
     check_gradients(system)
     exact = numerics.exact_oscillator

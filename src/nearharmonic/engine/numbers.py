@@ -147,12 +147,8 @@ NUMBER = "a finite number in the system's units: a float, or an exact decimal st
 
 
 def exact(key: str, value: object) -> Fraction:
-    """Return the exact value of a number, or of a string such as "0.1", "1e-3" or "1/3".
-
-    Raises
-    ------
-    SettingError
-        No number, NaN, or one whose modulus no double holds.
+    """Return the exact value of a number, or of a string such as "0.1", "1e-3" or "1/3"; its modulus is a finite
+    double.
     """
     try:
         number = exact_value(value)
@@ -165,10 +161,7 @@ def exact(key: str, value: object) -> Fraction:
 def array_of(key: str, values: Any) -> NDArray[Any] | None:
     """Return ``values`` as a plain array if it is an array of integers or floats, else None.
 
-    Raises
-    ------
-    SettingError
-        A masked entry, or numbers with a unit of their own; the message begins with ``key``.
+    A masked entry, or numbers with a unit of their own, raise an error that begins with ``key``.
     """
     if hasattr(values, "magnitude") or hasattr(type(values), "unit") or hasattr(type(values), "units"):
         raise bad_setting(key, values, "numbers in the system's units, without a unit of their own")
@@ -184,10 +177,7 @@ def array_of(key: str, values: Any) -> NDArray[Any] | None:
 def doubles_of(key: str, values: Any, allowed: str) -> Any:
     """Return an array of numbers as doubles, if these hold them exactly, or as lists; return no array unchanged.
 
-    Raises
-    ------
-    SettingError
-        As for :func:`array_of`, or an array of neither numbers, text nor objects.
+    An array of neither numbers, text nor objects raises an error.
     """
     array = array_of(key, values)
     if array is not None:
@@ -203,15 +193,10 @@ def doubles_of(key: str, values: Any, allowed: str) -> Any:
 
 
 def list_of(key: str, values: Any, allowed: str, most: int) -> list[Any]:
-    """Return the entries of a list, of another iterable of numbers, or of an array of one dimension.
+    """Return the entries of a list, of another iterable of numbers, or of an array of one dimension, at most ``most``.
 
-    Entries are not checked, except for masks and units; they keep their type.
-
-    Raises
-    ------
-    SettingError
-        No list: a single value, text, bytes, a mapping or a set; an array of other than one dimension; a masked entry;
-        or more than ``most`` entries. The message begins with ``key``.
+    Entries are not checked, except for masks and units; they keep their type. A single value, text, bytes, a mapping, a
+    set or an array of other dimensions raise an error that begins with ``key``.
     """
     array_of(key, values)  # for its checks
     if hasattr(values, "__array__"):
@@ -229,25 +214,10 @@ def list_of(key: str, values: Any, allowed: str, most: int) -> list[Any]:
 
 
 def rows_of(key: str, values: Any, width: int, allowed: str, *, several: bool = True) -> Floats:
-    """Return pairs (R, width, 2) of the numbers of a row, or of several: a double, and the digits below it.
+    """Return pairs (R, width, 2) of the numbers of a row, or of ``several``: a double, and the digits below it.
 
-    Parameters
-    ----------
-    key : str
-        Name of the argument.
-    values : number, sequence or array of shape (width,) or (R, width)
-        The numbers; a single one is a row if ``width`` is 1.
-    width : int
-        Numbers of a row.
-    allowed : str
-        Description of valid values in errors.
-    several : bool
-        False for one row alone.
-
-    Raises
-    ------
-    SettingError
-        Another shape, no row, or an entry that is masked or no finite number.
+    ``values`` have the shape (width,) or (R, width); a single number is a row of width 1. Another shape, no row, and an
+    entry that is masked or no finite number raise an error about ``key`` with the text ``allowed``.
     """
     read = doubles_of(key, values, allowed)
     if isinstance(read, np.ndarray):
@@ -269,13 +239,7 @@ def rows_of(key: str, values: Any, width: int, allowed: str, *, several: bool = 
 
 
 def column_of(key: str, values: Any) -> Floats:
-    """Return pairs (R, 2) of one number, or of a list or an array of them.
-
-    Raises
-    ------
-    SettingError
-        An array that is empty or of more than one dimension, or an entry that is masked or no finite number.
-    """
+    """Return pairs (R, 2) of one number, or of a list or an array of them; the array is not empty."""
     read = doubles_of(key, values, NUMBER)
     if isinstance(read, np.ndarray):
         if read.ndim > 1 or not read.size:
@@ -365,20 +329,10 @@ def moves(step: Composition, taus: Sequence[Fraction], parts: int, *, rounded: b
     """Return the coefficients (len(taus), s + 2, columns) of a kernel's moves, multiplied by powers of tau exactly.
 
     Rows are those of :meth:`nearharmonic.integrators.composition.Composition.moves`. Columns: kick, drift and the
-    product of the two, each rounded once, and by how much the product of the rounded two exceeds it; with two parts,
-    kick and drift as pairs. Those of kicks of a modified potential are :data:`nearharmonic.core.layout.SQUARE`.
-
-    Parameters
-    ----------
-    step : Composition
-        Step of s stages.
-    taus : sequence of Fraction
-        Step sizes.
-    parts : {1, 2}
-        Doubles that make a number: 2 for double-doubles.
-    rounded : bool
-        True if coefficients times powers of tau are rounded to doubles before any are added; kicks of V alone have no
-        other numbers with one part.
+    product of the two, each rounded once, and by how much the product of the rounded two exceeds it; with two
+    ``parts``, the doubles of a double-double, kick and drift as pairs. Those of kicks of a modified potential are
+    :data:`nearharmonic.core.layout.SQUARE`. If ``rounded``, coefficients times powers of tau are rounded to doubles
+    before any are added; kicks of V alone have no other numbers with one part.
     """
     array = np.empty((len(taus), step.stages + 2, modified_columns(parts) if step.modified else COLUMNS))
     for i, tau in enumerate(taus):
@@ -495,19 +449,8 @@ def standard_parameters(system: System) -> Floats:
 def start_array(system: System, q0: object, p0: object, *, plain: bool) -> Floats:
     """Return initial states (R, 4 d) as :func:`nearharmonic.engine.numbers.start_row` lays them out.
 
-    Parameters
-    ----------
-    system : System
-        Gives its own initial values for None.
-    q0, p0 : sequence of d numbers or strings, (d,) or (R, d) array of float, or None
-        Positions and momenta; a single number for one coordinate. R is 1 unless one of them has R rows.
-    plain : bool
-        True drops the digits below a double.
-
-    Raises
-    ------
-    SettingError
-        Another number of components or rows, or a component that is masked or no finite number.
+    ``q0`` and ``p0`` are d numbers or strings, or arrays (d,) or (R, d), a single number for one coordinate; the
+    system's own for None. R is 1 unless one of them has R rows. ``plain`` drops the digits below a double.
     """
     d, own = system.dimension, standard_start(system, plain)
     allowed = f"{d} number{'s' if d > 1 else ''}, one per coordinate, or rows of {d}"
@@ -530,19 +473,8 @@ def start_array(system: System, q0: object, p0: object, *, plain: bool) -> Float
 def parameter_array(system: System, parameters: Mapping[str, Any]) -> Floats:
     """Return parameters (R, 2 P) as :func:`nearharmonic.engine.numbers.parameter_row` lays them out.
 
-    Parameters
-    ----------
-    system : System
-        Gives those that are not named.
-    parameters : mapping
-        Values by name: numbers, strings, or (R,) arrays of float. R is 1 if there is no array.
-
-    Raises
-    ------
-    UnknownNameError
-        The system has no such parameter.
-    SettingError
-        A value that is masked or no finite number, or arrays of different lengths.
+    Values by name are numbers, strings, or (R,) arrays of float; the system gives those that are not named. R is 1 if
+    there is no array.
     """
     if not isinstance(parameters, Mapping):
         raise bad_setting("parameters", parameters, "a mapping of names to values")
@@ -568,11 +500,8 @@ def parameters_at_run_time(
 ) -> Floats:
     """Return the parameters that a kernel is given: ``parameters``, or none (1, 0) if they are compiled in.
 
-    Raises
-    ------
-    SettingError
-        They differ from the parameters that are compiled in, or for which the coefficients of the runs are computed,
-        if these are for the system's ``own_frequencies``.
+    Those that are compiled in, or for which the coefficients of runs with the system's ``own_frequencies`` are
+    computed, must be the system's own.
     """
     if numerics.exact_oscillator and own_frequencies:
         _check_frequencies(system, parameters)

@@ -33,18 +33,10 @@ CONTRADICTION = 1e-12
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """An exact position.
+    """An exact position ``q`` (d, 2) as pairs high + low of doubles.
 
-    Attributes
-    ----------
-    q : (d, 2) array
-        Position as pairs high + low of doubles.
-    scale : float
-        Distance that errors are relative to, max(|q(0)|, |q(t)|).
-    uncertainty : float
-        Error of ``q`` relative to ``scale``.
-    source : str
-        How it was found.
+    ``scale`` is the distance that errors are relative to, max(|q(0)|, |q(t)|), ``uncertainty`` the error of ``q`` over
+    it, and ``source`` how it was found.
     """
 
     q: NDArray[np.float64]
@@ -53,12 +45,9 @@ class Reference:
     source: str
 
     def error(self, q: Any, q_low: Any = 0.0) -> Any:
-        """Return |q + q_low - exact| / scale; infinite where a position is no number.
+        """Return |q + q_low - exact| / scale of arrays (..., d); infinite where a position is no number.
 
-        Parameters
-        ----------
-        q, q_low : (..., d) arrays
-            Positions, and the digits below them; a time behind them is no position.
+        A time behind the coordinates is no position.
         """
         q, q_low = (np.asarray(x)[..., : len(self.q)] if np.ndim(x) else x for x in (q, q_low))
         difference = (q - self.q[:, 0]) + (q_low - self.q[:, 1])
@@ -72,14 +61,11 @@ def position_t_end(system: System, t_end: str) -> str:
 
 
 def reference(system: System, t_end: str) -> Reference:
-    """Return the exact position of ``system`` at ``t_end``.
+    """Return the exact position of ``system`` at ``t_end``, by a closed form that fits the equations of motion or by
+    runs.
 
-    Raises
-    ------
-    SettingError
-        No closed form is known, and runs with ever smaller steps do not converge.
-    SystemDefinitionError
-        The closed form contradicts the equations of motion.
+    Runs with ever smaller steps that do not converge raise SettingError, a closed form that contradicts the equations
+    SystemDefinitionError.
     """
     import mpmath
 

@@ -16,8 +16,8 @@ from nearharmonic.engine.description import problem_attributes
 from nearharmonic.engine.ensemble import ensemble
 from nearharmonic.engine.kernels import with_lanes
 from nearharmonic.engine.numbers import parameter_array, rows_of, standard_parameters
-from nearharmonic.engine.settings import checked_tau, one_of
-from nearharmonic.engine.setup import Setup, parameter_attributes, warn_of_step
+from nearharmonic.engine.settings import one_of
+from nearharmonic.engine.setup import Setup, asked_steps, parameter_attributes
 from nearharmonic.engine.stepper import check_single_step, coefficients_of
 from nearharmonic.errors import bad_setting, warn_caller
 from nearharmonic.integrators.tableau import Tableau
@@ -120,8 +120,7 @@ def section(
     function = _Function(surface, subject, constants)
     function(rows[:, :d], rows[:, d:])  # a surface that cannot be evaluated ends the call here
     step = _ShortenedStep(problem, given)
-    steps = problem.steps_of(tau)
-    warn_of_step(problem, [asked_tau := checked_tau(tau)], [steps])
+    steps, asked_tau = asked_steps(problem, tau)
     size = float(problem.end) / steps
     block = max(1, MOST_BYTES // (PER_COORDINATE * d * (steps + 1)))
 

@@ -116,13 +116,9 @@ def one_of(key: str, value: object, allowed: Sequence[str]) -> str:
 class SharedSettings:
     """Settings that a config hands on to the kernels unchanged; all carriers between the two inherit them.
 
-    Parameters
-    ----------
-    summation : {"compensated", "plain"}
-        Summation of the steps in double precision. Double-double sums are compensated always.
-    split : {"kinetic_potential", "exact_oscillator"}
-        What the two operators of a method solve: the drift T and the kick V; or the drift T with the oscillators of the
-        frequencies that the system declares, and the kick the rest of V.
+    ``summation`` is that of the steps in double precision; double-double sums are compensated always. ``split`` says
+    what the two operators of a method solve: the drift T and the kick V; or the drift T with the oscillators of the
+    frequencies that the system declares, and the kick the rest of V.
     """
 
     summation: str = "compensated"
@@ -143,32 +139,15 @@ def shared_settings_from(*sources: object) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class Numerics(SharedSettings):
-    """Arithmetic of runs, and how often their energy is evaluated.
+    """Arithmetic of runs, and how often their energy is evaluated; :class:`SharedSettings` has the other fields.
 
-    Parameters
-    ----------
-    precision : {"double", "extended"}
-        Arithmetic of the state; "extended" is double-double.
-    width : int or None
-        Number of SIMD lanes, 1 to 64; if None, as many as suit the runs.
-    energy : {"every", "samples", "none"}
-        When the energy is measured: at every step; at the samples, where errors are over the samples and a run counts
-        as diverged at the first sample that says so; never, where errors are NaN and only a state that is not finite
-        counts as diverged.
-    look : int or None
-        With "samples", measure the energy also every so many steps, for the maxima and to find what has diverged.
-        Errors are independent of which runs share the lanes if ``look`` divides the number of steps between samples.
-    double_coefficients : bool
-        True if the products of step size and coefficient are rounded to double in extended precision too.
-
-    See Also
-    --------
-    SharedSettings : the other parameters.
-
-    Raises
-    ------
-    SettingError
-        A value outside what is allowed.
+    ``precision``: arithmetic of the state; "extended" is double-double. ``width``: number of SIMD lanes, 1 to 64; None
+    for as many as suit the runs. ``energy``: when it is measured, at "every" step; at the "samples", where errors are
+    over the samples and a run counts as diverged at the first sample that says so; or never, "none", where errors are
+    NaN and only a state that is not finite counts as diverged. ``look``: with "samples", measure the energy also every
+    so many steps, for the maxima and to find what has diverged; errors are independent of which runs share the lanes if
+    it divides the number of steps between samples. ``double_coefficients``: True if the products of step size and
+    coefficient are rounded to double in extended precision too.
     """
 
     precision: str = "double"
@@ -219,24 +198,11 @@ def exact_decimal(text: str) -> Fraction:
 
 @dataclass(frozen=True, kw_only=True)
 class Sweep(SharedSettings):
-    """The runs of every method on one system; :class:`SharedSettings` has the other attributes.
+    """The runs of every method on one ``system``, over [0, t_end] with a decimal string in its unit of time.
 
-    Attributes
-    ----------
-    system : str
-        Name of the system.
-    t_end : str
-        End of the interval [0, t_end], a decimal string in the system's unit of time.
-    lowest, highest : float
-        Range of the step sizes per stage, in the system's unit of time.
-    points_per_decade : int
-        Step sizes in each factor of ten.
-    precision : tuple of str
-        Arithmetic of the runs: "double", "extended" or both.
-    samples : int
-        States that a run keeps at most; 0 for reduced numbers alone.
-    shards : int
-        Files that share the step sizes of a method.
+    The step sizes per stage are from ``lowest`` to ``highest``, ``points_per_decade`` in each factor of ten.
+    ``precision`` has "double", "extended" or both. A run keeps at most so many ``samples``, 0 for reduced numbers
+    alone, and ``shards`` are the files that share the step sizes of a method.
     """
 
     system: str
@@ -284,23 +250,10 @@ def steps_over(taus: Floats, t_end: str, tableau: Tableau) -> Integers:
 
 
 def steps_of(t_end: str, tau: float, key: str = "tau", given: object = None) -> int:
-    """Return max(1, round(t_end / tau)), the division exact.
+    """Return max(1, round(t_end / tau)) for a decimal string and the binary value of a step size, the division exact.
 
-    Parameters
-    ----------
-    t_end : str
-        Length of the interval, a decimal string.
-    tau : float
-        Requested step size, taken as its binary value.
-    key : str
-        Name of the setting in the error.
-    given : object
-        Value of that setting in the error; ``tau`` if None.
-
-    Raises
-    ------
-    SettingError
-        More than :data:`~nearharmonic.engine.settings.MOST_STEPS` steps.
+    More than :data:`~nearharmonic.engine.settings.MOST_STEPS` raise an error about the setting ``key`` with the value
+    ``given``, or ``tau``.
     """
     steps = max(1, round(exact_decimal(t_end) / Fraction(tau)))
     if steps > MOST_STEPS:
@@ -335,12 +288,8 @@ def misfit(system: System, tableau: Tableau, split: str = KINETIC_POTENTIAL) -> 
 
 
 def check_fit(system: System, tableau: Tableau, split: str = KINETIC_POTENTIAL, key: str = "integrator") -> None:
-    """Raise an error about the setting ``key`` for a method that does not fit a system.
-
-    Raises
-    ------
-    SettingError
-        The method does not fit; the message holds the reason that :func:`misfit` returns.
+    """Raise an error about the setting ``key`` for a method that does not fit a system, with the reason of
+    :func:`misfit`.
     """
     reason = "".join(misfit(system, tableau, split))
     if reason:

@@ -12,7 +12,7 @@ import json
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
 from hashlib import sha256
@@ -31,6 +31,7 @@ from nearharmonic.engine.numbers import (
     exact,
     moves_of,
     parameter_array,
+    parameters_at_run_time,
     standard_parameters,
     standard_start,
     start_array,
@@ -49,7 +50,7 @@ from nearharmonic.engine.settings import (
 )
 from nearharmonic.errors import bad_setting, warn_caller
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.composition import Composition
+from nearharmonic.integrators.composition import OneStepMethod
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Floats, Integers
 from nearharmonic.numerics.written import exact_value
@@ -65,6 +66,8 @@ if TYPE_CHECKING:
 
 #: Relative difference between the steps that are asked for and that run, from which on a user is warned.
 WARNED = 0.01
+#: Bytes of results that one call keeps at most.
+MOST_BYTES = 8_000_000_000
 #: A method that fits every system, for checks of the system alone.
 ANY = "ruth"
 
@@ -75,32 +78,13 @@ def as_python(system: str | os.PathLike[str] | System) -> str:
 
 
 class Setup:
-    """Validated description of runs: a system, a method, and how to integrate.
+    """Validated description of runs: a system, a method, and how to integrate; arguments as for
+    :func:`nearharmonic.integrate`.
 
-    Parameters
-    ----------
-    system, integrator, precision, summation, first, energy, t_end, energy_scale, split
-        As for :func:`nearharmonic.integrate`.
-    samples : int
-        Most states that a run keeps, by default the first and the last.
-
-    Attributes
-    ----------
-    system : System
-        System of d coordinates.
-    tableau : Tableau
-        The method, in the role that is used.
-    t_end : str
-        End of the interval [0, t_end], a decimal string; negative to run backwards.
-    numerics : Numerics
-        Arithmetic, times at which the energy is measured, and the split of H.
-    scale : float
-        Energy that errors are relative to; 0 for |H0|, or for the unit of energy where H0 = 0.
-
-    Raises
-    ------
-    NearharmonicError
-        An unknown name, or a setting outside what is allowed.
+    ``system`` has d coordinates, ``tableau`` is the method in the role that is used, and ``t_end`` the end of the
+    interval [0, t_end] as a decimal string, negative to run backwards. ``numerics`` has the arithmetic, the times at
+    which the energy is measured, and the split of H. Errors are relative to the energy ``scale``; 0 for |H0|, or for
+    the unit of energy where H0 = 0. ``samples`` are the most states that a run keeps.
     """
 
     def __init__(
@@ -118,7 +102,7 @@ class Setup:
         samples: int = 2,
     ) -> None:
         self.system = (system if isinstance(system, System) else systems[system]).refresh()
-        tableau = integrator if isinstance(integrator, Composition) else integrators[integrator]
+        tableau = integrator if isinstance(integrator, OneStepMethod) else integrators[integrator]
         role = None if first is None else one_of("first", first, OPERATORS)
         self.tableau = tableau.role(role)  # type: ignore[arg-type]
         check_fit(self.system, self.tableau, split)
@@ -171,14 +155,8 @@ class Setup:
         self, moves: Floats, marks: Integers, scheme: Integers, start: Floats, parameters: Floats,
         numerics: Numerics | None = None,
     ) -> Batch:  # fmt: skip
-        """Return a batch that is ready to run.
-
-        Parameters
-        ----------
-        moves, marks, scheme, start, parameters
-            Arrays that :class:`Batch` describes.
-        numerics : Numerics, optional
-            Arithmetic and lanes in place of its own.
+        """Return a batch of arrays that :class:`Batch` describes, ready to run, with its own arithmetic and lanes or
+        others.
         """
         return prepared_batch(
             self.system, self.tableau, numerics or self.numerics, moves=moves, marks=marks, scheme=scheme, start=start,
@@ -198,14 +176,7 @@ class Setup:
     ) -> Trajectories:
         """Integrate one run for each entry of ``steps``; those that are equal in all are computed once.
 
-        Parameters
-        ----------
-        steps : (R,) sequence of int
-            Steps of each run.
-        samples : int
-            Most samples of a run.
-        start, parameters, marks, reference, resumed
-            As for :func:`nearharmonic.engine.batch.integrate_batch`.
+        The arguments are those of :func:`nearharmonic.engine.batch.integrate_batch`.
         """
         same = marks is None and all(rows is None or len(rows) == 1 for rows in (start, parameters))
         distinct = list(dict.fromkeys(steps)) if same else list(steps)
@@ -237,15 +208,24 @@ class Setup:
         return self.floor(start[None, :], parameters[None, :], H0)
 
 
-def warn_of_step(problem: Setup, asked: Sequence[float], steps: Sequence[int], key: str = "tau") -> None:
+def asked_steps(problem: Setup, tau: object) -> tuple[int, float]:
+    """Return the steps of a step size, and the step size that was asked for; warn the caller if the two do not fit."""
+    steps, asked = problem.steps_of(tau), checked_tau(tau)
+    warn_of_step(problem, [asked], [steps], above=3)
+    return steps, asked
+
+
+def warn_of_step(
+    problem: Setup, asked: Sequence[float], steps: Sequence[int], key: str = "tau", above: int = 2
+) -> None:
     """Warn the caller of a public function of a step that is 1 % off the one that was asked for, or more.
 
-    This package itself asks for steps in the knowledge of what runs, and is not warned.
+    The caller is so many frames ``above``. This package itself asks for steps in the knowledge of what runs, and is not
+    warned.
     """
     used = [abs(float(problem.end)) / n for n in steps]
     off = [abs(size / tau - 1) for size, tau in zip(used, asked, strict=True)]
     i = max(range(len(off)), key=off.__getitem__)
-    above = 2
     while (caller := sys._getframe(above).f_globals.get("__name__", "")) == "nearharmonic.errors":
         above += 1  # a public function is wrapped by naming_arguments
     if off[i] < WARNED or caller.startswith("nearharmonic"):
@@ -255,14 +235,14 @@ def warn_of_step(problem: Setup, asked: Sequence[float], steps: Sequence[int], k
     warn_caller(f"{message}, and is covered by {steps[i]} equal steps")
 
 
-def checked_scale(value: object) -> float:
-    """Return the energy that errors are relative to; 0 for None.
+def check_memory(what: str, numbers: int, samples: int) -> None:
+    """Raise an error for more than :data:`MOST_BYTES` of results."""
+    if (size := 8 * numbers) > MOST_BYTES:
+        raise bad_setting("samples", samples, f"{what} would take {size:.1e} bytes, and a call keeps {MOST_BYTES:.0e}")
 
-    Raises
-    ------
-    SettingError
-        Not a finite number above 0.
-    """
+
+def checked_scale(value: object) -> float:
+    """Return the energy that errors are relative to, a finite number above 0; 0 for None."""
     if value is None:
         return 0.0
     scale = float(exact("energy_scale", value))
@@ -282,24 +262,11 @@ CLOCK = ("clock", "clock_low", "clock_momentum", "clock_momentum_low")
 class Start:
     """Initial values of a run, or of M runs, as a kernel takes them.
 
-    Attributes
-    ----------
-    state : (1 or M, 4 d) array of float
-        Position and momentum with the digits below them.
-    parameters : (1 or M, 2 P) array of float
-        Parameters of the system, as pairs.
-    system : System
-        System of d coordinates.
-    given : mapping
-        Parameters in place of the system's own by name, as the caller gave them.
-    t : float
-        Time at which the run begins.
-    reference : pair of float, or of (M,) array of float
-        H0 that errors are relative to, NaN for that of the state.
-    running : (1, 5 d) array of float, optional
-        The state of the last force of an earlier result, from which steps with the same moves go on.
-    moves : str
-        Digest of these moves.
+    ``state`` (1 or M, 4 d): position and momentum with the digits below them. ``parameters`` (1 or M, 2 P), as pairs.
+    ``given``: parameters in place of the system's own by name, as the caller gave them. ``t``: time at which the run
+    begins. ``reference``: H0 that errors are relative to, a pair of numbers or of arrays (M,), NaN for that of the
+    state. ``running`` (1, 5 d): the state of the last force of an earlier result, from which steps with the same
+    ``moves``, their digest, go on.
     """
 
     state: Floats
@@ -310,6 +277,11 @@ class Start:
     reference: tuple[Any, Any] = (nan, nan)
     running: Floats | None = None
     moves: str = ""
+
+    @property
+    def members(self) -> int:
+        """Number of runs."""
+        return max(len(self.state), len(self.parameters))
 
     def arrays(self, problem: Setup, steps: int) -> dict[str, Any]:
         """Arguments of :meth:`Setup.run` for so many steps."""
@@ -369,26 +341,55 @@ def start_of(
     p0: object = None,
     parameters: Mapping[str, Any] | None = None,
     start: xr.Dataset | None = None,
+    *,
+    several: bool = False,
 ) -> Start:
-    """Return where a run of ``problem`` begins; arguments as for :func:`nearharmonic.integrate`.
+    """Return where a run of ``problem`` begins, or where ``several`` members do.
 
-    Raises
-    ------
-    NearharmonicError
-        A value outside what is allowed, or an earlier result that cannot be continued so.
+    The other arguments are as for :func:`nearharmonic.integrate` and :func:`nearharmonic.ensemble`.
     """
-    if start is not None:
-        if q0 is not None or p0 is not None:
-            key, value = ("q0", q0) if q0 is not None else ("p0", p0)
-            raise bad_setting(key, value, "with start=, a run continues from the state of that result")
-        return _continued(problem, start, parameters)
-    asked = _mapping(parameters)
-    rows = parameter_array(problem.system, asked) if asked else standard_parameters(problem.system)[None, :]
-    state = start_array(problem.system, q0, p0, plain=problem.plain)
-    for key, array in (("q0 and p0", state), ("parameters", rows)):
-        _check_one(key, array)
-    check_bound(problem.system, state, rows)
-    return Start(state=state, parameters=rows, system=problem.system, given=asked)
+    if start is None:
+        asked = _mapping(parameters)
+        rows = parameter_array(problem.system, asked) if asked else standard_parameters(problem.system)[None, :]
+        state = start_array(problem.system, q0, p0, plain=problem.plain)
+        begin = Start(state=state, parameters=rows, system=problem.system, given=asked)
+    elif q0 is not None or p0 is not None:
+        key, value = ("q0", q0) if q0 is not None else ("p0", p0)
+        raise bad_setting(key, value, "with start=, a run continues from the state of that result")
+    elif several and "member" in getattr(start, "dims", ()):
+        members = [_continued(problem, start.isel(member=i), parameters) for i in range(start.sizes["member"])]
+        if not members:
+            raise bad_setting("start", "a Dataset without members", "a result of one member or more")
+        begin = _joined(members)
+    else:
+        begin = _continued(problem, start, parameters)
+    for key, array in (("q0 and p0", begin.state), ("parameters", begin.parameters)):
+        if not several:
+            _check_one(key, array)
+        elif len(array) not in (1, begin.members):
+            raise bad_setting(key, f"{len(array)} rows", f"one row, or one for each of {begin.members} members")
+    check_bound(problem.system, begin.state, begin.parameters)
+    if several:
+        parameters_at_run_time(problem.system, problem.numerics, begin.parameters)
+    return begin
+
+
+def _joined(begins: Sequence[Start]) -> Start:
+    """Return the starts of several members as one, with one row of parameters if they are equal."""
+    rows, given = np.concatenate([begin.parameters for begin in begins]), begins[0].given
+    if (rows == rows[0]).all():
+        rows = rows[:1]
+    else:
+        given = {name: [begin.given[name] for begin in begins] for name in given}
+    reference = tuple(np.array([begin.reference for begin in begins]).T)
+    state = np.concatenate([begin.state for begin in begins])
+    return replace(begins[0], state=state, parameters=rows, given=given, reference=reference)
+
+
+def members_are_given(q0: Any, p0: Any, parameters: Mapping[str, Any] | None, start: Any = None) -> bool:
+    """Return True if initial values have rows, or a parameter has several values: results then have members."""
+    rows = any(np.ndim(x) == 2 for x in (q0, p0) if x is not None) or "member" in getattr(start, "dims", ())
+    return rows or any(map(np.ndim, (parameters or {}).values()))
 
 
 def _continued(problem: Setup, given: object, parameters: Mapping[str, Any] | None) -> Start:
@@ -403,10 +404,9 @@ def _continued(problem: Setup, given: object, parameters: Mapping[str, Any] | No
     if not own and _text(start, "energy") != "none":
         reference = _number(start["initial_energy"]), _number(start["initial_energy_low"])
     kept = not own and "running" in start and _text(start, "end") == _end_digest_of(start)
-    t = float(_last(start, "t", ()))
-    check_bound(problem.system, state, rows)
     return Start(
-        state=state, parameters=rows, system=problem.system, given=asked, t=t, moves=_text(start, "moves"),
+        state=state, parameters=rows, system=problem.system, given=asked, t=float(_last(start, "t", ())),
+        moves=_text(start, "moves"),
         reference=reference, running=start.running.values[None, :].copy() if kept else None,
     )  # fmt: skip
 

@@ -214,26 +214,11 @@ class Problem(Setup):
     def __call__(
         self, tau: float, q0: object = None, p0: object = None, parameters: Mapping[str, Any] | None = None
     ) -> Solution:
-        """Integrate one trajectory; from several threads at once if wanted.
+        """Integrate one trajectory with a step size ``tau``; from several threads at once if wanted.
 
-        Parameters
-        ----------
-        tau : float
-            Step size asked for; the step as used is t_end / steps. A difference of 1 % or more is warned of.
-        q0, p0 : sequence of d numbers or decimal strings, optional
-            Initial values in place of the system's own: strings and fractions exact, floats as their binary value.
-        parameters : mapping, optional
-            Values of parameters by name, in place of the system's own.
-
-        Returns
-        -------
-        Solution
-            The run; derived values are computed lazily.
-
-        Raises
-        ------
-        NearharmonicError
-            A step size, initial value or parameter outside what is allowed, before any work.
+        The step as used is t_end / steps; a difference of 1 % or more is warned of. ``q0``, ``p0`` and ``parameters``
+        by name take the place of the system's own: strings and fractions exact, floats as their binary value. Values
+        outside what is allowed are refused before any work.
         """
         try:
             step = self._step_sizes.get((type(tau), tau))  # True equals 1.0

@@ -104,7 +104,7 @@ def step_of(problem: Setup, parameters: Mapping[str, Any] | None = None) -> Step
         room=room(physics, extended=False),
         stages=stages_of(physics),
         compensated=numerics.compensated,
-        kick_first=tableau.first == "kick",
+        kick_first=tableau.first_same_as_last,
         table=table,
         flags=flags,
         power=power,

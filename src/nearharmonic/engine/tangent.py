@@ -6,18 +6,21 @@ Results of deviations as described variables and Datasets.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from math import inf, sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine.batch import check_bound
-from nearharmonic.engine.description import parameter_variables, problem_attributes, status_variable
+from nearharmonic.engine.description import (
+    parameter_variables,
+    run_attributes,
+    status_variable,
+    step_used,
+    without_members,
+)
 from nearharmonic.engine.execution import energy_unit, surface_limit
-from nearharmonic.engine.numbers import parameter_array, parameters_at_run_time, standard_parameters, start_array
-from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_THREADS, checked_count, checked_samples, checked_tau
-from nearharmonic.engine.setup import CLOCK, STATE, Setup, Start, start_of, warn_of_step
+from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_THREADS, checked_count, checked_samples
+from nearharmonic.engine.setup import CLOCK, STATE, Setup, asked_steps, check_memory, members_are_given, start_of
 from nearharmonic.engine.solution import Solution
 from nearharmonic.engine.variation import (
     Deviations,
@@ -41,26 +44,18 @@ if TYPE_CHECKING:
 
 
 def deviations_dataset(
-    problem: Setup, runs: Deviations, found: Evolution, *, only_end: bool, several: bool, begin: Start
+    problem: Setup, runs: Deviations, found: Evolution, *, only_end: bool, several: bool, asked_tau: float
 ) -> xr.Dataset:
-    """Return the Dataset of :func:`nearharmonic.engine.tangent.tangent`.
+    """Return the Dataset of :func:`nearharmonic.tangent`, of ``runs`` of M orbits and what was ``found``.
 
-    Parameters
-    ----------
-    problem : Setup
-        System of d coordinates and method.
-    runs, found : Deviations and Evolution
-        Deviations from M orbits, and their evolution.
-    only_end, several : bool
-        True to leave out t = 0; True for a dimension of members.
-    begin : Start
-        Initial values of the orbits.
+    ``only_end`` leaves out t = 0, and ``several`` gives a dimension of members.
     """
+    begin = runs.begin
     system, kept, steps = problem.system, found.schedule.kept, found.schedule.steps
     unit = system.units["t"]
     times = kept * float(problem.end) / steps + 0.0
     elapsed = abs(times) if runs.earlier is None else abs(times + runs.earlier[0, -3])
-    error, H0 = energy_errors(problem, found.states, runs.parameters, begin.reference[0])
+    error, H0 = energy_errors(problem, found.states, begin.parameters, begin.reference[0])
     left_at = left_energy_surface(problem, error, kept, found.left_at)
     gone = (left_at[:, None] > 0) & (kept >= left_at[:, None])
     rate = described_rate(unit)
@@ -108,20 +103,14 @@ def deviations_dataset(
     lanes = len(runs.initial)
     variables |= {
         "t": (("sample",), times[int(only_end) :] + begin.t, described("time", unit)),
-        "tau": ((), problem.taus(np.array([steps]))[0], described("step size as used, t_end / steps", unit)),
+        "tau": step_used(problem, steps),
         "steps": ((), steps, described("steps that cover [0, t_end]")),
     }
-    if several:
-        variables |= parameter_variables(problem, runs.parameters)
-    else:
-        variables = {
-            name: (dimensions[1:], values[0], notes) if dimensions[:1] == ("member",) else (dimensions, values, notes)
-            for name, (dimensions, values, notes) in variables.items()
-        }
+    variables = variables | parameter_variables(problem, begin.parameters) if several else without_members(variables)
     if "gali" in variables:
         number = "number of the deviations of a volume"
         variables["order"] = ("order",), np.arange(2, lanes + 1), described(number)
-    attributes = problem_attributes(problem) | begin.attributes() | {"energy": "samples"}
+    attributes = run_attributes(problem, begin, asked_tau) | {"energy": "samples"}
     coordinates = ["t", "order", *(name for name in variables if name.startswith("parameter_"))]
     return assembled(variables, coordinates, attributes)
 
@@ -173,10 +162,6 @@ def left_energy_surface(problem: Setup, error: Floats, kept: Integers, left_at: 
     beyond = ~(np.abs(error) <= surface_limit(problem.system, problem.scale))
     seen = np.where(beyond.any(axis=1), kept[beyond.argmax(axis=1)], 0)
     return np.where((left_at > 0) & ((seen == 0) | (left_at < seen)), left_at, seen)
-
-
-#: Bytes of results that one call keeps at most.
-MOST_BYTES = 8_000_000_000
 
 
 def tangent(
@@ -282,11 +267,12 @@ def tangent(
     )  # fmt: skip
     subject = problem.system
     check_differentiable(subject)
-    begin = initial_rows(problem, q0, p0, parameters, start)
+    if isinstance(start, Solution):
+        start = start.to_dataset()
+    begin = start_of(problem, q0, p0, parameters, start, several=True)
     earlier = None if start is None else earlier_indicators(problem, start, deviations)
     rows = initial_deviations(deviations if earlier is None else earlier.sizes["deviation"], subject.dimension)
-    kept, steps = checked_samples(samples), problem.steps_of(tau)
-    warn_of_step(problem, [asked_tau := checked_tau(tau)], [steps])
+    kept, (steps, asked_tau) = checked_samples(samples), asked_steps(problem, tau)
     threads = checked_count("threads", threads, MOST_THREADS)
     schedule = schedule_of(steps, max(kept, 2))
     extended = Setup(
@@ -294,27 +280,20 @@ def tangent(
         energy="none",
     )  # fmt: skip
     going_on = None if earlier is None else np.atleast_2d(earlier["running"].values)
-    runs = Deviations(extended, subject.dimension, begin.state, begin.parameters, rows, going_on)
-    size = runs.members * schedule.kept.size * (4 * problem.states_dimension + 3 * len(rows) + 2) * 8
-    if size > MOST_BYTES:
-        what = f"the samples of {runs.members} members would take {size:.1e} bytes"
-        raise bad_setting("samples", samples, f"{what}, and a call keeps {MOST_BYTES:.0e}")
+    runs = Deviations(extended, subject.dimension, begin, rows, going_on)
+    numbers = begin.members * schedule.kept.size * (4 * problem.states_dimension + 3 * len(rows) + 2)
+    check_memory(f"the samples of {begin.members} members", numbers, samples)
     found = runs.follow(schedule, threads)
     several = members_are_given(q0, p0, parameters, start)
-    made = deviations_dataset(problem, runs, found, only_end=kept == 1, several=several, begin=begin)
-    made.attrs["tau_requested"] = asked_tau
-    return made
+    return deviations_dataset(problem, runs, found, only_end=kept == 1, several=several, asked_tau=asked_tau)
 
 
-def earlier_indicators(problem: Setup, start: xr.Dataset | Solution, deviations: object) -> xr.Dataset | None:
+def earlier_indicators(problem: Setup, start: xr.Dataset, deviations: object) -> xr.Dataset | None:
     """Return ``start``, a result of this function that goes on; None if it is a result without deviations.
 
-    Raises
-    ------
-    SettingError
-        Other ``deviations``, a direction of time that is not that of ``start``, or damaged numbers.
+    Other ``deviations``, the other direction of time and damaged numbers raise an error.
     """
-    if isinstance(start, Solution) or "deviation" not in start.sizes:
+    if "deviation" not in start.sizes:
         return None
     k = start.sizes["deviation"]
     if not (isinstance(deviations, int) and deviations in (2, k)):
@@ -332,63 +311,7 @@ def earlier_indicators(problem: Setup, start: xr.Dataset | Solution, deviations:
 
 
 def checked_split(split: object) -> str:
-    """Return ``split``, if a derivative is implemented for it.
-
-    Raises
-    ------
-    SettingError
-        It is another split, or none.
-    """
+    """Return ``split``, if a derivative is implemented for it."""
     if split != KINETIC_POTENTIAL:
         raise bad_setting("split", split, f"{KINETIC_POTENTIAL}: derivatives are of kicks and drifts alone")
     return KINETIC_POTENTIAL
-
-
-def initial_rows(
-    problem: Setup, q0: object, p0: object, parameters: Mapping[str, Any] | None, start: xr.Dataset | Solution | None
-) -> Start:
-    """Return the initial states and parameters of all members; arguments as for :func:`tangent`.
-
-    Raises
-    ------
-    NearharmonicError
-        A value outside what is allowed, or numbers of rows that do not fit.
-    """
-    system = problem.system
-    if start is not None:
-        given: Any = start.to_dataset() if isinstance(start, Solution) else start
-        several = "member" in getattr(given, "dims", ())
-        members = [given.isel(member=i) for i in range(given.sizes["member"])] if several else [given]
-        if not members:
-            raise bad_setting("start", "a Dataset without members", "a result of one member or more")
-        begin = _joined([start_of(problem, q0, p0, parameters, one) for one in members])
-    else:
-        state = start_array(system, q0, p0, plain=problem.plain)
-        rows = standard_parameters(system)[None, :] if parameters is None else parameter_array(system, parameters)
-        begin = Start(state=state, parameters=rows, system=system, given=parameters or {})
-    count = max(len(begin.state), len(begin.parameters))
-    for key, array in (("q0 and p0", begin.state), ("parameters", begin.parameters)):
-        if len(array) not in (1, count):
-            raise bad_setting(key, f"{len(array)} rows", f"one row, or one for each of {count} members")
-    check_bound(system, begin.state, begin.parameters)
-    parameters_at_run_time(system, problem.numerics, begin.parameters)
-    return begin
-
-
-def _joined(begins: Sequence[Start]) -> Start:
-    """Return the starts of several members as one, with one row of parameters if they are equal."""
-    rows = np.concatenate([one.parameters for one in begins])
-    given = begins[0].given
-    if (rows == rows[0]).all():
-        rows = rows[:1]
-    else:
-        given = {name: [one.given[name] for one in begins] for name in given}
-    reference = tuple(np.array([one.reference for one in begins]).T)
-    state = np.concatenate([one.state for one in begins])
-    return replace(begins[0], state=state, parameters=rows, given=given, reference=reference)
-
-
-def members_are_given(q0: Any, p0: Any, parameters: Mapping[str, Any] | None, start: Any = None) -> bool:
-    """Return True if initial values have rows, or a parameter has several values: results then have members."""
-    rows = any(np.ndim(x) == 2 for x in (q0, p0) if x is not None) or "member" in getattr(start, "dims", ())
-    return rows or any(map(np.ndim, (parameters or {}).values()))

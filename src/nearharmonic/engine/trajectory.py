@@ -23,7 +23,7 @@ from nearharmonic.engine.execution import Trajectories, least_samples, surface_l
 from nearharmonic.engine.kernels import STANDARD, kernel_of
 from nearharmonic.engine.numbers import list_of
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_TAUS, checked_samples, checked_tau
-from nearharmonic.engine.setup import Setup, start_of, warn_of_step
+from nearharmonic.engine.setup import Setup, asked_steps, start_of, warn_of_step
 from nearharmonic.engine.solution import Solution
 from nearharmonic.errors import SettingError, bad_setting, warn_caller
 from nearharmonic.integrators.tableau import Tableau
@@ -127,8 +127,7 @@ def integrate(
         energy_scale=energy_scale, split=split,
     )  # fmt: skip
     begin = start_of(problem, q0, p0, parameters, start.to_dataset() if isinstance(start, Solution) else start)
-    steps, kept = problem.steps_of(tau), checked_samples(samples)
-    warn_of_step(problem, [asked_tau := checked_tau(tau)], [steps])
+    (steps, asked_tau), kept = asked_steps(problem, tau), checked_samples(samples)
     arrays = begin.arrays(problem, steps)
     if t is None:
         paths = problem.run([steps], kept, **arrays)

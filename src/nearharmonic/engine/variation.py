@@ -34,14 +34,14 @@ import numpy as np
 from nearharmonic.core.formulas.number import Constant
 from nearharmonic.engine import execution
 from nearharmonic.engine.batch import sample_marks
-from nearharmonic.engine.execution import Batch, Filled, evaluations_of
+from nearharmonic.engine.execution import Batch, Filled, evaluations_of, sample_size
 from nearharmonic.engine.kernels import with_lanes
 from nearharmonic.engine.numbers import rows_of
-from nearharmonic.engine.setup import Setup
+from nearharmonic.engine.setup import Setup, Start
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import log
-from nearharmonic.numerics.portable import Bools, Floats, Integers
+from nearharmonic.numerics.portable import Floats, Integers
 from nearharmonic.numerics.statistics import quasi_random
 from nearharmonic.numerics.written import is_real
 from nearharmonic.systems.energy import MassKineticEnergy, takes_parameters
@@ -108,12 +108,8 @@ def kinetic_parameters(system: System) -> bool:
 
 
 def check_differentiable(system: System) -> None:
-    """Raise an error for a system whose step has no derivative here.
-
-    Raises
-    ------
-    SettingError
-        The system is regularised, or its V is a function of numba.
+    """Raise an error for a system whose step has no derivative here: it is regularised, or its V is a function of
+    numba.
     """
     if system.regularisation is not None:
         what = "it is regularised, and its steps are those of a fictitious time, which depends on the orbit"
@@ -133,20 +129,10 @@ INDEPENDENT = 1e-10
 
 
 def initial_deviations(given: object, dimension: int) -> Floats:
-    """Return initial deviations (k, 2 d), q-parts and then p-parts.
+    """Return initial deviations (k, 2 d), q-parts and then p-parts: ``given``, finite and linearly independent.
 
-    Parameters
-    ----------
-    given : int or (k, 2 d) array of float
-        Deviations; or their number k, for the first k of 2 d orthonormal ones in fixed directions, none of which is
-        parallel to a coordinate or to a plane of symmetry.
-    dimension : int
-        Number of coordinates d.
-
-    Raises
-    ------
-    SettingError
-        Neither a number from 1 to 2 d, nor an array of as many finite, linearly independent rows.
+    Their number k gives the first k of 2 d orthonormal ones in fixed directions, none of which is parallel to a
+    coordinate or to a plane of symmetry.
     """
     n = 2 * dimension
     allowed = f"an integer from 1 to {n}, or an array (k, {n}) of {dimension} q-parts and {dimension} p-parts a row"
@@ -188,23 +174,11 @@ def orthonormal(vectors: Floats) -> tuple[Floats, Floats]:
 
 
 class Frame:
-    """Frame of k deviations of length 1 from each of M orbits in n = 2 d dimensions.
+    """Frame of k ``deviations`` (k, n), scaled to length 1, from each of M = ``members`` orbits in n = 2 d dimensions.
 
-    Parameters
-    ----------
-    deviations : (k, n) array of float
-        Initial deviations of all orbits, which are scaled to length 1.
-    members : int
-        Number of orbits M.
-
-    Attributes
-    ----------
-    basis : (n, k, M) array of float
-        Orthonormal basis; its first vector is parallel to the first deviation.
-    growth : (k, M) array of float
-        Logarithm of the factor by which each deviation has grown.
-    stretching : (k, M) array of float
-        Logarithms of the factors of the volumes: the sum of the first j is that of the volume of j deviations.
+    ``basis`` (n, k, M) is orthonormal; its first vector is parallel to the first deviation. ``growth`` (k, M) are the
+    logarithms of the factors by which each deviation has grown, and ``stretching`` (k, M) of the factors of the
+    volumes: the sum of the first j is that of the volume of j deviations.
     """
 
     def __init__(self, deviations: Floats, members: int) -> None:
@@ -313,9 +287,8 @@ def schedule_of(steps: int, samples: int) -> Schedule:
     return Schedule(steps, kept, tuple(parts))
 
 
-@dataclass(frozen=True)
 class Evolution:
-    """Orbits (M) at samples (S) with k deviations of n = 2 d components.
+    """Orbits (M) at samples (S) with k deviations of n = 2 d components, to be filled by :class:`Deviations`.
 
     ``states`` (M, S, 4, D) of the integrated coordinates, as a kernel lays them out; ``growth`` and ``stretching``
     (M, S, k), logarithms as those of :class:`Frame`; ``sali`` (M, S) and ``gali`` (M, S, k - 1), if k > 1; ``megno``
@@ -325,32 +298,16 @@ class Evolution:
     ``running`` (M, f + 3), the frame at the end, the time since the deviations began, and the means of MEGNO.
     """
 
-    schedule: Schedule
-    states: Floats
-    growth: Floats
-    stretching: Floats
-    sali: Floats
-    gali: Floats
-    megno: Floats
-    blocks: Floats
-    deviations: Floats
-    left_at: Integers
-    unsolved: Bools
-    evaluations: Integers
-    running: Floats
-
-    @classmethod
-    def empty(cls, schedule: Schedule, members: int, count: int, dimensions: tuple[int, int]) -> Evolution:
-        """Return arrays for ``members`` orbits with ``count`` deviations; ``dimensions`` are D and n."""
-        shape = members, schedule.kept.size
-        return cls(
-            schedule, np.full((*shape, 4, dimensions[0]), np.nan), np.full((*shape, count), np.nan),
-            np.full((*shape, count), np.nan), np.full(shape, np.nan), np.full((*shape, count - 1), np.nan),
-            np.full(shape, np.nan), np.full((members, len(schedule.bounds) - 1), np.nan),
-            np.full((members, count, dimensions[1]), np.nan), np.zeros(members, np.int64),
-            np.zeros(members, bool), np.zeros(members, np.int64),
-            np.full((members, running_size(count, dimensions[1])), np.nan),
-        )  # fmt: skip
+    def __init__(self, schedule: Schedule, M: int, k: int, D: int, n: int) -> None:
+        self.schedule, S = schedule, schedule.kept.size
+        self.states, self.growth, self.stretching, self.sali, self.gali, self.megno = (
+            np.full((M, S, *shape), np.nan) for shape in ((4, D), (k,), (k,), (), (k - 1,), ())
+        )
+        self.blocks, self.deviations, self.running = (
+            np.full((M, *shape), np.nan) for shape in ((len(schedule.bounds) - 1,), (k, n), (running_size(k, n),))
+        )
+        self.left_at, self.evaluations = np.zeros(M, np.int64), np.zeros(M, np.int64)
+        self.unsolved = np.zeros(M, bool)
 
 
 def running_size(count: int, n: int) -> int:
@@ -360,51 +317,33 @@ def running_size(count: int, n: int) -> int:
 
 @dataclass(frozen=True)
 class Deviations:
-    """Runs of a tangent system with deviations.
+    """Runs of a tangent system of 2 D coordinates with deviations, without energies.
 
-    Attributes
-    ----------
-    problem : Setup
-        Runs of the tangent system of 2 D coordinates, without energies.
-    dimension : int
-        Coordinates d of the deviations: D, without the time if V depends on it.
-    start : (M or 1, 4 D) array of float
-        Initial states of the orbits.
-    parameters : (M or 1, 2 P) array of float
-        Parameters of each orbit, or of all.
-    initial : (k, 2 d) array of float
-        Initial deviations.
-    earlier : (M, f + 3) array of float, optional
-        ``running`` of the evolution that goes on, in place of the initial deviations.
+    ``dimension``: coordinates d of the deviations, D without the time if V depends on it. ``begin``: initial states of
+    the M orbits. ``initial`` (k, 2 d): initial deviations, in place of which ``earlier`` (M, f + 3) is ``running`` of
+    the evolution that goes on.
     """
 
     problem: Setup
     dimension: int
-    start: Floats
-    parameters: Floats
+    begin: Start
     initial: Floats
     earlier: Floats | None = None
 
-    @property
-    def members(self) -> int:
-        """Number of orbits."""
-        return max(len(self.start), len(self.parameters))
-
     def follow(self, schedule: Schedule, threads: int) -> Evolution:
         """Return the orbits and their indicators at the samples of a schedule."""
-        k, D = len(self.initial), self.start.shape[1] // 4
-        found = Evolution.empty(schedule, self.members, k, (D, self.initial.shape[1]))
-        size = max(1, min(LANES, BYTES // (8 * schedule.readings * (8 * D + 3))) // k)
-        count = -(-self.members // size)
+        members, k, D = self.begin.members, len(self.initial), self.begin.state.shape[1] // 4
+        found = Evolution(schedule, members, k, D, self.initial.shape[1])
+        size = max(1, min(LANES, BYTES // (8 * schedule.readings * sample_size(2 * D))) // k)
+        count, rows = -(-members // size), (self.begin.state, self.begin.parameters)
 
         def compute(i: int) -> None:
-            block = slice(i * size, min((i + 1) * size, self.members))
-            start, parameters = (given[block] if len(given) > 1 else given for given in (self.start, self.parameters))
+            block = slice(i * size, min((i + 1) * size, members))
+            start, parameters = (given[block] if len(given) > 1 else given for given in rows)
             with np.errstate(all="ignore"):  # a diverged orbit is a result
                 _Block(self, schedule, found, block, start, parameters).follow()
 
-        steps = self.members * k * schedule.steps
-        execution.Blocks(compute, count, steps=steps, cost=self.problem.cost).execute(threads)
+        execution.Blocks(compute, count, steps=members * k * schedule.steps, cost=self.problem.cost).execute(threads)
         return found
 
 
@@ -467,10 +406,8 @@ class _Block:
         marks = np.full((lanes, len(part)), -1)
         marks[:, :2] = 0, part[-1]
         marks[:: len(self.runs.initial)] = part  # MEGNO reads the first deviation alone
-        batch = problem.batch(
-            moves.copy(), marks, np.zeros(lanes, np.int64), start.copy(),
-            parameters.copy(), numerics,
-        )  # fmt: skip
+        scheme = np.zeros(lanes, np.int64)
+        batch = problem.batch(moves.copy(), marks, scheme, start.copy(), parameters.copy(), numerics)
         self.batches[part] = batch
         return batch
 
@@ -566,14 +503,9 @@ MOST_NUMBERS = 125_000_000
 
 
 def check_coefficients(system: System, tableau: Tableau, steps: int, members: int) -> None:
-    """Raise an error for methods without such derivatives, and for runs whose states need too much memory.
+    """Raise an error for implicit and modified methods, and for runs whose states need too much memory.
 
     ``system`` is the sensitive system of the run backwards.
-
-    Raises
-    ------
-    SettingError
-        An implicit method, one with modified potentials, or too many steps.
     """
     if tableau.implicit or tableau.modified:
         what = "it has no kicks and drifts by V and T alone, with respect to whose coefficients it could be derived"
@@ -586,16 +518,8 @@ def check_coefficients(system: System, tableau: Tableau, steps: int, members: in
 def coefficient_derivatives(system: System, tableau: Tableau, tau: float, q: Floats, p: Floats) -> dict[str, Floats]:
     """Return the derivatives (M, K) of the observable with respect to the K kicks and to the drifts of a tableau.
 
-    Parameters
-    ----------
-    system : System
-        Sensitive system with D coordinates.
-    tableau : Tableau
-        Method whose steps are reversed.
-    tau : float
-        Its step size.
-    q, p : (M, N, D) array of float
-        States of the sensitive system at the ends of the N steps.
+    ``q``, ``p`` (M, N, D) are the states of the sensitive ``system`` at the ends of the N steps of size ``tau`` that
+    are reversed.
     """
     rows = {"kick": list(map(float, tableau.kick)), "drift": list(map(float, tableau.drift))}
     found = {name: np.empty((len(q), len(row))) for name, row in rows.items()}

@@ -26,7 +26,7 @@ from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.exact.step import Step, composed
 from nearharmonic.exchange.coefficient_file import CoefficientFile
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.composition import Composition
+from nearharmonic.integrators.composition import Composition, OneStepMethod
 from nearharmonic.integrators.tableau import First, Row, Tableau
 
 Flow = Literal["kick", "drift"]
@@ -95,7 +95,7 @@ def method_for(library: str, method: str | Tableau) -> Method:
     SettingError
         The method has modified potentials or a processor.
     """
-    tableau = method if isinstance(method, Composition) else integrators[method]
+    tableau = method if isinstance(method, OneStepMethod) else integrators[method]
     if tableau.implicit:
         raise SettingError(
             f"{tableau.name} cannot run in {library}: it is implicit, and no sequence of kicks and drifts"

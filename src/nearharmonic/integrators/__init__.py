@@ -14,7 +14,7 @@ Examples
 from nearharmonic.integrators.collocation import Collocation
 from nearharmonic.integrators.file import tableau_at
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.registry.registry import Registry, Selection, make_registry
+from nearharmonic.registry.registry import Registry, Selection
 
 __all__ = [
     "BENCHMARKED", "Collocation", "Tableau", "implicit_integrators", "integrators", "modified_integrators",
@@ -35,7 +35,7 @@ BENCHMARKED = (
     "babps9o7h",
 )
 
-integrators: Registry[Tableau] = make_registry(
+integrators: Registry[Tableau] = Registry(
     __name__,
     "integrator",
     "TABLEAUS",

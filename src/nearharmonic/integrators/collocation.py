@@ -11,15 +11,12 @@ from collections.abc import Sequence
 from dataclasses import InitVar, dataclass
 from fractions import Fraction
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from nearharmonic.core.arithmetic import rounded_pair
 from nearharmonic.core.layout import StageTable
 from nearharmonic.errors import bad_setting, shown
-from nearharmonic.integrators.composition import Composition, First, Move, Steps, is_count
-
-if TYPE_CHECKING:
-    pass
+from nearharmonic.integrators.composition import First, Move, OneStepMethod, Steps, is_count
 
 #: Decimals of the coefficients.
 DIGITS = 80
@@ -33,39 +30,25 @@ Matrix = tuple[tuple[Fraction, ...], ...]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Collocation(Composition):
-    """A Gauss collocation method of s stages, for any separable H.
+class Collocation(OneStepMethod):
+    """A Gauss collocation method of s = ``stages`` stages, for any separable H; its order is 2 s.
 
     A step solves its equations by iteration on the forces at the stages, until they change by no more than their
-    rounding. All stages are computed at once, in SIMD lanes.
-
-    Parameters
-    ----------
-    name, label : str
-        Name in settings, and name in figures and tables.
-    stages : int
-        Stages s; the order is 2 s.
-    source : str
-        Source of the method.
-    note : str
-        A remark.
-    aliases : tuple of str
-        Other names under which the field knows the method.
+    rounding. All stages are computed at once, in SIMD lanes. Texts and aliases are those of a
+    :class:`~nearharmonic.Tableau`.
     """
 
     name: str
     label: str
-    stages: int = 0  # takes the place of the property of a composition; 0 is refused
+    stages: int
     source: str
     note: str = ""
     aliases: InitVar[tuple[str, ...]] = ()
 
-    # What a splitting method declares, and what a composition of these members says of itself.
-    first = "drift"
-    kick = drift = square = ()
+    implicit = symmetric = True
+    benchmarked = modified = processed = first_same_as_last = False
     digits = DIGITS
     requires = processor = harmonic_order = generalised_order = None
-    symmetric, benchmarked, processed, implicit = True, False, False, True
 
     def __post_init__(self, aliases: tuple[str, ...]) -> None:
         object.__setattr__(self, "aliases", aliases)
@@ -84,11 +67,6 @@ class Collocation(Composition):
         while abs(_moment(nodes, weights, power) * (power + 1) - 1) < TOLERANCE:
             power += 1
         return power
-
-    @property
-    def other_names(self) -> tuple[str, ...]:
-        """Label and aliases, which a look-up takes in place of the name."""
-        return (self.label, *vars(self)["aliases"])
 
     @property
     def kernel_options(self) -> dict[str, Any]:
@@ -119,13 +97,7 @@ class Collocation(Composition):
         return facts_table("Collocation", self.facts)
 
     def role(self, first: First | None) -> Collocation:
-        """Return the method, which has no first operator.
-
-        Raises
-        ------
-        SettingError
-            ``first`` is given.
-        """
+        """Return the method, which has no first operator; one that is given raises an error."""
         if first is not None:
             raise bad_setting("first", first, f"nothing, as {self.name} is implicit and has no first operator")
         return self
@@ -145,10 +117,6 @@ class Collocation(Composition):
     @property
     def _kind(self) -> str:
         return f"collocation {shown(self.name)}"
-
-
-#: A method of the registry: a :class:`~nearharmonic.Tableau` or a :class:`Collocation`.
-Method = Any
 
 
 @lru_cache
@@ -244,6 +212,3 @@ def extrapolation(nodes: tuple[Fraction, ...]) -> Matrix:
     return tuple(
         tuple(sum((a * (1 + c) ** k for k, a in enumerate(one)), Fraction(0)) for one in polynomials) for c in nodes
     )
-
-
-__all__ = ["Collocation", "Method", "extrapolation", "gauss", "integrals", "stage_table"]

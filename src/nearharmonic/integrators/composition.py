@@ -66,7 +66,44 @@ def palindrome(*half: str | float, centre: str | float | None = None) -> Row:
     return (*row, *(() if centre is None else (written(centre),)), *reversed(row))
 
 
-class Composition:
+class OneStepMethod:
+    """A step that a kernel makes: a :class:`Composition` of kicks and drifts, or a collocation method.
+
+    What differs between the two is overridden: the moves of a kernel, its settings, and the evaluations of the force.
+    """
+
+    name: str
+    stages: int
+
+    @property
+    def other_names(self) -> tuple[str, ...]:
+        """Label and aliases, which a look-up takes in place of the name."""
+        return (vars(self)["label"], *vars(self)["aliases"])
+
+    @property
+    def moves_per_step(self) -> int:
+        """Moves of a kernel in a step, apart from the one that opens or closes it."""
+        return self.stages
+
+    def steps(self, tau_per_stage: Fraction | float, t_end: Fraction | str | float, cost: float | None = None) -> int:
+        """Return the steps in an interval, at least one, for a step size over the ``cost`` of a step, or its stages.
+
+        It is max(1, round(t_end / tau)) with tau = ``tau_per_stage`` times the cost. The product is that of doubles if
+        both factors are doubles. The division is exact unless ``t_end`` is a double; a decimal string is exact.
+        """
+        tau = tau_per_stage * (self.stages if cost is None else cost)
+        return max(1, round(Fraction(t_end) / Fraction(tau) if isinstance(t_end, str | Fraction) else t_end / tau))
+
+    def _expect(self, condition: bool, key: str, value: object, expected: str) -> None:
+        if not condition:
+            raise TableauError(f"{self._kind}: {key} = {shown(value)}, expected {expected}")
+
+    @property
+    def _kind(self) -> str:
+        raise NotImplementedError
+
+
+class Composition(OneStepMethod):
     """Alternating kicks and drifts; each row has the order of its application.
 
     A kick of a step tau is p -= k tau grad V - m tau^3 grad |grad V|^2, where |grad V|^2 is the square of grad V with
@@ -79,6 +116,7 @@ class Composition:
     drift: Row
     square: Row
     digits: int
+    implicit = False
 
     @property
     def outer(self) -> Row:
@@ -91,27 +129,9 @@ class Composition:
         return self.drift if self.first == "kick" else self.kick
 
     @property
-    def stages(self) -> int:
+    def stages(self) -> int:  # type: ignore[override]
         """Force evaluations per step, s; with the kick first, the last force of a step is the first of the next."""
         return len(self.inner)
-
-    def steps(self, tau_per_stage: Fraction | float, t_end: Fraction | str | float, cost: float | None = None) -> int:
-        """Return the number of steps in an interval, at least one, for a step size over the cost of a step.
-
-        It is max(1, round(t_end / tau)) with tau = ``tau_per_stage`` times the cost. The product is that of doubles if
-        both factors are doubles. The division is exact unless ``t_end`` is a double.
-
-        Parameters
-        ----------
-        tau_per_stage : Fraction or float
-            Step size over the cost of a step.
-        t_end : Fraction, str or float
-            Length of the interval; a decimal string is exact.
-        cost : float, optional
-            Cost of a step; the stages if None.
-        """
-        tau = tau_per_stage * (self.stages if cost is None else cost)
-        return max(1, round(Fraction(t_end) / Fraction(tau) if isinstance(t_end, str | Fraction) else t_end / tau))
 
     def evaluations(self, steps: Steps) -> Steps:
         """Return the force evaluations of a run: s per step, and one more at the start if the kick is first."""
@@ -123,19 +143,9 @@ class Composition:
         return self.first == "kick"
 
     @property
-    def moves_per_step(self) -> int:
-        """Moves of a kernel in a step, apart from the one that opens or closes it."""
-        return self.stages
-
-    @property
     def modified(self) -> bool:
         """True if the method has modified potentials."""
         return bool(self.square)
-
-    @property
-    def implicit(self) -> bool:
-        """True if a step solves equations, and is no sequence of kicks and drifts."""
-        return False
 
     @property
     def kernel_options(self) -> dict[str, Any]:
@@ -152,14 +162,8 @@ class Composition:
 
         The first is the first move of a run. The second is the first move of each later step, merged with the last move
         of the step before. Then come the other moves, and the last move of a step. A run that begins with a drift has
-        no first kick.
-
-        Parameters
-        ----------
-        tau : Fraction
-            Step size.
-        rounded : bool
-            True to round the products of coefficients and powers of tau to doubles before additions.
+        no first kick. If ``rounded``, products of coefficients and powers of tau are rounded to doubles before
+        additions.
         """
         rows = (self.kick, -tau), (self.drift, tau), (self.square or ("0",) * len(self.kick), tau**3)
         found = ([Fraction(c) * factor if factor != 1 else Fraction(c) for c in row] for row, factor in rows)
@@ -202,34 +206,14 @@ class Composition:
             shown = f"{total}{float(excess):+.1e}"
             self._expect(balanced, f"{key} row sum", shown, f"{total} within {len(row)}e-{self.digits}")
 
-    def _expect(self, condition: bool, key: str, value: object, expected: str) -> None:
-        if not condition:
-            raise TableauError(f"{self._kind}: {key} = {shown(value)}, expected {expected}")
-
-    @property
-    def _kind(self) -> str:
-        raise NotImplementedError
-
 
 @dataclass(frozen=True, kw_only=True)
 class Processor(Composition):
     """A step close to the identity: the kicks sum to 0, and so do the drifts.
 
-    Parameters
-    ----------
-    first : {"drift", "kick"}
-        Operator that comes first and last.
-    kick, drift : tuple of str
-        Coefficients in units of tau, s + 1 for the operator named by ``first`` and s for the other.
-    square : tuple of str
-        Coefficients of grad |grad V|^2 in units of tau^3, one for each kick.
-    digits : int
-        Number of decimals that are guaranteed.
-
-    Raises
-    ------
-    TableauError
-        A coefficient that is no decimal number, a row of the wrong length, or a sum that is not 0 to the digits.
+    ``kick`` and ``drift`` are in units of tau, s + 1 for the operator named by ``first`` and s for the other, and
+    ``square`` has the coefficients of grad |grad V|^2 in units of tau^3, one for each kick. Their first ``digits``
+    decimals are guaranteed.
     """
 
     first: First

@@ -14,13 +14,10 @@ DECLARES = "An integrator of your own is a Python file that defines TABLEAU, or 
 
 
 def tableaus_of(place: str | os.PathLike[str], registered: Collection[str]) -> dict[str, Tableau]:
-    """Return the tableaus that a Python file defines as TABLEAU or TABLEAUS, by name.
+    """Return the tableaus that a Python file defines as TABLEAU or TABLEAUS, by name; each has the order that it
+    declares.
 
-    Raises
-    ------
-    TableauError
-        There is no such file, it cannot be run, it defines no tableau, or one has the name of another one or of a
-        registered integrator, or a lower order than it declares.
+    None has the name of another one or of a ``registered`` integrator.
     """
     path = os.fspath(place)
     module = load(path, DECLARES, TableauError)
@@ -57,15 +54,7 @@ def _check_order(path: str, tableau: Tableau) -> None:
 
 
 def tableau_at(place: str, registered: Collection[str]) -> Tableau:
-    """Return the tableau of a file that is used by its path; of several, the one whose name follows a colon.
-
-    Raises
-    ------
-    TableauError
-        As for :func:`tableaus_of`, or the file defines several and the path names none.
-    UnknownNameError
-        The file does not define the one that is named.
-    """
+    """Return the tableau of a file that is used by its path; of several, the one whose name follows a colon."""
     path, name = split_path(place)
     found = tableaus_of(path, registered)
     if name and name not in found:

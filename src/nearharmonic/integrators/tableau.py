@@ -9,7 +9,6 @@ from functools import cached_property
 from hashlib import sha256
 from typing import Any
 
-from nearharmonic.core.arithmetic import rounded_pair
 from nearharmonic.errors import bad_setting, shown
 from nearharmonic.integrators.composition import Composition, First, Processor, Row, is_count, palindrome
 
@@ -129,11 +128,6 @@ class Tableau(Composition):
         self._expect(fits, "processor", self.processor, "None, as there are kicks of V alone")
 
     @property
-    def other_names(self) -> tuple[str, ...]:
-        """Label and aliases, which a look-up takes in place of the name."""
-        return (self.label, *vars(self)["aliases"])
-
-    @property
     def processed(self) -> bool:
         """True if a processor is applied at output."""
         return self.processor is not None
@@ -227,22 +221,11 @@ class Tableau(Composition):
         return f"tableau {shown(self.name)}"
 
     def role(self, first: First | None) -> Tableau:
-        """Return the tableau with its outer row assigned to the operator ``first``.
+        """Return the tableau with its outer row assigned to the operator ``first``; None leaves the roles as declared.
 
-        A tableau with exchanged roles keeps its order for separable H, but loses further claims of the source. A
-        tableau that requires a quadratic kinetic energy keeps only order 2 for certain, for any separable H, or order 1
-        if it is not symmetric.
-
-        Parameters
-        ----------
-        first : {"drift", "kick"} or None
-            Operator of the outer row; None leaves the roles as declared.
-
-        Raises
-        ------
-        SettingError
-            ``first`` is neither "drift", "kick" nor None, or the method has modified potentials, which drifts cannot
-            have.
+        A tableau with exchanged roles keeps its order for separable H, but loses further claims of the source. One that
+        requires a quadratic kinetic energy keeps only order 2 for certain, for any separable H, or order 1 if it is not
+        symmetric. One with modified potentials is refused: drifts cannot have them.
         """
         if first is None or first == self.first:
             return self
@@ -265,11 +248,6 @@ class Tableau(Composition):
     def rows_double(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return the outer and the inner row, each coefficient rounded once to the nearest double."""
         return tuple(map(float, self.outer)), tuple(map(float, self.inner))
-
-    def rows_double_double(self) -> tuple[tuple[tuple[float, float], ...], tuple[tuple[float, float], ...]]:
-        """Return the outer and the inner row as pairs (nearest double, nearest double of the rest), about 32 digits."""
-        outer, inner = (tuple(rounded_pair(*c.as_integer_ratio()) for c in row) for row in self.rows_exact())
-        return outer, inner
 
     def digest(self) -> str:
         """Return the SHA-256, in hex, of the first operator and all rows, which determine the results of a run."""

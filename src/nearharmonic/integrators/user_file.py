@@ -22,13 +22,7 @@ class TableauDefinition:
     base: None = None  # a user's integrator cannot modify a registered one
 
     def make(self, name: str) -> Tableau:
-        """Return the tableau of this name.
-
-        Raises
-        ------
-        TableauError
-            The file does not define it.
-        """
+        """Return the tableau of this name."""
         found = load_tableaus(self.file)
         if name not in found:
             message = f"{self.file} does not define the integrator {name!r} any more: it has {', '.join(found)}"
@@ -44,16 +38,8 @@ def load_tableaus(place: str | os.PathLike[str]) -> dict[str, Tableau]:
 def expanded(entries: Iterable[str]) -> tuple[str, ...]:
     """Return the names of integrators for the entries of a list in a config.
 
-    Parameters
-    ----------
-    entries : iterable of str
-        Names, other names, and paths of files: a path means all integrators of the file, ``path:name`` one of them.
-        These integrators are then defined.
-
-    Raises
-    ------
-    UnknownNameError
-        There is no such integrator.
+    An entry is a name, another name, or the path of a file, all of whose integrators it means; ``path:name`` is one of
+    them. These integrators are then defined.
     """
     names: list[str] = []
     for entry in entries:

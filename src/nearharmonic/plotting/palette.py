@@ -30,10 +30,10 @@ class Style:
         return self.line(linestyle="none") | changes
 
 
-# The colours were found by a search: they have a contrast of at least 3:1 with white. Differences of at least 13 CIELAB
-# units, for normal vision and for deuteranopia, protanopia and tritanopia (Machado et al. 2009,
-# doi:10.1109/TVCG.2009.113), separate the paper's ten methods and the two that are drawn beside them, the trained
-# methods, and any two methods with one marker.
+# The colours were found by a search, benchmarks/palette.py: they have a contrast of at least 3:1 with white.
+# Differences of at least 13 CIELAB units, for normal vision and for deuteranopia, protanopia and tritanopia (Machado et
+# al. 2009, doi:10.1109/TVCG.2009.113), separate the paper's ten methods and the two that are drawn beside them, the
+# trained methods, and any two methods with one marker.
 _STYLES = {
     "ruth": Style("#6b6b6b", "o"),
     "s5odr4": Style("#806515", "s"),
@@ -111,6 +111,11 @@ _STYLES |= {
 #: Colours of methods without an entry, and of those whose colour another method of the figure has.
 SPARE_COLOURS = ("#2a8f80", "#8a8a2e", "#332288", "#aa4499", "#cc6677", "#117733", "#5d5d5d")
 _SPARE_MARKERS = ("<", ">", "*", "h", "d", "8")
+
+
+def has_style(integrator: str) -> bool:
+    """Return True for a method with an entry; ``python benchmarks/palette.py`` suggests one for any other."""
+    return integrator in _STYLES
 
 
 def style_of(integrator: str) -> Style:

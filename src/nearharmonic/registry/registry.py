@@ -1,8 +1,8 @@
-"""Registries: packages of data files that are read-only mappings of the entries that their files declare.
+"""Registries: read-only mappings of the entries that the modules of a package declare.
 
-``nearharmonic.systems`` is a package and at the same time the mapping of its systems by name, because a registry has
-the name of its folder. If ``nearharmonic.systems`` were an object that hides the package, ``import
-nearharmonic.systems.kepler`` would succeed or fail depending on earlier imports.
+``nearharmonic.systems`` is the mapping of systems by name, and the package of their modules: a registry stands in
+``sys.modules`` in the place of its package. If it only hid the package, ``import nearharmonic.systems.kepler`` would
+succeed or fail depending on earlier imports.
 
 Objects in a notebook: one line of text, and an HTML table.
 
@@ -17,11 +17,12 @@ import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cached_property
 from html import escape
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Generic, Protocol, TypeVar, cast
+from typing import Any, Protocol, TypeVar, cast
 
 from nearharmonic.errors import NearharmonicError, unknown_name
 
@@ -46,51 +47,60 @@ class Definition(Protocol[Made_co]):
         """Return the entry with this ``name``."""
 
 
-class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
-    """A package that maps names to the entries declared by its modules; :func:`make_registry` makes one.
+class Registry(Mapping[str, Entry]):
+    """A mapping of names to the entries that the modules of a package declare; it takes the place of the package.
 
     The modules are imported lazily, at the first look-up of a key, in alphabetical order. A new entry needs only a new
-    file in the folder. A module is also imported when it is looked up as an attribute of the package.
+    file in the folder. A module is also imported when it is looked up as an attribute.
 
     A process can add entries by :meth:`define`. Other names of an entry, such as its label, are keys too, and so is the
     path of a Python file: its value is the entry that the file declares. The mapping lists only names among its keys;
-    other names are in it too, and paths are not, since they are read at look-up.
+    other names are in it too, and paths are not, since they are read at look-up. A key that is neither declared, nor
+    defined, nor a path raises UnknownNameError.
 
-    Raises
-    ------
-    UnknownNameError
-        On a look-up of a key that is neither declared, nor defined, nor a path.
+    The ``__init__`` of ``package`` makes the registry. ``kind`` is the singular noun for an entry in error messages,
+    ``declares`` the variable of a module with its entries, which ``entries_of`` returns by name. ``read`` returns the
+    entry of a user's file from its path and the registered names; None if paths are not keys. ``others_of`` returns the
+    other names of an entry.
     """
 
-    _kind: str
-    _declares: str
-    _entries_of: Callable[[ModuleType], Mapping[str, Entry]]
-    _entries: dict[str, Entry] | None = None
-    _modules: dict[str, str]
-    _others_of: Callable[[Entry], Collection[str]]
-    _others: dict[str, str] | None = None
-    _covered: tuple[frozenset[str], frozenset[str]] | None = None
-    _read: Callable[[str, Collection[str]], Entry] | None
-    _definitions: dict[str, Definition[Entry]]
-    _made: dict[str, Entry]
+    def __init__(
+        self,
+        package: str,
+        kind: str,
+        declares: str,
+        entries_of: Callable[[ModuleType], Mapping[str, Entry]],
+        read: Callable[[str, Collection[str]], Entry] | None = None,
+        others_of: Callable[[Entry], Collection[str]] = lambda _: (),
+    ) -> None:
+        self._package, self.kind, self._declares = sys.modules[package], kind, declares
+        self._entries_of, self._read, self._others_of = entries_of, read, others_of
+        self._modules: dict[str, str] = {}
+        self._definitions: dict[str, Definition[Entry]] = {}
+        self._made: dict[str, Entry] = {}
+        self._covered: tuple[frozenset[str], frozenset[str]] | None = None
+        sys.modules[package] = cast("ModuleType", self)
 
-    def _load(self) -> dict[str, Entry]:
-        if self._entries is None:
-            entries: dict[str, Entry] = {}
-            for name in self._files():
-                if hasattr(type(self), name):
-                    raise NearharmonicError(f"{self.__name__}: a file must not have the name {name!r} of a method")
-                if not self._may_declare(name):
-                    continue
-                module = import_module(f"{self.__name__}.{name}")
-                for key, entry in self._entries_of(module).items():
-                    if key in entries:
-                        first = self._modules[key]
-                        raise NearharmonicError(f"{self._kind} {key!r} is declared in {first} and in {module.__name__}")
-                    entries[key] = entry
-                    self._modules[key] = module.__name__
-            self._entries = entries
-        return self._entries
+    @cached_property
+    def _entries(self) -> dict[str, Entry]:
+        entries: dict[str, Entry] = {}
+        for name in self._files():
+            if hasattr(type(self), name):
+                raise NearharmonicError(f"{self.__name__}: a file must not have the name {name!r} of a method")
+            if not self._may_declare(name):
+                continue
+            module = import_module(f"{self.__name__}.{name}")
+            for key, entry in self._entries_of(module).items():
+                if key in entries:
+                    first = self._modules[key]
+                    raise NearharmonicError(f"{self.kind} {key!r} is declared in {first} and in {module.__name__}")
+                entries[key] = entry
+                self._modules[key] = module.__name__
+        return entries
+
+    @cached_property
+    def _others(self) -> dict[str, str]:
+        return {other: name for name, entry in self._entries.items() for other in self._others_of(entry)}
 
     def _may_declare(self, name: str) -> bool:
         """Return True if a module assigns or imports the name that declares entries, without importing it."""
@@ -107,43 +117,31 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
         key: Any = self.name_of(os.fspath(name) if isinstance(name, os.PathLike) else name)
         is_named = self._has(key)
         if not is_named and (self._read is None or not is_path(key)):
-            raise unknown_name(self._kind, key, self, self._others or ())
-        if self._covered is not None and not (is_named and self._is_covered(key)):
-            message = f"{self._kind} {key!r} is looked up, but no digest of the task covers it: name it in the settings"
-            raise NearharmonicError(message)
+            raise unknown_name(self.kind, key, self, self._others)
+        if self._covered is not None:
+            names, modules = self._covered
+            if not is_named or not (key in names or self._modules.get(key) in modules):
+                message = "is looked up, but no digest of the task covers it: name it in the settings"
+                raise NearharmonicError(f"{self.kind} {key!r} {message}")
         if not is_named and self._read is not None:
             return self._read(key, self.registered)
         return self.entry(key)
 
     def name_of(self, key: str) -> str:
         """Return the name of the entry with this name or other name; a key that is neither is returned as it is."""
-        if self._has(key) or not isinstance(key, str):
-            return key
-        if self._others is None:
-            self._others = {other: name for name, entry in self._load().items() for other in self._others_of(entry)}
-        return self._others.get(key, key)
+        return key if self._has(key) or not isinstance(key, str) else self._others.get(key, key)
 
     def entry(self, name: str) -> Entry:
         """Return the entry of a name that the registry has, covered by digests or not: to select by what it is."""
         name = self.name_of(name)
         if name in self._definitions and name not in self._made:
             self._made[name] = self._definitions[name].make(name)
-        return self._made[name] if name in self._definitions else self._load()[name]
-
-    def _is_covered(self, name: str) -> bool:
-        return self._covered is not None and (
-            name in self._covered[0] or (name in self._modules and self._modules[name] in self._covered[1])
-        )
-
-    @property
-    def kind(self) -> str:
-        """Name of an entry in error messages, singular."""
-        return self._kind
+        return self._made[name] if name in self._definitions else self._entries[name]
 
     @property
     def registered(self) -> tuple[str, ...]:
         """Names of the entries that the modules of the package declare."""
-        return tuple(self._load())
+        return tuple(self._entries)
 
     @property
     def definitions(self) -> Mapping[str, Definition[Entry]]:
@@ -151,18 +149,13 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
         return dict(self._definitions)
 
     def define(self, definitions: Mapping[str, Definition[Entry]]) -> None:
-        """Add entries to the registered ones, and remove all earlier definitions.
+        """Add entries to the registered ones, whose names they must not have, and remove all earlier definitions.
 
         Each entry is made lazily, at its first look-up.
-
-        Raises
-        ------
-        NearharmonicError
-            A registered entry has one of the names.
         """
         for name in definitions:
-            if name in self._load():
-                message = f"{self._kind} {name!r} is declared in {self._modules[name]} already: choose another name"
+            if name in self._entries:
+                message = f"{self.kind} {name!r} is declared in {self._modules[name]} already: choose another name"
                 raise NearharmonicError(message)
         self._definitions, self._made = dict(definitions), {}
 
@@ -178,13 +171,7 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
 
     @contextmanager
     def restricted(self, names: Collection[str], modules: Collection[str]) -> Iterator[None]:
-        """Allow look-ups only of some ``names``, and of entries that some ``modules`` declare, inside the block.
-
-        Raises
-        ------
-        NearharmonicError
-            Inside the block, on the look-up of any other entry.
-        """
+        """Refuse look-ups of entries other than ``names``, and those that ``modules`` declare, inside the block."""
         self._covered = frozenset(names), frozenset(modules)
         try:
             yield
@@ -195,45 +182,47 @@ class Registry(ModuleType, Mapping[str, Entry], Generic[Entry]):
         return self._has(name) or (isinstance(name, str) and self._has(self.name_of(name)))
 
     def _has(self, name: object) -> bool:
-        return isinstance(name, str) and (name in self._load() or name in self._definitions)
+        return isinstance(name, str) and (name in self._entries or name in self._definitions)
 
     def __iter__(self) -> Iterator[str]:
-        yield from self._load()
+        yield from self._entries
         yield from self._definitions
 
     def __len__(self) -> int:
-        return len(self._load()) + len(self._definitions)
+        return len(self._entries) + len(self._definitions)
 
     def module_of(self, name: str) -> str | None:
         """Return the dotted name of the module that declares ``name`` or its base; None if a file defines it."""
         name = self.name_of(name)
         if not self._has(name):
-            raise unknown_name(self._kind, name, self)
+            raise unknown_name(self.kind, name, self)
         base = self._definitions[name].base if name in self._definitions else name
         return None if base is None else self._modules[base]
 
     def __getattr__(self, name: str) -> Any:
-        # Python looks up private names that a module may not have, such as __path__ of a plain module.
-        if not name.startswith("_") and name in self._files():
+        # Python looks up private names that a module may not have, and those of the package before it is complete.
+        package = self.__dict__["_package"]
+        if not hasattr(package, name) and not name.startswith("_") and name in self._files():
             return import_module(f"{self.__name__}.{name}")
-        raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
+        return getattr(package, name)
 
     def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__(), *self._files(), *(name for name in dir(type(self)) if name[0] != "_")})
+        public = (name for name in dir(type(self)) if name[0] != "_")
+        return sorted({*dir(self._package), *self._files(), *public})
 
     def __repr__(self) -> str:
-        return f"<module {self.__name__!r}, a mapping of {len(self)} {self._kind}s: {', '.join(self)}>"
+        return f"<module {self.__name__!r}, a mapping of {len(self)} {self.kind}s: {', '.join(self)}>"
 
     def _repr_html_(self) -> str:
 
         return entries_table([cast("Any", entry).facts for entry in self.values()])
 
-    # The mapping of a package is equal only to itself and can be hashed, like a module; Mapping would compare contents.
+    # A registry is equal only to itself and can be hashed, like a module; Mapping would compare contents.
     __eq__ = object.__eq__
     __hash__ = object.__hash__
 
     def __reduce__(self) -> tuple[Callable[[str], ModuleType], tuple[str]]:
-        return import_module, (self.__name__,)  # a copy, or a loaded pickle, is the package itself
+        return import_module, (self.__name__,)  # a copy, or a loaded pickle, is the registry itself
 
 
 #: A file that is no Python is refused as such, and not as an unknown name.
@@ -249,46 +238,6 @@ def split_path(place: str) -> tuple[str, str]:
     """Return the path of a Python file, and the name of the entry after a colon, "" without a colon."""
     path, colon, entry = place.rpartition(":")
     return (path, entry) if colon and path.endswith(".py") else (place, "")
-
-
-def make_registry(
-    package: str,
-    kind: str,
-    declares: str,
-    entries_of: Callable[[ModuleType], Mapping[str, Entry]],
-    read: Callable[[str, Collection[str]], Entry] | None = None,
-    others_of: Callable[[Entry], Collection[str]] = lambda _: (),
-) -> Registry[Entry]:
-    """Make an imported package the registry of the entries that its modules declare.
-
-    Parameters
-    ----------
-    package
-        Dotted name of the package; its ``__init__`` calls this function.
-    kind
-        Singular noun for an entry in error messages.
-    declares
-        Name of the variable with the entries in a module.
-    entries_of
-        Function of a module that returns its entries by name; an empty mapping if it declares none.
-    read
-        Function of the path of a user's file and of the registered names that returns the entry of the file; None if
-        paths are not keys.
-    others_of
-        Function of an entry that returns its other names.
-
-    Returns
-    -------
-    Registry
-        The module itself, which is in ``sys.modules``.
-    """
-    module = sys.modules[package]
-    module.__class__ = Registry
-    made = cast("Registry[Entry]", module)
-    made._kind, made._declares, made._entries_of, made._read = kind, declares, entries_of, read
-    made._others_of = others_of
-    made._modules, made._definitions, made._made = {}, {}, {}
-    return made
 
 
 #: Largest number of characters of a cell.
@@ -330,11 +279,6 @@ class Selection(Mapping[str, Entry]):
     """A view of the entries of a registry that fulfil a condition, in the order of the registry.
 
     ``name`` is that of the view in the package of the registry, ``text`` its docstring.
-
-    Raises
-    ------
-    UnknownNameError
-        On a look-up of a name that the view does not have.
     """
 
     def __init__(self, registry: Registry[Entry], name: str, fulfils: Callable[[Entry], bool], text: str = "") -> None:

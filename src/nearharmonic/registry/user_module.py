@@ -54,12 +54,8 @@ def is_trusted(file: str | os.PathLike[str]) -> bool:
 
 
 def check_trust(*files: str | os.PathLike[str]) -> None:
-    """Raise an error if a user's file must not be run.
-
-    Raises
-    ------
-    UntrustedFileError
-        One of the files is not among those of :func:`trusting_only`; the message has the SHA-256 of its bytes.
+    """Raise an error for users' files that are not among those of :func:`trusting_only`, with the SHA-256 of their
+    bytes.
     """
     refused = [os.fspath(file) for file in files if not is_trusted(file)]
     if refused:
@@ -84,21 +80,9 @@ def load(place: str | os.PathLike[str], declares: str, error: type[NearharmonicE
     """Return the module of a Python file; it is loaded again if one of its files has changed.
 
     The file may import modules of its own folder. They are private: two files in different folders may import different
-    modules ``common``.
-
-    Parameters
-    ----------
-    declares : str
-        Expected content of the file, for the message if it does not exist.
-    error : type
-        Class of the error.
-
-    Raises
-    ------
-    NearharmonicError
-        Of the class ``error``: the file does not exist, its name does not end in ``.py``, or it fails when it is run.
-    UntrustedFileError
-        The file must not be run in this block.
+    modules ``common``. A file that does not exist, is no Python file or fails when it is run raises an ``error`` of
+    this class, and one that must not be run in this block UntrustedFileError. ``declares`` is its expected content, for
+    the message.
     """
     path = Path(place)
     if not is_file(path):
@@ -147,14 +131,8 @@ def place_of(name: str, value: object) -> Path | None:
 def pickled(package: str, name: str, entry: Any) -> tuple[Any, ...] | None:
     """Return the pickled form of an entry that another process can look up, or None.
 
-    Parameters
-    ----------
-    package : str
-        Dotted name of the registry; an entry that it declares is looked up by its name.
-    name : str
-        Variable that a user's file assigns; an entry of such a file is looked up there.
-    entry : object
-        The entry.
+    An entry that the registry of a ``package`` declares is looked up by its name there, and one of a user's file by the
+    variable ``name`` that the file assigns.
     """
     registry: Any = sys.modules[package]
     if entry.name in registry.registered and registry.get(entry.name) is entry:
@@ -164,13 +142,7 @@ def pickled(package: str, name: str, entry: Any) -> tuple[Any, ...] | None:
 
 
 def declared_in(place: str, name: str, digest: str | None = None) -> Any:
-    """Return the value of the variable ``name`` of a user's file, whose texts have this ``digest`` if it is given.
-
-    Raises
-    ------
-    NearharmonicError
-        The file cannot be loaded, does not assign the variable, or has changed.
-    """
+    """Return the value of the variable ``name`` of a user's file, whose texts have this ``digest`` if it is given."""
     module = load(place, f"It defined {name}", NearharmonicError)
     if digest not in (None, _digest_of(_LOADED[Path(place).resolve()][1])):
         raise NearharmonicError(f"{place}, or a module that it imports, has changed since its {name} was pickled")

@@ -1,102 +1,22 @@
-"""Checks of the members of a system, before they are used.
-
-Members of a system, completed from the short forms that a user may give, and their numbers.
-"""
+"""Checks of the members of a system, before they are used."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from decimal import Decimal
 from fractions import Fraction
 from math import isinf
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from nearharmonic.errors import SystemDefinitionError, shown
-from nearharmonic.numerics.written import any_decimal_of, decimal, exact_number, is_extreme, is_real
-from nearharmonic.systems.energy import quadratic_T
-from nearharmonic.systems.quantities import Observable, Parameter, ReadOnly, Vector, fixed, is_list
-from nearharmonic.systems.regularisation import Regularisation
+from nearharmonic.numerics.written import any_decimal_of, exact_number, is_extreme, is_real
+from nearharmonic.systems.quantities import Observable, is_list
 
-Scalar = TypeVar("Scalar")
+if TYPE_CHECKING:
+    from nearharmonic.systems.system import System
 
 #: Quantities that a system has units of.
 UNITS = ("q", "p", "t", "energy")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)  # formulas are compared by identity only
-class Members:
-    """The members of a system; :class:`~nearharmonic.systems.system.System` documents them."""
-
-    name: str
-    label: str = ""
-    V: Callable[..., Any]
-    grad_V: Callable[..., Vector] = None  # type: ignore[assignment]  # never None once built
-    q0: tuple[str, ...]
-    p0: tuple[str, ...]
-    t_end: str
-    units: Mapping[str, str] = field(default_factory=lambda: dict.fromkeys(UNITS, "1"))
-    source: str = "defined by its user"
-    T: Callable[..., Any] = quadratic_T
-    grad_T: Callable[..., Vector] = None  # type: ignore[assignment]
-    masses: Sequence[Any] | None = None
-    time_dependent: bool = False
-    regularisation: Regularisation | None = None
-    parameters: Mapping[str, Parameter] = field(default_factory=dict)
-    invariants: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
-    observables: Mapping[str, Observable] = field(default_factory=dict)
-    period: Callable[..., float] | None = None
-    harmonic: bool = False
-    gravity: bool = False
-    exact_position: Callable[[Any, Any], Vector | None] | None = None
-    position_t_end: str | None = None
-    frequencies: Sequence[Any] | None = None
-    declared_for: Mapping[str, Any] | None = None
-    energy_scale: str | None = None
-    surface_limit: float = 1.0
-    surface_reason: str = "the energy error is as large as the energy itself"
-
-    @property
-    def dimension(self) -> int:
-        """Number of coordinates."""
-        return len(self.q0)
-
-    def constants(self, kind: Callable[[str], Scalar]) -> tuple[Scalar, ...]:
-        """Return the parameters as numbers of one kind, called with each decimal string: ``float``, ``mpmath.mpf``."""
-        return tuple(kind(parameter.value) for parameter in self.parameters.values())
-
-    def start(self, kind: Callable[[str], Scalar]) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
-        """Return the initial values (q0, p0) as numbers of one kind, see :meth:`constants`."""
-        return tuple(map(kind, self.q0)), tuple(map(kind, self.p0))
-
-    def extended_start(self, kind: Callable[[str], Scalar]) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
-        """Return the initial values of the integrated system: with t = 0 and p_t = 0 if V depends on time."""
-        more = (kind("0"),) if self.time_dependent else ()
-        q0, p0 = self.start(kind)
-        return (*q0, *more), (*p0, *more)
-
-    def _write_out(self) -> None:
-        """Complete short forms of members: plain numbers, parameters and observables, and a missing label."""
-        parameters: Mapping[str, Any] = self.parameters
-        observables: Mapping[str, Any] = self.observables
-        named = {
-            key: value if isinstance(value, Parameter) else Parameter(value=value, meaning=key)
-            for key, value in parameters.items()
-        }
-        observed = {
-            key: f if isinstance(f, Observable) else Observable(function=f, unit="unknown", meaning=key)
-            for key, f in observables.items()
-        }
-        given = ((key, getattr(self, key)) for key in ("q0", "p0"))
-        rows = {key: tuple(map(decimal, x if is_list(x) else (x,))) for key, x in given}
-        rows |= {key: decimal(getattr(self, key)) for key in ("t_end", "position_t_end", "energy_scale")}
-        rows |= {key: fixed(getattr(self, key)) for key in ("masses", "frequencies")}
-        mappings = {"units": self.units, "parameters": named, "invariants": self.invariants, "observables": observed}
-        read_only = {key: ReadOnly(value) for key, value in mappings.items()}
-        for key, value in {"label": self.label or self.name, **rows, **read_only}.items():
-            object.__setattr__(self, key, value)
-
-
 #: Names of the variables and dimensions of every result; no invariant or observable may have such a name.
 VARIABLES = frozenset((
     "t", "q", "p", "q_low", "p_low", "tau", "tau_requested", "energy_error", "max_energy_error", "mean_energy_error",
@@ -106,14 +26,8 @@ VARIABLES = frozenset((
 ))  # fmt: skip
 
 
-def check_members(system: Members) -> None:
-    """Refuse members of a system that have a wrong type.
-
-    Raises
-    ------
-    SystemDefinitionError
-        The message holds the member, its value, and the allowed values.
-    """
+def check_members(system: System) -> None:
+    """Refuse members of a system that have a wrong type."""
     name: Any = system.name  # a user may pass anything
     if not isinstance(name, str) or not name:
         raise SystemDefinitionError(f"name = {name!r} is not allowed: a system has a name")
@@ -130,11 +44,11 @@ def check_members(system: Members) -> None:
         raise _not_allowed(system, "surface_limit", limit, "a number above 0")
 
 
-def _not_allowed(system: Members, key: str, value: object, allowed: str) -> SystemDefinitionError:
+def _not_allowed(system: System, key: str, value: object, allowed: str) -> SystemDefinitionError:
     return SystemDefinitionError(f"{system.name}: {key} = {value!r} is not allowed: {allowed}")
 
 
-def _check_names(system: Members) -> None:
+def _check_names(system: System) -> None:
     name = system.name
     units: Mapping[str, Any] = system.units
     for key in UNITS:
@@ -158,7 +72,7 @@ def _check_names(system: Members) -> None:
             raise SystemDefinitionError(f"{name}: parameters has {key!r}, which is not allowed: {allowed}")
 
 
-def _check_functions(system: Members) -> None:
+def _check_functions(system: System) -> None:
     name = system.name
     for key in ("V", "grad_V", "T", "grad_T"):
         function = getattr(system, key)
@@ -176,14 +90,8 @@ def _check_functions(system: Members) -> None:
                 raise _not_allowed(system, f"{key}[{entry!r}]", function, allowed)
 
 
-def check_numbers(system: Members) -> None:
-    """Refuse initial values, parameters and times that are not finite doubles.
-
-    Raises
-    ------
-    SystemDefinitionError
-        The message holds the name of the number, its value, and the fault.
-    """
+def check_numbers(system: System) -> None:
+    """Refuse initial values, parameters and times that are not finite doubles."""
     named: dict[str, Any] = {f"parameter {k}": v.value for k, v in system.parameters.items()}
     named |= {"t_end": system.t_end}
     named |= {f"q0[{i}]": v for i, v in enumerate(system.q0)} | {f"p0[{i}]": v for i, v in enumerate(system.p0)}
@@ -202,15 +110,8 @@ def check_numbers(system: Members) -> None:
         raise SystemDefinitionError(f"{system.name}: energy_scale = {system.energy_scale!r} is not positive")
 
 
-def written_frequencies(system: Members) -> tuple[Fraction | str, ...]:
-    """Return the frequencies that ``system`` declares: exact numbers, and names of parameters.
-
-    Raises
-    ------
-    SystemDefinitionError
-        The numbers of frequencies and coordinates differ, or a frequency is neither a number of at least 0 nor a
-        parameter.
-    """
+def written_frequencies(system: System) -> tuple[Fraction | str, ...]:
+    """Return the frequencies that ``system`` declares, one per coordinate: exact numbers from 0, and parameters."""
     given: Any = system.frequencies
     if not is_list(given) or not hasattr(given, "__len__") or len(given) != system.dimension:
         allowed = f"{system.dimension} frequencies, one per coordinate, 0 for one that is free"
@@ -218,7 +119,7 @@ def written_frequencies(system: Members) -> tuple[Fraction | str, ...]:
     return tuple(_frequency(system, i, value) for i, value in enumerate(given))
 
 
-def _frequency(system: Members, i: int, value: Any) -> Fraction | str:
+def _frequency(system: System, i: int, value: Any) -> Fraction | str:
     if isinstance(value, str) and value in system.parameters:
         return value
     try:

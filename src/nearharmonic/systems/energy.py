@@ -52,16 +52,8 @@ class _Traced(NamedTuple):
 class Energy:
     """V or T of a system, as an expression of its coordinates.
 
-    Parameters
-    ----------
-    name, formula : str
-        Name of the system, and "V" or "T", for errors.
-    function : callable
-        ``function(x, *parameters)`` of coordinates x (d).
-    dimension : int
-        Number of coordinates d.
-    parameters : tuple of Constant
-        The system's own parameters.
+    ``function(x, *parameters)`` is of coordinates x (d = ``dimension``); ``parameters`` are the system's own. ``name``,
+    of the system, and ``formula``, "V" or "T", are for errors.
     """
 
     #: The energy has an expression, unlike a function of numba.
@@ -95,12 +87,8 @@ class Energy:
             return self._at_run_time
 
     def trace(self) -> None:
-        """Trace the formula, unless it was traced before.
-
-        Raises
-        ------
-        SystemDefinitionError
-            The formula fails, or has too many operations to be compiled.
+        """Trace the formula, unless it was traced before; one that fails, or is too long to be compiled, raises an
+        error.
         """
         _ = self._standard  # raises the error of the formula
         if self.is_long:
@@ -290,19 +278,8 @@ def quadratic_grad_T(p: Vector) -> Vector:
 class MassKineticEnergy:
     """T = p.M^-1 p / 2 for masses that are numbers or names of parameters, or for a constant matrix M.
 
-    Parameters
-    ----------
-    masses : tuple
-        d masses, each a number, a decimal string, a fraction or the name of a parameter, or a symmetric positive
-        definite matrix (d, d) of numbers. A number alone is the mass of the only coordinate.
-    dimension, parameters
-        Number of coordinates d, and names of the parameters.
-
-    Raises
-    ------
-    SystemDefinitionError
-        The shape is wrong, an entry is not a number, a mass is not positive, or a matrix is not symmetric or not
-        positive definite.
+    ``masses`` are d positive numbers, decimal strings, fractions or names of parameters, or a symmetric positive
+    definite matrix (d, d) of numbers. A number alone is the mass of the only coordinate.
     """
 
     def __init__(self, masses: Any, dimension: int, parameters: Collection[str]) -> None:
@@ -340,21 +317,9 @@ class MassKineticEnergy:
 def of_masses(
     masses: Sequence[Any] | None, T: Callable[..., Any], dimension: int, parameters: tuple[str, ...], *, alone: bool
 ) -> Callable[..., Any]:
-    """Return the kinetic energy of a system: that of ``masses``, or T if there are no masses.
+    """Return the kinetic energy of a system: that of ``masses``, or T if there are no masses; both are refused.
 
-    Parameters
-    ----------
-    masses, dimension, parameters
-        As for :class:`MassKineticEnergy`; ``masses`` is None if they are not given.
-    T : callable
-        Kinetic energy of the system; in a copy it may come from the masses of the original.
-    alone : bool
-        True if no gradient of T is given.
-
-    Raises
-    ------
-    SystemDefinitionError
-        Masses are given together with T or its gradient, or they do not define a kinetic energy.
+    In a copy T may come from the masses of the original. ``alone`` is True if no gradient of T is given.
     """
     made = T if isinstance(T, MassKineticEnergy) else None
     if masses is None:
@@ -382,13 +347,7 @@ def takes_parameters(T: Callable[..., Any]) -> bool:
 
 
 def _number(key: str, value: Any) -> Fraction:
-    """An entry of ``masses`` as a fraction.
-
-    Raises
-    ------
-    SystemDefinitionError
-        It is not a number, or not a finite double.
-    """
+    """An entry of ``masses`` as a fraction, which is finite as a double."""
     try:
         number = exact_number(value if isinstance(value, Rational) else decimal(value))
         float(number)

@@ -6,24 +6,23 @@ A system with V(q, t) is extended to an autonomous system, whose last coordinate
 momentum p_t: H = T(p) + p_t + V(q, t). Then dt/dt = 1, dp_t/dt = -dV/dt, and H is conserved. p_t starts at 0, so that
 -p_t is the energy that the system has received. T + p_t has degree 2 in the momenta if T has. Source: Hairer, Lubich &
 Wanner (2006), Geometric Numerical Integration, Sec. VI.1 (extended phase space).
-
-Potential and kinetic energy of a system, as expressions that are traced at first use.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from nearharmonic.core.formulas.number import NO_SUCH_COMPONENT, Constant, FormulaError, components
 from nearharmonic.core.formulas.tracing import Hamiltonian
 from nearharmonic.errors import SystemDefinitionError
-from nearharmonic.systems.declaration import Members
-from nearharmonic.systems.energy import Energy, MassKineticEnergy, Vector, quadratic_T, takes_parameters
-from nearharmonic.systems.numba_potential import NumbaEnergy, numba_potential
+from nearharmonic.systems.energy import Energy, MassKineticEnergy, Vector, takes_parameters
 from nearharmonic.systems.regularisation import RegularisedFormulas
+
+if TYPE_CHECKING:
+    from nearharmonic.systems.system import System
 
 
 class DerivedGradient:
@@ -42,28 +41,18 @@ class DerivedGradient:
 def with_parameters(formula: Callable[..., Any], count: int) -> Callable[..., Any]:
     """Return T or grad_T, which may take no parameters, as a function of momenta and parameters."""
     taken = not count or isinstance(formula, DerivedGradient) or takes_parameters(formula)
-    return formula if taken else _WithoutParameters(formula)
+    return formula if taken else partial(_without_parameters, formula)
 
 
-@dataclass(frozen=True)
-class _WithoutParameters:
-    """A function of the momenta only, as a function of momenta and parameters."""
-
-    formula: Callable[..., Any]
-
-    def __call__(self, p: Vector, *_: Any) -> Any:
-        return self.formula(p)
+# The functions below take their first arguments by functools.partial, which can be pickled and compared by what it has.
+def _without_parameters(formula: Callable[..., Any], p: Vector, *_: Any) -> Any:
+    return formula(p)
 
 
-@dataclass(frozen=True)
-class ExtendedPotential:
+def extended_V(V: Callable[..., Any], x: Vector, *parameters: Any) -> Any:
     """V(q, t) as a function of the coordinates (q, t)."""
-
-    V: Callable[..., Any]
-
-    def __call__(self, x: Vector, *parameters: Any) -> Any:
-        *q, t = x
-        return _of_time(self.V, tuple(q), t, *parameters)
+    *q, t = x
+    return _of_time(V, tuple(q), t, *parameters)
 
 
 def _of_time(formula: Callable[..., Any], q: Vector, t: Any, *parameters: Any) -> Any:
@@ -76,109 +65,23 @@ def _of_time(formula: Callable[..., Any], q: Vector, t: Any, *parameters: Any) -
         raise IndexError(f"{error}: {components('q', len(q))}") from error
 
 
-@dataclass(frozen=True)
-class ExtendedForce:
+def extended_force(grad_V: Callable[..., Vector], potential: Energy, x: Vector, *parameters: Any) -> Vector:
     """(dV/dq, dV/dt): dV/dq is given with the system, dV/dt is derived."""
-
-    grad_V: Callable[..., Vector]
-    potential: Energy
-
-    def __call__(self, x: Vector, *parameters: Any) -> Vector:
-        *q, t = x
-        force = tuple(_of_time(self.grad_V, tuple(q), t, *parameters))
-        if len(force) != len(q):
-            raise FormulaError(
-                f"returns {len(force)} components, expected a tuple of {len(q)}, one number per coordinate"
-            )
-        return *force, self.potential.slope(len(q), x, *parameters)
+    *q, t = x
+    force = tuple(_of_time(grad_V, tuple(q), t, *parameters))
+    if len(force) != len(q):
+        raise FormulaError(f"returns {len(force)} components, expected a tuple of {len(q)}, one number per coordinate")
+    return *force, potential.slope(len(q), x, *parameters)
 
 
-@dataclass(frozen=True)
-class ExtendedKineticEnergy:
+def extended_T(T: Callable[..., Any], p: Vector, *parameters: Any) -> Any:
     """T(p) + p_t."""
-
-    T: Callable[..., Any]
-
-    def __call__(self, p: Vector, *parameters: Any) -> Any:
-        return self.T(p[:-1], *parameters) + p[-1]
+    return T(p[:-1], *parameters) + p[-1]
 
 
-@dataclass(frozen=True)
-class ExtendedVelocity:
+def extended_velocity(grad_T: Callable[..., Vector], p: Vector, *parameters: Any) -> Vector:
     """(dT/dp, 1)."""
-
-    grad_T: Callable[..., Vector]
-
-    def __call__(self, p: Vector, *parameters: Any) -> Vector:
-        return *self.grad_T(p[:-1], *parameters), 1
-
-
-@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Energies(Members):
-    """The energies of a system, and properties of its kinetic energy."""
-
-    @cached_property
-    def _potential(self) -> Energy:
-        numba = numba_potential(self)
-        if numba is not None:
-            return NumbaEnergy(numba, self.constants(Constant))
-        V = ExtendedPotential(self.V) if self.time_dependent else self.V
-        return Energy(self.name, "V", V, self.dimension + self.time_dependent, self.constants(Constant))
-
-    @cached_property
-    def _kinetic_energy(self) -> Energy:
-        T = with_parameters(self.T, len(self.parameters))
-        return Energy(self.name, "T", T, self.dimension, self.constants(Constant))
-
-    @property
-    def energies(self) -> tuple[Energy, Energy]:
-        """V and T. V is a function of the coordinates, and of time if it depends on time."""
-        return self._potential, self._kinetic_energy
-
-    @cached_property
-    def quadratic_kinetic_energy(self) -> bool:
-        """True if T is a polynomial of degree at most 2 in the momenta, as Nystrom methods require."""
-        return self.T is quadratic_T or isinstance(self.T, MassKineticEnergy) or self._kinetic_energy.is_quadratic
-
-    @cached_property
-    def unit_masses(self) -> bool:
-        """True if T = p.p / 2: accelerations are then minus grad_V."""
-        return self.T is quadratic_T or self._kinetic_energy.is_half_square
-
-    @cached_property
-    def typical_energy(self) -> float:
-        """T(p0) + max |V(q0, t)| to two digits, over 17 times of the interval; 0 if V does not depend on time.
-
-        The energy at the start of a system that depends on time may be near 0 by accident.
-        """
-        if not self.time_dependent:
-            return 0.0
-        constants, times = self.constants(float), (float(self.t_end) * k / 16 for k in range(17))
-        q0, p0 = (tuple(map(float, x)) for x in (self.q0, self.p0))
-        V = max(abs(float(self.V(q0, t, *constants))) for t in times)
-        return float(f"{float(self._kinetic_energy.function(p0, *constants)) + V:.2g}")
-
-    def energy(self, q: Vector, p: Vector, constants: Sequence[Any] = (), t: Any = None) -> Any:
-        """Return H = T(p) + V(q), or T(p) + V(q, t).
-
-        Parameters
-        ----------
-        q, p : tuple of d numbers or arrays
-            State, in any number type.
-        constants : sequence of numbers
-            Parameters in the same type, from :meth:`constants`.
-        t : number or array
-            Time, if V depends on it.
-
-        Raises
-        ------
-        SystemDefinitionError
-            V depends on time, and ``t`` is not given.
-        """
-        if self.time_dependent and t is None:
-            raise SystemDefinitionError(f"{self.name}: V depends on time, and its energy needs t")
-        time = (t,) if self.time_dependent else ()
-        return self._kinetic_energy.function(p, *constants) + self.V(q, *time, *constants)
+    return *grad_T(p[:-1], *parameters), 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,7 +104,7 @@ class Formulas(Hamiltonian):
         return self.energies[0].traced and any(energy.is_long for energy in self.energies)
 
 
-def formulas_of(system: Energies, potential: Energy, kinetic_energy: Energy) -> Formulas:
+def formulas_of(system: System, potential: Energy, kinetic_energy: Energy) -> Formulas:
     """Return the integrated formulas of ``system``, with derived gradients where it has none.
 
     V is a function of the integrated coordinates, which include the time if V depends on it, T of the system's momenta.
@@ -211,8 +114,11 @@ def formulas_of(system: Energies, potential: Energy, kinetic_energy: Energy) -> 
     if not system.time_dependent:
         V, grad_V = system.V, potential.gradient if derived else system.grad_V
     else:
-        V, grad_V = potential.function, potential.gradient if derived else ExtendedForce(system.grad_V, potential)
-        T, grad_T = ExtendedKineticEnergy(T), ExtendedVelocity(grad_T)
+        V, grad_V = (
+            potential.function,
+            potential.gradient if derived else partial(extended_force, system.grad_V, potential),
+        )
+        T, grad_T = partial(extended_T, T), partial(extended_velocity, grad_T)
     kinetic = Energy(system.name, "T", T, potential.dimension, kinetic_energy.parameters)
     return Formulas(
         name=system.name,
@@ -225,19 +131,13 @@ def formulas_of(system: Energies, potential: Energy, kinetic_energy: Energy) -> 
         balanced_T=kinetic.balanced,
         hessian_V_times=potential.hessian_times,
         hessian_T_times=kinetic.hessian_times,
-        acceleration=_Acceleration(system, kinetic_energy),
+        acceleration=partial(_acceleration, system, kinetic_energy),
         energies=(potential, kinetic),
     )
 
 
-def regularised_formulas(system: Energies) -> Formulas:
-    """Return the formulas of the oscillator of ``system``, which has a ``regularisation``.
-
-    Raises
-    ------
-    SystemDefinitionError
-        The system does not have 2 or 3 coordinates and masses of 1, V depends on time, or a parameter is missing.
-    """
+def regularised_formulas(system: System) -> Formulas:
+    """Return the formulas of the oscillator of ``system``, which has a ``regularisation`` that fits it."""
     given = system.regularisation
     assert given is not None
     places, named = list(system.parameters), {given.gravity, given.strength or given.gravity}
@@ -270,21 +170,14 @@ def regularised_formulas(system: Energies) -> Formulas:
     )
 
 
-@dataclass(frozen=True)
-class _Acceleration:
-    """Acceleration in a system whose T is quadratic; that of the time coordinate of an extended system is 0."""
+def _acceleration(system: System, kinetic_energy: Energy, force: Vector, *parameters: Any) -> Vector:
+    """The acceleration in a system whose T is quadratic; that of the time coordinate of an extended system is 0."""
+    if system.time_dependent:
+        return *_of_force(system, kinetic_energy, force[:-1], *parameters), Constant(0)
+    return _of_force(system, kinetic_energy, force, *parameters)
 
-    system: Energies
-    kinetic_energy: Energy
 
-    def __call__(self, force: Vector, *parameters: Any) -> Vector:
-        if self.system.time_dependent:
-            return *self._of(force[:-1], *parameters), Constant(0)
-        return self._of(force, *parameters)
-
-    def _of(self, force: Vector, *parameters: Any) -> Vector:
-        if isinstance(self.system.T, MassKineticEnergy):
-            return self.system.T.velocity(force, *parameters)
-        if self.system.unit_masses:
-            return force
-        return self.kinetic_energy.hessian_times(force, force, *parameters)
+def _of_force(system: System, kinetic_energy: Energy, force: Vector, *parameters: Any) -> Vector:
+    if isinstance(system.T, MassKineticEnergy):
+        return system.T.velocity(force, *parameters)
+    return force if system.unit_masses else kinetic_energy.hessian_times(force, force, *parameters)

@@ -193,15 +193,9 @@ POTENTIALS: Mapping[str, Callable[..., Any]] = {
 def check_gradients(system: System) -> None:
     """Compare given gradients with V and T, and V with a declared potential, at points near the start.
 
-    Each comparison is made once. Derived gradients are not compared.
-
-    A point at which a formula divides by zero or takes the root of a negative number is skipped.
-
-    Raises
-    ------
-    SystemDefinitionError
-        A component differs from the derivative of its energy, V differs from the declared potential, a formula takes
-        too many operations to be compiled, or a formula fails for another reason.
+    Each comparison is made once. Derived gradients are not compared. A point at which a formula divides by zero or
+    takes the root of a negative number is skipped. A contradiction, and formulas that fail or take too many operations
+    to be compiled, raise SystemDefinitionError.
     """
     formulas, constants = system.formulas(), system.constants(Constant)
     q0, p0 = system.extended_start(Decimal)
@@ -317,13 +311,7 @@ class Remainder:
 
 @remembered
 def frequencies_of(system: System) -> tuple[tuple[Fraction, ...], tuple[int, ...]]:
-    """Return the distinct frequencies, and for each coordinate the index of its frequency.
-
-    Raises
-    ------
-    SettingError
-        The oscillators of the system cannot be solved exactly together with T.
-    """
+    """Return the distinct frequencies, and for each coordinate the index of its frequency."""
     check_oscillator(system)
     constants = dict(zip(system.parameters, system.constants(Fraction), strict=True))
     values = [constants[w] if isinstance(w, str) else w for w in written_frequencies(system)]
@@ -338,13 +326,7 @@ def frequency_parameters(system: System) -> list[int]:
 
 
 def check_oscillator(system: System, key: str = "split") -> None:
-    """Raise an error about the setting ``key`` if the oscillators and T cannot be solved exactly together.
-
-    Raises
-    ------
-    SettingError
-        The message holds the missing property of the system.
-    """
+    """Raise an error about the setting ``key`` if the oscillators and T cannot be solved exactly together."""
     value = "exact_oscillator"
     if system.frequencies is None:
         example = ", ".join(["'1'"] * min(system.dimension, 3)) + (", ..." if system.dimension > 3 else "")
@@ -367,13 +349,7 @@ def check_oscillator(system: System, key: str = "split") -> None:
 
 @remembered
 def remainder_formulas(system: System) -> Formulas:
-    """Return the formulas of ``system`` with the grad_V of V without its oscillators; V is the full potential.
-
-    Raises
-    ------
-    SettingError
-        The oscillators of the system cannot be solved exactly together with T.
-    """
+    """Return the formulas of ``system`` with the grad_V of V without its oscillators; V is the full potential."""
     check_oscillator(system)
     formulas = system.formulas()
     remainder = Remainder(system, written_frequencies(system))
@@ -453,11 +429,6 @@ def velocity_text(system: System) -> str:
 
     Coordinates are those of ``system.formulas()``. For a regularised system they are (u, w), with derivatives by the
     fictitious time. The text calls ``abs``, ``sqrt`` and the functions of :mod:`nearharmonic.math` by their names.
-
-    Raises
-    ------
-    SystemDefinitionError
-        A formula fails, or uses an operation that formulas do not have.
     """
     lines: list[str] = []
     formulas, constants = system.formulas(), system.constants(Constant)
@@ -541,13 +512,7 @@ def slopes() -> dict[str, Callable[..., tuple[Any, ...]]]:
 
 
 def evaluated(function: str, arguments: Sequence[Decimal], digits: int) -> tuple[Decimal, list[Decimal]]:
-    """Return the value of a function to ``digits`` digits, and the sizes of its slopes.
-
-    Raises
-    ------
-    ArithmeticError
-        The value or a slope is not a finite number.
-    """
+    """Return the value of a function to ``digits`` digits, and the sizes of its slopes; all are finite, or an error."""
     import gmpy2
 
     with gmpy2.context(precision=int(3.33 * digits) + 40):

@@ -21,12 +21,12 @@ import numpy as np
 from nearharmonic.core.formulas.number import Constant, Value
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.systems.declaration import Members
 from nearharmonic.systems.energy import Components as Vector
 from nearharmonic.systems.energy import Energy
 
 if TYPE_CHECKING:
     from nearharmonic.core.machine.numba_functions import NumbaCode
+    from nearharmonic.systems.system import System
 
 
 #: Step of a difference of gradients, relative to the coordinates: truncation and rounding errors are then equally
@@ -48,13 +48,7 @@ class NumbaPotential:
 
     @cached_property
     def code(self) -> NumbaCode:
-        """Code of both functions.
-
-        Raises
-        ------
-        SystemDefinitionError
-            numba cannot compile them for doubles, or they return wrong types.
-        """
+        """Code of both functions, which numba must be able to compile for doubles, and which return the right types."""
         from nearharmonic.core.machine.numba_functions import NumbaFunctionError, compiled_code
 
         try:
@@ -156,13 +150,9 @@ def is_numba_function(function: object) -> bool:
     return dispatcher is not None and isinstance(function, dispatcher.Dispatcher)
 
 
-def potential_of(system: Members) -> NumbaPotential | None:
-    """Return V and grad_V of ``system`` if they are functions of numba, else None.
-
-    Raises
-    ------
-    SystemDefinitionError
-        Only one of them is a function of numba, T is one, or the system declares a property of expressions.
+def potential_of(system: System) -> NumbaPotential | None:
+    """Return V and grad_V of ``system`` if they are functions of numba, else None; refuse what such a system cannot
+    have.
     """
     V, grad_V = given_function(system.V), given_function(system.grad_V)
     for formula in ("T", "grad_T"):
@@ -213,7 +203,7 @@ def given_function(function: Any) -> Any:
     return function
 
 
-def numba_potential(system: Members) -> NumbaPotential | None:
+def numba_potential(system: System) -> NumbaPotential | None:
     """Return the functions of numba of a complete system, or None."""
     owner = getattr(system.V, "__self__", None)
     return owner if isinstance(owner, NumbaPotential) else None
@@ -250,11 +240,6 @@ def check_numba_gradient(potential: NumbaPotential, start: Sequence[float], para
     """Compare a gradient with differences of V at random points near the start and in the box of the initial values.
 
     A point other than the start is skipped if V or the gradient is NaN there.
-
-    Raises
-    ------
-    SystemDefinitionError
-        A component differs from the derivative of V, or a function raises an exception at the start.
     """
     q0 = np.array(start)
     _check_start(potential, q0, parameters)

@@ -68,15 +68,7 @@ class Observable:
     meaning: str
 
     def __call__(self, q: Vector, p: Vector, *parameters: Any) -> Any:
-        """Return the value, or a sequence of values, at states of any number type.
-
-        Parameters
-        ----------
-        q, p : tuple of d numbers or arrays
-            Positions and momenta.
-        *parameters : numbers
-            Parameters of the system.
-        """
+        """Return the value, or a sequence of values, at states of any number type, for the parameters of the system."""
         return self.function(q, p, *parameters)
 
 

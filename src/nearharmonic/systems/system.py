@@ -8,23 +8,39 @@ Systems in Python files of users.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection
-from dataclasses import dataclass, fields, replace
-from functools import cached_property, wraps
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, partial, wraps
 from inspect import Parameter as Argument
 from inspect import Signature, signature
-from typing import Any
+from typing import Any, TypeVar
 
 from nearharmonic.core.formulas.expression import Graph
-from nearharmonic.core.formulas.number import vector
+from nearharmonic.core.formulas.number import Constant, vector
 from nearharmonic.errors import SystemDefinitionError, naming_arguments
+from nearharmonic.numerics.written import decimal
 from nearharmonic.registry.registry import split_path
 from nearharmonic.registry.user_module import load, near_miss, pickled
-from nearharmonic.systems.declaration import Members, check_members, check_numbers, written_frequencies
-from nearharmonic.systems.energy import MassKineticEnergy, of_masses, quadratic_grad_T, quadratic_T, takes_parameters
-from nearharmonic.systems.formulas import DerivedGradient, Energies, Formulas, formulas_of, regularised_formulas
-from nearharmonic.systems.numba_potential import given_function, numba_potential, potential_of
-from nearharmonic.systems.quantities import Vector
+from nearharmonic.systems.declaration import UNITS, check_members, check_numbers, written_frequencies
+from nearharmonic.systems.energy import (
+    Energy,
+    MassKineticEnergy,
+    of_masses,
+    quadratic_grad_T,
+    quadratic_T,
+    takes_parameters,
+)
+from nearharmonic.systems.formulas import (
+    DerivedGradient,
+    Formulas,
+    extended_V,
+    formulas_of,
+    regularised_formulas,
+    with_parameters,
+)
+from nearharmonic.systems.numba_potential import NumbaEnergy, given_function, numba_potential, potential_of
+from nearharmonic.systems.quantities import Observable, Parameter, ReadOnly, Vector, fixed, is_list
+from nearharmonic.systems.regularisation import Regularisation
 from nearharmonic.systems.remembered import read_by
 
 #: What cannot be split, and what solves it.
@@ -35,15 +51,10 @@ SEPARABLE = (
 _POSITIONAL = (Argument.POSITIONAL_ONLY, Argument.POSITIONAL_OR_KEYWORD)
 
 
-def check_arguments(system: Members) -> None:
+def check_arguments(system: System) -> None:
     """Refuse formulas with other arguments than those of their calls, or with parameters in another order.
 
     A formula without a signature, such as one written in C, is not checked.
-
-    Raises
-    ------
-    SystemDefinitionError
-        The message holds the formula, its arguments, and the arguments of its calls.
     """
     for formula in ("V", "grad_V", "T", "grad_T"):
         function, parameters = given_function(getattr(system, formula)), tuple(system.parameters)
@@ -67,7 +78,7 @@ def _signature(function: Callable[..., Any], *, follow_wrapped: bool) -> Signatu
 
 
 def _check_count(
-    system: Members, formula: str, taken: Signature, given: tuple[str, ...], parameters: tuple[str, ...]
+    system: System, formula: str, taken: Signature, given: tuple[str, ...], parameters: tuple[str, ...]
 ) -> None:
     called = (*given, *parameters)
     try:
@@ -80,7 +91,7 @@ def _check_count(
         raise SystemDefinitionError(message) from None
 
 
-def _reason(system: Members, taken: list[Argument], given: tuple[str, ...]) -> str:
+def _reason(system: System, taken: list[Argument], given: tuple[str, ...]) -> str:
     behind = [x.name for x in taken if x.default is Argument.empty][len(given) :]
     unknown = [name for name in behind if name not in system.parameters]
     mixed = "q" if given == ("p",) else "p"
@@ -95,13 +106,15 @@ def _reason(system: Members, taken: list[Argument], given: tuple[str, ...]) -> s
     return "it takes all parameters, those that only masses or T use too"
 
 
-def _check_order(system: Members, formula: str, taken: Signature, given: int) -> None:
+def _check_order(system: System, formula: str, taken: Signature, given: int) -> None:
     names = [x.name for x in taken.parameters.values() if x.kind in _POSITIONAL][given:]
     parameters = list(system.parameters)
     if names != parameters and sorted(names) == sorted(parameters):
         orders = f"({', '.join(names)}), and parameters are in the order ({', '.join(parameters)})"
         raise SystemDefinitionError(f"{system.name}: {formula} takes {orders}")
 
+
+Scalar = TypeVar("Scalar")
 
 #: Members of a system that are valid only for its V and T.
 DECLARED = ("harmonic", "gravity", "exact_position", "position_t_end", "frequencies")
@@ -111,7 +124,7 @@ WHOLE = ("H", "hamiltonian", "Hamiltonian", "L", "lagrangian", "Lagrangian", "A"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)  # formulas are compared by identity only
-class System(Energies):
+class System:
     """A separable Hamiltonian H(q, p) = T(p) + V(q) with a standard initial value problem.
 
     Formulas use only ``+ - * /``, powers, ``abs`` and the functions of :mod:`nearharmonic.math`, and never branch on a
@@ -198,6 +211,34 @@ class System(Energies):
     1.3e-04
     """
 
+    name: str
+    label: str = ""
+    V: Callable[..., Any]
+    grad_V: Callable[..., Vector] = None  # type: ignore[assignment]  # never None once built
+    q0: tuple[str, ...]
+    p0: tuple[str, ...]
+    t_end: str
+    units: Mapping[str, str] = field(default_factory=lambda: dict.fromkeys(UNITS, "1"))
+    source: str = "defined by its user"
+    T: Callable[..., Any] = quadratic_T
+    grad_T: Callable[..., Vector] = None  # type: ignore[assignment]
+    masses: Sequence[Any] | None = None
+    time_dependent: bool = False
+    regularisation: Regularisation | None = None
+    parameters: Mapping[str, Parameter] = field(default_factory=dict)
+    invariants: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
+    observables: Mapping[str, Observable] = field(default_factory=dict)
+    period: Callable[..., float] | None = None
+    harmonic: bool = False
+    gravity: bool = False
+    exact_position: Callable[[Any, Any], Vector | None] | None = None
+    position_t_end: str | None = None
+    frequencies: Sequence[Any] | None = None
+    declared_for: Mapping[str, Any] | None = None
+    energy_scale: str | None = None
+    surface_limit: float = 1.0
+    surface_reason: str = "the energy error is as large as the energy itself"
+
     def __post_init__(self) -> None:
         check_members(self)
         self._write_out()
@@ -235,10 +276,7 @@ class System(Energies):
     def refresh(self) -> System:
         """Return the system itself; forget what was derived from formulas that now read other values than before.
 
-        Raises
-        ------
-        SystemDefinitionError
-            Such a formula is a function of numba, which keeps the values of its first call.
+        A function of numba among them is refused: it keeps the values of its first call.
         """
         read = self._read_now()
         if read == vars(self)["_read"]:
@@ -256,6 +294,77 @@ class System(Energies):
                 object.__setattr__(self, name, DerivedGradient(energy, timed))
         object.__setattr__(self, "_read", read)
         return self
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates."""
+        return len(self.q0)
+
+    def constants(self, kind: Callable[[str], Scalar]) -> tuple[Scalar, ...]:
+        """Return the parameters as numbers of one kind, called with each decimal string: ``float``, ``mpmath.mpf``."""
+        return tuple(kind(parameter.value) for parameter in self.parameters.values())
+
+    def start(self, kind: Callable[[str], Scalar]) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
+        """Return the initial values (q0, p0) as numbers of one kind, see :meth:`constants`."""
+        return tuple(map(kind, self.q0)), tuple(map(kind, self.p0))
+
+    def extended_start(self, kind: Callable[[str], Scalar]) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
+        """Return the initial values of the integrated system: with t = 0 and p_t = 0 if V depends on time."""
+        more = (kind("0"),) if self.time_dependent else ()
+        q0, p0 = self.start(kind)
+        return (*q0, *more), (*p0, *more)
+
+    @cached_property
+    def _potential(self) -> Energy:
+        numba = numba_potential(self)
+        if numba is not None:
+            return NumbaEnergy(numba, self.constants(Constant))
+        V: Callable[..., Any] = partial(extended_V, self.V) if self.time_dependent else self.V
+        return Energy(self.name, "V", V, self.dimension + self.time_dependent, self.constants(Constant))
+
+    @cached_property
+    def _kinetic_energy(self) -> Energy:
+        T = with_parameters(self.T, len(self.parameters))
+        return Energy(self.name, "T", T, self.dimension, self.constants(Constant))
+
+    @property
+    def energies(self) -> tuple[Energy, Energy]:
+        """V and T. V is a function of the coordinates, and of time if it depends on time."""
+        return self._potential, self._kinetic_energy
+
+    @cached_property
+    def quadratic_kinetic_energy(self) -> bool:
+        """True if T is a polynomial of degree at most 2 in the momenta, as Nystrom methods require."""
+        return self.T is quadratic_T or isinstance(self.T, MassKineticEnergy) or self._kinetic_energy.is_quadratic
+
+    @cached_property
+    def unit_masses(self) -> bool:
+        """True if T = p.p / 2: accelerations are then minus grad_V."""
+        return self.T is quadratic_T or self._kinetic_energy.is_half_square
+
+    @cached_property
+    def typical_energy(self) -> float:
+        """T(p0) + max |V(q0, t)| to two digits, over 17 times of the interval; 0 if V does not depend on time.
+
+        The energy at the start of a system that depends on time may be near 0 by accident.
+        """
+        if not self.time_dependent:
+            return 0.0
+        constants, times = self.constants(float), (float(self.t_end) * k / 16 for k in range(17))
+        q0, p0 = (tuple(map(float, x)) for x in (self.q0, self.p0))
+        V = max(abs(float(self.V(q0, t, *constants))) for t in times)
+        return float(f"{float(self._kinetic_energy.function(p0, *constants)) + V:.2g}")
+
+    def energy(self, q: Vector, p: Vector, constants: Sequence[Any] = (), t: Any = None) -> Any:
+        """Return H = T(p) + V(q), or T(p) + V(q, t), at a state of tuples of d numbers or arrays of any type.
+
+        ``constants`` are the parameters in the same type, from :meth:`constants`, and ``t`` is the time, which a V that
+        depends on it needs.
+        """
+        if self.time_dependent and t is None:
+            raise SystemDefinitionError(f"{self.name}: V depends on time, and its energy needs t")
+        time = (t,) if self.time_dependent else ()
+        return self._kinetic_energy.function(p, *constants) + self.V(q, *time, *constants)
 
     @property
     def facts(self) -> dict[str, object]:
@@ -279,6 +388,27 @@ class System(Energies):
         from nearharmonic.registry.registry import facts_table
 
         return facts_table("System", self.facts)
+
+    def _write_out(self) -> None:
+        """Complete short forms of members: plain numbers, parameters and observables, and a missing label."""
+        parameters: Mapping[str, Any] = self.parameters
+        observables: Mapping[str, Any] = self.observables
+        named = {
+            key: value if isinstance(value, Parameter) else Parameter(value=value, meaning=key)
+            for key, value in parameters.items()
+        }
+        observed = {
+            key: f if isinstance(f, Observable) else Observable(function=f, unit="unknown", meaning=key)
+            for key, f in observables.items()
+        }
+        given = ((key, getattr(self, key)) for key in ("q0", "p0"))
+        rows = {key: tuple(map(decimal, x if is_list(x) else (x,))) for key, x in given}
+        rows |= {key: decimal(getattr(self, key)) for key in ("t_end", "position_t_end", "energy_scale")}
+        rows |= {key: fixed(getattr(self, key)) for key in ("masses", "frequencies")}
+        mappings = {"units": self.units, "parameters": named, "invariants": self.invariants, "observables": observed}
+        read_only = {key: ReadOnly(value) for key, value in mappings.items()}
+        for key, value in {"label": self.label or self.name, **rows, **read_only}.items():
+            object.__setattr__(self, key, value)
 
     def _set_kinetic_energy(self) -> None:
         """Set T from ``masses``, and grad_T if it is not given; in a copy both may come from the original."""
@@ -371,14 +501,9 @@ class System(Energies):
         return replace(self, q0=q0, p0=p0, time_dependent=False, masses=None, **energies, **none)
 
     def hessian_V_times(self, q: Vector, direction: Vector, *others: Any) -> Vector:
-        """Return the Hessian of V at ``q`` times ``direction``, derived from V.
+        """Return the Hessian of V at ``q`` (d) times ``direction`` (d), derived from V.
 
-        Parameters
-        ----------
-        q, direction : tuple of d numbers
-            Position, and a displacement, in the same number type.
-        *others : numbers
-            Further arguments of V: the time if V depends on it, and the parameters.
+        The ``others`` are further arguments of V: the time if V depends on it, and the parameters.
         """
         if self.time_dependent:
             t, *parameters = others
@@ -411,13 +536,7 @@ DECLARES = "A system of your own is a Python file that defines SYSTEM"
 
 
 def load_system(place: str | os.PathLike[str]) -> System:
-    """Return the ``SYSTEM`` that a Python file defines.
-
-    Raises
-    ------
-    SystemDefinitionError
-        The file does not exist, fails when it is run, or defines no System of that name.
-    """
+    """Return the ``SYSTEM`` that a Python file defines."""
     module = load(place, DECLARES, SystemDefinitionError)
     found = getattr(module, "SYSTEM", None)
     if not isinstance(found, System):
@@ -427,13 +546,7 @@ def load_system(place: str | os.PathLike[str]) -> System:
 
 
 def system_at(place: str, registered: Collection[str]) -> System:
-    """Return the system of a file that is given by its path; it must not have the name of a registered system.
-
-    Raises
-    ------
-    SystemDefinitionError
-        As for :func:`load_system`, or the system has the name of a registered system.
-    """
+    """Return the system of a file that is given by its path; it must not have the name of a ``registered`` system."""
     path, entry = split_path(place)
     if entry:
         raise SystemDefinitionError(f"{place}: a file defines one system, SYSTEM; give the path alone")

@@ -17,22 +17,11 @@ DIGITS = 40
 
 @dataclass(frozen=True, kw_only=True)
 class SystemDefinition:
-    """A system of a file, or a registered system, with other initial values and parameters.
+    """A system of a ``file`` that defines SYSTEM, or the registered system ``base``, with other initial values and
+    parameters.
 
-    Attributes
-    ----------
-    file : str or None
-        The Python file that defines SYSTEM.
-    base : str or None
-        Name of a registered system, if there is no file.
-    label : str or None
-        Name in titles, in place of the system's own.
-    q0, p0 : tuple of str, or None
-        Initial values in place of the system's own, as decimal strings.
-    parameters : tuple of (str, str)
-        Names and values of the parameters that differ from those of the system.
-    energy : str or None
-        Energy at the start, as a decimal string: p0 is multiplied by a factor.
+    ``label`` is its name in titles. ``q0`` and ``p0`` are decimal strings, ``parameters`` the names and values that
+    differ, and ``energy`` is that at the start, for which p0 is multiplied by a factor; None is for the system's own.
     """
 
     file: str | None = None
@@ -44,17 +33,7 @@ class SystemDefinition:
     energy: str | None = None
 
     def make(self, name: str) -> System:
-        """Return the system under the given name.
-
-        Raises
-        ------
-        SystemDefinitionError
-            The file defines no system, or the number of initial values is wrong.
-        SettingError
-            No multiple of p0 gives the energy.
-        UnknownNameError
-            The system has no parameter of a given name.
-        """
+        """Return the system under the given name, with as many initial values and with parameters that it has."""
         original = load_system(self.file) if self.file is not None else systems[str(self.base)]
         values = {key: value for key in ("q0", "p0") if (value := getattr(self, key)) is not None}
         for key, value in values.items():
@@ -67,13 +46,7 @@ class SystemDefinition:
 
 
 def _momentum(system: System, energy: str) -> tuple[str, ...]:
-    """Return p0 times the factor s >= 0 with H(q0, s p0) = ``energy`` at t = 0, in more digits than any run has.
-
-    Raises
-    ------
-    SettingError
-        There is no such factor.
-    """
+    """Return p0 times the factor s >= 0 with H(q0, s p0) = ``energy`` at t = 0, in more digits than any run has."""
     from mpmath import mp, mpf, workdps
 
     with workdps(2 * DIGITS):

@@ -38,28 +38,10 @@ class Growth(NamedTuple):
 
 
 def stability_gaps(integrator: str | Tableau, *, first: First | None = None) -> list[tuple[BigFloat, BigFloat]]:
-    """Return the intervals of step sizes with |tr K| > 2, in ascending order.
+    """Return the intervals (start, end) of step sizes with |tr K| > 2, in ascending order, to 30 digits for m = k = 1.
 
-    Where the trace only touches 2 there is no interval.
-
-    Parameters
-    ----------
-    integrator : str or Tableau
-        Method, or its name.
-    first : {"drift", "kick"}, optional
-        Operator to which the outer row is given; None leaves it as declared.
-
-    Returns
-    -------
-    list of (mpf, mpf)
-        Start and end of each interval, to 30 digits, in units with m = k = 1; the last interval ends at infinity.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``first`` is no operator.
+    The last interval ends at infinity. Where the trace only touches 2 there is no interval. Arguments and errors are
+    those of :func:`stability_limit`.
     """
     return gaps_of(step_polynomials(integrator, first=first))
 
@@ -130,35 +112,10 @@ def limit_of(gaps: Sequence[tuple[BigFloat, BigFloat]], digits: int) -> BigFloat
     return next(begin for begin, end in gaps if end - begin > resolved * begin)
 
 
-def stability_end(integrator: str | Tableau, *, first: First | None = None) -> BigFloat:
-    """Return the step size, to 30 digits, at which the last gap begins; no larger step size is stable.
-
-    Arguments and errors are those of :func:`stability_gaps`.
-    """
-    return stability_gaps(integrator, first=first)[-1][0]
-
-
 def growth_rate(integrator: str | Tableau, tau: BigFloat, *, first: First | None = None) -> BigFloat:
-    """Return the larger Lyapunov exponent of a step: ln of the larger |eigenvalue| of K, arcosh(|tr K|/2).
+    """Return the larger Lyapunov exponent of a step: ln of the larger |eigenvalue| of K, arcosh(|tr K|/2), 0 if stable.
 
-    Parameters
-    ----------
-    integrator, first
-        As for :func:`stability_gaps`.
-    tau : mpf
-        Step size, in units with m = k = 1.
-
-    Returns
-    -------
-    mpf
-        Exponent per step; 0 where the step is stable.
-
-    Raises
-    ------
-    UnknownNameError
-        No integrator has this name.
-    SettingError
-        ``tau`` is no finite number above 0, or ``first`` no operator.
+    ``tau`` is a step size above 0, in units with m = k = 1.
     """
     # The printed digits of BCSS 4 produce a gap of width 1e-20, in which the trace exceeds 2 by 1e-40.
     with mp.workdps(max(mp.dps, CLOSED_FORM_DIGITS)):
@@ -167,22 +124,11 @@ def growth_rate(integrator: str | Tableau, tau: BigFloat, *, first: First | None
 
 
 def largest_growth(integrator: str | Tableau, gap: tuple[BigFloat, BigFloat], *, first: First | None = None) -> Growth:
-    """Return the largest growth inside a gap, per step and per unit of time.
+    """Return the largest growth inside a gap of :func:`stability_gaps`, per step and per unit of time, to about 12
+    digits.
 
-    The maximum per step is at a root of d tr/d tau, and all roots are found exactly. The maximum per unit of time is
-    searched for numerically between the neighbours of this root.
-
-    Parameters
-    ----------
-    integrator, first
-        As for :func:`stability_gaps`, as are the errors.
-    gap : (mpf, mpf)
-        One of :func:`stability_gaps`.
-
-    Returns
-    -------
-    Growth
-        To about 12 digits. In the last gap the growth per step is unbounded: inf, at inf.
+    The maximum per step is at a root of d tr/d tau, and all roots are found exactly; in the last gap it is inf, at inf.
+    The maximum per unit of time is searched for numerically between the neighbours of this root.
     """
     tableau, (start, end) = tableau_of(integrator, first), gap
     with mp.workdps(EDGE_DIGITS):

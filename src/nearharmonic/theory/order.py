@@ -128,12 +128,8 @@ def order_of(
 
 
 def nystrom_order_of(integrator: str | Tableau, *, first: First | None = None, highest: int | None = None) -> int:
-    """Return the order for every H = T(p) + V(q) with quadratic T, or ``highest`` if the order is larger.
-
-    Parameters
-    ----------
-    integrator, first, highest
-        As for :func:`order_of`, as are the errors.
+    """Return the order for every H = T(p) + V(q) with quadratic T, or ``highest`` if it is larger; see
+    :func:`order_of`.
     """
     tableau = tableau_of(integrator, first)
     return proved_order(tableau, _highest(tableau, highest), quadratic=True)
@@ -199,14 +195,9 @@ def generalised_order_of(
 
     The error is O(epsilon tau^(r1 + 1) + epsilon^2 tau^(r2 + 1) + ...). The terms from epsilon^m on are O(tau^(rm +
     1)), and rm is the order (Blanes et al. 2013, section 2). No r is larger than the previous one, because its errors
-    would be hidden by those of the previous one. r1 is at most 2s, as for a quadrature with s nodes.
-
-    Parameters
-    ----------
-    integrator, first
-        As for :func:`order_of`, as are the errors.
-    quadratic : bool
-        True for quadratic T: error terms with three or more kicks then vanish or combine.
+    would be hidden by those of the previous one. r1 is at most 2s, as for a quadrature with s nodes. If T is
+    ``quadratic``, error terms with three or more kicks vanish or combine. Other arguments are those of
+    :func:`order_of`.
     """
     tableau = tableau_of(integrator, first)
     highest = 2 * tableau.stages
@@ -223,16 +214,11 @@ def generalised_order_of(
 def leading_errors(
     integrator: str | Tableau, *, first: First | None = None, highest: int | None = None
 ) -> LeadingErrors:
-    """Return the leading error terms of a step.
+    """Return the leading error terms of a step; arguments are those of :func:`order_of`.
 
     The first two norms are Euclidean norms of the coordinates in the Lyndon basis with its standard bracketing (A < B,
     drift A, kick B). The norm for quadratic kinetic energy is that of the smallest equivalent error, so that it is at
     most the first norm if both have the same degree.
-
-    Parameters
-    ----------
-    integrator, first, highest
-        As for :func:`order_of`, as are the errors.
     """
     tableau = tableau_of(integrator, first)
     terms, most = [], _highest(tableau, highest)
@@ -249,18 +235,9 @@ def leading_errors(
 
 
 def error_norm(integrator: str | Tableau, degree: int, *, quadratic: bool = False, first: First | None = None) -> float:
-    """Return the norm of the error term tau^``degree``, with the norm of :func:`leading_errors`.
+    """Return the norm of the error term tau^``degree``, from 1, with the norm of :func:`leading_errors`.
 
     Below the order the norm is the rounding error of the printed digits.
-
-    Parameters
-    ----------
-    integrator, first
-        As for :func:`order_of`, as are the errors.
-    degree : int
-        Any power of tau from 1.
-    quadratic : bool
-        True for quadratic T.
     """
     tableau = tableau_of(integrator, first)
     errors = errors_of(tableau, _integer("degree", degree))
@@ -333,20 +310,9 @@ class ClosedSums(NamedTuple):
 def position_rows(integrator: str | Tableau, *, first: First | None = None) -> list[Powers]:
     """Return Q_(h,lambda) of Table 2, the contribution of each power of tau to the position after drift h.
 
-    Parameters
-    ----------
-    integrator, first
-        As for :func:`nearharmonic.kappa`, as are the errors.
-
-    Returns
-    -------
-    list of list of Fraction
-        One row for each h = 0, 1, ... (s drifts for BAB, s + 1 for ABA), with lambda = 0, ..., lambda_max.
-
-    Raises
-    ------
-    TableauError
-        A drift before the last is 0: the recursion divides by it.
+    There is a row for each h = 0, 1, ... (s drifts for BAB, s + 1 for ABA), with lambda = 0, ..., lambda_max. The
+    recursion divides by each drift before the last, which must not be 0. Arguments are those of
+    :func:`nearharmonic.kappa`.
     """
     tableau = tableau_of(integrator, first)
     kicks, drifts = kicks_and_drifts(tableau)
@@ -369,15 +335,8 @@ def position_rows(integrator: str | Tableau, *, first: First | None = None) -> l
 def momentum_row(integrator: str | Tableau, *, first: First | None = None) -> Powers:
     """Return the contribution of each power of tau to the new momentum: the last line of Eq. 6.
 
-    The momentum follows from the last drift, p = (q_h - q_(h-1)) / (tau c_h), and for BAB from one more kick.
-
-    Odd powers are in units of q_a, even powers in units of p_a. Arguments and errors are those of
-    :func:`position_rows`.
-
-    Raises
-    ------
-    TableauError
-        The last drift is 0.
+    The momentum follows from the last drift, which must not be 0, p = (q_h - q_(h-1)) / (tau c_h), and for BAB from one
+    more kick. Odd powers are in units of q_a, even powers in units of p_a.
     """
     tableau = tableau_of(integrator, first)
     before, last = position_rows(tableau)[-2:]
@@ -392,10 +351,7 @@ def momentum_row(integrator: str | Tableau, *, first: First | None = None) -> Po
 
 
 def closed_sums(integrator: str | Tableau, *, first: First | None = None) -> list[ClosedSums]:
-    """Return the rows h = 0, 1, ... of Table 3.
-
-    Arguments and errors are those of :func:`position_rows`.
-    """
+    """Return the rows h = 0, 1, ... of Table 3."""
     d, c = kicks_and_drifts(tableau_of(integrator, first))
     tau2 = [-_sum(c[i] * _sum(d[: i + 1]) for i in range(h)) for h in range(len(c) + 1)]
 
@@ -406,12 +362,8 @@ def closed_sums(integrator: str | Tableau, *, first: First | None = None) -> lis
 
 
 def kicks_and_drifts(tableau: Tableau) -> tuple[Powers, Powers]:
-    """Return the drifts and, for each, the kick just before it.
-
-    Returns
-    -------
-    kicks, drifts : list of Fraction
-        d_1, d_2, ..., with 0 before the first drift of ABA; and c_1, c_2, ...
+    """Return the drifts c_1, c_2, ..., and first, for each, the kick d_h just before it: 0 before the first drift of
+    ABA.
     """
     kicks, drifts = [Fraction(d) for d in tableau.kick], [Fraction(c) for c in tableau.drift]
     return (kicks[: len(drifts)] if tableau.first == "kick" else [Fraction(0), *kicks]), drifts

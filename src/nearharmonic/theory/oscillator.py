@@ -31,8 +31,7 @@ from nearharmonic.errors import bad_setting
 from nearharmonic.exact.decimals import BigFloat, as_mpf, decimals_in_common
 from nearharmonic.exact.step import StepPolynomials, oscillator
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.collocation import Method
-from nearharmonic.integrators.composition import Composition
+from nearharmonic.integrators.composition import OneStepMethod
 from nearharmonic.integrators.nielsen_2015 import TABLEAUS
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.numerics.written import is_real
@@ -63,7 +62,7 @@ def kappa(
     Parameters
     ----------
     integrator : str or Tableau
-        Method, or its name.
+        OneStepMethod, or its name.
     highest : int
         Number of terms; beyond the highest power of tau in the step kappa_l = 1.
     first : {"drift", "kick"}, optional
@@ -105,17 +104,10 @@ def _is_number_of_terms(value: Any) -> bool:
 def zeta(
     integrator: str | Tableau, *, first: First | None = None, variable: Variable = "position"
 ) -> tuple[Fraction, ...]:
-    """Return the contribution of each order to the new position or momentum (Nielsen 2015, Eq. 7).
+    """Return the exact contributions (zeta_0, ..., zeta_lambda_max) to the new position or momentum (Nielsen 2015, Eq.
+    7).
 
-    Parameters
-    ----------
-    integrator, first, variable
-        As for :func:`kappa`, as are the errors.
-
-    Returns
-    -------
-    tuple of Fraction
-        (zeta_0, ..., zeta_lambda_max), exact, for q_a = -p_a = 1 and m = k = 1.
+    They are for q_a = -p_a = 1 and m = k = 1. Arguments and errors are those of :func:`kappa`.
     """
     tableau = tableau_of(integrator, first)
     highest = lambda_max(tableau, variable=variable)
@@ -130,11 +122,6 @@ def lambda_max(integrator: str | Tableau, *, first: First | None = None, variabl
     For the new momentum the two are exchanged. If an outer coefficient is 0, as in asymmetric methods, the terms of the
     highest powers vanish. Steps with modified potentials and processors have higher powers; the result is then the
     highest nonzero power.
-
-    Parameters
-    ----------
-    integrator, first, variable
-        As for :func:`kappa`, as are the errors.
     """
     if variable not in {"position", "momentum"}:
         raise bad_setting("variable", variable, "it is 'position' or 'momentum'")
@@ -158,17 +145,7 @@ def step_polynomials(integrator: str | Tableau, *, first: First | None = None) -
 def stability_trace(integrator: str | Tableau, tau: BigFloat, *, first: First | None = None) -> BigFloat:
     """Return the trace of the step matrix: steps are stable if it lies in [-2, 2]; the exact flow has 2 cos(tau).
 
-    Parameters
-    ----------
-    integrator, first
-        As for :func:`kappa`, as are the errors.
-    tau : mpf
-        Step size, in units with m = k = 1.
-
-    Raises
-    ------
-    SettingError
-        ``tau`` is no finite number above 0.
+    ``tau`` is a finite step size above 0, in units with m = k = 1.
     """
     closed_form, step = _closed_form(tableau_of(integrator, first)), _step_size(tau)
     with mp.workdps(CLOSED_FORM_DIGITS):
@@ -242,9 +219,9 @@ def tableau_of(integrator: str | Tableau, first: First | None = None) -> Tableau
     return tableau
 
 
-def method_of(integrator: str | Method) -> Method:
+def method_of(integrator: str | OneStepMethod) -> Any:
     """Return the method, given or of this name."""
-    return integrator if isinstance(integrator, Composition) else integrators[integrator]
+    return integrator if isinstance(integrator, OneStepMethod) else integrators[integrator]
 
 
 def _step_size(tau: BigFloat) -> BigFloat:

@@ -119,7 +119,7 @@ class Population:
             Coefficients of the squares, one for each kick.
         """
         self._run(kicks, drifts, squares)
-        errors = self._relative(self._batch.filled.blocks[1, :, 1:].max(axis=1)[:, None])[..., 0]
+        errors = self._relative(self._batch.filled.worst[:, 1:].max(axis=1)[:, None])[..., 0]
         lost = self._batch.left_at.reshape(self.shape) != 0
         return np.where(lost | ~(errors < LOST), LOST, errors)[: len(kicks)]
 
@@ -129,7 +129,7 @@ class Population:
         All of those of a diverged run are infinite. Arguments are those of :meth:`errors`.
         """
         self._run(kicks, drifts, squares)
-        found = self._relative(self._batch.filled.blocks[0, :, 1:])
+        found = self._relative(self._batch.filled.energy_error[:, 1:])
         found[:, self._marks[:, None, 1:].repeat(self.shape[2], axis=1) < 0] = 0.0
         found[self._batch.left_at.reshape(self.shape) != 0] = np.inf
         return found[: len(kicks)]

@@ -30,6 +30,8 @@ export ruth --to cc | to = 'cc'
 export ruth --to c --digits ten | digits = 'ten'
 export ruth --to c --digits -1 | digits
 export ruth --to c --digits 0 | digits = 0
+export ruth --to c --digits 80 | digits = 80 is not allowed: an integer from 1 to 79, the digits to which ruth is known
+export gauss16 --to c | it is implicit, and no sequence of kicks and drifts
 export ruth --to c --digits 1e999999999 | digits = '1e999999999'
 export ruth --to c --digits ٣ | digits =
 export ruth --to c --digits 1_0 | digits = '1_0'
@@ -46,6 +48,11 @@ new system class | NAME = 'class'
 new system kepler | a registered system has this name
 new integrator ruth | a registered integrator has this name
 new system numpy | choose another
+new system random | scripts beside random.py would import it in place of the module random
+new system mine -o random.py | -o = 'random.py'
+new system mine -o 'a"b.py' | of printable letters other than quotes
+new integrator substeps | the workflow uses this name itself
+new system 2body | a letter, then letters, digits and '_', at most 60
 new system é | NAME
 new system "" | is not allowed
 new system mine -o mine.txt | the ending .py
@@ -61,6 +68,7 @@ recommend kepler --error 1e-9 --measure mx | measure = 'mx'
 recommend kepler --error 1e-9 --t-end nan | t_end = 'nan'
 recommend kepler --error 1e-9 --t-end=-5 | t_end = '-5'
 recommend kepler --error 1e-9 --t-end 1e999999999 | t_end = '1e999999999'
+recommend kepler --error 1e-9 --method ruth | Did you mean '--methods'?
 recommend kepler --error 1e-9 --methods ruht | Did you mean 'ruth'?
 recommend kepler --error 1e-9 --methods "" | unknown integrator ''
 recommend kepler --error 1e-9 --budget 0 | budget = 0
@@ -90,6 +98,8 @@ tailor sho --trials 0 | trials = 0
 tailor sho --trials 1e9 | trials = '1e9'
 tailor sho --seed x | seed = 'x'
 tailor sho --energy x | energy = 'x'
+tailor sho --output ruth.py | a registered integrator has the name ruth
+tailor sho --output my-method.py | output = 'my-method.py' is not allowed: a file NAME.py
 tailor sho --starts none.csv | starts = 'none.csv'
 history nothing | nothing
 history ../.. | ../..

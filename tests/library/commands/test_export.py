@@ -41,26 +41,3 @@ def test_an_integrator_of_a_file_is_exported_by_its_path(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["drift"] == ["0.2", "0.3", "0.3", "0.2"]
     assert main(["export", f"{tmp_path}/methods.py", "--to", "json"]) == 2
     assert "defines 2 integrators: name one, as in" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        (["ruht", "--to", "c"], "unknown integrator 'ruht'. Did you mean 'ruth'?"),
-        (["ruth", "--to", "fortrn"], "to = 'fortrn' is not allowed: one of json, toml, c, julia, rebound, diffrax, "
-         "sundials, fortran. Did you mean 'fortran'?"),
-        (["ruth", "--to", "c", "--digits", "many"], "digits = 'many' is not allowed: an integer"),
-        (["ruth", "--to", "c", "--digits", "0"], "digits = 0 is not allowed: an integer from 1 to 79"),
-        (["ruth", "--to", "c", "--digits", "80"], "digits = 80 is not allowed: an integer from 1 to 79, the digits "
-         "to which ruth is known"),
-        (["ruth"], "the following arguments are required: --to"),
-        *((["gauss16", "--to", to], "'gauss16' is not allowed: it is implicit, and no sequence of kicks and drifts")
-          for to in TARGETS),
-    ],
-)  # fmt: skip
-def test_bad_input_is_one_message(words, says, capsys):
-    assert main(["export", *words]) == 2
-    said = capsys.readouterr()
-    assert said.out == ""
-    assert says in said.err
-    assert len(said.err.splitlines()) == 1

@@ -146,36 +146,6 @@ def test_a_file_that_is_there_stays_as_it_is(capsys):
     assert not Path("nowhere").exists()
 
 
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        ("system kepler", "NAME = 'kepler' is not allowed: a registered system has this name: choose another"),
-        ("integrator aba864", "a registered integrator has this name: choose another"),
-        (
-            "system 2body",
-            "NAME = '2body' is not allowed: a letter, then letters, digits and '_', at most 60",
-        ),
-        ("system ../well", "a letter, then letters, digits and '_'"),
-        ("system class", "no keyword of Python"),
-        ("integrator substeps", "the workflow uses this name itself"),
-        ("system random", "scripts beside random.py would import it in place of the module random: choose another"),
-        ("system time", "in place of the module time"),
-        ("integrator numpy", "in place of the module numpy"),
-        ("system mine -o random.py", "-o = 'random.py' is not allowed: scripts beside random.py would import it"),
-        ("system mine -o well.txt", "-o = 'well.txt' is not allowed: a file with the ending .py"),
-        ('system mine -o a"b.py', "of printable letters other than quotes"),
-        ("syystem mine", "kind = 'syystem' is not allowed: one of system, integrator. Did you mean 'system'?"),
-        ("system", "the following arguments are required: NAME"),
-    ],
-)
-def test_bad_input_is_one_sentence_and_nothing_is_written(words, says, capsys, tmp_path):
-    assert main(["new", *words.split()]) == 2
-    out, err = capsys.readouterr()
-    assert (out, err.count("\n")) == ("", 1)
-    assert says in err
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_module_below_working_folder_is_visible_without_fault(tmp_path, monkeypatch, capsys):
     (tmp_path / "lib").mkdir()
     (tmp_path / "lib/theirs.py").write_text("")

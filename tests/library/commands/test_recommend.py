@@ -84,19 +84,3 @@ def test_other_libraries_are_left_out_if_methods_are_named(capsys):
     assert "other libraries: not timed (/nowhere" in with_all["basis"]
     named, _ = told(capsys, "sho", "--error", "1e-2", "--budget", "2000", "--methods", "ruth")
     assert "other libraries" not in named["basis"]
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        ("--t-end -5", "t_end = '-5' is not allowed: a finite number above 0"),
-        ("--methods ,", "unknown integrator ''"),
-        ("--budget 1e5", "budget = '1e5' is not allowed: an integer"),
-        ("--method ruth", "Did you mean '--methods'?"),
-    ],
-)
-def test_bad_input_is_one_sentence_with_status_2(words, says, capsys):
-    assert main(["recommend", "sho", "--error", "1e-3", *words.split()]) == 2
-    out, err = capsys.readouterr()
-    assert (out, err.count("\n")) == ("", 1)
-    assert says in err

@@ -41,15 +41,6 @@ def test_degree_of_the_potential_adds_its_order(capsys):
     assert "degree = '1' is not allowed: an integer from 2" in capsys.readouterr().err
 
 
-def test_bad_input_gives_status_2_and_one_sentence(tmp_path, capsys):
-    (tmp_path / "a.csv").write_text("kick,0.5,0.5\ndrift,1\nfrist,kick\n")
-    assert main(["verify-tableau", str(tmp_path / "a.csv")]) == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    (line,) = printed.err.splitlines()
-    assert "unknown key 'frist'. Did you mean 'first'?" in line
-
-
 @pytest.mark.parametrize(("kind", "name", "status"), [("published", "na7", 0), ("damaged", "sign", 1)])
 def test_json_holds_every_claim_and_what_is_proved(kind, name, status, capsys):
     assert main(["verify-tableau", path(kind, name), "--format", "json"]) == status

@@ -8,11 +8,6 @@ import pytest
 
 import nearharmonic as nh
 
-TOP = (
-    "System", "Parameter", "Observable", "Tableau", "palindrome", "order_of", "stability_limit", "kappa", "plot",
-    "animate", "integrate", "sweep", "systems", "integrators",
-)  # fmt: skip
-
 
 class Cells(HTMLParser):
     """The texts of a table's cells; every element that is opened must be closed."""
@@ -34,13 +29,6 @@ class Cells(HTMLParser):
         self.cells.append(data)
 
 
-@pytest.mark.parametrize("name", TOP)
-def test_name_stands_at_top_of_package_and_is_listed(name):
-    assert name in dir(nh)
-    assert name in nh.__all__
-    assert getattr(nh, name) is not None
-
-
 @pytest.mark.parametrize("entry", [*nh.systems.values(), *nh.integrators.values()], ids=lambda entry: entry.name)
 def test_entry_is_line_with_name_and_table_of_facts(entry):
     line = repr(entry)
@@ -49,11 +37,6 @@ def test_entry_is_line_with_name_and_table_of_facts(entry):
     assert len(line) < 200
     cells = Cells(entry._repr_html_()).cells
     assert {entry.name, entry.label} <= set(cells)
-
-
-def test_lines_of_two_entries_read_as_paper_has_them():
-    assert repr(nh.integrators["ruth"]) == "<Tableau ruth: label Ruth, stages 3, order 4, first drift>"
-    assert repr(nh.systems["sho"]) == "<System sho: label simple harmonic oscillator, coordinates 1, t_end 500>"
 
 
 def test_a_tableau_shows_each_coefficient():

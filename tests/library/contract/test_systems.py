@@ -150,13 +150,6 @@ def test_system_states_units_source_and_reason_of_divergence(system):
     assert all(parameter.unit and parameter.meaning for parameter in system.parameters.values())
 
 
-def test_henon_heiles_starts_at_energy_one_eighth():
-    """Nielsen (2015), below Eq. 18."""
-    system = nh.systems["henon_heiles"]
-    q, p = (tuple(map(mpf, row)) for row in (system.q0, system.p0))
-    assert system.T(p) + system.V(q) == mpf(1) / 8 or abs(system.T(p) + system.V(q) - mpf(1) / 8) < mpf(10) ** -58
-
-
 def test_mercury_has_its_known_eccentricity_and_period():
     """NASA fact sheet: eccentricity 0.2056, sidereal period 87.969 d; the rounded speeds give 0.2055 and 87.99 d."""
     system = nh.systems["kepler"]

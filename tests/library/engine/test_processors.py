@@ -12,7 +12,6 @@ import sys
 from fractions import Fraction
 from pathlib import Path
 
-import llvmlite
 import numpy as np
 import pytest
 from llvmlite import binding
@@ -26,7 +25,6 @@ from support.projects.decisive_computations import digests
 
 ROOT = Path(__file__).parents[3]
 PROGRAM = ROOT / "tests/support/projects/decisive_computations.py"
-PAGE = (ROOT / "docs/explanation/processors.md").read_text(encoding="utf-8")
 #: Flags of /proc/cpuinfo that the code of a processor needs, by the names under which LLVM knows those with AVX-512.
 LANDING = frozenset({"avx512f", "avx512cd"})
 SKYLAKE = LANDING | {"avx512bw", "avx512dq", "avx512vl"}
@@ -147,16 +145,6 @@ def test_every_processor_with_avx512_is_compared():
     wide = [x for x in names if "zmm" in target.create_target_machine(cpu=x, features="+64bit").emit_assembly(code)]
     # Names with underscores are others of the same.
     assert {x if x in AVX512 else x.replace("_", "-") for x in wide} == set(AVX512)
-
-
-def test_the_page_names_the_llvm_that_was_tested():
-    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
-    if f"llvmlite=={llvmlite.__version__}" not in lines:
-        pytest.skip("this is not the version of llvmlite that constraints.txt pins")
-    (least,) = re.findall(r'"llvmlite>=(.*)"', (ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    pinned = ".".join(llvmlite.__version__.split(".")[:2])
-    version = ".".join(map(str, binding.llvm_version_info))
-    assert f"llvmlite {least} to {pinned} hold LLVM {version}" in PAGE
 
 
 if __name__ == "__main__":

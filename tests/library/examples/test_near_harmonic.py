@@ -150,9 +150,7 @@ def test_best_methods_of_page_are_those_that_it_names():
         assert max(set(best[cost]), key=best[cost].count) == "BAB's9o7H"
 
 
-def test_the_page_counts_the_methods_and_systems_that_it_compares(systems):
-    (others,) = re.findall(r"all (\d+) methods of other authors", re.sub(r"\s+", " ", PAGE))
-    assert int(others) == len(anharmonicity.others())
+def test_the_page_compares_six_families_and_methods_of_others(systems):
     assert set(anharmonicity.SIX) < set(anharmonicity.others())
     assert not set(anharmonicity.NEW) & set(anharmonicity.others())
     assert "six systems from small to large amplitudes" in re.sub(r"\s+", " ", PAGE)

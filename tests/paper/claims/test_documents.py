@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.integrators import plain_integrators
+from nearharmonic.integrators import BENCHMARKED, plain_integrators
 from nearharmonic_paper.claims.pages.documents import CARRYING, SUBSTANCE, documents, failures_in_words, verdicts
 from nearharmonic_paper.claims.pages.summary import failures, of_the_paper
 from nearharmonic_paper.claims.table import decided
@@ -33,11 +33,11 @@ def test_page_and_readme_are_made_from_the_committed_verdicts():
     assert documents(TEXT, damaged) == {"page": PAGE, "readme": readme}
 
 
-def test_recorded_results_are_those_of_every_registered_method(tmp_path):
+def test_recorded_results_are_those_of_registered_methods(tmp_path):
     """Sizes and symmetry from the coefficients, apart from the code that made the table."""
     with (unpack(tmp_path) / "tables/integrators.csv").open(encoding="utf-8") as file:
         rows = {row["integrator"]: row for row in csv.DictReader(file)}
-    assert rows.keys() == {*plain_integrators.registered}
+    assert {*BENCHMARKED} < rows.keys() <= {*plain_integrators.registered}
     mirrored = {
         name for name, one in plain_integrators.items()
         if name in rows and one.kick == one.kick[::-1] and one.drift == one.drift[::-1]

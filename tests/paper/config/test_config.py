@@ -73,7 +73,7 @@ def test_decimal_strings_are_numbers_for_yaml_misreads_1e_4():
         ("integrators", "ruth", "integrators = 'ruth' is not allowed: a list"),
         ("integrators", ["ruth", "ruth"], "each named once"),
         ("integrators", ["ruth", 3], "integrators[1] = 3 is not allowed: the name of an integrator"),
-        ("integrators", ["rut"], "integrators: unknown integrator 'rut'. Did you mean 'ruth'? Nearest of 89: ruth, "),
+        ("integrators", ["rut"], "integrators: unknown integrator 'rut'. Did you mean 'ruth'? Nearest of "),
         ("background", "none", "background = 'none' is not allowed: one of white, transparent"),
         ("decomposition", ["aba846"], "decomposition: unknown integrator 'aba846'. Did you mean 'aba864'?"),
         ("systems", {}, "systems = {} is not allowed: at least one system"),

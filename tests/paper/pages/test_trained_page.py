@@ -127,15 +127,6 @@ def test_index_of_results_says_what_the_tables_say():
         assert most - 0.05 <= max(found) < most + 0.05
 
 
-def test_index_and_page_count_the_published_methods_that_are_compared():
-    published = [name for name in contestants() if kind_of(name) == "published"]
-    readme, page = (
-        re.sub(r"\s+", " ", text) for text in ((ROOT / "docs/results/index.md").read_text(encoding="utf-8"), PAGE)
-    )
-    assert f"the best of the {len(published)} published ones that are registered here (" in readme
-    assert f"whose source is not this project, {len(published)} of them" in page
-
-
 def test_every_loss_of_table_of_gains_stands_among_losses():
     taus, told = header("gains")[1:], rows("losses")
     for row in rows("gains")[:-1]:

@@ -25,11 +25,6 @@ ASYMMETRIC = [name for name, tableau in integrators.items() if not tableau.symme
 BOTH = pytest.mark.parametrize("name", [*ASYMMETRIC, "ruth", "babps8o7h"])
 
 
-def test_they_are_of_odd_orders_as_well():
-    assert [integrators[name].order for name in ASYMMETRIC] == [2, 3, 4, 5, 3]
-    assert [nh.order_of(name) for name in ASYMMETRIC] == [2, 3, 3, 3, 3]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ASYMMETRIC)
 @pytest.mark.parametrize("precision", ["double", "extended"])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import log2
-
 import mpmath
 import pytest
 from mpmath import mp, mpf
@@ -95,14 +93,3 @@ def test_a_pendulum_follows_elliptic_functions_to_25_digits(p0):
     assert abs(sign * q - angle - 2 * mp.pi * turns) < mpf("1e-25")
     assert (turns != 0) == (abs(mpf(p0)) > 2 * w)
     assert abs(sign * p - velocity) < mpf("1e-25")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("integrator", "order"), [("leapfrog", 2), ("blanes_moan_s6o4", 4), ("srkn_b11", 6)])
-def test_position_of_pendulum_converges_with_order_of_method(integrator, order):
-    angle, velocity = pendulum_state(mpf(3), mpmath.sqrt(mpf("9.81") / mpf("2.25")), mpf(4))
-    runs = [nh.integrate(PENDULUM, integrator, tau, t_end=4, p0=[3.0], samples=1) for tau in (0.04, 0.02)]
-    coarse, fine = (
-        float(mpmath.hypot(digits_of(run, "q")[0] - angle, digits_of(run, "p")[0] - velocity)) for run in runs
-    )
-    assert log2(coarse / fine) == pytest.approx(order, abs=0.3)

@@ -10,7 +10,7 @@ import pytest
 from mpmath import cos, mpf
 
 from nearharmonic.engine import reference as reference_module
-from nearharmonic.engine.reference import position_t_end, reference
+from nearharmonic.engine.reference import reference
 from nearharmonic.errors import SettingError, SystemDefinitionError
 from nearharmonic.systems import systems
 from support.methods.own_systems import spring
@@ -85,7 +85,3 @@ def test_position_errors_are_relative_and_infinite_without_number():
     exact = reference(systems["kepler"], "87660")
     assert exact.error(exact.q[:, 0] + [69.82, 0.0], exact.q[:, 1]) == pytest.approx(1.0, rel=1e-15)
     assert exact.error([nan, 0.0]) == inf
-
-
-def test_a_system_is_not_taken_for_chaotic_by_its_name():
-    assert position_t_end(spring("henon_heiles"), "500") == "500"

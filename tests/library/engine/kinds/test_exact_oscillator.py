@@ -8,11 +8,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from mpmath import cos, log, mpf, sin, sqrt
+from mpmath import cos, mpf, sin, sqrt
 
 import nearharmonic as nh
 from nearharmonic.core.formulas.number import Constant
-from nearharmonic.errors import NearharmonicError, SettingError, SystemDefinitionError
+from nearharmonic.errors import NearharmonicError, SettingError
 from nearharmonic.systems.gradients import remainder_formulas
 from support.oracles.multiprecision import digits_of
 from support.oracles.oscillator_steps import CHAIN, QUARTIC, Oscillators, henon_heiles
@@ -75,13 +75,6 @@ def test_extended_errors_of_hundred_thousand_steps_are_below_the_stated(method):
         assert abs(digits_of(run, name)[0] - exact) < 1e-28 * 40_000
 
 
-@pytest.mark.slow
-def test_steps_longer_than_a_turn_are_as_exact():
-    run = nh.integrate("sho", "leapfrog", 40, t_end=400, samples=11, precision="extended", **EXACT)
-    assert run.max_energy_error < 1e-28
-    assert run.q.values[:, 0] == pytest.approx(np.cos(run.t.values), abs=1e-13)
-
-
 def test_exact_rotation_prevents_energy_drift_of_rounded_one():
     """Ten times the interval: a random walk grows by 3.2, a map that is not symplectic by 10 and to 1e-12 at once."""
     short, long = (nh.integrate("sho", "aba864", 0.5, t_end=t, **EXACT).max_energy_error for t in (5000, 50000))
@@ -101,20 +94,6 @@ def test_free_coordinates_have_bits_of_split_into_t_and_v(how, method):
         assert np.array_equal(free[name], split[name]), name
 
 
-@pytest.mark.slow
-def test_the_energy_floor_of_henon_heiles_is_a_few_roundings():
-    """250 000 evaluations of a method whose own error is 1.1e-16 there, by its order from an error of 7.1e-15 at twice
-    the step: a walk of roundings of what a stage adds, 2^-53 * 0.002, of which 3 sqrt(250 000 * 6) are 8e-16."""
-    taus = [0.002 * 14, 0.004 * 14]
-    floor, coarse = nh.sweep("henon_heiles", "srkn_a14", taus, **EXACT).max_energy_error.values
-    (split,) = nh.sweep("henon_heiles", "srkn_a14", taus[:1]).max_energy_error.values
-    assert states(PAGE, [float(f"{floor:.1e}"), float(f"{split:.1e}")], "evaluations of SRKN 14a")
-    assert coarse == pytest.approx(7.1e-15, rel=0.1)
-    assert floor < 1e-15
-    plain = nh.sweep("henon_heiles", "srkn_a14", taus[:1], summation="plain", **EXACT).max_energy_error.values
-    assert plain[0] > 20 * floor
-
-
 def test_rest_of_v_is_simplified_like_hand_written_code():
     """No rounding: with Constant for x and y the gradient is (2xy, x^2 - y^2) exactly."""
     x, y = Constant(Fraction(3, 7)), Constant(Fraction(-2, 11))
@@ -123,44 +102,6 @@ def test_rest_of_v_is_simplified_like_hand_written_code():
         2 * Fraction(3, 7) * Fraction(-2, 11), Fraction(3, 7) ** 2 - Fraction(2, 11) ** 2,
     )  # fmt: skip
     assert remainder_formulas(nh.systems["sho"]).grad_V((x,)) == (0,)
-
-
-@pytest.mark.parametrize(
-    "method",
-    [
-        "leapfrog", "ruth", "pefrl", "aba864", "aba1064", "babps8o7h", "blanes_moan_s6o4", "srkn_b6", "srkn_b11",
-        "srkn_a14", "babs8o6_7h", "s9odr6a",
-    ],
-)  # fmt: skip
-@pytest.mark.slow
-def test_a_method_keeps_its_order_with_the_oscillator_solved_exactly(method):
-    """Those for quadratic T too: [B, [B, [B, A]]] = 0 if A is of degree 2 in the momenta and B depends on q alone."""
-    taus = (Fraction(1, 4), Fraction(1, 8), Fraction(1, 16))
-    tableau = nh.integrators[method]
-    runs = nh.sweep(CHAIN.system, tableau, taus, t_end=2, precision="extended", **EXACT)
-    errors = runs.max_energy_error.values
-    assert log(errors[1] / errors[2], 2) == pytest.approx(tableau.order, abs=0.3)
-
-
-def near_integrable(epsilon, tau, method):
-    """Largest energy error of an oscillator with the rest eps q^4 / 4."""
-    system = replace(
-        QUARTIC.system, name="near", V=lambda q, eps: q[0] ** 2 / 2 + eps * q[0] ** 4 / 4, frequencies=("1",),
-        parameters={"eps": "1"},
-    )  # fmt: skip
-    given = {"parameters": {"eps": epsilon}, "precision": "extended"}
-    return float(nh.integrate(system, method, tau, t_end=20, **given, **EXACT).max_energy_error)
-
-
-@pytest.mark.parametrize(("method", "far", "near"), [("aba864", 8, 4), ("aba1064", 10, 4), ("aba104", 10, 4)])
-def test_near_integrable_errors_have_orders_of_their_sources(method, far, near):
-    """eps tau^r1 where eps is small against any power of tau, and a higher power of eps times tau^4 where it is not."""
-    small = [near_integrable("1e-14", tau, method) for tau in (0.5, 0.25)]
-    assert np.log2(small[0] / small[1]) == pytest.approx(far, abs=0.5)
-    less = near_integrable("1e-15", 0.5, method)
-    assert small[0] / less == pytest.approx(10, rel=1e-3)
-    large = [near_integrable("1", tau, method) for tau in (0.1, 0.05)]
-    assert np.log2(large[0] / large[1]) == pytest.approx(near, abs=0.3)
 
 
 def test_a_result_says_that_its_oscillators_are_solved_exactly():
@@ -214,23 +155,6 @@ def test_a_system_whose_oscillators_cannot_be_solved_exactly_is_refused(system, 
             call(*arguments, **EXACT)
     with pytest.raises(SettingError, match=words):
         nh.sweep(system, "aba864", [0.1], **EXACT)
-
-
-@pytest.mark.parametrize(
-    ("frequencies", "words"),
-    [
-        (("1", "1"), r"frequencies = \('1', '1'\) is not allowed: 1 frequencies, one per coordinate"),
-        (("-1",), r"frequencies\[0\] = '-1' is not allowed: it must be a decimal string or a fraction of at least 0"),
-        (("omega",), r"or the name of a parameter: w$"),
-        ("1", r"frequencies = '1' is not allowed"),
-    ],
-)
-def test_frequencies_that_are_none_are_refused(frequencies, words):
-    with pytest.raises(SystemDefinitionError, match=words):
-        nh.System(
-            name="one", V=lambda q, w: w * q[0] ** 2, q0=[1], p0=[0], t_end=1, parameters={"w": "1"},
-            frequencies=frequencies,
-        )  # fmt: skip
 
 
 def test_a_copy_with_another_potential_declares_its_own_frequencies():

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import pickle
-from dataclasses import replace
-from fractions import Fraction
 
 import numpy as np
 import pytest
 from mpmath import mpf
 
 import nearharmonic as nh
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import SettingError, TableauError, UnknownNameError
 from nearharmonic.integrators import plain_integrators
 from nearharmonic.math import cos
@@ -21,7 +17,6 @@ from support.oracles import modified_steps
 from support.oracles.multiprecision import digits_of
 
 EVERY = pytest.mark.parametrize("name", list(nh.modified_integrators))
-PENDULUM = nh.System(name="pendulum", V=lambda q: -cos(q[0]), q0=("2",), p0=("0",), t_end="10")
 MASSES = "1.5", "0.5"
 SPRING = nh.System(
     name="spring", V=lambda q, k: k * (q[0] - q[1]) ** 2 / 2 + q[0] ** 4, masses=MASSES, parameters={"k": "3"},
@@ -89,19 +84,6 @@ def test_kick_that_two_steps_share_takes_gradient_for_either(square):
 
 @pytest.mark.slow
 @EVERY
-@pytest.mark.parametrize("system", ["henon_heiles", PENDULUM], ids=["henon_heiles", "pendulum"])
-def test_errors_fall_with_the_declared_order_in_extended_precision(name, system):
-    order = nh.modified_integrators[name].order
-    taus = [0.05, 0.025, 0.0125]
-    errors = nh.sweep(system, name, taus, t_end=5, precision="extended").max_energy_error.values
-    slopes = np.log2(errors[:-1] / errors[1:])
-    assert errors[-1] > 1e-28  # above the rounding of double-doubles
-    assert np.abs(slopes[-1] - order) < 0.05
-    assert np.abs(slopes[0] - order) < 0.2
-
-
-@pytest.mark.slow
-@EVERY
 def test_energy_of_many_coordinates_is_measured_as_at_samples(name):
     every = nh.integrate(sites(10), name, 0.5, samples=1000)
     # Errors in double are exact to four digits: CERTAINTY of the kernel.
@@ -143,29 +125,9 @@ def test_system_without_modified_kicks_is_refused_in_one_sentence(system, words)
     assert "\n" not in str(caught.value)
 
 
-def test_roles_of_a_modified_method_cannot_be_swapped():
-    with pytest.raises(SettingError, match="first = 'drift' is not allowed"):
-        nh.integrate("sho", "chin_4a", 0.1, first="drift")
-    assert nh.integrate("sho", "chin_4a", 0.1, first="kick", t_end=1).status == "ok"
-
-
 def test_a_modified_method_beside_exact_oscillators_is_refused():
     with pytest.raises(SettingError, match=r"chin_4a.*oscillators solved exactly"):
         nh.integrate("sho", "chin_4a", 0.1, split="exact_oscillator")
-
-
-@pytest.mark.parametrize(
-    ("system", "numerics", "words"),
-    [
-        ("henon_heiles", Numerics(split="exact_oscillator"), "oscillators solved exactly"),
-        ("kepler_regularised", Numerics(), "is regularised"),
-    ],
-)
-def test_a_batch_without_a_kernel_names_its_argument(system, numerics, words):
-    with pytest.raises(SettingError, match=f"tableau = 'rowlands' is not allowed.*{words}"):
-        integrate_batch(
-            nh.systems[system], nh.integrators["rowlands"], t_end=Fraction(1), steps=[4], samples=2, numerics=numerics
-        )
 
 
 def test_the_registry_has_all_methods_and_three_views_share_them():
@@ -202,16 +164,3 @@ def test_users_file_has_modified_tableau_whose_order_is_proved(tmp_path):
     (tmp_path / "wrong.py").write_text(text.format(4))
     with pytest.raises(TableauError, match=r"declares order 4, .* have order 2 for a quadratic kinetic energy"):
         nh.integrate("henon_heiles", str(tmp_path / "wrong.py"), 0.1)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"square": ("0", "0.01")}, "square = '2 numbers', expected one for each of 3 kicks"),
-        ({"square": ("0", "0.01", "0.01")}, r"square\[0\] = '0', expected its mirror image '0.01'"),
-        ({"square": ("0", "x", "0")}, r"square\[1\] = 'x', expected a finite decimal number"),
-    ],
-)
-def test_coefficients_of_the_square_that_cannot_be_are_refused(change, words):
-    with pytest.raises(TableauError, match=words):
-        replace(nh.modified_integrators["chin_4a"], **change)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import pickle
-import re
 import signal
 import subprocess
 import sys
@@ -146,21 +145,6 @@ def test_one_run_takes_one_lane_and_many_take_useful_lanes():
     assert lanes_for(equal, 32) == 32  # 200 of 3.6 = 720
     assert lanes_for(np.array([10000, 10, 10]), 32) == 1  # 10020 against 12000
     assert lanes_for(np.array([100, 100]), 32) == 8  # 120 against 200
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("given", "words"),
-    [
-        ({"q0": STARTS[:, :3]}, "q0 = 'array of shape (21, 3)' is not allowed: 2 numbers"),
-        ({"q0": STARTS[:, :2], "p0": STARTS[:5, :2]}, "p0 = '5 rows' is not allowed: as many as q0, 21"),
-        ({"q0": STARTS[:, :2], "threads": 0}, "threads = 0"),
-        ({"samples": 10**7, "q0": np.zeros((10**5, 2))}, "a call keeps 8e+09"),
-    ],
-)
-def test_ensembles_that_make_no_sense_are_refused(given, words):
-    with pytest.raises(NearharmonicError, match=re.escape(words)):
-        nh.ensemble("henon_heiles", "ruth", 1e-5 if "samples" in given else 0.1, **given)
 
 
 def test_a_result_knows_the_parameters_that_it_was_computed_with():

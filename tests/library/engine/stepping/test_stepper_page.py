@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.core.stepper import SLOTS
 
 pytestmark = pytest.mark.slow
 
@@ -82,7 +81,3 @@ def test_the_section_is_that_of_straight_lines_between_samples(crossings):
     assert len(before) > 5
     for line, exact, rate, curvature in zip(lines, (positions, momenta), rates, curvatures, strict=True):
         assert np.abs(line - exact[:, 0]).max() < curvature * tau**2 / 8 + rate * late
-
-
-def test_the_page_tells_how_many_step_sizes_are_kept():
-    assert f"tau of {SLOTS} step sizes are kept" in " ".join(PAGE.split())

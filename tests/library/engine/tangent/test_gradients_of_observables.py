@@ -138,32 +138,6 @@ def test_gradient_of_the_oscillator_is_a_row_of_its_step():
     np.testing.assert_allclose(all_of(found), row, rtol=0, atol=10 * steps * EPS)
 
 
-def test_derivative_with_respect_to_stiffness_is_that_of_mpmath():
-    """Leapfrog of k q^2/2 differentiated by hand along with the steps."""
-    steps = 40
-    with mp.workdps(40):
-        tau, k, q, p, dq, dp = mp.mpf(1) / 5, mp.mpf("2.25"), mp.mpf(1), mp.mpf("0.5"), mp.mpf(0), mp.mpf(0)
-        for _ in range(steps):
-            p, dp = p - tau / 2 * k * q, dp - tau / 2 * (q + k * dq)
-            q, dq = q + tau * p, dq + tau * dp
-            p, dp = p - tau / 2 * k * q, dp - tau / 2 * (q + k * dq)
-        expected = float(q * dp + dq * p + dq)
-    found = nh.gradient(SPRING, "leapfrog", 0.2, product, t_end=8)
-    assert found.parameters.sel(parameter="k").item() == pytest.approx(expected, rel=steps * EPS)
-
-
-def test_conserved_quantity_has_the_gradient_of_its_start():
-    """Kicks of a central force and drifts conserve the angular momentum L exactly: grad L(0) = (p_y, -p_x, -y, x)."""
-    found = nh.gradient("kepler", "aba864", 30, "angular_momentum", t_end=3000)
-    system = nh.systems["kepler"]
-    (x, y), (px, py) = system.start(float)
-    expected = np.array([py, -px, -y, x])
-    size = np.abs(expected).max()
-    np.testing.assert_allclose(all_of(found)[:4], expected, rtol=0, atol=1000 * EPS * size)
-    assert found.parameters.item() == pytest.approx(0, abs=1e-9)
-    assert found.attrs["observable"] == "angular_momentum"
-
-
 def chain(q, a):
     """Springs with a cubic term between two walls."""
     sites = [0, *q, 0]

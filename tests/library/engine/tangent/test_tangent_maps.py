@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-import mpmath as mp
 import numpy as np
 import pytest
 
@@ -114,24 +113,6 @@ def test_tangent_map_is_the_derivative_of_the_discrete_map(system, method):
     # Roundings of the steps, relative to each column.
     scale = np.abs(expected).max()
     np.testing.assert_allclose(found, expected, rtol=0, atol=run.steps.item() * EPS * scale)
-
-
-def test_tangent_map_of_a_driven_pendulum_is_that_of_mpmath():
-    """Leapfrog with its Jacobian by hand: kicks 1 - tau/2 V'', drifts of q and of t; time advances in drifts."""
-    steps, k, a = 30, "1.75", "0.4"
-    found, _ = whole_map(DRIVEN, "leapfrog", 0.2, 6, parameters={"k": k, "a": a})
-    with mp.workdps(40):
-        tau, k, a, q, p, t = mp.mpf(1) / 5, mp.mpf(k), mp.mpf(a), mp.mpf(1), mp.mpf("0.2"), mp.mpf(0)
-        M = mp.eye(2)
-        for _ in range(steps):
-            for part in ("kick", "drift", "kick"):
-                if part == "drift":
-                    q, t, M = q + tau * p, t + tau, mp.matrix([[1, tau], [0, 1]]) * M
-                else:
-                    M = mp.matrix([[1, 0], [-tau / 2 * k * mp.cos(q), 1]]) * M
-                    p -= tau / 2 * (k * mp.sin(q) + a * mp.sin(t))
-        expected = np.array(M.tolist(), float)
-    np.testing.assert_allclose(found, expected, rtol=0, atol=steps * EPS * np.abs(expected).max())
 
 
 def test_tangent_map_of_an_implicit_method_is_symplectic():

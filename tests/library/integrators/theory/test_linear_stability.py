@@ -13,7 +13,6 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.theory.linear_stability import (
     growth_rate,
     largest_growth,
-    stability_end,
     stability_gaps,
     stability_limit,
     touching_points,
@@ -69,7 +68,6 @@ def test_each_edge_is_crossing_of_two_to_twelve_digits(name):
     tableau, gaps = integrators[name], stability_gaps(name)
     resolved = [begin for begin, end in gaps if end - begin > begin * mpf(10) ** (2 - tableau.digits)]
     assert stability_limit(name) == resolved[0]
-    assert stability_end(name) == gaps[-1][0]
     assert gaps[-1][1] == inf
     for start, end in gaps:
         if near := beside(name, start):
