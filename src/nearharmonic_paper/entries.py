@@ -92,6 +92,18 @@ def setting(
     return field(default=default, metadata=metadata)
 
 
+def positive_numbers(description: str, *default: str, unit: str = "1") -> Any:
+    """Declare a member with at least one number above 0."""
+    allowed = "a list of numbers above 0"
+    return setting(description, allowed, unit=unit, each=POSITIVE, default=default, min_length=1)
+
+
+def some_of(description: str, names: tuple[str, ...]) -> Any:
+    """Declare a member with at least one of ``names``, by default all."""
+    listed = ", ".join(names)
+    return setting(description, f"a list of {listed}", each=f"one of {listed}", default=names, min_length=1)
+
+
 def whole_between(least: int, most: int) -> tuple[Callable[[Any], int], tuple[tuple[str, Any], ...]]:
     """Return the arguments of :class:`Reading` for an integer within limits, as an entry of a list."""
 

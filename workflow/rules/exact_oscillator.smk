@@ -25,7 +25,7 @@ rule exact_oscillator_times:
     threads: ALL_CORES  # no other job runs during the timing
     params:
         task=task(
-            "nearharmonic_paper.experiments.exact_oscillator.times:measure",
+            "nearharmonic_paper.experiments.exact_oscillator.times:measure_times",
             exact=CONFIG.exact_oscillator.methods,
             settings=CONFIG.exact_oscillator,
         ),

@@ -47,7 +47,7 @@ rule trained_times_table:
         LOG("trained/times"),
     threads: ALL_CORES  # no other job runs during the timing
     params:
-        task=task("nearharmonic_studies.trained.proof.times:measure", **PROOF),
+        task=task("nearharmonic_studies.trained.proof.times:measure_times", **PROOF),
     script:
         "../scripts/task.py"
 

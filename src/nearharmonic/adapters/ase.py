@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import ceil, floor, inf, isfinite, log10
 from numbers import Integral
@@ -19,6 +19,7 @@ from nearharmonic.exchange.method import Method, VelocityCheck, method_for
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.written import is_real
 from nearharmonic.output.dataset import assembled, described
+from nearharmonic.recommendation.step_search import fewest_steps
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,8 +35,8 @@ CANDIDATES = (
 )  # fmt: skip
 #: Longest way of an atom between two forces of the largest step tried, in angstrom: about a tenth of a bond.
 LONGEST_WAY = 0.3
-#: The step found is within 1/CLOSE of one that misses the bound, and one smaller by 1/FINER meets it too.
-CLOSE, FINER = 20, 10
+#: The step found is such that one smaller by 1/FINER meets the bound too.
+FINER = 10
 #: Steps of the shortest run: a maximum over fewer of them says little.
 LEAST_STEPS = 20
 #: Step sizes that are tried are ``RESOLUTION`` times the time of a trial over an integer.
@@ -389,22 +390,6 @@ def _largest(trial: Trial, name: str, method: Method, budget: int) -> Found | No
                 return Found(name, method, step(parts), errors[parts])
             parts = finer + 1
     return None
-
-
-def fewest_steps(meets: Callable[[int], bool], least: int, most: int) -> int | None:
-    """Return the fewest steps from ``least`` to ``most`` that meet a bound by doubling and halving, or None."""
-    missed, steps = least - 1, least
-    while steps > most or not meets(steps):
-        if steps >= most:
-            return None
-        missed, steps = steps, min(2 * steps, most)
-    while steps - missed > max(1, steps // CLOSE):
-        middle = (missed + steps) // 2
-        if meets(middle):
-            steps = middle
-        else:
-            missed = middle
-    return steps
 
 
 def _longest_time(atoms: Atoms) -> float:

@@ -10,6 +10,7 @@ import io
 import os
 import re
 import struct
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isnan
@@ -24,6 +25,11 @@ _UNSAFE = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u00ad\u061c\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb"
     "\ud800-\udfff\U000e0000-\U000e007f]"
 )
+
+
+def progress(line: str) -> None:
+    """Write a line on the progress of a long computation to the terminal, past the log of a job."""
+    print(line, file=sys.__stderr__, flush=True)
 
 
 def printable(text: str) -> str:

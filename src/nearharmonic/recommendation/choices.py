@@ -9,6 +9,7 @@ from fractions import Fraction
 from functools import cached_property
 from math import inf, isnan, nan, sqrt
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,17 +21,31 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.clock import Patience, interleaved, machine, pinned
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.numerics.statistics import quasi_random
-from nearharmonic.recommendation.curve import MEASURES
-from nearharmonic.recommendation.own import LOSSLESS, POSITION_ROUNDING, ROUNDING, prepared_calls
+from nearharmonic.recommendation.measure import (
+    LOSSLESS,
+    MEASURES,
+    POSITION_ROUNDING,
+    ROUNDING,
+    of_kind,
+    prepared_calls,
+    read_parts,
+)
 from nearharmonic.recommendation.question import QUANTILE, Question
 from nearharmonic.recommendation.recommendation import Choice, Recommendation
 from nearharmonic.recommendation.stability import Orbits, orbits
-from nearharmonic.recommendation.step_search import MARGIN, fewest_steps, ladder, measured_errors
-from nearharmonic.recommendation.timings import TIMED, library_choices
+from nearharmonic.recommendation.step_search import MARGIN, fewest_for_good, ladder, measured_errors
+from nearharmonic.systems import systems
 from nearharmonic.theory.linear_stability import stability_limit
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: The ranking compares least times, most of them below 1 ms: more repeats than for curves.
 REPEATS = Patience(least=15, most=25, seconds=0.01)
+#: Timings of other libraries in a folder of results, and the mode that is compared: one trajectory.
+CUBE, TIMED = Path("cubes/work_precision.h5"), "trajectory"
+#: Values of a setting of another library that a choice takes over.
+SHARED = ("tau", "tolerance", "steps", "evaluations", "max_energy_error", "mean_energy_error")
 #: Relative margin of the mean below the bound: its last digits depend on the number of samples of a run.
 MEAN_ROUNDING = 1e-9
 #: Where all registered methods are asked, the coarse runs end at so many times the evaluations of the best method, and
@@ -62,21 +77,10 @@ def recommendation(
 
     Each recommended step was run over the whole interval and meets the bound, as do all finer steps that were run. It
     is linearly stable at the largest frequency along the orbit. Times are measured during the call. Choices of other
-    libraries are read from a finished target ``work_precision``.
+    libraries are read from the folder ``results`` of a finished target ``work_precision``, and left out if it is None.
+    ``report`` is given a line of text for each method that was tried.
 
-    Parameters
-    ----------
-    asked
-        System, error bound and methods.
-    results
-        Folder of results that may hold timings of other libraries; None to leave these out.
-    report
-        Function that is given a line of text for each method that was tried.
-
-    Raises
-    ------
-    NearharmonicError
-        An unusable file of timings, or positions that cannot be compared with any reference.
+    Raises NearharmonicError: an unusable file of timings, or positions that cannot be compared with any reference.
     """
     libraries, origin = ([], "") if results is None else library_choices(asked, Path(results))
     exact = reference(asked.system, asked.t_end) if asked.measure == "position" else None
@@ -142,43 +146,40 @@ class Search:
 
     def choices(self, report: Callable[[str], None]) -> Iterable[Choice]:
         """Return a choice for each method, not timed yet; those of the fewest evaluations from a denser search."""
-        coarse = self._coarse(report)
-        few = sum(not isinstance(one, Choice) for one in coarse.values()) <= RANKED
-        found: dict[str, Choice] = {}
-        for i, (name, one) in enumerate(coarse.items(), 1):
-            found[name] = choice = one if isinstance(one, Choice) else self._choice(name, one, dense=few)
+        coarse, unrun = self._coarse(report)
+        few, found = sum(name not in unrun for name in coarse) <= RANKED, dict[str, Choice]()
+        for i, (name, tableau) in enumerate(self.asked.methods.items(), 1):
+            choice = Choice(method=name, label=tableau.label, kind="splitting", status="not run")
+            if name in unrun:
+                choice = replace(choice, reason=unrun[name])
+            else:
+                choice = self._choice(choice, coarse[name], dense=few)
+            found[name] = choice
             told = choice.reason or f"error {choice.error:.1e} at tau {choice.tau:.4g}"
-            report(f"{i} of {len(coarse)}: {choice.shown}: {choice.status}, {told}")
+            report(f"{i} of {len(self.asked.methods)}: {choice.shown}: {choice.status}, {told}")
         met = sorted((one for one in found.values() if one.status == "met"), key=lambda one: one.evaluations)
         for choice in [] if few else met[:RANKED]:
-            errors = coarse[choice.method]
-            assert isinstance(errors, dict)
-            found[choice.method] = self._choice(choice.method, errors, dense=True)
+            found[choice.method] = self._choice(choice, coarse[choice.method], dense=True)
             report(f"{choice.shown}: searched with more step sizes")
         return found.values()
 
-    def _coarse(self, report: Callable[[str], None]) -> dict[str, Choice | dict[int, float]]:
-        """Return for each method the errors of coarse runs, the last of which meets the bound, or its choice."""
-        asked, found = self.asked, dict[str, Choice | dict[int, float]]()
-        unrun = {
-            name: Choice(method=name, label=tableau.label, kind="splitting", status="not run")
-            for name, tableau in asked.methods.items()
-        }
+    def _coarse(self, report: Callable[[str], None]) -> tuple[dict[str, dict[int, float]], dict[str, str]]:
+        """Return the errors of coarse runs by method, the last of which meets the bound, and why others are not run."""
+        asked, coarse, unrun = self.asked, dict[str, dict[int, float]](), dict[str, str]()
         for name, tableau in asked.methods.items():
             reason, _ = misfit(asked.system, tableau)
             one_step = tableau.evaluations(1)
-            found[name] = {}
             if reason:
-                found[name] = replace(unrun[name], reason=f"does not fit: {reason}")
+                unrun[name] = f"does not fit: {reason}"
             elif one_step > asked.budget:
-                found[name] = replace(unrun[name], reason=f"a single step takes {one_step} evaluations")
-        going = [name for name, one in found.items() if not isinstance(one, Choice)]
-        evaluations, met, last = 2, list[tuple[int, str]](), asked.longest
+                unrun[name] = f"a single step takes {one_step} evaluations"
+            else:
+                coarse[name] = {}
+        going, evaluations, met, last = list(coarse), 2, list[tuple[int, str]](), asked.longest
         while going and evaluations < last:
             evaluations = min(2 * evaluations, last)
             for name in tuple(going):
-                errors, tableau = found[name], asked.methods[name]
-                assert isinstance(errors, dict)
+                errors, tableau = coarse[name], asked.methods[name]
                 steps = evaluations // tableau.stages
                 # No method is stable at a step above 2 a stage.
                 if steps < 1 or self._radians(steps) > 2 * tableau.stages:
@@ -192,11 +193,11 @@ class Search:
             if asked.every and len(met) >= RANKED:
                 last = min(last, max(DROPPED * met[0][0], met[RANKED - 1][0]))
             if met:
-                report(f"runs of {evaluations} evaluations: {len(met)} of {len(found)} methods meet the error")
+                report(f"runs of {evaluations} evaluations: {len(met)} of {len(asked.methods)} methods meet the error")
         if last < asked.longest:
             reason = f"more than {evaluations} evaluations, and {met[0][1]} takes at most {met[0][0]}"
-            found |= {name: replace(unrun[name], reason=reason) for name in going}
-        return found
+            unrun |= dict.fromkeys(going, reason)
+        return coarse, unrun
 
     def _radians(self, steps: int) -> float:
         """Product of the largest frequency and the step size of so many steps."""
@@ -207,10 +208,10 @@ class Search:
         limit = float(stability_limit(tableau))  # infinite for an implicit method
         return int(self._radians(1) / limit) + 1
 
-    def _choice(self, name: str, coarse: Mapping[int, float], *, dense: bool) -> Choice:
+    def _choice(self, unrun: Choice, coarse: Mapping[int, float], *, dense: bool) -> Choice:
         """Return the largest step of a method that meets the bound, after its coarse runs."""
-        asked, tableau, errors = self.asked, self.asked.methods[name], dict(coarse)
-        choice = Choice(method=name, label=tableau.label, kind="splitting", status="missed")
+        asked, tableau, errors = self.asked, self.asked.methods[unrun.method], dict(coarse)
+        choice = Choice(method=unrun.method, label=tableau.label, kind="splitting", status="missed")
         most, least, last = asked.longest // tableau.stages, self._least(tableau), max(errors, default=0)
         if errors and errors[last] <= self.bound and least <= last:
             finest = min(most, REACH * last)
@@ -218,7 +219,7 @@ class Search:
             rungs = [n for n in rungs if max(least, last // 2) <= n <= finest]
             floor = POSITION_ROUNDING if asked.measure == "position" else ROUNDING
             errors |= measured_errors(lambda steps: self._errors(tableau, steps), rungs, self.bound, floor)
-            first = fewest_steps({n: error for n, error in errors.items() if n >= least}, self.bound)
+            first = fewest_for_good({n: error for n, error in errors.items() if n >= least}, self.bound)
             if first is not None:
                 found = self._confirmed(choice, first, [n for n in errors if n > first])
                 if found.status == "met":
@@ -353,3 +354,45 @@ def _timed(asked: Question, choices: Sequence[Choice]) -> list[Choice]:
     repeats = interleaved(list(calls.values()), REPEATS)
     least = {method: min(times) for method, times in zip(calls, repeats, strict=True)}
     return [replace(choice, time=least.get(choice.method, nan)) for choice in choices]
+
+
+def library_choices(asked: Question, results: Path) -> tuple[list[Choice], str]:
+    """Return the choices of other libraries from the timings in a folder of results, and their origin as text.
+
+    Raises ResultFileError: the file of timings cannot be read.
+    """
+    path, system = results / CUBE, asked.system
+    if system.name not in systems or systems[system.name] is not system:
+        return [], "not timed for a system of your own"
+    if not path.is_file():
+        return [], f"not timed ({path} does not exist; snakemake work_precision makes it)"
+    parts, facts = read_parts(path, system.name)
+    for end, measures, curves in parts:
+        if asked.measure in measures and Fraction(end) == Fraction(asked.t_end):
+            choices = [_library_choice(curve, asked) for curve in of_kind(curves, "peer")]
+            return choices, f"{path}, measured {facts['measured']} on {facts['cpu']}"
+    return [], f"not timed ({path} has no timings of this measure over this interval)"
+
+
+def _library_choice(curve: xr.Dataset, asked: Question) -> Choice:
+    """Return the fastest setting that meets the bound, if all finer settings meet it too."""
+    method, label, status = (curve[name].item() for name in ("solver", "label", "status"))
+    reason = "" if status == "ok" else status
+    choice = Choice(method=method, label=label, kind="peer", status="not run", reason=reason)
+    if not curve.sizes["point"]:
+        return choice
+    errors = dict(enumerate(curve[MEASURES[asked.measure]].values.tolist()))
+    times = curve[f"time_{TIMED}"].values.tolist()
+    first = fewest_for_good(errors, asked.error)
+    settings = [] if first is None else [i for i in errors if i >= first and not isnan(times[i])]
+    # A looser tolerance may cost more: the coarsest setting is not always the fastest.
+    best = (
+        min(settings, key=times.__getitem__) if settings else min(errors, key=lambda i: (isnan(errors[i]), errors[i]))
+    )
+    return replace(
+        choice,
+        status="met" if settings else "missed",
+        error=errors[best],
+        time=times[best] if settings else nan,
+        **{name: curve[name].values[best].item() for name in SHARED},
+    )

@@ -12,7 +12,7 @@ from nearharmonic.errors import warn_caller
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import Variables, assembled, described
 from nearharmonic.recommendation.choices import recommendation
-from nearharmonic.recommendation.curve import MEASURES
+from nearharmonic.recommendation.measure import MEASURES
 from nearharmonic.recommendation.question import question
 from nearharmonic.recommendation.recommendation import Recommendation
 from nearharmonic.systems import System

@@ -26,7 +26,7 @@ from nearharmonic.integrators.user_file import load_tableaus
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.numerics.written import exact_value
 from nearharmonic.output.dataset import Attributes
-from nearharmonic.recommendation.curve import MEASURES, NAMES
+from nearharmonic.recommendation.measure import MEASURES, NAMES
 from nearharmonic.registry.registry import is_path, split_path
 from nearharmonic.systems import System, systems
 from nearharmonic.systems.quantities import is_list
@@ -39,34 +39,15 @@ QUANTILE = 0.99
 
 @dataclass(frozen=True, kw_only=True)
 class Question:
-    """A system, and the error that its runs may have.
+    """A system over [0, ``t_end``], and the error bound of its runs in ``measure``, a key of :data:`MEASURES`.
 
-    Attributes
-    ----------
-    system : System
-        The system, with the requested initial values.
-    arguments : tuple of str
-        The system as the first argument of :func:`nearharmonic.integrate`, and the initial values, as Python code;
-        empty for a system of a config.
-    t_end : str
-        End of the interval [0, t_end], a decimal string above 0, in the system's unit of time.
-    measure : str
-        Key of :data:`nearharmonic.recommendation.curve.MEASURES`.
-    error : float
-        Error bound.
-    budget : int
-        Most evaluations of the force in a run that is recommended.
-    methods : mapping
-        Candidate methods by name; methods of users' files by path.
-    energy_attributes : mapping
-        Attributes of the variables ``max_energy_error`` and ``mean_energy_error``: what they are relative to.
-    starts : (M, 4 d) array of float
-        Initial states, as :func:`nearharmonic.engine.numbers.start_array` lays them out; ``system``
-        begins at the first.
-    every : bool
-        True if all registered methods are candidates: those that take many more evaluations than others are dropped.
-    floor : float
-        Energy error that is the rounding of a V in doubles; 0 if V is measured more precisely.
+    ``system`` begins at the first of ``starts`` (M, 4 d), laid out as by
+    :func:`nearharmonic.engine.numbers.start_array`. ``arguments``: the system as the first argument of
+    :func:`nearharmonic.integrate`, and the initial values, as Python code; empty for a system of a config. ``budget``:
+    most evaluations of the force in a run that is recommended. ``methods`` by name, those of users' files by path.
+    ``energy_attributes`` of ``max_energy_error`` and ``mean_energy_error``: what they are relative to. ``every``: True
+    if all registered methods are candidates, of which those that take many more evaluations than others are dropped.
+    ``floor``: energy error that is the rounding of a V in doubles, 0 if V is measured more precisely.
     """
 
     system: System
@@ -117,13 +98,7 @@ def question(
     methods: object = None,
     budget: object = None,
 ) -> Question:
-    """Validate a question; arguments as for :func:`nearharmonic.recommend`.
-
-    Raises
-    ------
-    NearharmonicError
-        An unknown name, or a setting outside what is allowed.
-    """
+    """Validate a question; arguments and errors as for :func:`nearharmonic.recommend`."""
     bound = checked_tau(error, "error")
     kind = one_of("measure", measure, tuple(MEASURES))
     most = EVALUATIONS if budget is None else checked_count("budget", budget, MOST_STEPS)

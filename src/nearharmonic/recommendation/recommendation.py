@@ -18,35 +18,13 @@ DIGITS = 4
 class Choice:
     """One method at its recommended setting, or at its most accurate setting if none meets the bound.
 
-    Attributes
-    ----------
-    method, label
-        Name in the registry, or path of the file that defines it; name in legends.
-    kind
-        "splitting": a method of this package; "peer": another library's.
-    status
-        "met": the run and all finer runs meet the error bound. "missed": no run within the budget meets it, and the
-        setting is that of the smallest error. "not run": for the given ``reason``.
-    tau, tolerance
-        Step size in the system's unit of time, NaN for adaptive methods; tolerance, NaN for fixed-step methods.
-    summation
-        Summation of the run: "plain" where this does not increase the error, else "compensated"; empty for other
-        libraries.
-    steps, evaluations
-        Steps of the run, and evaluations of the force; NaN if unknown.
-    error
-        Error of this run, in the requested measure.
-    max_energy_error, mean_energy_error
-        Energy errors of this run; NaN if unknown.
-    time
-        Least wall time of this run in s; NaN unless the status is "met".
-    further_error
-        Largest error of the runs that confirm the choice, from perturbed starts or all members and over a longer
-        interval; of energies if positions are asked for. NaN if there is none.
-    confirmed
-        True if ``further_error`` is at most twice the bound.
-    reason
-        Reason why the method was not run, or why its runs ended early; empty otherwise.
+    ``method`` is its name in the registry, or the path of the file that defines it. ``status`` is "met" if the run and
+    all finer runs meet the bound; "missed" if no run within the budget does, and the setting is that of the smallest
+    error; or "not run", for the given ``reason``. ``tau`` is in the system's unit of time, NaN for adaptive methods,
+    ``tolerance`` NaN for others. ``summation`` is "plain" where this does not increase the error, else "compensated",
+    empty for other libraries. ``error`` is that of the run in the requested measure, ``time`` its least wall time in s,
+    NaN unless the bound is met. ``further_error`` is the largest error of the runs that confirm the choice, from
+    perturbed starts or all members and over a longer interval, of energies if positions are asked for.
     """
 
     method: str
@@ -76,15 +54,8 @@ class Choice:
 class Recommendation:
     """Methods for an error bound, ranked by the wall time of the run that is recommended.
 
-    Attributes
-    ----------
-    question
-        System, error bound and methods.
-    choices
-        Methods that meet the bound, the fastest first, and behind them those whose step is not confirmed; then the
-        others.
-    basis
-        Origin of runs and times, as text.
+    ``choices`` are the methods that meet the bound, the fastest first, behind them those whose step is not confirmed,
+    then the others. ``basis`` is the origin of runs and times, as text.
     """
 
     question: Question

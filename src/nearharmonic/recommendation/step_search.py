@@ -1,6 +1,6 @@
-"""Search for the fewest steps that meet an error bound, over a ladder of integer numbers of steps.
+"""Searches for the fewest steps that meet an error bound.
 
-The search is independent of kernels: it takes a function from numbers of steps to errors, so that it can be tested on
+They are independent of kernels: they take a function from numbers of steps to errors, so that they can be tested on
 error curves of known shape.
 """
 
@@ -19,6 +19,8 @@ MARGIN = 2
 CLOSE = 1 / 200
 #: Runs side by side in one call: the lanes of the kernel.
 LANES = 8
+#: Inverse of the relative distance from the fewest steps at which doubling and halving end.
+HALVED = 20
 
 
 def ladder(most: int) -> list[int]:
@@ -34,20 +36,26 @@ def ladder(most: int) -> list[int]:
     return rungs
 
 
-def fewest_steps(errors: Mapping[int, float], bound: float) -> int | None:
-    """Return the fewest steps whose error meets ``bound``, as do the errors of all larger numbers of steps.
+def fewest_steps(meets: Callable[[int], bool], least: int, most: int) -> int | None:
+    """Return the fewest steps from ``least`` to ``most`` that meet a bound, by doubling and halving, or None.
 
-    Parameters
-    ----------
-    errors
-        Error by number of steps; NaN meets no bound.
-    bound
-        Largest error allowed.
+    The result is within 1/:data:`HALVED` of the fewest where all larger numbers of steps meet the bound too.
+    """
+    missed, steps = least - 1, least
+    while steps > most or not meets(steps):
+        if steps >= most:
+            return None
+        missed, steps = steps, min(2 * steps, most)
+    while steps - missed > max(1, steps // HALVED):
+        middle = (missed + steps) // 2
+        missed, steps = (missed, middle) if meets(middle) else (middle, steps)
+    return steps
 
-    Returns
-    -------
-    int or None
-        A key of ``errors``; None if the largest number of steps misses the bound.
+
+def fewest_for_good(errors: Mapping[int, float], bound: float) -> int | None:
+    """Return the fewest steps in ``errors`` whose error meets ``bound``, as do those of all larger numbers of steps.
+
+    NaN meets no bound; None if the largest number of steps misses it.
     """
     fewest = None
     for steps in sorted(errors, reverse=True):
@@ -63,25 +71,10 @@ def measured_errors(
     """Run the rungs that decide which is the fewest number of steps that meets ``bound``.
 
     The scouts come first, every ``SCOUT``-th rung from coarse to fine, and the finest. They end where all errors of one
-    call are down to the rounding floor: finer steps would show rounding only. Then all rungs around
-    :func:`fewest_steps` and its finer neighbours are run, and numbers of steps between it and the last that misses the
-    bound, until none is left out.
-
-    Parameters
-    ----------
-    run
-        Errors of runs with these numbers of steps, in the same order.
-    rungs
-        Numbers of steps that may be run, increasing.
-    bound
-        Largest error allowed.
-    floor
-        Error at which rounding takes over.
-
-    Returns
-    -------
-    dict
-        Error by number of steps, of all runs made.
+    call are down to ``floor``, that of rounding: finer steps would show rounding only. Then all rungs around
+    :func:`fewest_for_good` and its finer neighbours are run, and numbers of steps between it and the last that misses
+    the bound, until none is left out. ``run`` takes numbers of steps and returns the errors of their runs; ``rungs``
+    are increasing. The result is the error by number of steps, of all runs made.
     """
     errors: dict[int, float] = {}
     scouts = sorted({*rungs[::SCOUT], rungs[-1]})
@@ -90,41 +83,27 @@ def measured_errors(
         errors |= call
         if max(call.values()) <= min(floor, bound):
             break
-    while due := _neighbours(errors, rungs, bound) or _between(errors, rungs, bound):
+    while due := _due(errors, rungs, bound):
         errors |= dict(zip(due, run(due), strict=True))
     return errors
 
 
-def _neighbours(errors: Mapping[int, float], rungs: Sequence[int], bound: float) -> list[int]:
-    """Return the numbers of steps around the fewest that were not run yet.
+def _due(errors: Mapping[int, float], rungs: Sequence[int], bound: float) -> list[int]:
+    """Return the numbers of steps to be run next, none at the end.
 
-    They are the rungs from the last number of steps that misses ``bound`` to ``MARGIN`` times the fewest, and the next
-    numbers of steps, at least ``LANES`` and more where runs are cheap.
+    They are the rungs from the last number of steps that misses ``bound`` to ``MARGIN`` times the fewest that meets it,
+    and the next numbers of steps, at least ``LANES`` and more where runs are cheap; and after these up to ``LANES``
+    numbers between the two, until they differ by less than ``CLOSE``.
     """
-    fewest = fewest_steps(errors, bound)
+    fewest = fewest_for_good(errors, bound)
     if fewest is None:
         return []
-    missed = _missed(errors, fewest, rungs)
+    missed = max((steps for steps in errors if steps < fewest), default=rungs[0] - 1)
     wanted = {steps for steps in rungs if missed < steps <= MARGIN * fewest}
     following = min(LANES // 2 * max(2, rungs[-1] // fewest), MARGIN * fewest, rungs[-1] - fewest)
     wanted.update(range(fewest + 1, fewest + following + 1))
-    return sorted(wanted - errors.keys())
-
-
-def _between(errors: Mapping[int, float], rungs: Sequence[int], bound: float) -> list[int]:
-    """Return up to ``LANES`` numbers of steps between the last that misses ``bound`` and the fewest that meet it.
-
-    There are none if the two differ by less than ``CLOSE``.
-    """
-    fewest = fewest_steps(errors, bound)
-    if fewest is None:
-        return []
-    gap = fewest - _missed(errors, fewest, rungs)
-    if gap <= CLOSE * fewest:
-        return []
+    gap, due = fewest - missed, sorted(wanted - errors.keys())
+    if due or gap <= CLOSE * fewest:
+        return due
     stride = ceil(gap / (LANES + 1))
-    return list(range(fewest - gap + stride, fewest, stride))
-
-
-def _missed(errors: Mapping[int, float], fewest: int, rungs: Sequence[int]) -> int:
-    return max((steps for steps in errors if steps < fewest), default=rungs[0] - 1)
+    return list(range(missed + stride, fewest, stride))

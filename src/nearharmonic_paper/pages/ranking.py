@@ -25,7 +25,8 @@ from nearharmonic.integrators import integrators as registered
 from nearharmonic.math import cos
 from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor
 from nearharmonic.output.page import filled_page, pipes
-from nearharmonic.recommendation.own import LOSSLESS, prepared_calls
+from nearharmonic.recommendation.measure import LOSSLESS, prepared_calls
+from nearharmonic.recommendation.step_search import fewest_for_good
 from nearharmonic.systems import System
 from nearharmonic.systems import systems as known
 from nearharmonic.training.published import published_names
@@ -59,15 +60,10 @@ class Curve:
 
     def reached(self, error: float) -> tuple[float, int] | None:
         """Evaluations to an error, and the fewest steps from which on all runs meet it; None if they do not."""
-        counts = sorted(self.errors)
-        first = None
-        for n in reversed(counts):
-            if not self.errors[n] <= error:
-                break
-            first = n
+        first = fewest_for_good(self.errors, error)
         if first is None:
             return None
-        before = [n for n in counts if n < first]
+        before = sorted(n for n in self.errors if n < first)
         if not before or not isfinite(self.errors[before[-1]]):
             return float(self.evaluations[first]), first
         (x, y), (u, v) = ((log(self.evaluations[n]), log(self.errors[n])) for n in (before[-1], first))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import os
 import platform
-import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
@@ -39,9 +38,8 @@ def run(snakemake: Any) -> None:
     """Run the job of a rule whose ``params.task`` comes from :func:`nearharmonic_paper.tasks.provenance.task`.
 
     The function is called with its settings, and with the paths of the inputs of the rule under their names. Its
-    optional parameter ``threads`` is the number of threads of the job; ``report`` writes a progress line to the
-    terminal; ``earlier`` are files that this job may take results from. It returns a mapping with a result for each
-    named output, of the types of :func:`write`.
+    optional parameter ``threads`` is the number of threads of the job; ``earlier`` are files that this job may take
+    results from. It returns a mapping with a result for each named output, of the types of :func:`write`.
 
     Raises
     ------
@@ -53,7 +51,6 @@ def run(snakemake: Any) -> None:
         function, origin = function_of(task), provenance(task)
         offered: dict[str, Callable[[], Any]] = {
             "threads": lambda: snakemake.threads,
-            "report": lambda: _report,
             "earlier": lambda: kept_for(folder_of(snakemake.log[0]), snakemake.output[0], origin),
         }
         extra = {name: value() for name, value in offered.items() if name in signature(function).parameters}
@@ -254,10 +251,6 @@ def _watch(leader: int) -> None:
         with suppress(psutil.NoSuchProcess):
             child.kill()
     os.kill(os.getpid(), SIGKILL)
-
-
-def _report(text: str) -> None:
-    print(text, file=sys.__stderr__, flush=True)
 
 
 def _plain(value: Any) -> str | list[str]:

@@ -24,7 +24,7 @@ SMALL, TEMPERATURE = {"argon": 2, "copper": 2, "silicon": 1, "chain": 32}, 0.3
 FORCES, LOOKS = 20.0, 500
 #: Forces in the fastest period of the thermostatted runs, places of friction and noise, and the friction over the
 #: highest frequency.
-SPACINGS, BATHS, FRICTION = (20.0, 14.0, 10.0, 7.0, 5.0), ("middle", "ends"), 0.1
+SPACINGS, BATHS, BATH_FRICTION = (20.0, 14.0, 10.0, 7.0, 5.0), ("middle", "ends"), 0.1
 #: Blocks that give the standard error, blocks before them, and steps whose noise is made at once.
 BLOCKS, WARM, AT_ONCE = 32, 4, 2048
 
@@ -89,7 +89,7 @@ def _blocks(
     """
     energy, tau = TEMPERATURE * solid.melting, method.stages * solid.period / forces
     (moves, kicks), rows, n = halves(method, tau), 2 if ends else 1, solid.coordinates
-    keep = float(exp(-FRICTION * float(solid.frequencies[-1]) * tau / rows))
+    keep = float(exp(-BATH_FRICTION * float(solid.frequencies[-1]) * tau / rows))
     width, normal = np.sqrt((1 - keep * keep) * energy * solid.masses), Normal([settings.seed, 200])
     u, p = np.zeros(n), np.sqrt(2 * energy * solid.masses) * normal.rows(1, n)[0]
     steps = max(1, settings.average_forces // (BLOCKS * method.stages))

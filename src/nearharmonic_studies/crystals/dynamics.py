@@ -20,17 +20,12 @@ from nearharmonic.numerics.portable import Floats
 class Loops(NamedTuple):
     """Compiled loops of one crystal.
 
-    Attributes
-    ----------
-    run : callable
-        ``run(u, p, masses, kicks_first, outer, inner, steps, every, energies)``: steps without thermostat from (u, p),
-        which hold the state at the end. ``energies`` (k, 2) takes kinetic and potential energy at the start and after
-        each ``every`` steps.
-    thermostatted : callable
-        ``thermostatted(u, p, masses, moves, kicks, ends, keep, noise, average)``: symmetric steps with friction and
-        noise, which multiply p by ``keep`` and add a row of ``noise``. ``moves`` and ``kicks`` are the first half of a
-        step. The bath acts in the middle of each step, with one row, or at both ends, with two.
-        ``average`` (2,) gains the sums of V and of K after each step.
+    ``run(u, p, masses, kicks_first, outer, inner, steps, every, energies)``: steps without thermostat from (u,
+    p), which hold the state at the end. ``energies`` (k, 2) takes kinetic and potential energy at the start and after
+    each ``every`` steps. ``thermostatted(u, p, masses, moves, kicks, ends, keep, noise, average)``:
+    symmetric steps with friction and noise, which multiply p by ``keep`` and add a row of ``noise``. ``moves`` and
+    ``kicks`` are the first half of a step. The bath acts in the middle of each step, with one row, or at both ends,
+    with two. ``average`` (2,) gains the sums of V and of K after each step.
     """
 
     run: Callable[..., None]

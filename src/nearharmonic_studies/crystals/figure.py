@@ -19,7 +19,7 @@ from nearharmonic_paper.tasks.declarations import figure
 DRAWN = (
     "leapfrog", "bcss_s4", "predescu_s3", "babps6o5h", "babs7o7h", "babps9o7h", "trained_coarse", "trained_light",
 )  # fmt: skip
-KINDS = {
+LOOKS_OF_KINDS = {
     "general": ("general", "#6b6b6b"),
     "paper": ("harmonic conditions (the paper)", "#e08214"),
     "trained": ("trained", "#c1121f"),
@@ -28,7 +28,7 @@ KINDS = {
 CRYSTALS, FULL, PALEST = ("#0b3c8c", "#b45309", "#00785a", "#9d174d"), 1.0, 0.25
 #: Forces in the fastest period at which gains and the band of phonons are drawn.
 AT = (26.0, 16.0)
-PER_PERIOD = "forces in a period of the fastest phonon"
+FORCES_LABEL = "forces in a period of the fastest phonon"
 
 
 @figure(
@@ -48,14 +48,8 @@ def crystals_error(cube: xr.Dataset) -> Figure:
     drawn = new_figure(2.6 * cube.sizes["crystal"] + 0.6, 2.3 * len(rows) + 1.1)
     grid = drawn.subplots(len(rows), cube.sizes["crystal"], sharex=True, sharey=True, squeeze=False)
     inches = drawn.get_figheight()
-    drawn.subplots_adjust(
-        left=0.75 / drawn.get_figwidth(),
-        right=0.985,
-        top=1 - 0.3 / inches,
-        bottom=1.05 / inches,
-        wspace=0.06,
-        hspace=0.18,
-    )
+    left, top, bottom = 0.75 / drawn.get_figwidth(), 1 - 0.3 / inches, 1.05 / inches
+    drawn.subplots_adjust(left=left, right=0.985, top=top, bottom=bottom, wspace=0.06, hspace=0.18)
     median = cube["max_energy_error"].sel(quantile=0.5)
     for r, temperature in enumerate(rows):
         for c, crystal in enumerate(cube["crystal"].values):
@@ -99,7 +93,7 @@ def crystals_map(cube: xr.Dataset) -> Figure:
     for k, crystal in enumerate(cube["crystal"].values):
         _map(grid.flat[k], cube.sel(crystal=crystal))
         panel_letter(grid.flat[k], k, str(crystal))
-    handles = [Patch(color=colour, label=label) for label, colour in KINDS.values()]
+    handles = [Patch(color=colour, label=label) for label, colour in LOOKS_OF_KINDS.values()]
     drawn.legend(handles=handles, loc="lower center", ncols=3)
     return drawn
 
@@ -112,12 +106,12 @@ def _map(axes: Axes, one: xr.Dataset) -> None:
         leader, lead = str(one["leader"].values[i, j]), float(one["lead"].values[i, j])
         if leader and np.isfinite(lead):
             depth = PALEST + (1 - PALEST) * min(lead / FULL, 1)
-            colours[i, j] = 1 - depth * (1 - np.array(to_rgb(KINDS[str(kinds[leader])][1])))
+            colours[i, j] = 1 - depth * (1 - np.array(to_rgb(LOOKS_OF_KINDS[str(kinds[leader])][1])))
             axes.text(j, i, f"{lead:.1f}", ha="center", va="center", fontsize=7.5, color="w" if depth > 0.6 else "k")
     axes.imshow(colours, aspect="auto", origin="lower", interpolation="nearest")
     axes.set_xticks(range(shape[1]), [f"{value:g}" for value in one["forces"].values])
     axes.set_yticks(range(shape[0]), [f"{value:g}" for value in one["temperature"].values])
-    axes.set(xlabel=PER_PERIOD, ylabel=r"$T\,/\,T_\mathrm{melt}$")
+    axes.set(xlabel=FORCES_LABEL, ylabel=r"$T\,/\,T_\mathrm{melt}$")
     axes.tick_params(length=0)
     axes.grid(visible=False)
 
@@ -232,15 +226,15 @@ def crystals_long_runs(cube: xr.Dataset) -> Figure:
             known = np.isfinite(one["potential"])
             axes.errorbar(cube["spacing"], one["potential"].where(known), one["potential_error"], **look)
         _forces_axis(axes, cube["spacing"].values)
-        axes.set_xlabel(PER_PERIOD)
+        axes.set_xlabel(FORCES_LABEL)
         panel_letter(axes, k + 1, says)
     grid["middle"].set_ylabel("potential energy / harmonic")
-    names = list(dict.fromkeys([*map(str, methods), *map(str, cube["averaged"].values)]))
     labels = {
-        **dict(zip(map(str, methods), cube["drifting_label"].values, strict=True)),
-        **dict(zip(map(str, cube["averaged"].values), cube["averaged_label"].values, strict=True)),
+        str(name): label
+        for over in ("drifting", "averaged")
+        for name, label in zip(cube[over].values, cube[f"{over}_label"].values, strict=True)
     }
-    drawn.legend(handles=method_handles(names, [labels[name] for name in names]), loc="lower center", ncols=4)
+    drawn.legend(handles=method_handles(list(labels), list(labels.values())), loc="lower center", ncols=4)
     return drawn
 
 

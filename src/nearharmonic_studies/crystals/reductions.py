@@ -97,10 +97,9 @@ def _quantiles(errors: xr.DataArray) -> xr.DataArray:
     ranks = [min(errors.sizes["start"] - 1, int(q * errors.sizes["start"])) for q in QUANTILES]
     ascending = xr.apply_ufunc(np.sort, errors, input_core_dims=[["start"]], output_core_dims=[["start"]])
     found: xr.DataArray = ascending.isel(start=xr.DataArray(ranks, dims="quantile")).drop_vars("start", errors="ignore")
+    fractions = coordinate("quantile", list(QUANTILES), "fraction of the starts that err less")
     text = f"quantile over the starts of the {errors.attrs['long_name']}"
-    return found.assign_coords(
-        xr.Dataset(coords=coordinate("quantile", list(QUANTILES), "fraction of the starts that err less")).coords
-    ).assign_attrs(described(text))
+    return found.assign_coords(fractions).assign_attrs(described(text))
 
 
 def trend(energy: xr.DataArray) -> xr.DataArray:
@@ -116,12 +115,8 @@ def reduce(
 ) -> dict[str, Any]:
     """Return the ``cube`` of all crystals and its ``table`` of leaders, from run files of the methods ``names``.
 
-    Parameters
-    ----------
-    averages : str
-        Path of the runs with a thermostat.
-    errors, drifts : sequence of str
-        Paths of the runs and of the long runs of each crystal.
+    ``averages``: path of the runs with a thermostat. ``errors``, ``drifts``: paths of the runs and of the long runs of
+    each crystal.
     """
     crystal_names = list(settings.crystals)
     parts, trends = [], []

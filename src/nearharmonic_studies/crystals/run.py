@@ -41,11 +41,8 @@ class Start(NamedTuple):
 def measure(crystal: str, names: Sequence[str], settings: CrystalsSettings) -> dict[str, Contents]:
     """Integrate a crystal from all starts with the methods of these names, and with that trained on model crystals.
 
-    Returns
-    -------
-    dict
-        ``run``: ``max_energy_error`` and ``mean_energy_error`` over (temperature, integrator, forces, start), in units
-        of the mean kinetic energy; ``delta`` over temperature; ``frequency`` over mode.
+    The result has ``run``: ``max_energy_error`` and ``mean_energy_error`` over (temperature, integrator, forces,
+    start), in units of the mean kinetic energy; ``delta`` over temperature; ``frequency`` over mode.
     """
     solid = SOLIDS[crystal](settings.size(crystal))
     loops, methods = loops_for(solid.gradient), [*map(integrators.__getitem__, names), TRAINED_ON_CRYSTALS]

@@ -10,7 +10,7 @@ from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.user_file import expanded
-from nearharmonic_paper.entries import POSITIVE, STRICT, PositiveDecimal, setting, whole_from
+from nearharmonic_paper.entries import STRICT, PositiveDecimal, positive_numbers, setting, some_of, whole_from
 
 #: Crystals, and the cells of each at size 1: 4, 4 and 8 atoms or two masses in a cell.
 CELLS = {"argon": 3, "copper": 2, "silicon": 2, "chain": 512}
@@ -37,33 +37,18 @@ class CrystalsSettings:
         ),
         min_length=2,
     )  # fmt: skip
-    crystals: tuple[str, ...] = setting(
-        "Crystals",
-        f"a list of {', '.join(CELLS)}",
-        each=f"one of {', '.join(CELLS)}",
-        default=tuple(CELLS),
-        min_length=1,
-    )
+    crystals: tuple[str, ...] = some_of("Crystals", tuple(CELLS))
     cells: int = setting(
         "Cells along an edge of the cubic crystals, and 2^(3 cells) of the chain; 0 takes 3, 2, 2 and 512",
         default=0,
         **whole_from(0, 6),
     )
-    temperatures: tuple[PositiveDecimal, ...] = setting(
-        "Temperatures over that of the melting point",
-        "a list of numbers above 0",
-        unit="1",
-        each=POSITIVE,
-        default=("0.01", "0.03", "0.1", "0.3", "1"),
-        min_length=1,
+    temperatures: tuple[PositiveDecimal, ...] = positive_numbers(
+        "Temperatures over that of the melting point", "0.01", "0.03", "0.1", "0.3", "1"
     )
-    forces: tuple[PositiveDecimal, ...] = setting(
+    forces: tuple[PositiveDecimal, ...] = positive_numbers(
         "Forces in a period of the fastest phonon; leapfrog is stable above pi",
-        "a list of numbers above 0",
-        unit="1",
-        each=POSITIVE,
-        default=("40", "32", "26", "20", "16", "13", "10", "8", "6.3", "5", "4"),
-        min_length=1,
+        *("40", "32", "26", "20", "16", "13", "10", "8", "6.3", "5", "4"),
     )
     periods: int = setting("Periods of the fastest phonon in a run", default=20, **whole_from(1))
     starts: int = setting("Equilibrated starts at each temperature", default=10, **whole_from(1, 1000))
@@ -73,13 +58,7 @@ class CrystalsSettings:
     seed: int = setting("Chooses the starts", default=1, **whole_from(0))
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
-        """Raise an error for unknown integrators, and for those that need more than forces.
-
-        Raises
-        ------
-        NearharmonicError
-            The first error found, with keys as in a config.
-        """
+        """Raise an error for unknown integrators, and for those that need more than forces."""
         for name in self.crystals:
             one_of("crystals.crystals", name, tuple(CELLS))
         for name in self.methods:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
@@ -44,7 +45,7 @@ def samplers_gaussian(cube: xr.Dataset) -> Figure:
                 cube["dimension"], cube[f"gaussian_{what}"].sel(integrator=name), **style_of(name).line(markersize=4)
             )
         log_scale(axes, "xy")
-        _plain(axes, "y")
+        _plain(axes.yaxis, 1, 2, 5)
         axes.set(xlabel="dimension", ylabel=says)
         panel_letter(axes, k, ("cost", "gain")[k])
     handles = method_handles(names, cube["label"].sel(integrator=names).values)
@@ -70,14 +71,8 @@ def samplers_targets(cube: xr.Dataset) -> Figure:
     height = (0.21 * len(names) + 0.85) * rows + 0.2
     drawn = new_figure(3.0 * columns + 1.7, height)
     grid = drawn.subplots(rows, columns, squeeze=False, sharey=True)
-    drawn.subplots_adjust(
-        left=1.6 / (3.0 * columns + 1.7),
-        right=0.985,
-        top=1 - 0.3 / height,
-        bottom=0.55 / height,
-        hspace=0.3,
-        wspace=0.07,
-    )
+    left, top, bottom = 1.6 / (3.0 * columns + 1.7), 1 - 0.3 / height, 0.55 / height
+    drawn.subplots_adjust(left=left, right=0.985, top=top, bottom=bottom, hspace=0.3, wspace=0.07)
     for axes in grid.flat[count:]:
         axes.set_axis_off()
     for k, target in enumerate(cube["target"].values):
@@ -89,7 +84,8 @@ def samplers_targets(cube: xr.Dataset) -> Figure:
         axes.axvline(1, color="#404040", linewidth=0.8)
         axes.set_yticks(range(len(names)), one["label"].values)
         axes.set_ylim(-0.7, len(names) - 0.3)
-        _gains(axes, "x")
+        log_scale(axes, "x")
+        _plain(axes.xaxis, 1, 1.5, 2, 3, 5, 7)
         panel_letter(axes, k, str(cube["target_label"].values[k]))
         if k % columns == 0:
             axes.set_ylabel("method")
@@ -155,18 +151,8 @@ def _point(axes: Axes, middle: float, low: float, high: float, place: float, col
     axes.plot([middle], [place], color=colour, marker=marker, markersize=4.5, linestyle="none")
 
 
-def _plain(axes: Axes, direction: str) -> None:
-    """Label an axis of one or two decades at 1, 2, 5 and so on, without powers."""
-    axis = getattr(axes, f"{direction}axis")
-    axis.set_major_locator(LogLocator(base=10, subs=(1, 2, 5)))
-    axis.set_minor_locator(NullLocator())
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-
-
-def _gains(axes: Axes, direction: str) -> None:
-    """A logarithmic axis of gains around 1."""
-    log_scale(axes, direction)
-    axis = getattr(axes, f"{direction}axis")
-    axis.set_major_locator(LogLocator(base=10, subs=(1, 1.5, 2, 3, 5, 7)))
+def _plain(axis: Axis, *digits: float) -> None:
+    """Label a logarithmic axis of one or two decades at these first digits, without powers."""
+    axis.set_major_locator(LogLocator(base=10, subs=digits))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

@@ -22,7 +22,7 @@ from nearharmonic_studies.samplers.chains.loops import JITTER
 #: Nodes of the integral over a: the midpoint rule, whose integrand is smooth and periodic.
 NODES = 48
 #: Modes of different frequency; a Gaussian of more dimensions has several of each. Lengths of the jitter.
-FREQUENCIES, LENGTHS = 100, 9
+FREQUENCIES, JITTER_LENGTHS = 100, 9
 
 
 class Spectrum(NamedTuple):
@@ -77,12 +77,7 @@ def _product(a: Floats, b: Floats) -> Floats:
 def moments(matrices: Floats, modes: float) -> tuple[float, Floats]:
     """Return the acceptance, and the mean squared jump (k,) of each mode over twice its variance.
 
-    Parameters
-    ----------
-    matrices : (k, 2, 2) array
-        Matrices of a trajectory.
-    modes : float
-        Number of modes with each matrix.
+    ``matrices`` (k, 2, 2): matrices of a trajectory. ``modes``: number of modes with each matrix.
     """
     if not np.isfinite(matrices).all() or np.abs(matrices).max() > 1e6:
         return 0.0, np.zeros(len(matrices))
@@ -97,16 +92,16 @@ def moments(matrices: Floats, modes: float) -> tuple[float, Floats]:
 def efficiency(method: Tableau, tau: float, length: float, on: Spectrum) -> Found:
     """Return the gradients of trajectories of about ``length``, over the least squared jump of all modes."""
     low, high = JITTER
-    times = length * (low + (high - low) * (np.arange(LENGTHS) + 0.5) / LENGTHS)
+    times = length * (low + (high - low) * (np.arange(JITTER_LENGTHS) + 0.5) / JITTER_LENGTHS)
     counts = [max(1, round(time / tau)) for time in times]
     step = steps_matrix(method, tau * on.frequencies)
     acceptance, jumps = 0.0, np.zeros(len(on.frequencies))
     for count in sorted(set(counts)):
-        share = counts.count(count) / LENGTHS
+        share = counts.count(count) / JITTER_LENGTHS
         one, squared = moments(power(step, count), on.modes)
         acceptance, jumps = acceptance + share * one, jumps + share * squared
     least = float(jumps.min())
-    gradients = sum(counts) / LENGTHS * method.stages
+    gradients = sum(counts) / JITTER_LENGTHS * method.stages
     return Found(gradients / least if least > 0 else np.inf, acceptance)
 
 

@@ -56,30 +56,18 @@ def _with_interval(runs: xr.Dataset, name: str, logs: Floats, text: str) -> dict
     """Return exp of logs (..., chains + 1) and their 95 % intervals, by name."""
     over = runs.cost.transpose(..., "integrator", "part").isel(part=0, drop=True)
     half = np.apply_along_axis(error_of, -1, logs) * student(logs.shape[-1] - 2)
-    middle = logs[..., 0]
-    bounds = {"": middle, "_low": middle - half, "_high": middle + half}
-    kinds = {
-        "": "",
-        "_low": "lower end of the 95 % interval of the ",
-        "_high": "upper end of the 95 % interval of the ",
-    }
-    return {
-        f"{name}{end}": over.copy(data=np.array(exp(np.clip(value, -50, 50)))).assign_attrs(
-            described(kinds[end] + text)
-        )
-        for end, value in bounds.items()
-    }
+    middle, found = logs[..., 0], {}
+    for end, value, which in (("", middle, ""), ("_low", middle - half, "lower"), ("_high", middle + half, "upper")):
+        notes = described(f"{which} end of the 95 % interval of the {text}" if which else text)
+        found[name + end] = over.copy(data=np.array(exp(np.clip(value, -50, 50)))).assign_attrs(notes)
+    return found
 
 
 def reduce(settings: SamplersSettings, gaussians: str, limits: str, chains: Sequence[str]) -> dict[str, Any]:
     """Return the ``cube`` of all targets and its ``table``, from run files.
 
-    Parameters
-    ----------
-    gaussians, limits : str
-        Paths of the runs on Gaussians, and of methods trained for one strength.
-    chains : sequence of str
-        Paths of the runs on each other target.
+    ``gaussians``, ``limits``: paths of the runs on Gaussians, and of methods trained for one strength. ``chains``:
+    paths of the runs on each other target.
     """
     runs = [read(path) for path in chains]
     names = xr.Dataset(coords=coordinate("target", list(settings.targets), "target")).target

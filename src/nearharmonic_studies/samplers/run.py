@@ -11,7 +11,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import exp, log
 from nearharmonic.numerics.compiled import Normal
-from nearharmonic.output.dataset import Contents, coordinate, variable
+from nearharmonic.output.dataset import Contents, coordinate, method_coordinates, variable
 from nearharmonic.output.store import read
 from nearharmonic_studies.samplers.chains.effective import costs, error_of
 from nearharmonic_studies.samplers.chains.loops import LEAPFROG, Chance, chance, loop_for, run
@@ -40,6 +40,7 @@ RARE = ("eight_schools",)
 HOPELESS, LOOK = 0.15, 30
 #: Step size, times the highest frequency, and length, over the shortest, of the proposals before the first that counts.
 WARMING = (0.4, 1.0)
+COST = "log of the gradients per effective sample, of all chains and without each of them"
 
 
 class Place(NamedTuple):
@@ -64,30 +65,18 @@ def gaussians(settings: SamplersSettings, trained: Sequence[str]) -> dict[str, C
     methods = compared(settings, trained)
     dimensions = [float(one) for one in settings.dimensions]
     grid = taus(FINER * settings.points)
-    found = []
-    for dimension in dimensions:
-        on = spectrum(int(dimension), RATIO)
-        found.append(
-            [(*one, tau, length) for one, tau, length in (best(m, grid, LENGTHS, on) for m in methods.values())]
-        )
-    values = np.array(found)
+    found = [[best(m, grid, LENGTHS, spectrum(int(n), RATIO)) for m in methods.values()] for n in dimensions]
+    values = np.array([[(*one, tau, length) for one, tau, length in row] for row in found])
     over = ("dimension", "integrator")
     variables = {
         **coordinate("dimension", dimensions, "dimension of the Gaussian"),
-        **_named(methods),
+        **method_coordinates(methods.values()),
         "gradients": variable(over, values[..., 0], "gradients over the least mean squared jump, in 2 variances"),
         "acceptance": variable(over, values[..., 1], "mean acceptance of the proposals"),
         "tau": variable(over, values[..., 2], "best step size per stage, times the highest frequency"),
         "length": variable(over, values[..., 3], "best length of trajectories, times the highest frequency"),
     }
     return {"run": Contents(variables=variables, coordinates=("label",))}
-
-
-def _named(methods: Mapping[str, Tableau]) -> dict[str, Any]:
-    return {
-        **coordinate("integrator", list(methods), "integrator"),
-        "label": variable("integrator", [one.label for one in methods.values()], "name in the paper"),
-    }
 
 
 def measure(target: str, settings: SamplersSettings, trained: Sequence[str]) -> dict[str, Contents]:
@@ -117,22 +106,16 @@ def _means(observed: Any) -> tuple[float, ...]:
 
 
 def _contents(on: Target, methods: Mapping[str, Tableau], places: Mapping[str, Place], found: Any) -> Contents:
-    values, count = np.array(found), len(on.observables)
+    values, count, over = np.array(found), len(on.observables), ("integrator", "observable")
     variables = {
-        **_named(methods),
+        **method_coordinates(methods.values()),
         **coordinate("observable", list(on.observables), "observable"),
-        "cost": variable(
-            ("integrator", "part"),
-            values[:, 1 + 2 * count :],
-            "log of the gradients per effective sample, of all chains and without each of them",
-        ),
+        "cost": variable(("integrator", "part"), values[:, 1 + 2 * count :], COST),
         "acceptance": variable("integrator", values[:, 0], "mean acceptance of the proposals"),
         "tau": variable("integrator", [p.tau * on.highest for p in places.values()], "step size per stage, scaled"),
         "length": variable("integrator", [p.length * on.highest for p in places.values()], "length, scaled"),
-        "mean": variable(("integrator", "observable"), values[:, 1 : 1 + count], "mean of the observable"),
-        "mean_error": variable(
-            ("integrator", "observable"), values[:, 1 + count : 1 + 2 * count], "standard error of the mean"
-        ),
+        "mean": variable(over, values[:, 1 : 1 + count], "mean of the observable"),
+        "mean_error": variable(over, values[:, 1 + count : 1 + 2 * count], "standard error of the mean"),
     }
     return Contents(variables=variables, coordinates=("label",), attributes={"target_label": on.label})
 

@@ -10,7 +10,7 @@ from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.user_file import expanded
-from nearharmonic_paper.entries import POSITIVE, STRICT, PositiveDecimal, setting, whole_from
+from nearharmonic_paper.entries import STRICT, PositiveDecimal, positive_numbers, setting, some_of, whole_from
 
 #: Targets that are not Gaussian.
 TARGETS = ("quartic", "lattice", "eight_schools", "gp_regr", "mesquite")
@@ -35,27 +35,12 @@ class SamplersSettings:
         ),
         min_length=2,
     )  # fmt: skip
-    dimensions: tuple[PositiveDecimal, ...] = setting(
-        "Dimensions of the Gaussians",
-        "a list of numbers above 0",
-        unit="1",
-        each=POSITIVE,
-        default=("100", "300", "1000", "3000", "10000", "30000", "100000"),
-        min_length=1,
+    dimensions: tuple[PositiveDecimal, ...] = positive_numbers(
+        "Dimensions of the Gaussians", "100", "300", "1000", "3000", "10000", "30000", "100000"
     )
-    targets: tuple[str, ...] = setting(
-        "Targets that are not Gaussian",
-        f"a list of {', '.join(TARGETS)}",
-        each=f"one of {', '.join(TARGETS)}",
-        default=TARGETS,
-        min_length=1,
-    )
-    families: tuple[str, ...] = setting(
-        "Families of methods that are searched for coefficients, by stages and first move",
-        f"a list of {', '.join(FAMILIES)}",
-        each=f"one of {', '.join(FAMILIES)}",
-        default=FAMILIES,
-        min_length=1,
+    targets: tuple[str, ...] = some_of("Targets that are not Gaussian", TARGETS)
+    families: tuple[str, ...] = some_of(
+        "Families of methods that are searched for coefficients, by stages and first move", FAMILIES
     )
     size: int = setting("Dimensions of the quartic posterior, and at most so many sites", default=1024, **whole_from(9))
     points: int = setting("Step sizes that are tried for a method", default=12, **whole_from(2, 100))
@@ -68,13 +53,7 @@ class SamplersSettings:
     seed: int = setting("Chooses all random numbers", default=1, **whole_from(0))
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
-        """Raise an error for unknown integrators, and for those that cannot propose.
-
-        Raises
-        ------
-        NearharmonicError
-            The first error found, with keys as in a config.
-        """
+        """Raise an error for unknown integrators, and for those that cannot propose."""
         for name in self.targets:
             one_of("samplers.targets", name, TARGETS)
         for name in self.families:

@@ -7,41 +7,26 @@ one of fifty random starts would find an isolated solution of eight stages, and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from nearharmonic.integrators.tableau import First
 from nearharmonic.numerics.search import RandomStarts, distinct
+from nearharmonic.output.table import progress
 from nearharmonic_studies.sixth_order.conditions import NYSTROM_ORDER, Doubles, NystromEquations
 from nearharmonic_studies.sixth_order.criterion import Merit, criterion_of, system_of
 from nearharmonic_studies.sixth_order.kernels import Walk, assess, descend, solve
 from nearharmonic_studies.sixth_order.settings import SixthOrderSettings
 
-
-@dataclass(frozen=True, kw_only=True)
-class Cascade:
-    """Settings of the search.
-
-    Attributes
-    ----------
-    bound : float
-        Bound of the unknowns of the solutions that are kept: methods with longer substeps are not useful.
-    near, most_near : float and int
-        Standard deviation and maximum number of the starts near a solution, for the search at the next harmonic order.
-    apart : float
-        Minimum distance (largest difference) between the starts of walks along a family.
-    walk : Walk
-        Settings of the walks.
-    """
-
-    bound: float = 2.0
-    near: float = 0.1
-    most_near: int = 20
-    apart: float = 0.05
-    walk: Walk = field(default_factory=Walk)
+#: Bound of the unknowns of the solutions that are kept: methods with longer substeps are not useful.
+BOUND = 2.0
+#: Standard deviation and maximum number of the starts near a solution, for the search at the next harmonic order.
+NEAR, MOST_NEAR = 0.1, 20
+#: Minimum distance (largest difference) between the starts of walks along a family.
+APART = 0.05
 
 
 @dataclass(frozen=True)
@@ -100,19 +85,17 @@ def find_solutions(
     *,
     stages: tuple[int, ...] = (7, 8, 9, 10, 11),
     firsts: tuple[First, ...] = ("kick", "drift"),
-    cascade: Cascade = Cascade(),
     threads: int = 1,
-    report: Callable[[str], None] = lambda _: None,
 ) -> Findings:
     """Find and rank solutions of Nystrom order six for all stages, first operators and harmonic orders.
 
     With fewer than 7 stages there is no solution; more than 11 have not been searched. The result does not depend on
-    ``threads``. ``report`` is called with each count, in the thread of its computation.
+    ``threads``.
     """
     # The longest tasks first, so that all threads finish together.
     tasks = [(s, first) for s in sorted(stages, reverse=True) for first in firsts]
     with ThreadPoolExecutor(threads) as pool:
-        found = list(pool.map(lambda task: list(_cascade(task[0], task[1], settings, cascade, report)), tasks))
+        found = list(pool.map(lambda task: list(_cascade(task[0], task[1], settings)), tasks))
     levels = [level for levels in found for level in levels]
     counts = sorted((count for count, _ in levels), key=lambda c: (c.stages, c.first, c.harmonic_order))
     candidates = sorted((c for _, best in levels for c in best), key=lambda c: (c.merit.value, c.unknowns))
@@ -131,10 +114,8 @@ def winners(findings: Findings) -> tuple[Candidate, ...]:
     return tuple(chosen.values())[:4]
 
 
-def _cascade(
-    stages: int, first: First, settings: SixthOrderSettings, cascade: Cascade, report: Callable[[str], None]
-) -> Iterator[tuple[Count, list[Candidate]]]:
-    starts = RandomStarts(settings.starts, (settings.seed, stages, first == "kick"), bound=cascade.bound)
+def _cascade(stages: int, first: First, settings: SixthOrderSettings) -> Iterator[tuple[Count, list[Candidate]]]:
+    starts = RandomStarts(settings.starts, (settings.seed, stages, first == "kick"), bound=BOUND)
     random = starts.generator()
     points = starts.points(random, stages - 1)
     for harmonic_order in range(NYSTROM_ORDER, stages):
@@ -144,21 +125,21 @@ def _cascade(
         solutions, multiplicity = distinct(hits[np.lexsort(hits.T[::-1])], starts.same)
         count = Count(stages, first, harmonic_order, equations.free, len(points), len(hits), len(solutions))
         if equations.free:
-            solutions = _walked(equations, solutions, settings, cascade, random)
+            solutions = _walked(equations, solutions, settings, random)
             best = candidates_of(equations, solutions, [0] * len(solutions))
         else:
             best = candidates_of(equations, solutions, multiplicity)
-        report(_sentence(count, best))
+        progress(_sentence(count, best))
         yield count, best
         # The ends of the walks are near good methods of the next harmonic order.
-        points = _near(np.concatenate([hits, solutions]), settings.starts, cascade, random)
+        points = _near(np.concatenate([hits, solutions]), settings.starts, random)
 
 
-def _near(hits: Doubles, wanted: int, cascade: Cascade, random: np.random.Generator) -> Doubles:
+def _near(hits: Doubles, wanted: int, random: np.random.Generator) -> Doubles:
     """Return about ``wanted`` points: each of ``hits``, and points near it."""
-    copies = min(cascade.most_near, max(1, wanted // max(1, len(hits))))
+    copies = min(MOST_NEAR, max(1, wanted // max(1, len(hits))))
     near = np.repeat(hits, copies, axis=0)[: max(wanted, len(hits))]
-    noise = random.normal(0, cascade.near, near.shape)
+    noise = random.normal(0, NEAR, near.shape)
     noise[::copies] = 0
     return np.ascontiguousarray(near + noise)
 
@@ -167,15 +148,14 @@ def _walked(
     equations: NystromEquations,
     samples: Doubles,
     settings: SixthOrderSettings,
-    cascade: Cascade,
     random: np.random.Generator,
 ) -> Doubles:
     """Return the distinct ends of walks from the best ``samples`` (solution, unknown) of a family."""
     values = assessed(equations, samples)[:, 4]
-    ends, _ = distinct(samples[np.argsort(values, kind="stable")], cascade.apart, most=settings.walks)
+    ends, _ = distinct(samples[np.argsort(values, kind="stable")], APART, most=settings.walks)
     noise = random.normal(0, 1, (len(ends), settings.walk_steps, equations.unknowns))
-    ends = descend(system_of(equations), criterion_of(equations.stages), cascade.bound, cascade.walk, noise, ends)
-    return distinct(ends[np.argsort(assessed(equations, ends)[:, 4], kind="stable")], cascade.apart)[0]
+    ends = descend(system_of(equations), criterion_of(equations.stages), BOUND, Walk(), noise, ends)
+    return distinct(ends[np.argsort(assessed(equations, ends)[:, 4], kind="stable")], APART)[0]
 
 
 def assessed(equations: NystromEquations, solutions: Doubles) -> Doubles:

@@ -23,10 +23,7 @@ DECIMALS = 4
 def registered(candidate: Candidate, *, source: str, digits: int = 76) -> Tableau:
     """Return the tableau of a candidate, with a name like in the paper and the order before the harmonic order.
 
-    Raises
-    ------
-    NotConvergedError
-        The equations have no solution near the rounded candidate.
+    Raises NotConvergedError: the equations have no solution near the rounded candidate.
     """
     equations = NystromEquations(candidate.stages, candidate.first, candidate.harmonic_order)
     fixed = short_decimals(equations, candidate.unknowns, DECIMALS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import astuple
 from typing import Any
 
@@ -22,18 +22,15 @@ PUBLISHED = zymplectic.TABLEAUS
 
 
 def search(
-    settings: SixthOrderSettings, integrators: Sequence[str], threads: int, report: Callable[[str], None]
+    settings: SixthOrderSettings, integrators: Sequence[str], threads: int
 ) -> dict[str, Table | Mapping[str, Any]]:
     """Search for methods of order six with a harmonic order, and compare them with :data:`PUBLISHED` and other methods.
 
     Among the ``integrators``, methods with modified potentials are omitted. The result does not depend on ``threads``.
 
-    Returns
-    -------
-    dict
-        ``document``, for a TOML file, and a :class:`Table` for each other key.
+    The result has ``document``, for a TOML file, and a :class:`Table` for each other key.
     """
-    findings = find_solutions(settings, threads=threads, report=report)
+    findings = find_solutions(settings, threads=threads)
     best = [(candidate, registered(candidate, source=SOURCE)) for candidate in winners(findings)]
     plain = [methods_by_name[name] for name in integrators if not methods_by_name[name].modified]
     others = plain + [one for one in PUBLISHED if one.name not in integrators]

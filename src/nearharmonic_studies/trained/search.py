@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from hashlib import sha256
 from operator import itemgetter
 from pathlib import Path
@@ -16,7 +16,7 @@ import numpy as np
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.table import Table
+from nearharmonic.output.table import Table, progress
 from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import generalised_order_of, harmonic_order, nystrom_order_of, order_of
 from nearharmonic.training.family import Family
@@ -41,22 +41,10 @@ HEADER = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True)
-class Selection:
-    """Settings of the choice of a method.
-
-    Attributes
-    ----------
-    short_list : int
-        Number of methods of each family that are compared on the validation set.
-    longer : float
-        Ratio of the intervals of validation and test to those of training.
-    """
-
-    short_list: int = 3
-    longer: float = 2.0
-
-
+#: Number of methods of each family that are compared on the validation set.
+SHORT_LIST = 3
+#: Ratio of the intervals of validation and test to those of training.
+LONGER = 2.0
 #: A method of the short list: its objective on the validation set, and its search result.
 Candidate = tuple[float, Found]
 
@@ -65,29 +53,23 @@ def train(
     purpose: str,
     settings: SearchSettings,
     known: Sequence[str],
-    report: Callable[[str], None],
     before: Sequence[str] = (),
-    selection: Selection = Selection(),
 ) -> dict[str, Any]:
     """Search for the method of a purpose.
 
     Starts are the ``known`` methods, of which the published ones are the reference, and the methods of other purposes,
     from the paths of their documents ``before``.
 
-    Returns
-    -------
-    dict
-        ``document`` with the method, for a TOML file, and ``landscape``, a :class:`Table` of the families.
+    The result has ``document`` with the method, for a TOML file, and ``landscape``, a :class:`Table` of the families.
     """
     goal = PURPOSES[purpose]
     begun = [*(_method(Path(place)) for place in before), *map(integrators.__getitem__, known)]
     published = published_methods(known)
     training, validation, test = (
-        _Judge(goal, settings, published, which, longer)
-        for which, longer in enumerate((1.0, selection.longer, selection.longer))
+        _Judge(goal, settings, published, which, longer) for which, longer in enumerate((1.0, LONGER, LONGER))
     )
-    all_findings = _all_findings(goal, settings, training, begun, report)
-    short = [one for findings in all_findings for one in _short_list(findings, validation, selection.short_list)]
+    all_findings = _all_findings(goal, settings, training, begun)
+    short = [one for findings in all_findings for one in _short_list(findings, validation)]
     _, best = min(short, key=itemgetter(0))
     rows = [_row(findings, short, test) for findings in all_findings]
     low, high = goal.window
@@ -103,7 +85,6 @@ def _all_findings(
     settings: SearchSettings,
     training: _Judge,
     begun: Sequence[Tableau],
-    report: Callable[[str], None],
 ) -> list[Searcher]:
     """Return the findings of each family, each chain from its first."""
     effort = goal.effort(settings.trials, settings.random, settings.refinements)
@@ -116,7 +97,7 @@ def _all_findings(
             if not before[-1].found:  # no published method has its shape, and there are no random starts
                 continue
             best = before[-1].best
-            report(
+            progress(
                 f"{goal.title}: {family.stages} stages, {family.first} first: objective {best.value:.3f} from "
                 f"{best.origin}, {before[-1].again} of {len(before[-1].found)} searches ended there"
             )
@@ -158,10 +139,10 @@ def _method(place: Path) -> Tableau:
     return Tableau(**about, **rows, source=SOURCE)
 
 
-def _short_list(findings: Searcher, validation: _Judge, count: int) -> list[Candidate]:
-    """Return the best ``count`` methods of a family, with objectives on the validation set."""
-    ranked = sorted(findings.found, key=lambda one: one.value)[:count]
-    objective = validation.objective(findings.best.family, count)
+def _short_list(findings: Searcher, validation: _Judge) -> list[Candidate]:
+    """Return the best methods of a family, with objectives on the validation set."""
+    ranked = sorted(findings.found, key=lambda one: one.value)[:SHORT_LIST]
+    objective = validation.objective(findings.best.family, SHORT_LIST)
     values = objective(np.stack([one.unknowns for one in ranked])).tolist()
     return list(zip(values, ranked, strict=True))
 

@@ -45,13 +45,7 @@ class TrainedSettings:
     proof: ProofSettings = setting("Problems on which trained and other methods are compared", default=ProofSettings)
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
-        """Raise an error for unknown purposes and too many evaluations; keys are named as in a config.
-
-        Raises
-        ------
-        SettingError
-            The first error found.
-        """
+        """Raise an error for unknown purposes and too many evaluations; keys are named as in a config."""
         for i, purpose in enumerate(self.purposes):
             one_of(f"trained.purposes[{i}]", purpose, tuple(PURPOSES))
         self.proof.check()

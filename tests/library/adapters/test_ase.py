@@ -21,7 +21,7 @@ from ase.constraints import FixAtoms, FixBondLengths, FixCartesian, FixedLine, F
 from ase.io import read  # noqa: E402
 from ase.md.verlet import VelocityVerlet  # noqa: E402
 
-from nearharmonic.adapters.ase import Splitting, fewest_steps, recommend  # noqa: E402
+from nearharmonic.adapters.ase import Splitting, recommend  # noqa: E402
 
 # ASE 3.23 opens the null device for a log that nobody asks for, and closes it at the end of a `with` alone.
 pytestmark = [
@@ -481,12 +481,3 @@ class TestRecommend:
         atoms.set_momenta(0 * MOMENTA)
         with pytest.raises(nh.NearharmonicError, match="momenta of the temperature"):
             recommend(atoms, 1.0)
-
-    def test_search_finds_the_fewest_steps(self):
-        for threshold in (1, 2, 3, 17, 100, 997):
-            tried = []
-            found = fewest_steps(lambda n, t=threshold, seen=tried: seen.append(n) or n >= t, 1, 1000)
-            assert threshold <= found <= threshold + max(1, threshold // 19)
-            assert len(tried) < 20
-        assert fewest_steps(lambda n: False, 1, 1000) is None
-        assert fewest_steps(lambda n: True, 7, 5) is None

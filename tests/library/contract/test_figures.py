@@ -18,7 +18,7 @@ from matplotlib.patches import Patch
 from matplotlib.text import Text
 
 from nearharmonic.integrators import BENCHMARKED, integrators
-from nearharmonic.recommendation.curve import Curve
+from nearharmonic.recommendation.measure import Solver
 from nearharmonic_paper.experiments.paper.figures.fig6_substeps import draw_panels
 from nearharmonic_paper.experiments.work_precision.figures.times import work_precision_figure
 from nearharmonic_paper.tasks.declarations import figures_of
@@ -135,8 +135,9 @@ def test_figure_6_draws_one_panel_alone_and_path_without_number():
 
 @pytest.mark.slow
 def test_work_precision_figure_draws_single_method_and_empty_curves():
-    is_drawn(work_precision_figure("toy", [("20", ("max",), [made.timed("ruth", [1e-3], [1e-4])])], made.FACTS))
-    absent = [Curve(method=name, label=name, kind="splitting", status="no") for name in made.METHODS]
+    single = made.curves(made.timed("ruth", [1e-3], [1e-4]))
+    is_drawn(work_precision_figure("toy", [("20", ("max",), single)], made.FACTS))
+    absent = made.curves(*(Solver(method=name, label=name, kind="splitting", status="no") for name in made.METHODS))
     is_drawn(work_precision_figure("toy", [("20", ("max", "mean"), absent), ("5", ("position",), absent)], made.FACTS))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 
+import numpy as np
 import pytest
 
 from nearharmonic.commands.recommend import ranking
@@ -13,9 +14,8 @@ from nearharmonic.integrators import integrators
 from nearharmonic.output import store
 from nearharmonic.output.answers import printed
 from nearharmonic.recommendation.choices import recommendation
-from nearharmonic.recommendation.curve import Curve, Point, cross
+from nearharmonic.recommendation.measure import Solver, cross, variables
 from nearharmonic.recommendation.question import question
-from nearharmonic.recommendation.timings import variables
 
 QUARTIC = """
 from nearharmonic.systems import System
@@ -43,18 +43,12 @@ def few(monkeypatch):
 
 
 def made(method, errors, times, status="ok", tolerances=(1e-3, 1e-6, 1e-9)):
-    """A curve of another library: its settings with their errors and times."""
-    points = [
-        Point(
-            tolerance=tolerance,
-            evaluations=100.0 * (i + 1),
-            max_energy_error=error,
-            mean_energy_error=error / 2,
-            times={"trajectory": [3 * time, time]},
-        )
-        for i, (tolerance, error, time) in enumerate(zip(tolerances, errors, times, strict=bool(errors)))
-    ]
-    return Curve(method=method, label=method.upper(), kind="peer", status=status, points=points)
+    """Another library: its settings with their errors and times."""
+    worst = np.array(errors, dtype=float)
+    columns = {"tolerance": tolerances[: worst.size], "max_energy_error": worst, "mean_energy_error": worst / 2}
+    columns["evaluations"] = 100.0 * np.arange(1, worst.size + 1)
+    repeats = {("trajectory", i): [3 * time, time] for i, time in enumerate(times)}
+    return Solver(method=method, label=method.upper(), kind="peer", status=status, columns=columns, times=repeats)
 
 
 def written(folder, curves, t_end="500"):
@@ -160,26 +154,12 @@ def test_unreached_error_is_reported_with_budget_and_best_method(results):
     assert "not at any setting timed: THEIRS (2.0e-12 at tolerance 1e-09 at best); LUCKY" in text
 
 
-def test_json_holds_every_choice_and_no_infinity(results):
-    told = json.loads(printed(ranking(recommend("sho", 1e-7, results=results)), "json"), parse_constant=pytest.fail)
-    assert {choice["method"]: choice["status"] for choice in told["choices"]}["absent"] == "not run"
-    assert told["choices"][0]["tau"] is None
-    assert told["system"] == "sho"
-
-
 def test_without_timings_methods_are_measured_and_libraries_listed_missing(tmp_path, few):
     found = recommend("sho", 1e-6, results=tmp_path)
     assert {choice.method for choice in found.choices} == set(few)
     assert found.ranked[0].status == "met"
     assert found.basis.startswith("measured on the spot")
     assert f"other libraries: not timed ({tmp_path}/cubes/work_precision.h5 does not exist" in found.basis
-
-
-@pytest.mark.slow
-def test_a_measure_that_the_timings_lack_is_measured(results):
-    found = recommend("sho", 1e-6, measure="position", results=results)
-    assert "has no timings of this measure" in found.basis
-    assert choice_of(found, "aba864").status == "met"
 
 
 @pytest.mark.slow

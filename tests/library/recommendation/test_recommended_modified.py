@@ -9,7 +9,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.engine.reference import reference
-from nearharmonic.recommendation.own import grid, splitting_curve
+from nearharmonic.recommendation.measure import Interval, measure
 from nearharmonic.systems import systems
 
 pytestmark = pytest.mark.slow
@@ -39,12 +39,12 @@ def test_processed_method_is_measured_along_its_runs_not_at_ends():
 def test_final_position_is_found_after_fewer_samples_than_others():
     system, tableau = systems["henon_heiles"], nh.integrators["rowlands"]
     exact = reference(system, "20")
-    points = grid(tableau, "20", 0.005, 0.5, 2, 10_000)
-    curve = splitting_curve(system, tableau, "20", points, exact)
-    assert len(curve.points) == len(points)
-    for point in curve.points:
+    found = measure(Interval(system, "20", exact), [tableau], np.geomspace(0.005, 0.5, 5), modes=()).isel(solver=0)
+    assert found.sizes["point"] == 5
+    for i in range(5):
+        point = found.isel(point=i)
         way = "compensated" if point.compensated else "plain"
-        run = nh.integrate("henon_heiles", tableau, point.tau, t_end=20, summation=way)
+        run = nh.integrate("henon_heiles", tableau, point.tau.item(), t_end=20, summation=way)
         low = run.q_low.values[-1] if way == "compensated" else np.zeros(2)
         assert point.position_error == exact.error(run.q.values[-1], low)
         assert point.max_energy_error == run.max_energy_error

@@ -13,7 +13,7 @@ from PIL import Image
 
 from nearharmonic.output import store
 from nearharmonic.output.dataset import variable
-from nearharmonic.recommendation.timings import variables
+from nearharmonic.recommendation.measure import variables
 from nearharmonic_paper.pages import examples, gallery, methods, ranking, trained, training
 from nearharmonic_paper.pages.anharmonicity import NEW, Result, others
 from nearharmonic_paper.pages.how_to import gauss, tabulated, tailor, tangent_maps
@@ -125,8 +125,6 @@ def of_timings(monkeypatch, tmp_path):
     path, errors = tmp_path / "times.h5", [1e-3, 1e-6, 1e-9, 1e-12]
     found = [timed("ruth", errors, [1e-5, 2e-5, 4e-5, 9e-5], lanes=[1e-6] * 4),
              timed("heyoka", errors, [5e-5] * 4, kind="peer", lanes=[4e-6] * 4)]  # fmt: skip
-    for i, point in enumerate(point for curve in found for point in curve.points):
-        point.tau = 1 / (i + 1)
     problems = {name: {"system": name, "t_end": "20", "measures": ["max"]} for name in timings.SYSTEMS}
     facts = {**FACTS, "libraries": "heyoka 7", "problems": json.dumps(problems)}
     store.write(path, {}, facts, groups=dict.fromkeys(problems, variables(found, "s")))
@@ -140,8 +138,6 @@ def of_regularised(monkeypatch, tmp_path):
     for name, factor in (("kepler", 1), ("kepler_regularised", 0.1)):
         found = [timed("babps9o7h", errors, [factor * time for time in (2e-5, 4e-5, 8e-5)])]
         found += [timed("heyoka", errors[:2], [1e-5] * 2, kind="peer")] * (factor == 1)
-        for i, point in enumerate(point for curve in found for point in curve.points):
-            point.tau = 1 / (i + 1)
         groups[name] = variables(found, "h")
     problems = {name: {"system": name, "t_end": "20", "measures": ["max", "position"]} for name in groups}
     store.write(path, {}, {**FACTS, "libraries": "heyoka 7", "problems": json.dumps(problems)}, groups=groups)

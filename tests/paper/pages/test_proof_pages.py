@@ -17,7 +17,7 @@ from nearharmonic.numerics.search import RandomStarts
 from nearharmonic.theory.order import nystrom_order_of
 from nearharmonic_paper.experiments.derivation.conditions import Equations
 from nearharmonic_paper.experiments.derivation.elimination import eliminate, reduced_system
-from nearharmonic_paper.experiments.derivation.isolated import Solving, solve
+from nearharmonic_paper.experiments.derivation.isolated import DIGITS, solve
 from support.results.formulas import evaluated, formulas, right_sides
 from support.results.stated_numbers import ROOT, flat, numbers, states
 
@@ -226,5 +226,5 @@ def test_boxes_of_proofs_are_as_wide_as_the_page_says():
     found = solve(Equations(3, 4), RandomStarts(20, 1, box=2.5, bound=20.0))
     assert [root.proved for root in found.roots] == [True]
     assert numbers(flat(ELIMINATION), rf"For (\d+) decimals the half width of the box is ({POWER})") == [
-        Solving().digits, float(found.roots[0].radius),
+        DIGITS, float(found.roots[0].radius),
     ]  # fmt: skip

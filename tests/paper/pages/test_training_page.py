@@ -14,7 +14,7 @@ from nearharmonic_paper.pages.training import parts
 from nearharmonic_studies.trained.problems.purpose import ECCENTRICITIES, MODERATE, SMALL, STRONG, WEAK
 from nearharmonic_studies.trained.problems.purposes import PURPOSES
 from nearharmonic_studies.trained.problems.random_potentials import FREQUENCIES
-from nearharmonic_studies.trained.search import Selection
+from nearharmonic_studies.trained.search import LONGER, SHORT_LIST
 from nearharmonic_studies.trained.settings import SearchSettings
 from support.results.stated_numbers import ROOT, states
 
@@ -54,8 +54,7 @@ def test_settings_of_the_search_are_those_of_the_page(wanted, words):
 
 
 def test_words_of_the_page_are_settings_of_the_search():
-    selection = Selection()
-    assert (selection.short_list, selection.longer) == (3, 2)
+    assert (SHORT_LIST, LONGER) == (3, 2)
     assert "the best three methods of each family over intervals twice as long" in " ".join(PAGE.split())
     assert {len(one.tau_per_stage) for one in PURPOSES.values()} == {3}
     assert "each of three step sizes of a window" in " ".join(PAGE.split())

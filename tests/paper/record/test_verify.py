@@ -129,7 +129,7 @@ def test_other_code_and_coefficients_are_reported_once_per_function(results, cha
     [
         ("nearharmonic_paper.experiments.derivation.run:derive", " -- derive"),
         ("nearharmonic_paper.experiments.stability.rounding.run:measure", " -- stability"),
-        ("nearharmonic_paper.experiments.exact_oscillator.times:measure", " -- exact_oscillator"),
+        ("nearharmonic_paper.experiments.exact_oscillator.times:measure_times", " -- exact_oscillator"),
         ("nearharmonic_studies.trained.proof.run:measure", " -- trained"),
         ("nearharmonic_paper.experiments.paper.reduce:reduce", ""),
         ("nearharmonic_paper.claims.table:decided", ""),

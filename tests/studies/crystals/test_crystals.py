@@ -10,13 +10,11 @@ import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.math import exp
 from nearharmonic.numerics.compiled import Normal
-from nearharmonic_paper.pages.targets.crystals import MIDDLE
 from nearharmonic_studies.crystals.dynamics import equilibrated, halves, loops_for
 from nearharmonic_studies.crystals.reductions import kind_of, reduction, trend, window_of
 from nearharmonic_studies.crystals.run import Start, delta, energies, energy_errors, start_of
 from nearharmonic_studies.crystals.settings import CrystalsSettings
 from nearharmonic_studies.crystals.solids.chain import chain
-from nearharmonic_studies.crystals.trained_method import TRAINED_ON_CRYSTALS
 
 CELLS = 4
 SOLID = chain(CELLS)
@@ -84,13 +82,6 @@ def test_starts_have_the_temperature_and_rest():
     assert max(abs(p.sum()) for _, p in found) < 1e-15
 
 
-def test_normal_numbers_have_mean_0_and_variance_1():
-    rows = Normal([5]).rows(1000, 100)
-    assert abs(rows.mean()) < 5 / np.sqrt(rows.size)
-    assert abs(rows.var() - 1) < 5 * np.sqrt(2 / rows.size)
-    assert abs((rows**4).mean() - 3) < 5 * np.sqrt(96 / rows.size)
-
-
 @pytest.mark.slow
 def test_leapfrog_loses_energy_as_on_an_oscillator():
     """A cold chain is harmonic: a quarter of the step has a sixteenth of the error, to 10 % at these steps."""
@@ -137,13 +128,6 @@ def test_method_that_is_not_registered_leads_nowhere():
     assert found.leader.values.ravel().tolist() == ["trained_light", ""]
     assert found.max_energy_error.sel(quantile=0.5).values[0, 3, 0] == pytest.approx(2e-6)
     assert kind_of("trained_on_crystals") == "trained on crystals"
-
-
-def test_method_trained_on_crystals_is_stable_in_its_window():
-    assert nh.order_of(TRAINED_ON_CRYSTALS) == 4
-    assert float(nh.stability_limit(TRAINED_ON_CRYSTALS)) > 0.5 * TRAINED_ON_CRYSTALS.stages
-    # A period of 2 pi has so many forces at the ends of the window.
-    assert 2 * np.pi / 0.5 < MIDDLE < 2 * np.pi / 0.33
 
 
 def test_kinds_and_windows_come_from_the_registered_methods():

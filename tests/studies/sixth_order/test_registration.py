@@ -11,7 +11,7 @@ from mpmath import matrix, mp, mpf, sqrt
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.nearharmonic_2026 import TABLEAUS
 from nearharmonic.theory.linear_stability import stability_limit
-from nearharmonic.theory.order import error_norm, harmonic_order
+from nearharmonic.theory.order import error_norm
 from nearharmonic.training.objective import NotConvergedError, polished, tableau_of
 from nearharmonic_studies.sixth_order.cascade import candidates_of
 from nearharmonic_studies.sixth_order.conditions import NystromEquations
@@ -83,14 +83,6 @@ def test_newton_from_six_digits_comes_to_the_registered_digits(name):
     )  # fmt: skip
     assert (again.kick, again.drift) == (tableau.kick, tableau.drift)
     assert (again.order, again.requires, again.first) == (tableau.order, tableau.requires, tableau.first)
-
-
-@EVERY
-def test_the_harmonic_order_is_the_one_in_the_name(name):
-    tableau = integrators[name]
-    composition = "bab" if tableau.first == "kick" else "aba"
-    assert name == f"{composition}s{tableau.stages}o6_{tableau.harmonic_order}h"
-    assert harmonic_order(tableau) == tableau.harmonic_order
 
 
 def test_free_parameters_become_short_decimals_from_which_the_rest_follows():

@@ -45,15 +45,6 @@ def test_smallest_error_has_rank_one_and_diverged_method_the_last(asked):
     ]
 
 
-def test_methods_are_measured_at_the_same_cost(asked):
-    run.measured(METHODS)
-    assert asked == [
-        ("kepler", "ruth", (90.0, 15.0), "extended"),
-        ("kepler", "leapfrog", (30.0, 5.0), "extended"),
-        ("kepler", "babs7o7h", (210.0, 35.0), "extended"),
-    ]
-
-
 def test_measured_error_is_that_of_steps_taken_one_by_one(monkeypatch):
     """The leapfrog with tau = 0.3 from (1, 0) over [0, 500]: 1667 steps, in doubles, which round by 1e-13 of H0."""
     monkeypatch.setattr(run, "MEASURED", [(sho.SYSTEM, (0.3,))])

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-import nearharmonic as nh
 from nearharmonic_studies.trained.problems import cubic_potentials as made
 
 BAND = (0.05, 0.75)
@@ -49,42 +48,7 @@ def test_no_orbit_has_the_energy_to_escape(ensemble):
         assert energy > 0
 
 
-@pytest.mark.slow
-def test_all_runs_stay_on_their_energy_surface(ensemble):
-    d = ensemble.system.dimension
-    names = list(ensemble.system.parameters)
-    parameters = {name: ensemble.parameters[:, 2 * k] for k, name in enumerate(names)}
-    run = nh.ensemble(
-        ensemble.system, "trained_cubic", 0.5, q0=ensemble.start[:, :d], p0=ensemble.start[:, 2 * d : 3 * d],
-        parameters=parameters, t_end=100,
-    )  # fmt: skip
-    assert set(run.status.values) == {"ok"}
-    assert run.max_energy_error.values.max() < 1e-5
-
-
 def test_seed_and_size_determine_the_draw():
     one, same, other = (made.cubic_ensemble(2, 5, seed, band=BAND, t_end=30.0) for seed in (1, 1, 2))
     assert np.array_equal(one.parameters, same.parameters)
     assert not np.array_equal(one.parameters, other.parameters)
-
-
-#: Methods for polynomial potentials, and step sizes at which each is ahead: errors of 7e-13 to 1e-9, and below.
-LEADING = {
-    "trained_cubic": (0.018, 0.028, 0.042, 0.06),
-    "trained_cubic_precise": (0.0105, 0.013, 0.016, 0.02),
-    "trained_quartic_precise": (0.013, 0.016, 0.02),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", LEADING)
-def test_methods_for_polynomials_lead_all_others_on_henon_heiles(name):
-    from nearharmonic.integrators import plain_integrators
-    from nearharmonic.training.objective import mean_errors
-    from nearharmonic_studies.trained.problems.named_systems import NAMED, named_ensemble
-
-    (named,) = [one for one in NAMED if one.name == "henon_heiles"]
-    others = [one for other, one in plain_integrators.items() if other not in LEADING]
-    problems = named_ensemble(named, 96, 9, 40.0)
-    best = mean_errors(problems, others, LEADING[name]).min(axis=0)
-    assert (best - mean_errors(problems, [nh.integrators[name]], LEADING[name])[0]).min() > 0.3

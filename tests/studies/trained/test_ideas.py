@@ -10,7 +10,6 @@ import pytest
 import xarray as xr
 
 import nearharmonic as nh
-from nearharmonic.output.dataset import assembled
 from nearharmonic_paper.tasks import job
 from nearharmonic_studies.trained.comparison.contestants import IDEAS
 from nearharmonic_studies.trained.ideas.oscillators import (  # fmt: skip
@@ -20,8 +19,8 @@ from nearharmonic_studies.trained.ideas.oscillators import (  # fmt: skip
     exact_errors,
     scaled_potentials,
 )
-from nearharmonic_studies.trained.ideas.reductions import best_of_ideas, reduce, reduction
-from nearharmonic_studies.trained.ideas.run import STRENGTHS, errors_of_methods, measure
+from nearharmonic_studies.trained.ideas.reductions import reduce, reduction
+from nearharmonic_studies.trained.ideas.run import STRENGTHS, measure
 from nearharmonic_studies.trained.proof.settings import ProofSettings
 
 METHODS = ("ruth", "blanes_moan_s6o4", "babps8o7h", "babs7o7h", "srkn_b11", "chin_4a")
@@ -73,23 +72,6 @@ def test_exact_oscillator_errs_as_single_runs_do_at_equal_cost(scaled):
             )  # fmt: skip
             # Errors are rounding where the oscillator is all there is.
             assert found[t, m] == pytest.approx(float(run.max_energy_error), rel=0.02, abs=2e-15)
-
-
-@pytest.mark.slow
-def test_exact_oscillator_is_best_where_rest_vanishes_and_alone_there(scaled):
-    variables = errors_of_methods(scaled, METHODS, EXACT, np.array([0.1]))
-    runs = assembled(variables, ["label", "idea"], {"seed": 1})
-    assert runs.integrator[runs.idea == "harmonic_conditions"].values.tolist() == ["babps8o7h", "babs7o7h"]
-    assert "chin_4a" not in runs.integrator
-    means = best_of_ideas(runs, 10).mean_log_error.dropna("idea").squeeze("tau_per_stage")
-    assert means.idea.values.tolist() == [idea for idea in IDEAS if not idea.startswith("trained")]
-    best = {str(idea): means.sel(idea=idea).values for idea in means.idea.values}
-    weakest, strongest = ({idea: row[j] for idea, row in best.items()} for j in (0, -1))
-    assert min(weakest, key=weakest.get) == "exact_oscillator"
-    assert max(strongest, key=strongest.get) != "harmonic_conditions"
-    # Errors with the oscillator solved exactly are proportional to the strength where this is small.
-    slope = best["exact_oscillator"][1] - best["exact_oscillator"][0]
-    assert slope == pytest.approx(np.log10(scaled.strengths[1] / scaled.strengths[0]), abs=0.6)
 
 
 def made(values):

@@ -96,7 +96,7 @@ def test_gains_at_equal_time_use_measured_charge(monkeypatch, tmp_path):
     monkeypatch.setattr(times, "kind_of", lambda name: "trained" if name == "chin_4a" else "published")
     job.write(proof.measure(methods, SMALL)["run"], [str(tmp_path / "run.h5")], {})
     job.write(reduce(methods, SMALL, str(tmp_path / "run.h5"))["cube"], [str(tmp_path / "cube.h5")], {})
-    table = times.measure(str(tmp_path / "cube.h5"), methods, SMALL)["table"]
+    table = times.measure_times(str(tmp_path / "cube.h5"), methods, SMALL)["table"]
     rows = table.records()
     assert {(row["ns_lanes"], row["ns_single"], row["charge_lanes"]) for row in rows} == {(2.0, 8.0, 3.0)}
     for trial, row in zip(times.proof_ensembles(SMALL), rows, strict=True):
@@ -105,14 +105,6 @@ def test_gains_at_equal_time_use_measured_charge(monkeypatch, tmp_path):
             assert row[f"gain_{mode}"] == pytest.approx(min(logs[[0, 1, 3, 4]]) - logs[2]), trial.ensemble.name
     # A more expensive gradient means longer steps at equal time, which no force-gradient method gains from.
     assert np.mean([row["gain_lanes"] for row in rows]) < np.mean([row["gain_single"] for row in rows])
-
-
-def test_costs_are_positive_numbers():
-    ensemble = henon_heiles_starts()
-    for width in (1, 16):
-        nanoseconds, charge = times.costs(ensemble, width)
-        assert 0 < nanoseconds < np.inf
-        assert 0 <= charge < np.inf
 
 
 @pytest.mark.parametrize(("width", "problems"), [(1, 1), (16, times.PROBLEMS)])
@@ -124,12 +116,6 @@ def test_costs_add_up_to_least_time_of_step_in_nanoseconds(monkeypatch, width, p
     steps = times.STEPS * problems
     assert plain.stages * nanoseconds == pytest.approx(1e6 / steps)
     assert (modified.stages + modified.gradients * charge) * nanoseconds == pytest.approx(3.5e6 / steps)
-
-
-def test_without_trained_methods_there_is_no_gain_at_equal_time():
-    errors = np.array([[-3.0], [-4.0]])
-    assert np.isnan(times.gain(errors, np.array(["published", "own"]))).all()
-    assert times.gain(errors, np.array(["published", "trained"])).tolist() == [1.0]
 
 
 def test_run_back_has_same_steps_with_other_sign():

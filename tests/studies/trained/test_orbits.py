@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mpmath import atan2, cos, mp, mpf, sin, sqrt
-from scipy.stats import kstest
 
 from nearharmonic_studies.trained.problems.orbits import orbit_ensemble
 
@@ -64,18 +63,6 @@ def test_positions_solve_keplers_equation_for_mean_anomaly_that_was_drawn(eccent
     _, vector = elements(ensemble)
     turned = np.arctan2(vector[:, 1], vector[:, 0])
     assert np.abs(np.angle(np.exp(1j * (turned - turn)))).max() < 1e-12
-
-
-def test_eccentricities_and_both_angles_are_uniform():
-    ensemble = drawn()
-    assert kstest(ensemble.strength, "uniform", args=(BOUNDS[0], BOUNDS[1] - BOUNDS[0])).pvalue > 1e-3
-    _, vector = elements(ensemble)
-    angle = np.arctan2(vector[:, 1], vector[:, 0])
-    assert kstest(angle, "uniform", args=(-np.pi, 2 * np.pi)).pvalue > 1e-3
-    q, p = states(ensemble)
-    e, r = ensemble.strength, np.linalg.norm(q, axis=1)
-    E = np.arctan2((q * p).sum(axis=1) / e, (1 - r) / e)
-    assert kstest((E - e * np.sin(E)) % (2 * np.pi), "uniform", args=(0, 2 * np.pi)).pvalue > 1e-3
 
 
 def test_runs_cover_given_periods_with_unit_mass():

@@ -119,13 +119,6 @@ def test_the_best_are_chosen_anew_in_each_resample():
     assert (np.diff(found.gain_interval)[:, 0] < 0.95 * np.diff(one.gain_interval)[:, 0]).all()
 
 
-def test_without_trained_methods_page_names_best_published_one():
-    found = gains_of(curves([-6, -4], [-7, -7], 0.0, 5)[:2], ("published", "own"), 1, 10)
-    assert np.isnan(found.gain).all()
-    assert np.isnan(found.gain_interval).all()
-    assert (found.best_published.values.tolist(), found.best_trained.values.tolist()) == (["a", "a"], ["", ""])
-
-
 def test_every_unprocessed_method_is_compared_and_has_one_kind():
     names = contestants()
     exact = {name for name in nh.integrators.registered if name.startswith("trained_exact_")}

@@ -35,10 +35,7 @@ def known_of(goal):
 
 def trained(monkeypatch, goal=GOAL, settings=SETTINGS):
     monkeypatch.setitem(PURPOSES, goal.name, goal)
-    told = []
-    found = search.train(goal.name, settings, known_of(goal), told.append)
-    assert told
-    return found
+    return search.train(goal.name, settings, known_of(goal))
 
 
 def tableau_of(document):
@@ -50,8 +47,7 @@ def tableau_of(document):
 @pytest.mark.parametrize("name", list(PURPOSES))
 def test_windows_are_wide_and_families_can_be_built(name):
     low, high = PURPOSES[name].window
-    # What leads by a cancellation leads in a narrow window. The lead of the one for cubic potentials is tested over a
-    # factor of three in test_cubic_potentials.py.
+    # What leads by a cancellation leads in a narrow window.
     assert round(high / low, 9) >= (1.4 if name == "cubic" else 1.5)
     assert PURPOSES[name].tau_per_stage == tuple(sorted(PURPOSES[name].tau_per_stage))
     for chain in PURPOSES[name].chains:

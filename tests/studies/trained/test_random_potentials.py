@@ -142,8 +142,3 @@ def test_one_seed_gives_same_systems_and_others_none_of_them():
         assert not (first[:, None] == getattr(other, name)[None]).reshape(50, 50, -1).all(axis=2).any()
     assert not np.isin(one.strength, drawn(2, 51, 1).strength).any()
     assert not np.isin(one.strength, drawn(3, 50, 1).strength).any()
-
-
-def test_the_name_says_what_is_drawn():
-    assert drawn(2, 1, band=(0.05, 0.5)).name == "d = 2, 0.05 to 0.5"
-    assert drawn(3, 7).size == 7

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.recommendation.curve import Curve, Point
+from nearharmonic.recommendation.measure import Solver, curves_of, dataset_of
 from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.paper.orbits.substeps import substeps
 from nearharmonic_studies.trained.comparison.contestants import IDEAS
@@ -196,17 +196,18 @@ def ideas(methods=METHODS):
 
 
 def timed(method, measured, times, kind="splitting", lanes=(), **more):
-    """A curve whose point i has the error ``measured[i]`` after ``times[i]`` s at best, in lanes ``lanes[i]``.
+    """A solver whose setting i has the error ``measured[i]`` after ``times[i]`` s at best, in lanes ``lanes[i]``.
 
-    The mean error is half of the largest, the error of the position ten times that.
+    The mean error is half of the largest, the error of the position ten times that; step sizes are 1, 1/2, 1/3, ....
     """
-    points = [
-        Point(
-            max_energy_error=error,
-            mean_energy_error=error / 2,
-            position_error=10 * error,
-            times={"trajectory": [3 * time, time, 2 * time]} | ({"lanes": [2 * lanes[i], lanes[i]]} if lanes else {}),
-        )
-        for i, (error, time) in enumerate(zip(measured, times, strict=True))
-    ]
-    return Curve(method=method, label=label(method), kind=kind, points=points, **more)
+    errors = np.array(measured, dtype=float)
+    columns = {"max_energy_error": errors, "mean_energy_error": errors / 2, "position_error": 10 * errors}
+    columns["tau"] = 1 / np.arange(1, errors.size + 1)
+    repeats = {("trajectory", i): [3 * time, time, 2 * time] for i, time in enumerate(times)}
+    repeats |= {("lanes", i): [2 * time, time] for i, time in enumerate(lanes)}
+    return Solver(method=method, label=label(method), kind=kind, columns=columns, times=repeats, **more)
+
+
+def curves(*solvers):
+    """The curves of ``solvers`` as readers have them."""
+    return curves_of(dataset_of(solvers, "1"))

@@ -30,14 +30,7 @@ class Equations(SymmetricSteps):
 
     Unknowns may be mpf, Fraction, float or intervals of mpmath; results have the same type.
 
-    Parameters
-    ----------
-    stages : int
-        Number s of stages, at least 3.
-    harmonic_order : int
-        Harmonic order lambda, at least 3.
-    first : {"kick", "drift"}
-        Operator of the outer row.
+    ``stages``: number s, at least 3. ``harmonic_order``: lambda, at least 3. ``first``: operator of the outer row.
     """
 
     stages: int

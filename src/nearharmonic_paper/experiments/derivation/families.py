@@ -5,7 +5,7 @@ A set in a family with free parameters is proved, continued to more digits, and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -127,9 +127,7 @@ def printed_point(name: str, *, digits: int = 128) -> PrintedPoint:
     )
 
 
-def rank_printed(
-    names: Sequence[str], starts: RandomStarts, report: Callable[[str], None] = lambda _: None
-) -> list[Ranking]:
+def rank_printed(names: Sequence[str], starts: RandomStarts) -> list[Ranking]:
     """Rank printed sets among members of their families, found from random starts in each family.
 
     The sample of members is not uniform. Sets of one family share a sample.
@@ -139,7 +137,7 @@ def rank_printed(
     for name in names:
         equations = equations_of(integrators[name])
         if equations not in families:
-            points = sample(equations, starts, report)
+            points = sample(equations, starts)
             families[equations] = points, np.array([_criteria(equations, x) for x in points.tolist()])
         rankings.append(_ranking(name, equations, starts.count, *families[equations]))
     return rankings

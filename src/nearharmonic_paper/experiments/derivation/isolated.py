@@ -5,7 +5,7 @@ They determine the largest harmonic order for a number of stages (the remark on 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +15,7 @@ from nearharmonic.exact.decimals import fixed_point
 from nearharmonic.exact.newton import prove, rank_and_pivots
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.search import RandomStarts
+from nearharmonic.output.table import progress
 from nearharmonic_paper.experiments.derivation.conditions import Equations, polish
 from nearharmonic_paper.experiments.derivation.elimination import eliminate, reduced_system
 from nearharmonic_paper.experiments.derivation.search.starts import sample, search
@@ -25,32 +26,16 @@ CASES = ((5, 6), (6, 7), (7, 8))
 Candidate = tuple[tuple[Any, ...], int, bool]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Solving:
-    """Settings of the solution of cases.
-
-    Attributes
-    ----------
-    digits : int
-        Decimals of the solutions.
-    eliminable : int
-        Largest number of stages for elimination, which takes seconds; 9 stages have a ring of 126 dimensions and take
-        minutes.
-    same : float
-        Relative difference of unknowns below which elimination and search have found the same solution.
-    not_zero : float
-        A higher kappa above this is nonzero for a solution proved to 100 digits.
-    few, near, tried : int, float and int
-        Number of starts of a search for any solution of an order, bound of its unknowns, and ends that are tried.
-    """
-
-    digits: int = 128
-    eliminable: int = 8
-    same: float = 1e-6
-    not_zero: float = 1e-9
-    few: int = 500
-    near: float = 10.0
-    tried: int = 10
+#: Decimals of the solutions.
+DIGITS = 128
+#: Largest number of stages for elimination, which takes seconds; 9 stages have a ring of 126 dimensions: minutes.
+ELIMINABLE = 8
+#: Relative difference of unknowns below which elimination and search have found the same solution.
+SAME = 1e-6
+#: A higher kappa above this is nonzero for a solution proved to 100 digits.
+NOT_ZERO = 1e-9
+#: Starts of a search for any solution of an order, the bound of its unknowns, and the ends that are tried.
+FEW, NEAR, TRIED = 500, 10.0, 10
 
 
 @dataclass(frozen=True)
@@ -130,16 +115,16 @@ def solve(
     equations: Equations,
     starts: RandomStarts,
     *,
-    settings: Solving = Solving(),
-    report: Callable[[str], None] = lambda _: None,
+    digits: int = DIGITS,
+    eliminable: int = ELIMINABLE,
 ) -> IsolatedSolutions:
     """Find all real solutions of a case without free parameters, from random starts and by elimination."""
-    found = search(equations, starts, report)
-    elimination = eliminate(equations) if equations.stages <= settings.eliminable else None
+    found = search(equations, starts)
+    elimination = eliminate(equations) if equations.stages <= eliminable else None
     candidates = [(tuple(point.tolist()), hits, False) for point, hits in zip(found.points, found.hits, strict=True)]
     for start in elimination.starts if elimination else ():
-        candidates = _joined(candidates, start, settings.same)
-    roots, unfinished = _proved(equations, candidates, settings.digits, report)
+        candidates = _joined(candidates, start)
+    roots, unfinished = _proved(equations, candidates, digits)
     complete = bool(elimination and elimination.simple and elimination.real_solutions == len(roots) and not unfinished)
     return IsolatedSolutions(
         equations=equations,
@@ -160,8 +145,7 @@ def reach(
     starts: RandomStarts,
     known: Mapping[int, IsolatedSolutions],
     *,
-    settings: Solving = Solving(),
-    report: Callable[[str], None] = lambda _: None,
+    digits: int = DIGITS,
 ) -> list[Reach]:
     """Find the largest harmonic order for each number of stages; ``known`` are solved cases of order s + 1, by stages.
 
@@ -170,19 +154,19 @@ def reach(
     """
     results = []
     for s in stages:
-        case = known.get(s) or solve(Equations(s, s + 1), starts, settings=settings, report=report)
-        results.append(_reach_of(case, starts, settings))
-        report(f"{s} stages: harmonic order {results[-1].harmonic_order}")
+        case = known.get(s) or solve(Equations(s, s + 1), starts, digits=digits)
+        results.append(_reach_of(case, starts))
+        progress(f"{s} stages: harmonic order {results[-1].harmonic_order}")
     return results
 
 
-def _reach_of(case: IsolatedSolutions, starts: RandomStarts, settings: Solving) -> Reach:
+def _reach_of(case: IsolatedSolutions, starts: RandomStarts) -> Reach:
     """Return the largest harmonic order, from the solutions of order s + 1."""
     s = case.equations.stages
     if case.roots:
-        highest, settled = s + 1, case.complete and all(root.higher[0] > settings.not_zero for root in case.roots)
+        highest, settled = s + 1, case.complete and all(root.higher[0] > NOT_ZERO for root in case.roots)
     else:
-        highest = s if _exists(Equations(s, s), starts, settings) else 0
+        highest = s if _exists(Equations(s, s), starts) else 0
         settled = case.complete and highest > 0
     return Reach(
         stages=s,
@@ -195,18 +179,16 @@ def _reach_of(case: IsolatedSolutions, starts: RandomStarts, settings: Solving) 
     )
 
 
-def _joined(candidates: list[Candidate], start: Sequence[Any], same: float) -> list[Candidate]:
+def _joined(candidates: list[Candidate], start: Sequence[Any]) -> list[Candidate]:
     """Mark the solution from elimination among ``candidates``, or add it if no start led to it."""
     scale = max(1.0, *(abs(float(c)) for c in start))
     for i, (point, hits, _) in enumerate(candidates):
-        if max(abs(float(a) - b) for a, b in zip(start, point, strict=True)) < same * scale:
+        if max(abs(float(a) - b) for a, b in zip(start, point, strict=True)) < SAME * scale:
             return [*candidates[:i], (point, hits, True), *candidates[i + 1 :]]
     return [*candidates, (tuple(start), 0, True)]
 
 
-def _proved(
-    equations: Equations, candidates: Sequence[Candidate], digits: int, report: Callable[[str], None]
-) -> tuple[list[Root], list[str]]:
+def _proved(equations: Equations, candidates: Sequence[Candidate], digits: int) -> tuple[list[Root], list[str]]:
     """Return the proved solutions near ``candidates``, sorted by sum of |coefficients|, and remarks on the others."""
     roots: list[Root] = []
     unfinished: list[str] = []
@@ -216,7 +198,7 @@ def _proved(
             unfinished.append(outcome)
         else:
             roots.append(outcome)
-        report(f"{equations.stages} stages, harmonic order {equations.harmonic_order}: {len(roots)} solutions proved")
+        progress(f"{equations.stages} stages, harmonic order {equations.harmonic_order}: {len(roots)} solutions proved")
     return sorted(roots, key=lambda root: root.sum_of_absolute_values), unfinished
 
 
@@ -248,15 +230,15 @@ def _root(equations: Equations, start: Sequence[Any], digits: int, hits: int, el
     )
 
 
-def _exists(equations: Equations, starts: RandomStarts, settings: Solving) -> bool:
+def _exists(equations: Equations, starts: RandomStarts) -> bool:
     """Return True if a random start leads to a proved solution."""
-    few = replace(starts, count=min(starts.count, settings.few), bound=settings.near)
-    for x in sample(equations, few)[: settings.tried].tolist():
+    few = replace(starts, count=min(starts.count, FEW), bound=NEAR)
+    for x in sample(equations, few)[:TRIED].tolist():
         _, pivots = rank_and_pivots(equations.jacobian, x)
         fixed = [j for j in range(equations.unknowns) if j not in pivots]
-        polished = polish(equations, x, digits=50, fixed=fixed)
-        if not polished.converged:
-            continue
-        if prove(equations.residuals, equations.jacobian, polished.unknowns, radius="1e-30", fixed=fixed).proved:
+        found = polish(equations, x, digits=50, fixed=fixed)
+        if found.converged and (
+            prove(equations.residuals, equations.jacobian, found.unknowns, radius="1e-30", fixed=fixed).proved
+        ):
             return True
     return False

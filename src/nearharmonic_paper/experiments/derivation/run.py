@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
 from functools import partial
@@ -12,7 +12,7 @@ from typing import Any
 from mpmath import mp, mpf
 
 from nearharmonic.numerics.search import RandomStarts
-from nearharmonic.output.table import Table
+from nearharmonic.output.table import Table, progress
 from nearharmonic_paper.experiments.derivation import tables
 from nearharmonic_paper.experiments.derivation.conditions import Equations
 from nearharmonic_paper.experiments.derivation.families import (
@@ -23,46 +23,40 @@ from nearharmonic_paper.experiments.derivation.families import (
     printed_point,
     rank_printed,
 )
-from nearharmonic_paper.experiments.derivation.isolated import CASES, IsolatedSolutions, Solving, reach, solve
+from nearharmonic_paper.experiments.derivation.isolated import CASES, IsolatedSolutions, reach, solve
 from nearharmonic_paper.experiments.derivation.search.simplex import Simplex, SimplexRun, simplex_runs
 from nearharmonic_paper.experiments.derivation.settings import DerivationSettings
-
-Report = Callable[[str], None]
 
 #: Step sizes per stage at which the five-stage solutions are compared.
 TAU_PER_STAGE = (0.02, 0.05, 0.1)
 
 
-def derive(settings: DerivationSettings, report: Report, digits: int = 128) -> dict[str, Table | dict[str, Any]]:
+def derive(settings: DerivationSettings, digits: int = 128) -> dict[str, Table | dict[str, Any]]:
     """Derive the sets of Nielsen (2015), Table 4, which is read only to compare, to ``digits`` decimals.
 
-    Returns
-    -------
-    dict
-        ``document``, for a TOML file, with all results except times, and a :class:`Table` for each other key.
+    The result has ``document``, for a TOML file, with all results except times, and a :class:`Table` for each other
+    key.
     """
-    seed, seconds, solving = settings.seed, dict[str, float](), Solving(digits=digits)
-    part = partial(_timed, seconds, report)
+    seed, seconds = settings.seed, dict[str, float]()
+    part = partial(_timed, seconds)
     isolated: list[IsolatedSolutions] = []
     for stages, order in CASES:
         with part(f"isolated_{stages}"):
             starts = RandomStarts(settings.starts, seed, box=2.5, bound=20.0)
-            isolated.append(solve(Equations(stages, order), starts, settings=solving, report=report))
+            isolated.append(solve(Equations(stages, order), starts, digits=digits))
     cases = {case.equations.stages: case for case in isolated}
     simplex: list[SimplexRun] = []
     each = Simplex(digits=digits, evaluations=settings.simplex_evaluations)
     for stages in filter(settings.simplex_stages.__contains__, cases):
         with part(f"simplex_{stages}"):
-            simplex += simplex_runs(
-                cases[stages], starts=settings.simplex_starts, seed=seed, settings=each, report=report
-            )
+            simplex += simplex_runs(cases[stages], starts=settings.simplex_starts, seed=seed, settings=each)
     with part("printed"):
         printed = [printed_point(name, digits=digits) for name in PRINTED]
     with part("families"):
-        rankings = rank_printed(PRINTED, RandomStarts(settings.family_starts, seed, bound=5.0), report)
+        rankings = rank_printed(PRINTED, RandomStarts(settings.family_starts, seed, bound=5.0))
     with part("growth"):
         starts = RandomStarts(settings.growth_starts, seed, bound=20.0)
-        reaches = reach(settings.growth_stages, starts, cases, settings=solving, report=report)
+        reaches = reach(settings.growth_stages, starts, cases, digits=digits)
     agreements = [agreement(name, isolated) for name in UNIQUE]
     found = {"isolated": isolated, "agreements": agreements, "simplex": simplex, "printed": printed}
     found |= {"rankings": rankings, "reaches": reaches}
@@ -79,11 +73,11 @@ def derive(settings: DerivationSettings, report: Report, digits: int = 128) -> d
 
 
 @contextmanager
-def _timed(seconds: dict[str, float], report: Report, part: str) -> Iterator[None]:
+def _timed(seconds: dict[str, float], part: str) -> Iterator[None]:
     clock = perf_counter()
     yield
     seconds[part] = perf_counter() - clock
-    report(f"{part}: {seconds[part]:.1f} s")
+    progress(f"{part}: {seconds[part]:.1f} s")
 
 
 def _plain(value: Any) -> Any:

@@ -19,7 +19,7 @@ from nearharmonic_paper.experiments.derivation.search.simplex import SimplexRun
 
 ROLES: tuple[First, ...] = ("drift", "kick")
 #: Decimals of the coefficients in measurements of errors.
-DIGITS = 40
+DIGITS_OF_ERRORS = 40
 
 
 def printed_and_derived(derived: Mapping[str, Tableau]) -> Table:
@@ -128,7 +128,7 @@ def solution_errors(isolated: IsolatedSolutions, tau_per_stage: Sequence[float])
     equations, rows = isolated.equations, []
     taus = [tau * equations.stages for tau in tau_per_stage]
     for number, root in enumerate(isolated.roots):
-        tableau = root.tableau(equations, f"solution_{number}", DIGITS)
+        tableau = root.tableau(equations, f"solution_{number}", DIGITS_OF_ERRORS)
         for first in ROLES:
             measured = sweep(SYSTEM, tableau.role(first), taus).max_energy_error.values.tolist()
             for per_stage, tau, error in zip(tau_per_stage, taus, measured, strict=True):

@@ -2,7 +2,6 @@
 
 The dataset has ``energy_error`` over (tau_per_stage, integrator, energy, trajectory), ``exact_energy_error`` over
 (tau_per_stage, charge, exact_integrator, energy, trajectory), and the attribute ``seed``, which chooses the resamples.
-The cube and its table are made here as well. No integration depends on this module.
 """
 
 from __future__ import annotations

@@ -25,11 +25,8 @@ WHAT = "largest |H - H0|/|H0| over every step"
 def measure(split: Sequence[str], exact: Sequence[str], settings: ExactOscillatorSettings) -> dict[str, Contents]:
     """Integrate all trajectories with methods for T and V (``split``) and for the exact oscillator (``exact``).
 
-    Returns
-    -------
-    dict
-        ``run``: ``energy_error`` over (tau_per_stage, integrator, energy, trajectory), and ``exact_energy_error`` over
-        (tau_per_stage, charge, exact_integrator, energy, trajectory).
+    The result has ``run``: ``energy_error`` over (tau_per_stage, integrator, energy, trajectory), and
+    ``exact_energy_error`` over (tau_per_stage, charge, exact_integrator, energy, trajectory).
     """
     energies = settings.surfaces()
     start = np.concatenate([starts_on(energy, settings.trajectories, settings.seed) for energy in energies])

@@ -11,7 +11,15 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.integrators.user_file import expanded
 from nearharmonic.numerics.portable import geometric
 from nearharmonic.systems.henon_heiles import SYSTEM
-from nearharmonic_paper.entries import POSITIVE, STRICT, PositiveDecimal, check_affordable, setting, whole_from
+from nearharmonic_paper.entries import (
+    POSITIVE,
+    STRICT,
+    PositiveDecimal,
+    check_affordable,
+    positive_numbers,
+    setting,
+    whole_from,
+)
 
 #: Cost ratios of a step with the exact oscillator for the comparison.
 CHARGES = (1.0, 1.1, 1.25, 1.5, 2.0)
@@ -37,24 +45,13 @@ class ExactOscillatorSettings:
     )
     trajectories: int = setting("Quasi-random starts on each energy surface", default=192, **whole_from(1, 10**5))
     t_end: PositiveDecimal = setting("Every run covers [0, t_end]", POSITIVE, unit="1", default="500")
-    tau_per_stage: tuple[PositiveDecimal, ...] = setting(
-        "Step sizes divided by the number of stages, equal for all methods",
-        "a list of numbers above 0",
-        unit="1",
-        each=POSITIVE,
-        default=("0.1", "0.05"),
-        min_length=1,
+    tau_per_stage: tuple[PositiveDecimal, ...] = positive_numbers(
+        "Step sizes divided by the number of stages, equal for all methods", "0.1", "0.05"
     )
     seed: int = setting("Chooses the quasi-random points", default=1, **whole_from(0))
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
-        """Raise an error for unknown integrators and for too many force evaluations.
-
-        Raises
-        ------
-        NearharmonicError
-            The first error found, with keys as in a config.
-        """
+        """Raise an error for unknown integrators and for too many force evaluations."""
         exact = [integrators[name] for name in expanded(self.integrators)]
         for tableau in exact:
             check_fit(SYSTEM, tableau, EXACT_OSCILLATOR)

@@ -27,7 +27,7 @@ MEMBERS = 256
 #: Integration intervals of one trajectory and of the ensemble in the timing: a millisecond or more.
 LONG, SHORT = 20_000, 4_000
 PATIENCE = Patience(least=9, most=41, seconds=0.3, longest=3.0)
-CAPTION = (
+CAPTION_OF_TIMES = (
     "Henon-Heiles system: nanoseconds of an evaluation with T + V and with the oscillator solved exactly, compensated "
     "sums, no energies, least of calls that took turns; the charge is the ratio of the least of all methods; and the "
     "energy H and the amplitude sqrt(2H) up to which the exact oscillator has the smaller median error at equal "
@@ -36,7 +36,7 @@ CAPTION = (
 
 
 @measures_time
-def measure(cube: str, exact: Sequence[str], settings: ExactOscillatorSettings) -> dict[str, Any]:
+def measure_times(cube: str, exact: Sequence[str], settings: ExactOscillatorSettings) -> dict[str, Any]:
     """Return the ``table`` of times and of crossings at equal time; the first step size of the settings is timed.
 
     ``cube`` is the path of the cube of crossings at given charges.
@@ -61,7 +61,7 @@ def measure(cube: str, exact: Sequence[str], settings: ExactOscillatorSettings) 
     ]
     header = ["runs", "integrator", "ns_split", "ns_exact", "ratio_of_medians", "charge", "tau_per_stage"]
     header += ["energy", "amplitude"]
-    return {"table": Table(header=header, rows=rows, caption=f"{CAPTION}; {processor()}.")}
+    return {"table": Table(header=header, rows=rows, caption=f"{CAPTION_OF_TIMES}; {processor()}.")}
 
 
 def crossing_at(cube: xr.Dataset, name: str, tau: float, charge: float) -> float:

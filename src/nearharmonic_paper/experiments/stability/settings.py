@@ -176,13 +176,7 @@ class StabilitySettings:
     )
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
-        """Raise an error for settings that exceed the limits of a machine; keys are named as in a config.
-
-        Raises
-        ------
-        SettingError
-            A range whose end is below its beginning, too many step sizes, or too many force evaluations.
-        """
+        """Raise an error for settings that exceed the limits of a machine; keys are named as in a config."""
         _check_ensemble(self.henon_heiles, len(methods))
         _check_map(self.kepler, len(methods))
         _check_rounding(self.rounding, sum(tableau.stages for tableau in methods))

@@ -6,9 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 
+import xarray as xr
+
 from nearharmonic.output.table import Table
-from nearharmonic.recommendation.curve import Crossing, Curve, crossing, ranking
-from nearharmonic.recommendation.timings import read_parts
+from nearharmonic.recommendation.measure import Crossing, crossing, of_kind, ranking, read_parts
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
 from nearharmonic_paper.tasks.receipts import measures_time
@@ -44,25 +45,26 @@ class Pair:
 
     system: str
     t_end: str
-    own: Sequence[Curve]
-    others: Sequence[Curve]
+    own: Sequence[xr.Dataset]
+    others: Sequence[xr.Dataset]
     measure: str = "max"
     original: str = ""
-    own_original: Sequence[Curve] = ()
+    own_original: Sequence[xr.Dataset] = ()
 
     @property
     def label(self) -> str:
         """The label of the system in titles."""
         return systems[self.system].label
 
-    def fastest(self, error: float, mode: str, *, others: bool = False) -> list[tuple[Curve, Crossing]]:
+    def fastest(self, error: float, mode: str, *, others: bool = False) -> list[tuple[xr.Dataset, Crossing]]:
         """This package's methods, or other libraries' solvers, that reach ``error``, the fastest first."""
         curves = self.others if others else self.own
         return [found for found in ranking(curves, self.measure, error, mode) if isfinite(found[1].time)]
 
     def standard(self, error: float, mode: str) -> float:
         """Return the seconds of the reference library, NaN if it was not timed."""
-        return next((crossing(c, self.measure, error, mode).time for c in self.others if c.method == STANDARD), nan)
+        times = (crossing(one, self.measure, error, mode).time for one in self.others if one["solver"] == STANDARD)
+        return next(times, nan)
 
 
 def original_of(name: str, names: Sequence[str]) -> str:
@@ -88,10 +90,10 @@ def pairs(
 ) -> tuple[list[Pair], dict[str, object]]:
     """Return the measurements on each system, from the path of the cube of times, and the properties of the machine.
 
-    ``quartile`` is that of the times of each point, one of :data:`nearharmonic.numerics.clock.QUARTILES`, and
-    ``measure`` the error, a key of :data:`nearharmonic.recommendation.curve.MEASURES`; systems without it are omitted.
+    ``quartile`` is that of the times, one of :data:`~nearharmonic.numerics.clock.QUARTILES`, and ``measure`` the error,
+    a key of :data:`~nearharmonic.recommendation.measure.MEASURES`; systems without it are omitted.
     """
-    measured: dict[str, tuple[str, Sequence[Curve]]] = {}
+    measured: dict[str, tuple[str, Sequence[xr.Dataset]]] = {}
     facts: dict[str, object] = {}
     for name in names:
         parts, facts = read_parts(cube, name, quartile)
@@ -99,15 +101,14 @@ def pairs(
     return [_pair(name, measured, measure) for name in measured], facts
 
 
-def _pair(name: str, measured: Mapping[str, tuple[str, Sequence[Curve]]], measure: str) -> Pair:
+def _pair(name: str, measured: Mapping[str, tuple[str, Sequence[xr.Dataset]]], measure: str) -> Pair:
     end, curves = measured[name]
     original = original_of(name, [other for other, (its_end, _) in measured.items() if its_end == end])
     originals = measured[original][1] if original else []
     return Pair(
-        system=name, t_end=end, measure=measure, original=original,
-        own=[curve for curve in curves if curve.kind == "splitting"],
-        others=[curve for curve in (*originals, *curves) if curve.kind == "peer" and curve.points],
-        own_original=[curve for curve in originals if curve.kind == "splitting"],
+        system=name, t_end=end, measure=measure, original=original, own=of_kind(curves, "splitting"),
+        others=[curve for curve in of_kind([*originals, *curves], "peer") if curve.sizes["point"]],
+        own_original=of_kind(originals, "splitting"),
     )  # fmt: skip
 
 
@@ -143,16 +144,16 @@ def _rows(least: Pair, median: Pair, mode: str) -> Iterator[list[object]]:
         if not own:
             continue
         (curve, found), standard = own[0], least.standard(error, mode)
-        medians = [there.time for same, there in median.fastest(error, mode) if same.method == curve.method]
-        other, other_time = (others[0][0].label, others[0][1].time) if others else ("", nan)
+        medians = [there.time for same, there in median.fastest(error, mode) if same["solver"] == curve["solver"]]
+        other, other_time = (others[0][0]["label"].item(), others[0][1].time) if others else ("", nan)
         yield [
-            COMPARED[mode], least.label, COMPARED_MEASURES[least.measure], f"{error:.0e}", curve.label,
+            COMPARED[mode], least.label, COMPARED_MEASURES[least.measure], f"{error:.0e}", curve["label"].item(),
             _sums(curve, found), 1e3 * found.time, 1e3 * standard, found.time / standard,
             medians[0] / median.standard(error, mode), other, 1e3 * other_time, found.time / other_time,
         ]  # fmt: skip
 
 
-def _sums(curve: Curve, found: Crossing) -> str:
+def _sums(curve: xr.Dataset, found: Crossing) -> str:
     """Return the summation at the setting nearest to the error."""
-    nearest = min(curve.points, key=lambda point: abs(point.tau / found.tau - 1))
-    return "compensated" if nearest.compensated else "plain"
+    nearest = abs(curve["tau"].values / found.tau - 1).argmin()
+    return "compensated" if curve["compensated"][nearest] else "plain"

@@ -9,19 +9,16 @@ from __future__ import annotations
 
 import subprocess
 import time
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Sequence
 from importlib import import_module
 from importlib.util import find_spec
-from math import inf, isfinite
+from math import inf, isfinite, nan
 from shutil import which
+from typing import Any
 
 import numpy as np
 
-from nearharmonic.engine.reference import Reference
-from nearharmonic.engine.settings import tau_grid
-from nearharmonic.recommendation.curve import Curve, Point
+from nearharmonic.recommendation.measure import COLUMNS, Interval, Solver, quiet
 from nearharmonic.systems.system import System
 from nearharmonic_paper.experiments.work_precision.peers.peer import Peer, States
 
@@ -66,41 +63,34 @@ def version_of(library: str) -> str:
         return "unknown"
 
 
-def peer_curve(
-    peer: Peer,
-    system: System,
-    t_end: str,
-    steps_per_stage: tuple[float, float],
-    exact: Reference | None,
-    longest: float,
-) -> Curve:
+def measured_peer(peer: Peer, problem: Interval, taus_per_stage: Sequence[float], longest: float) -> Solver:
     """Return the errors of ``peer`` with the calls for the timing.
 
-    Settings become finer until a path takes more than ``longest`` seconds. ``steps_per_stage`` is the range (lowest,
-    highest) of step sizes per stage.
-
-    A missing library or an unsupported system gives a curve without points, with the reason as status.
+    Settings become finer until a path takes more than ``longest`` seconds; ``taus_per_stage`` ascend. With a missing
+    library or an unsupported system there is no setting, and the status is the reason.
     """
-    curve, system = Curve(method=peer.name, label=peer.label, kind="peer"), system.autonomous()
-    curve.status = missing(peer.module) or _misfit(peer, system) or "ok"
-    if curve.status != "ok":
-        return curve
-    curve.version = version_of(peer.module)
-    end = float(t_end)
+    solver = Solver(method=peer.name, label=peer.label, kind="peer")
+    problem = problem._replace(system=problem.system.autonomous())
+    solver.status = missing(peer.module) or _misfit(peer, problem.system) or "ok"
+    if solver.status != "ok":
+        return solver
+    solver.version = version_of(peer.module)
+    points: list[dict[str, float]] = []
     with quiet():
-        taus = reversed(tau_grid(*steps_per_stage, POINTS_PER_DECADE))
-        for setting in peer.settings or [tau * peer.stages for tau in taus]:
-            point, seconds = _measured(peer, system, end, setting, exact)
+        for setting in peer.settings or [tau * peer.stages for tau in reversed(taus_per_stage)]:
+            point, calls, seconds = _measured(peer, problem, setting)
             # A diverging coarse run may take very long; finer runs are then still useful.
             if seconds > longest:
-                if point.max_energy_error < ASTRAY or seconds == inf:
-                    curve.status = f"stopped where a run took longer than {longest:g} s"
+                if point["max_energy_error"] < ASTRAY or seconds == inf:
+                    solver.status = f"stopped where a run took longer than {longest:g} s"
                     break
-                point.calls = {}
-            curve.points.append(point)
-            if _settled(curve.points):
+                calls = {}
+            solver.calls |= {(mode, len(points)): call for mode, call in calls.items()}
+            points.append(point)
+            if _settled(points):
                 break
-    return curve
+    solver.columns = {name: np.array([point.get(name, nan) for point in points]) for name in COLUMNS}
+    return solver
 
 
 def _misfit(peer: Peer, system: System) -> str:
@@ -117,32 +107,33 @@ def _misfit(peer: Peer, system: System) -> str:
     return "" if system.unit_masses or not peer.quadratic_only else "does not fit: it requires T = p.p/2"
 
 
-def _measured(peer: Peer, system: System, t_end: float, setting: float, exact: Reference | None) -> tuple[Point, float]:
-    """Return the point of one setting, and the seconds of its path, which also warms up the solver."""
-    point = Point(tolerance=setting) if peer.adaptive else Point(tau=setting)
+def _measured(peer: Peer, problem: Interval, setting: float) -> tuple[dict[str, float], dict[str, Any], float]:
+    """Return numbers and calls of one setting, and the seconds of its path, which also warms up the solver."""
+    point = {"tolerance" if peer.adaptive else "tau": setting, "max_energy_error": inf, "mean_energy_error": inf}
+    calls: dict[str, Any] = {}
     try:
-        attempt = peer.attempt(system, t_end, setting)
+        attempt = peer.attempt(problem.system, float(problem.t_end), setting)
         begin = time.perf_counter()
         states, evaluations = attempt.path()
         seconds = time.perf_counter() - begin
     except TimeoutError:
-        return point, inf
+        return point, calls, inf
     except (ArithmeticError, RuntimeError, ValueError):
-        return point, 0.0  # a failed run has an infinite error
-    point.max_energy_error, point.mean_energy_error = energy_errors(system, states)
-    if exact is not None:
-        point.position_error = float(exact.error(states[-1, : system.dimension]))
-    if isfinite(point.max_energy_error):
-        point.steps, point.evaluations = len(states) - 1, evaluations
-        point.calls["trajectory"] = attempt.run
+        return point, calls, 0.0  # a failed run has an infinite error
+    point["max_energy_error"], point["mean_energy_error"] = energy_errors(problem.system, states)
+    if problem.exact is not None:
+        point["position_error"] = float(problem.exact.error(states[-1, : problem.system.dimension]))
+    if isfinite(point["max_energy_error"]):
+        point["steps"], point["evaluations"] = len(states) - 1, evaluations
+        calls["trajectory"] = attempt.run
         if attempt.lanes is not None:
             attempt.lanes()  # warm-up, as for the path
-            point.calls["lanes"], point.members = attempt.lanes, attempt.members
+            calls["lanes"], point["members"] = attempt.lanes, attempt.members
         if not peer.adaptive:
-            point.tau = t_end / point.steps
+            point["tau"] = float(problem.t_end) / point["steps"]
     if not peer.adaptive:
-        point.tau_per_stage = point.tau / peer.stages
-    return point, seconds
+        point["tau_per_stage"] = point["tau"] / peer.stages
+    return point, calls, seconds
 
 
 def energy_errors(system: System, states: States) -> tuple[float, float]:
@@ -155,22 +146,10 @@ def energy_errors(system: System, states: States) -> tuple[float, float]:
     return float(error.max()), float(error.mean())
 
 
-def _settled(points: list[Point]) -> bool:
+def _settled(points: list[dict[str, float]]) -> bool:
     """Return True if finer settings do not reduce the error, because rounding dominates."""
     if len(points) < 2:
         return False
-    before, last = points[-2:]
-    pairs = [
-        (getattr(before, name), getattr(last, name))
-        for name in ("max_energy_error", "position_error")
-        if isfinite(getattr(last, name))
-    ]
+    known = [name for name in ("max_energy_error", "position_error") if isfinite(points[-1].get(name, nan))]
+    pairs = [(points[-2].get(name, nan), points[-1][name]) for name in known]
     return bool(pairs) and all(new < NEAR_ROUNDING and new > old / 2 for old, new in pairs)
-
-
-@contextmanager
-def quiet() -> Iterator[None]:
-    """Suppress warnings: coarse settings overflow, which the errors show, and libraries have unrelated warnings."""
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore")
-        yield

@@ -48,13 +48,7 @@ class WorkPrecisionSettings:
     )
 
     def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
-        """Raise an error for unknown integrators and libraries, and methods that do not fit one of the ``problems``.
-
-        Raises
-        ------
-        NearharmonicError
-            The first error found; keys are named as in a config.
-        """
+        """Raise an error for unknown integrators and libraries, and methods that do not fit one of the ``problems``."""
         from nearharmonic_paper.experiments.work_precision.peers import LIBRARIES
 
         for name in expanded(self.integrators or ()):

@@ -5,19 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite
 
+import xarray as xr
+
 from nearharmonic.output.page import pipes
 from nearharmonic.output.table import Table
-from nearharmonic.recommendation.curve import (
+from nearharmonic.recommendation.measure import (
     NAMES,
     TARGETS,
     Crossing,
-    Curve,
     Part,
     crossing,
     ns_per_evaluation,
     ranking,
+    read_parts,
 )
-from nearharmonic.recommendation.timings import read_parts
 from nearharmonic.systems import systems
 from nearharmonic_paper.tasks.receipts import measures_time
 
@@ -49,7 +50,7 @@ def time_to_error(system: str, cube: str) -> dict[str, Table | str]:
     }
 
 
-def rows(system: str, t_end: str, measures: Sequence[str], curves: Sequence[Curve]) -> Iterator[Row]:
+def rows(system: str, t_end: str, measures: Sequence[str], curves: Sequence[xr.Dataset]) -> Iterator[Row]:
     """Every method at every target, the fastest first, with times in ms, NaN where there is none.
 
     A method without a curve has its reason in ``method_status``.
@@ -63,16 +64,16 @@ def rows(system: str, t_end: str, measures: Sequence[str], curves: Sequence[Curv
                     "measure": measure,
                     "target": target,
                     "rank": rank if isfinite(found.time) else 0,
-                    "method": curve.method,
-                    "label": curve.label,
-                    "kind": curve.kind,
+                    "method": curve["solver"].item(),
+                    "label": curve["label"].item(),
+                    "kind": curve["kind"].item(),
                     "status": found.status,
                     "time_ms": 1e3 * found.time,
                     **{f"{mode}_time_ms": 1e3 * crossing(curve, measure, target, mode).time for mode in MORE},
                     "evaluations": found.evaluations,
                     "tau": found.tau,
                     "tolerance": found.tolerance,
-                    "method_status": curve.status,
+                    "method_status": curve["status"].item(),
                 }
 
 
@@ -98,14 +99,15 @@ def markdown(label: str, parts: Sequence[Part], facts: Mapping[str, object]) -> 
             lines += [f"## {NAMES[measure]}, t = {t_end}", "", *_table(measure, curves), ""]
             lines += [*_winners(measure, curves), ""]
     lines += ["## ns per evaluation of the force, and calls around the kernel", "", *_speeds(parts[0][2]), ""]
-    absent = [f"- {curve.label}: {curve.status}" for curve in parts[0][2] if curve.status != "ok"]
+    absent = [f"- {one['label'].item()}: {one['status'].item()}" for one in parts[0][2] if one["status"] != "ok"]
     return "\n".join([*lines, "## Missing, or ended early", "", *(absent or ["nothing"]), ""])
 
 
-def _table(measure: str, curves: Sequence[Curve]) -> list[str]:
+def _table(measure: str, curves: Sequence[xr.Dataset]) -> list[str]:
     rows = []
     for curve, _ in ranking(curves, measure, TARGETS[2]):
-        cells = [f"*{curve.label}*" if curve.kind == "peer" else curve.label]
+        label = curve["label"].item()
+        cells = [f"*{label}*" if curve["kind"] == "peer" else label]
         for target in TARGETS:
             found, lanes = crossing(curve, measure, target), crossing(curve, measure, target, "lanes")
             cells += [milliseconds(found), milliseconds(lanes), count(found.evaluations)]
@@ -127,7 +129,7 @@ def count(number: float) -> str:
     return f"{float(f'{number:.3g}'):.0f}" if isfinite(number) else "-"
 
 
-def _winners(measure: str, curves: Sequence[Curve]) -> list[str]:
+def _winners(measure: str, curves: Sequence[xr.Dataset]) -> list[str]:
     """Return one line for each target: the fastest of all, and the ratio if it is a peer."""
     lines = []
     for target in TARGETS:
@@ -135,21 +137,21 @@ def _winners(measure: str, curves: Sequence[Curve]) -> list[str]:
         if not order:
             lines.append(f"- {target:.0e}: reached by none")
             continue
-        (first, best), own = order[0], [pair for pair in order if pair[0].kind == "splitting"]
-        says = f"- {target:.0e}: {first.label}, {milliseconds(best)} ms"
-        if first.kind == "peer":
-            second = f"{own[0][1].time / best.time:.3g} times as fast as {own[0][0].label}" if own else "alone"
-            says = f"- {target:.0e}: **a peer wins**: {first.label}, {milliseconds(best)} ms, {second}"
-        lines.append(says)
+        (first, best), own = order[0], [pair for pair in order if pair[0]["kind"] == "splitting"]
+        says = f"{first['label'].item()}, {milliseconds(best)} ms"
+        if first["kind"] == "peer":
+            ratio = f"{own[0][1].time / best.time:.3g} times as fast as {own[0][0]['label'].item()}" if own else "alone"
+            says = f"**a peer wins**: {says}, {ratio}"
+        lines.append(f"- {target:.0e}: {says}")
     return ["Fastest:", *lines]
 
 
-def _speeds(curves: Sequence[Curve]) -> list[str]:
+def _speeds(curves: Sequence[xr.Dataset]) -> list[str]:
     columns = ["one trajectory", "each of an ensemble", "energy at every step", "a call, us", "whole sweep, ms"]
     rows = []
     for curve in curves:
         numbers = [ns_per_evaluation(curve, mode) for mode in ("trajectory", "lanes", "energy")]
-        numbers += [1e6 * curve.setup, 1e3 * curve.sweep]
+        numbers += [1e6 * curve["setup"].item(), 1e3 * curve["sweep"].item()]
         if any(map(isfinite, numbers)):
-            rows.append([curve.label, *(f"{x:.3g}" if isfinite(x) else "-" for x in numbers)])
+            rows.append([curve["label"].item(), *(f"{x:.3g}" if isfinite(x) else "-" for x in numbers)])
     return pipes(["method", *columns], rows, align="lr")

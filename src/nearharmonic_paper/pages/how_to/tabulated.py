@@ -18,6 +18,7 @@ from nearharmonic.integrators import integrators as registered
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.output.page import filled_page, pipes
 from nearharmonic.plotting.style import house_style, log_scale, new_figure, panel_letter, write_beside
+from nearharmonic.recommendation.step_search import fewest_for_good
 from nearharmonic.systems import System
 
 if TYPE_CHECKING:
@@ -150,9 +151,8 @@ def errors() -> dict[str, dict[str, Floats]]:
 
 def largest_step(found: Floats, bound: float) -> float:
     """Return the largest step size per stage up to which all errors are below ``bound``; NaN if none is."""
-    above = np.flatnonzero(~(found <= bound))
-    count = int(above[0]) if above.size else found.size
-    return float(STEPS[count - 1]) if count else float("nan")
+    coarsest = fewest_for_good(dict(zip(1 / STEPS, found, strict=True)), bound)
+    return float("nan") if coarsest is None else 1 / coarsest
 
 
 def slope(found: Floats) -> float:

@@ -8,15 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from math import hypot, isfinite, nan
+from typing import TYPE_CHECKING
 
 from nearharmonic.output.page import filled_page
-from nearharmonic.recommendation.curve import Curve, crossing
+from nearharmonic.recommendation.measure import crossing
 from nearharmonic.systems import systems as registered
 from nearharmonic_paper.experiments.work_precision.comparison import COMPARED_MEASURES, ERRORS, Pair, pairs
 from nearharmonic_paper.experiments.work_precision.figures.regularised import CURVES
 from nearharmonic_paper.pages.targets.timings import digits, power
 from nearharmonic_paper.pages.trained import table
 from nearharmonic_paper.tasks.receipts import measures_time
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 @measures_time
@@ -41,14 +45,14 @@ def times(pair: Pair) -> str:
 
 def named(pair: Pair) -> Iterator[tuple[str, Sequence[float]]]:
     """Yield names of rows, and the least times at each error."""
-    groups: dict[str, Sequence[Curve]] = {"own": pair.own, "own_original": pair.own_original}
-    groups |= {curve.method: [curve] for curve in (*pair.own, *pair.others)}
+    groups: dict[str, Sequence[xr.Dataset]] = {"own": pair.own, "own_original": pair.own_original}
+    groups |= {curve["solver"].item(): [curve] for curve in (*pair.own, *pair.others)}
     for key, (label, _) in CURVES.items():
         if key in groups:
             yield label, [least(groups[key], pair.measure, error) for error in ERRORS]
 
 
-def least(curves: Iterable[Curve], measure: str, error: float) -> float:
+def least(curves: Iterable[xr.Dataset], measure: str, error: float) -> float:
     """The least time in seconds in which one of the curves reaches an error; NaN if none does."""
     found = (crossing(curve, measure, error, "trajectory").time for curve in curves)
     return min(filter(isfinite, found), default=nan)

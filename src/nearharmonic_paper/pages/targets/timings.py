@@ -10,13 +10,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import inf, isfinite, log10, nan
+from typing import TYPE_CHECKING
 
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.output.page import filled_page, pipes
-from nearharmonic.recommendation.curve import TARGETS, Curve, crossing
+from nearharmonic.recommendation.measure import TARGETS, crossing, of_kind
 from nearharmonic_paper.claims.results import power_of_ten
 from nearharmonic_paper.experiments.work_precision.comparison import ERRORS, Pair, pairs
 from nearharmonic_paper.tasks.receipts import measures_time
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 HEADS = {"trajectory": "one trajectory", "lanes": "each of an ensemble"}
 SYSTEMS = ("sho", "henon_heiles", "kepler")
@@ -69,7 +73,7 @@ def implicit(measured: Sequence[Pair]) -> list[str]:
         for pair in measured:
             cells = []
             for error in IMPLICIT_ERRORS:
-                times = {curve.method: crossing(curve, pair.measure, error, mode).time for curve in pair.own}
+                times = {one["solver"].item(): crossing(one, pair.measure, error, mode).time for one in pair.own}
                 own = times.pop(IMPLICIT, nan)
                 ratio = own / min(filter(isfinite, times.values()), default=nan)
                 cells.append(f"{emphasised(ratio)} ({shown_ratio(own / pair.standard(error, mode))})")
@@ -87,22 +91,25 @@ def shown_ratio(ratio: float) -> str:
     return digits(ratio) if isfinite(ratio) else "–"
 
 
-def table(curves: Sequence[Curve], mode: str) -> list[str]:
+def table(curves: Sequence[xr.Dataset], mode: str) -> list[str]:
     """Lines of the table of ``curves`` in one ``mode`` of timing."""
-    times = {curve.method: [1e3 * crossing(curve, "max", target, mode).time for target in TARGETS] for curve in curves}
+    times = {
+        one["solver"].item(): [1e3 * crossing(one, "max", target, mode).time for target in TARGETS] for one in curves
+    }
     times = {method: row for method, row in times.items() if any(map(isfinite, row))}
     least = [min(filter(isfinite, column)) for column in zip(*times.values(), strict=True)]
     rows = []
     for curve in curves:
-        if curve.method in times and curve.method in shown(curves, times):
-            cells = [cell(time, best) for time, best in zip(times[curve.method], least, strict=True)]
-            rows.append([curve.label, *cells])
+        method = curve["solver"].item()
+        if method in times and method in shown(curves, times):
+            cells = [cell(time, best) for time, best in zip(times[method], least, strict=True)]
+            rows.append([curve["label"].item(), *cells])
     return pipes([HEADS[mode], *map(power, TARGETS)], rows, align="lr")
 
 
-def shown(curves: Sequence[Curve], times: dict[str, list[float]]) -> set[str]:
+def shown(curves: Sequence[xr.Dataset], times: dict[str, list[float]]) -> set[str]:
     """The methods that get a row."""
-    own = [curve.method for curve in curves if curve.kind == "splitting" and curve.method in times]
+    own = [name for curve in of_kind(curves, "splitting") if (name := curve["solver"].item()) in times]
     groups = [[m for m in own if (m in BENCHMARKED) == paper] for paper in (True, False)]
     fastest = {
         min(group, key=lambda method: times[method][i] if isfinite(times[method][i]) else inf)
@@ -110,7 +117,7 @@ def shown(curves: Sequence[Curve], times: dict[str, list[float]]) -> set[str]:
         if group
         for i in range(len(TARGETS))
     }
-    return fastest | {curve.method for curve in curves if curve.kind == "peer"}
+    return fastest | {curve["solver"].item() for curve in of_kind(curves, "peer")}
 
 
 def cell(time: float, best: float) -> str:

@@ -21,18 +21,10 @@ DIFFERENCE = 1e-4
 class Solid:
     """A crystal.
 
-    Attributes
-    ----------
-    name, label, source : str
-        Name, name in figures, and origin of the potential.
-    masses : (n,) array
-        Mass of each coordinate.
-    gradient : callable
-        ``gradient(u, out)``: numba function that writes dV/du (n,) into ``out`` and returns V.
-    melting : float
-        k_B T at the melting point, in units of energy.
-    unit : float
-        Unit of time in femtoseconds; NaN for a model without units.
+    ``name``, ``label``, ``source``: name, name in figures, and origin of the potential. ``masses`` (n,): mass
+    of each coordinate. ``gradient(u, out)``: numba function that writes dV/du (n,) into ``out`` and
+    returns V. ``melting``: k_B T at the melting point, in units of energy. ``unit``: unit of time in femtoseconds; NaN
+    for a model without units.
     """
 
     name: str

@@ -58,17 +58,8 @@ def time_of(covariance: Floats) -> float:
 def costs(chains: Floats, gradients: Floats) -> Floats:
     """Return log(gradients per effective sample of the slowest observable), of all chains and without each of them.
 
-    Parameters
-    ----------
-    chains : (chains, c, observables) array
-        Observables of each proposal.
-    gradients : (chains,) array
-        Gradients of each chain.
-
-    Returns
-    -------
-    (chains + 1,) array
-        Values from which :func:`error_of` has the standard error.
+    ``chains`` (chains, c, observables): observables of each proposal. ``gradients`` (chains,): gradients of each chain.
+    :func:`error_of` has the standard error from the result (chains + 1,).
     """
     of_each = [enough(chains[..., k]) for k in range(chains.shape[-1])]
     every = np.arange(len(chains))

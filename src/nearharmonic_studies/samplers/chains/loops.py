@@ -71,11 +71,8 @@ def _add(x, time, y):  # type: ignore[no-untyped-def]
 def loop_for(target: Target) -> Callable[..., None]:
     """Compile the chain for a target.
 
-    Returns
-    -------
-    callable
-        ``loop(q, momenta, logarithms, counts, kicks_first, outer, inner, observed, changes)``: a proposal for each row
-        of the momenta, from q, which holds the last state at the end.
+    The result is ``loop(q, momenta, logarithms, counts, kicks_first, outer, inner, observed, changes)``: a proposal for
+    each row of the momenta, from q, which holds the last state at the end.
     """
     gradient, observe = target.gradient, target.observe
 

@@ -18,7 +18,7 @@ from nearharmonic_studies.samplers.search.training import Objective, Proposals, 
 from nearharmonic_studies.samplers.settings import SamplersSettings
 
 #: Strengths of the quartic term, the family, and the sets of starts, and how much larger they are than in training.
-STRENGTHS, FAMILY, SETS, LARGER = (0.0, 0.1, 0.5, 2.0), SecondOrder(stages=4, first="kick"), 6, 4
+STRENGTHS_ALONE, FAMILY, SETS, LARGER = (0.0, 0.1, 0.5, 2.0), SecondOrder(stages=4, first="kick"), 6, 4
 
 
 def specialist(strength: float, settings: SamplersSettings) -> Tableau:
@@ -34,7 +34,7 @@ def specialist(strength: float, settings: SamplersSettings) -> Tableau:
 
 def gains(methods: list[Tableau], known: list[Tableau], seed: int, starts: int) -> Floats:
     """Return the gains (methods, b) over the best known method at each strength, on starts not seen in training."""
-    proposals = Proposals(seed, starts, STRENGTHS)
+    proposals = Proposals(seed, starts, STRENGTHS_ALONE)
     best = np.min([proposals.gradients(one) for one in known], axis=0)
     found: Floats = best / np.array([proposals.gradients(one) for one in methods])
     return found
@@ -44,13 +44,13 @@ def measure(settings: SamplersSettings, trained: Sequence[str]) -> dict[str, Con
     """Return ``run``: ``gain`` over (strength, specialist, set), and of the methods trained for all strengths."""
     known = [integrators[name] for name in settings.methods]
     searched = methods_of(map(read, trained))
-    special = {f"{b:g}": specialist(b, settings) for b in STRENGTHS}
+    special = {f"{b:g}": specialist(b, settings) for b in STRENGTHS_ALONE}
     every = [*special.values(), *searched.values()]
     found = np.array([gains(every, known, settings.seed + 1000 + k, LARGER * settings.starts) for k in range(SETS)])
     values = found.transpose(2, 1, 0)
     plain = Objective(FAMILY, Proposals(settings.seed, settings.starts))
     variables = {
-        **coordinate("strength", list(STRENGTHS), "strength b of the quartic term"),
+        **coordinate("strength", list(STRENGTHS_ALONE), "strength b of the quartic term"),
         **coordinate("trained_for", [*special, *searched], "strength that a method was trained for, or its name"),
         "trained_label": variable("trained_for", [one.label for one in every], "name in figures"),
         "special_gain": variable(

@@ -63,14 +63,7 @@ class SecondOrder(SymmetricSteps):
 class Proposals:
     """Starts of trajectories at equilibrium, evenly spread, and the gradients that a method needs on them.
 
-    Parameters
-    ----------
-    seed : int
-        Shifts the starts.
-    starts : int
-        Starts for each strength.
-    strengths : sequence of float
-        Strengths b of the targets.
+    ``seed``: shifts the starts. ``starts``: starts for each strength. ``strengths``: strengths b of the targets.
     """
 
     def __init__(self, seed: int, starts: int, strengths: Sequence[float] = STRENGTHS) -> None:

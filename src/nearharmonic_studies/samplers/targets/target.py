@@ -14,26 +14,12 @@ from nearharmonic.numerics.portable import Floats
 class Target:
     """A target.
 
-    Attributes
-    ----------
-    name, label : str
-        Name, and name in figures.
-    dimension : int
-        Number of coordinates, n.
-    highest : float
-        A frequency near the highest one, in whose unit step sizes are given.
-    lengths : tuple of float
-        Times of a trajectory, from which each method takes its best.
-    gradient : callable
-        ``gradient(q, out)``: numba function that writes dU/dq (n,) into ``out`` and returns U.
-    observe : callable
-        ``observe(q, potential, out)``: numba function that writes the observables of a state.
-    observables : tuple of str
-        Names of the observables.
-    start : callable
-        ``start(normal)``: a state (n,); one from the target itself if ``warm`` is 0.
-    warm : int
-        Proposals from a start to the first that counts.
+    ``name``, ``label``: name, and name in figures. ``dimension``: number of coordinates, n. ``highest``: a frequency
+    near the highest one, in whose unit step sizes are given. ``lengths``: times of a trajectory, from which each method
+    takes its best. ``gradient(q, out)``: numba function that writes dU/dq (n,) into ``out`` and returns
+    U. ``observe(q, potential, out)``: numba function that writes the observables of a state.
+    ``observables``: names of the observables. ``start(normal)``: a state (n,); one from the target itself if
+    ``warm`` is 0. ``warm``: proposals from a start to the first that counts.
     """
 
     name: str

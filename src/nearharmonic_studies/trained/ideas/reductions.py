@@ -3,7 +3,7 @@
 The dataset has ``log_error`` over (integrator, tau_per_stage, strength, problem) with the coordinate ``idea`` of each
 integrator, ``exact_log_error`` over (exact_integrator, ...), ``anharmonicity`` over (strength, problem), and the
 attribute ``seed``, which chooses the resamples. With ``over="resample"`` a reduction takes the errors of the best in
-place of those of all. The cube and its table are made here as well. No integration depends on this module.
+place of those of all.
 """
 
 from __future__ import annotations

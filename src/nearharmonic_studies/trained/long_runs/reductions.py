@@ -1,7 +1,7 @@
 """Reductions of the long runs over the problems of each system.
 
 The dataset has what :mod:`nearharmonic_studies.trained.long_runs.run` computes, over (system,
-integrator). The table is made here as well. No integration depends on this module.
+integrator).
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ from nearharmonic.systems.system import System
 from nearharmonic.training.population import Ensemble
 
 #: Bounds of the slower frequencies.
-FREQUENCIES = (0.6, 1.0)
+CUBIC_FREQUENCIES = (0.6, 1.0)
 #: Directions in which the barrier is sought.
 DIRECTIONS = 400
 
@@ -66,7 +66,7 @@ def cubic_ensemble(dimension: int, count: int, seed: int, *, band: tuple[float, 
     low, high = map(log, band)
     fraction = exp(random.uniform(low, high, count))
     for i, part in enumerate(fraction):
-        w: Floats = random.uniform(*FREQUENCIES, dimension)
+        w: Floats = random.uniform(*CUBIC_FREQUENCIES, dimension)
         w[random.integers(dimension)] = 1.0
         n: Floats = random.normal(size=(DIRECTIONS, dimension))
         cubic: Floats = random.normal(size=len(terms))

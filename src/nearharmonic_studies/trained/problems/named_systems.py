@@ -25,11 +25,11 @@ from nearharmonic.training.population import Ensemble
 from nearharmonic_studies.trained.problems.anharmonicity import hessians, with_anharmonicity
 
 #: Sites of the chains of Fermi, Pasta, Ulam and Tsingou, of Toda's ring, and atoms of the chain of Lennard-Jones.
-SITES, RING, ATOMS = 8, 6, 5
+CHAIN_SITES, RING, ATOMS = 8, 6, 5
 #: Coefficients of the cubic and of the quartic chain, and of the quartic well.
-ALPHA, BETA, QUARTIC = 0.25, 1.0, 0.25
+ALPHA, BETA, WELL = 0.25, 1.0, 0.25
 #: Ratio of successive lengths in the search along a direction, and number of bisections.
-SHORTEST, RATIO, BISECTIONS = 1e-3, 1.02, 60
+SHORTEST, LENGTH_RATIO, BISECTIONS = 1e-3, 1.02, 60
 #: Limit of squared frequencies, below which a direction counts as free.
 FREE = 1e-9
 
@@ -48,7 +48,7 @@ def morse(q: Vector) -> Any:
 def quartic_well(q: Vector) -> Any:
     """V = q.q/2 + b (q.q)^2 in the plane."""
     square = q[0] * q[0] + q[1] * q[1]
-    return square / 2 + QUARTIC * (square * square)
+    return square / 2 + WELL * (square * square)
 
 
 def toda_ring(q: Vector) -> Any:
@@ -68,14 +68,14 @@ def fput_beta(q: Vector) -> Any:
 
 def lennard_jones(q: Vector) -> Any:
     """V = sum of (r^-12 - 2 r^-6 + 1)/72 over neighbours at r = 1 + d between fixed ends: each bond has V'' = 1."""
-    return sum(_bond(1 + d) for d in _springs(q))
+    return sum(_lennard_jones_bond(1 + d) for d in _springs(q))
 
 
 def _springs(q: Vector) -> list[Any]:
     return [b - a for a, b in zip((0, *q), (*q, 0), strict=True)]
 
 
-def _bond(r: Any) -> Any:
+def _lennard_jones_bond(r: Any) -> Any:
     square = 1 / (r * r)
     x = 1 - square * square * square
     return x * x / 72
@@ -128,9 +128,9 @@ NAMED = (
         source="textbook",
     ),
     Named(
-        name="fput_alpha", label="FPUT-α", V=fput_alpha, dimension=SITES, energies=(1e-3, 0.1), source=_FPUT,
+        name="fput_alpha", label="FPUT-α", V=fput_alpha, dimension=CHAIN_SITES, energies=(1e-3, 0.1), source=_FPUT,
     ),
-    Named(name="fput_beta", label="FPUT-β", V=fput_beta, dimension=SITES, energies=(0.05, 1.0), source=_FPUT),
+    Named(name="fput_beta", label="FPUT-β", V=fput_beta, dimension=CHAIN_SITES, energies=(0.05, 1.0), source=_FPUT),
 )  # fmt: skip
 
 
@@ -173,9 +173,9 @@ def _lengths(system: System, q: Floats, p: Floats, energies: Floats) -> Floats:
         return system.energy(tuple(r * x for x in q.T), tuple(r * x for x in p.T)) < energies
 
     low = SHORTEST * np.sqrt(2 * energies)
-    while (go_on := short(low * RATIO)).any():
-        low = np.where(go_on, low * RATIO, low)
-    high = low * RATIO
+    while (go_on := short(low * LENGTH_RATIO)).any():
+        low = np.where(go_on, low * LENGTH_RATIO, low)
+    high = low * LENGTH_RATIO
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
         inside = short(middle)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import pi
+from typing import ClassVar
 
 from nearharmonic.integrators.tableau import First
 from nearharmonic.training.family import Family
@@ -62,23 +63,17 @@ class Chain:
 class Purpose:
     """Purpose of one trained method.
 
-    Attributes
-    ----------
-    name, what : str
-        Suffix of the name of the method, and the purpose in words.
-    tau_per_stage : tuple of float
-        Step sizes over the cost of a step, in radians of the fastest oscillation.
-    t_end : float
-        Length of a run, in the same unit.
-    chains : tuple of Chain
-        Families of the search.
-    band : pair of float, optional
-        Bounds of the strength of random potentials; orbits, if None.
-    after : str, optional
-        Purpose whose method is an additional start of the search: that of a neighbouring window.
-    descent : {"evolution", "gauss_newton"}
-        Way from a start to a minimum.
+    ``name``, ``what``: suffix of the name of the method, and the purpose in words. ``tau_per_stage``: step sizes over
+    the cost of a step, in radians of the fastest oscillation. ``t_end``: length of a run, in the same unit. ``chains``:
+    families of the search. ``band``: bounds of the strength of random potentials; orbits, if None. ``after``: purpose
+    whose method is an additional start of the search: that of a neighbouring window. ``descent``: way from a start to a
+    minimum.
     """
+
+    #: False if no method was good enough, or if its method is registered in a module of its own.
+    registered: ClassVar[bool] = True
+    #: Problems in words, with the bounds of the band.
+    described: ClassVar[str] = "random potentials, d = 2 and 3, strengths {:g} to {:g}"
 
     name: str
     what: str
@@ -88,11 +83,6 @@ class Purpose:
     band: tuple[float, float] | None = STRONG
     after: str | None = None
     descent: DescentName = "evolution"
-
-    @property
-    def registered(self) -> bool:
-        """True if the method was good enough to be registered."""
-        return True
 
     @property
     def title(self) -> str:
@@ -120,21 +110,22 @@ class Purpose:
         """The ensemble in words."""
         if self.band is None:
             return f"Kepler orbits, e {ECCENTRICITIES[0]:g} to {ECCENTRICITIES[1]:g}"
-        return f"random potentials, d = 2 and 3, strengths {self.band[0]:g} to {self.band[1]:g}"
+        return self.described.format(*self.band)
 
     def effort(self, trials: int, random: int, refinements: int) -> Effort:
         """Return the settings of a search."""
         return Effort(trials=trials, random=random, refinements=refinements, descent=self.descent)
 
     def ensembles(self, systems: int, seed: int, longer: float = 1.0) -> list[Ensemble]:
-        """Return the problems: half of them in two coordinates and half in three, or orbits.
-
-        The intervals are ``longer`` by a factor.
-        """
+        """Return the problems, over intervals that are ``longer`` by a factor."""
         t_end = self.t_end * longer
         if self.band is None:
             return [orbit_ensemble(systems, seed, eccentricities=ECCENTRICITIES, orbits=t_end / (2 * pi))]
-        return [random_ensemble(d, -(-systems // 2), seed, band=self.band, t_end=t_end) for d in (2, 3)]
+        return self.drawn(systems, seed, self.band, t_end)
+
+    def drawn(self, systems: int, seed: int, band: tuple[float, float], t_end: float) -> list[Ensemble]:
+        """Return the problems of a band: half of them in two coordinates and half in three."""
+        return [random_ensemble(d, -(-systems // 2), seed, band=band, t_end=t_end) for d in (2, 3)]
 
 
 class CrystalPurpose(Purpose):
@@ -143,48 +134,29 @@ class CrystalPurpose(Purpose):
     Its lead on crystals is too small for a registered method: docs/results/crystals.md.
     """
 
-    @property
-    def registered(self) -> bool:
-        """False."""
-        return False
+    registered = False
+    described = f"rings of {SITES} masses, bonds change by {{:g}} to {{:g}}"
 
-    @property
-    def problems(self) -> str:
-        """The ensemble in words."""
-        low, high = self.band or THERMAL
-        return f"rings of {SITES} masses, bonds change by {low:g} to {high:g}"
-
-    def ensembles(self, systems: int, seed: int, longer: float = 1.0) -> list[Ensemble]:
-        """Return the problems; the intervals are ``longer`` by a factor."""
-        return [ring_ensemble(systems, seed, band=self.band or THERMAL, t_end=self.t_end * longer)]
+    def drawn(self, systems: int, seed: int, band: tuple[float, float], t_end: float) -> list[Ensemble]:
+        """Return the rings of a band."""
+        return [ring_ensemble(systems, seed, band=band, t_end=t_end)]
 
 
-class PolynomialPurpose(Purpose):
-    """Purpose of a method with a higher order for polynomial potentials alone; it is registered in a module of such."""
-
-    @property
-    def registered(self) -> bool:
-        """False: the module of trained methods does not have it."""
-        return False
-
-
-class CubicPurpose(PolynomialPurpose):
+class CubicPurpose(Purpose):
     """Purpose of a method for cubic potentials; ``band`` bounds the energy over the lowest barrier."""
 
-    @property
-    def problems(self) -> str:
-        """The ensemble in words."""
-        low, high = self.band or BOUND
-        return f"cubic potentials, d = 2 and 3, {low:g} to {high:g} of the barrier"
+    registered = False
+    described = "cubic potentials, d = 2 and 3, {:g} to {:g} of the barrier"
 
-    def ensembles(self, systems: int, seed: int, longer: float = 1.0) -> list[Ensemble]:
-        """Return the problems; the intervals are ``longer`` by a factor."""
-        t_end, band = self.t_end * longer, self.band or BOUND
+    def drawn(self, systems: int, seed: int, band: tuple[float, float], t_end: float) -> list[Ensemble]:
+        """Return the cubic potentials of a band, half of them in two coordinates and half in three."""
         return [cubic_ensemble(d, -(-systems // 2), seed, band=band, t_end=t_end) for d in (2, 3)]
 
 
-class PrecisePurpose(PolynomialPurpose):
+class PrecisePurpose(Purpose):
     """Purpose of a method of order eight for polynomial potentials, those of degree four by default."""
+
+    registered = False
 
     def effort(self, trials: int, random: int, refinements: int) -> Effort:
         """Return the settings of a search: short descents from members near random points, of which few have one."""
@@ -201,11 +173,7 @@ class PreciseCubicPurpose(PrecisePurpose, CubicPurpose):
 class OscillatorPurpose(Purpose):
     """Purpose of a method for an oscillator that is solved exactly; ``band`` bounds the strength of the rest."""
 
-    @property
-    def problems(self) -> str:
-        """The ensemble in words."""
-        low, high = self.band or MODERATE
-        return f"random potentials, d = 2, strengths {low:g} to {high:g}, oscillators solved exactly"
+    described = "random potentials, d = 2, strengths {:g} to {:g}, oscillators solved exactly"
 
     def effort(self, trials: int, random: int, refinements: int) -> Effort:
         """Return the settings of a search: short descents from many random starts, and from points around the best."""
@@ -214,7 +182,6 @@ class OscillatorPurpose(Purpose):
             around_found=(0.01, 0.03, 0.1), random_points=30, screened=4, bases=4, small_value=3e-4,
         )  # fmt: skip
 
-    def ensembles(self, systems: int, seed: int, longer: float = 1.0) -> list[Ensemble]:
-        """Return the problems; the intervals are ``longer`` by a factor."""
-        band = self.band or MODERATE
-        return [with_exact_oscillators(random_ensemble(2, systems, seed, band=band, t_end=self.t_end * longer))]
+    def drawn(self, systems: int, seed: int, band: tuple[float, float], t_end: float) -> list[Ensemble]:
+        """Return the potentials of a band, with their oscillators solved exactly."""
+        return [with_exact_oscillators(random_ensemble(2, systems, seed, band=band, t_end=t_end))]

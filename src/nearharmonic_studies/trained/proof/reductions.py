@@ -1,8 +1,7 @@
 """Reductions over the problems of each ensemble: mean errors, and the gains of trained methods over published ones.
 
 The dataset has ``log_error`` over (ensemble, integrator, point, problem), ``anharmonicity`` over (ensemble, problem),
-the coordinate ``kind`` of each integrator, and the attribute ``seed``, which chooses the resamples. The cube and its
-tables are made here as well. No integration depends on this module.
+the coordinate ``kind`` of each integrator, and the attribute ``seed``, which chooses the resamples.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ def gains(runs: xr.Dataset, resamples: int = RESAMPLES) -> xr.Dataset:
     resample has its own best methods. Without a method of a kind its best is "" and the gain is NaN.
     """
     errors, seed = runs.log_error.reset_coords(drop=True).assign_coords(kind=runs.kind), runs.attrs["seed"]
-    parts = [_gains(errors.sel(ensemble=name), seed, resamples) for name in runs.ensemble.values]
+    parts = [_gains_on(errors.sel(ensemble=name), seed, resamples) for name in runs.ensemble.values]
     found = xr.concat(parts, "ensemble", coords="minimal", compat="override").assign_coords(ensemble=runs.ensemble)
     chosen = f"its {CONFIDENCE:.0%} interval by resampling the problems, the best of each chosen anew"
     for name, text, unit in (
@@ -65,7 +64,7 @@ def gains(runs: xr.Dataset, resamples: int = RESAMPLES) -> xr.Dataset:
     return found
 
 
-def _gains(errors: xr.DataArray, seed: int, resamples: int) -> xr.Dataset:
+def _gains_on(errors: xr.DataArray, seed: int, resamples: int) -> xr.Dataset:
     """Gains of one ensemble."""
     means = errors.mean("problem", skipna=False)
     return xr.Dataset({
@@ -148,10 +147,7 @@ def gains_of(values: Any, ensemble: int, method: int) -> Floats:
 def stretch(taus: Floats, gain: Floats) -> tuple[float, float]:
     """Return the ends of the widest range of neighbouring step sizes with a gain above 0; NaN without a gain.
 
-    Parameters
-    ----------
-    taus, gain : (T,) array of float
-        Step sizes in monotonic order, and gains.
+    ``taus``, ``gain`` (T,): step sizes in monotonic order, and gains.
     """
     best, start = (np.nan, np.nan), None
     for i, ahead in enumerate([*(gain > 0), False]):

@@ -28,11 +28,8 @@ UNIT = "radians of the fastest small oscillation"
 def measure(methods: Sequence[str], settings: ProofSettings) -> dict[str, Contents]:
     """Integrate all problems of all ensembles with all methods of the comparison.
 
-    Returns
-    -------
-    dict
-        ``run``: ``log_error`` over (ensemble, integrator, point, problem), NaN if an ensemble has fewer step sizes than
-        another, and ``anharmonicity`` over (ensemble, problem).
+    The result has ``run``: ``log_error`` over (ensemble, integrator, point, problem), NaN if an ensemble has fewer step
+    sizes than another, and ``anharmonicity`` over (ensemble, problem).
     """
     trials = list(proof_ensembles(settings))
     ensembles, points = [trial.ensemble for trial in trials], max(trial.tau_per_stage.size for trial in trials)

@@ -12,13 +12,14 @@ from nearharmonic_paper.entries import (
     PositiveDecimal,
     Reading,
     check_affordable,
+    positive_numbers,
     setting,
     whole_between,
     whole_from,
 )
 
 #: Maximum numbers of methods and ensembles, for the estimate of evaluations.
-METHODS, ENSEMBLES = 100, 17
+MOST_METHODS, ENSEMBLES = 100, 17
 #: Periods of a Kepler orbit.
 ORBITS = 10
 #: Evaluations per step of the long runs, all methods and starts together.
@@ -40,13 +41,10 @@ class ProofSettings:
     t_end: PositiveDecimal = setting(
         "Every run covers so many radians of the fastest small oscillation", POSITIVE, unit="rad", default="100"
     )
-    tau_per_stage: tuple[PositiveDecimal, ...] = setting(
+    tau_per_stage: tuple[PositiveDecimal, ...] = positive_numbers(
         "Step sizes divided by the cost of a step in evaluations, in radians of the fastest small oscillation",
-        "a list of numbers above 0",
+        *("0.012", "0.02", "0.03", "0.05", "0.07", "0.1", "0.12", "0.14", "0.17", "0.2", "0.25"),
         unit="rad",
-        each=POSITIVE,
-        default=("0.012", "0.02", "0.03", "0.05", "0.07", "0.1", "0.12", "0.14", "0.17", "0.2", "0.25"),
-        min_length=1,
     )
     evaluations_per_orbit: tuple[EvaluationsPerOrbit, ...] = setting(
         "Force evaluations in a period of a Kepler orbit",
@@ -59,14 +57,8 @@ class ProofSettings:
     steps: int = setting("Steps of the long runs", default=10**6, **whole_from(1000, MOST_STEPS))
 
     def check(self) -> None:
-        """Raise an error for too many force evaluations; keys are named as in a config.
-
-        Raises
-        ------
-        SettingError
-            The first error found.
-        """
+        """Raise an error for too many force evaluations; keys are named as in a config."""
         each = sum(float(self.t_end) / float(tau) for tau in self.tau_per_stage)
-        problem = METHODS * (ENSEMBLES * each + ORBITS * sum(self.evaluations_per_orbit))
+        problem = MOST_METHODS * (ENSEMBLES * each + ORBITS * sum(self.evaluations_per_orbit))
         check_affordable("trained.proof.systems", self.systems, problem)
         check_affordable("trained.proof.steps", self.steps, LONG)

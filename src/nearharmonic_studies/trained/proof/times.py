@@ -43,7 +43,7 @@ CAPTION = (
 
 
 @measures_time
-def measure(cube: str, methods: Sequence[str], settings: ProofSettings) -> dict[str, Any]:
+def measure_times(cube: str, methods: Sequence[str], settings: ProofSettings) -> dict[str, Any]:
     """Return the ``table`` of times and of gains at equal time, from the path of the cube of mean errors."""
     found = read(cube)
     names = [name for name in methods if integrators[name].modified]

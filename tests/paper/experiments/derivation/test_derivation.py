@@ -19,7 +19,7 @@ from nearharmonic.numerics.search import RandomStarts
 from nearharmonic_paper.experiments.derivation.conditions import Equations, agreeing_decimals, polish
 from nearharmonic_paper.experiments.derivation.elimination import eliminate, reduced_system
 from nearharmonic_paper.experiments.derivation.families import PRINTED, UNIQUE, agreement
-from nearharmonic_paper.experiments.derivation.isolated import Solving, _root, solve
+from nearharmonic_paper.experiments.derivation.isolated import _root, solve
 from nearharmonic_paper.experiments.derivation.search.starts import sample, search
 from support.second_opinion.exact_statements import step
 from support.second_opinion.methods import Method
@@ -126,13 +126,6 @@ def test_seven_stages_have_nine_real_of_thirty_five_solutions():
     assert (seven.complex_solutions, seven.real_solutions, len(seven.roots), seven.complete) == (35, 9, 9, True)
 
 
-def test_fourth_solution_is_one_known_from_earlier_search(five):
-    fourth = five.roots[-1]
-    known = (0.72146062, -0.33882062, 1.46833461, -2.20334733)
-    derived = [float(c) for c in (*fourth.outer[:2], *fourth.inner[:2])]
-    assert derived == pytest.approx(known, abs=5e-9)  # known to eight decimals
-
-
 @pytest.mark.parametrize("name", UNIQUE)
 def test_isolated_sets_of_print_come_out_to_all_its_digits(name, five, six):
     found = agreement(name, [five, six])
@@ -193,9 +186,7 @@ def test_solution_that_is_counted_but_not_found_leaves_set_incomplete(monkeypatc
     more = replace(exact, real_solutions=exact.real_solutions + 1)
     monkeypatch.setattr("nearharmonic_paper.experiments.derivation.isolated.eliminate", lambda _: more)
     assert not solve(Equations(5, 6), RandomStarts(500, SEED, box=2.5, bound=20.0)).complete
-    assert not solve(
-        Equations(5, 6), RandomStarts(500, SEED, box=2.5, bound=20.0), settings=Solving(eliminable=0)
-    ).complete
+    assert not solve(Equations(5, 6), RandomStarts(500, SEED, box=2.5, bound=20.0), eliminable=0).complete
 
 
 # --- proofs and digits -----------------------------------------------------------------------------------------------

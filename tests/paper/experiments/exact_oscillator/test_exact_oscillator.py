@@ -7,22 +7,17 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import xarray as xr
-import yaml
 
 import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.store import read
 from nearharmonic_paper.config.reading import load
 from nearharmonic_paper.experiments.exact_oscillator import times
-from nearharmonic_paper.experiments.exact_oscillator.reductions import BEST, CONFIDENCE, crossing, reduce, reduction
+from nearharmonic_paper.experiments.exact_oscillator.reductions import BEST, crossing, reduce, reduction
 from nearharmonic_paper.experiments.exact_oscillator.run import largest_error, measure, radius, starts_on
 from nearharmonic_paper.experiments.exact_oscillator.settings import CHARGES, ExactOscillatorSettings
-from nearharmonic_paper.pages.targets.exact_oscillator import page as filled
 from nearharmonic_paper.tasks import job
-from nearharmonic_studies.trained.ideas.oscillators import CHARGE
-from support.results.stated_numbers import ROOT, states
 
-PLACE = "docs/results/exact_oscillator.md"
 SMALL = ExactOscillatorSettings(integrators=("aba864",), energies=5, trajectories=6, t_end="20")
 
 
@@ -127,15 +122,6 @@ def test_errors_are_those_of_single_runs_at_equal_cost(small):
     assert values["energy_error"][0, 0, 4].tolist() == [np.sort(plain)[i] for i in (0, 3, 5)]
 
 
-def test_exact_oscillator_pays_only_at_small_amplitudes(small):
-    """The error of T + V does not vanish with the amplitude, and that of the exact oscillator is proportional to it."""
-    values = {name: entry.values for name, entry in small["cube"].variables.items()}
-    exact, best = values["exact_energy_error"][:, 0, 0, :, 1], values["energy_error"][..., 1].min(axis=1)
-    assert (exact[:, 0] < best[:, 0] / 10).all()
-    assert (exact[:, -1] > best[:, -1]).all()
-    assert (np.diff(values["best_crossing"][:, :, 0], axis=1) <= 0).all()  # the more expensive, the later it pays
-
-
 def test_table_has_row_for_each_pair_and_amplitudes_of_energies(small):
     table = small["table"]
     assert len(table.rows) == 2 * len(CHARGES) * 3
@@ -165,7 +151,7 @@ def test_times_are_measured_and_charged(small, tmp_path, monkeypatch):
     monkeypatch.setattr(times, "MEMBERS", 16)
     job.write(small["cube"], [str(tmp_path / "cube.h5")], {})
     cube = read(tmp_path / "cube.h5")
-    table = times.measure(str(tmp_path / "cube.h5"), ("aba864",), SMALL)["table"]
+    table = times.measure_times(str(tmp_path / "cube.h5"), ("aba864",), SMALL)["table"]
     rows = table.records()
     assert [(row["runs"], row["tau_per_stage"]) for row in rows] == [
         (runs, tau) for runs in ("one trajectory", "ensemble") for tau in (0.1, 0.05)
@@ -173,26 +159,6 @@ def test_times_are_measured_and_charged(small, tmp_path, monkeypatch):
     for row in rows:
         assert row["charge"] == pytest.approx(row["ns_exact"] / row["ns_split"])  # of the one method
         assert row["energy"] == times.crossing_at(cube, "aba864", row["tau_per_stage"], row["charge"])
-
-
-@pytest.mark.long
-def test_tables_of_the_page_are_those_of_the_papers_config(tmp_path):
-    config = yaml.safe_load((ROOT / "config/config.yaml").read_text(encoding="utf-8"))
-    asked = load({key: config[key] for key in ("name", "integrators", "systems", "exact_oscillator")})
-    found = made(asked.methods, asked.exact_oscillator.methods, asked.exact_oscillator, tmp_path)
-    job.write(found["cube"], [str(tmp_path / "cube.h5")], {})
-    page = ROOT / PLACE
-    assert filled(str(page), str(tmp_path / "cube.h5"), (), ())["page"] == page.read_text(encoding="utf-8")
-
-
-def test_the_page_states_settings_and_the_charge_of_an_evaluation():
-    settings = ExactOscillatorSettings()
-    assert states(PLACE, [settings.trajectories], "trajectories on each of", f"t = {settings.t_end}")
-    assert states(PLACE, [settings.energies], "energy surfaces", f"t = {settings.t_end}")
-    assert states(PLACE, [round(100 * CONFIDENCE)], "amplitude √(2H)", "intervals by resampling")
-    assert states(PLACE, [round(100 * (CHARGES[1] - 1))], "A charge of 1.1 assumes")
-    for place in (PLACE, "docs/results/trained.md"):
-        assert states(place, [round(100 * (CHARGE - 1))], " % ", "evaluation", *["T and V"] * (place == PLACE))
 
 
 CONFIG = {

@@ -18,7 +18,7 @@ from nearharmonic.output.dataset import assembled
 from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.stability.conservation import run as conservation
 from nearharmonic_paper.experiments.stability.conservation.reductions import defect, tangent_map
-from nearharmonic_paper.experiments.stability.kinetic_energy.reductions import kinetic_energy_cube, kinetic_energy_table
+from nearharmonic_paper.experiments.stability.kinetic_energy.reductions import kinetic_energy_cube
 from nearharmonic_paper.experiments.stability.kinetic_energy.run import measure
 from support.oracles.multiprecision import trajectory
 from support.oracles.structures import runs_of, structure
@@ -155,23 +155,3 @@ def test_exchanged_roles_are_method_on_conjugate_system_with_quadratic_T(cube):
     found = cube.sel(roles="exchanged", amplitude=0.3, integrator="babps9o7h", tau_per_stage=taus)
     # Not the same operations: energies differ by rounding, errors by 1e-16 over their size, 1e-10 at least.
     np.testing.assert_allclose(found.max_energy_error, expected.max_energy_error, rtol=1e-5)
-
-
-def test_small_amplitudes_are_the_harmonic_oscillator(cube):
-    taus = cube.tau_per_stage.values[10:15]
-    harmonic = nh.sweep("sho", "ruth", taus * 3).max_energy_error
-    found = cube.max_energy_error.sel(roles="own", amplitude=0.01, integrator="ruth", tau_per_stage=taus)
-    # T departs from p^2/2 by p^2/4 of itself: 2.5e-5.
-    np.testing.assert_allclose(found, harmonic, rtol=1e-4)
-
-
-def test_lead_of_harmonic_methods_declines_where_T_departs_from_quadratic(cube):
-    made = kinetic_energy_table(cube)
-    table = {row[:2]: dict(zip(made.header, row, strict=True)) for row in made.rows}
-    for name in ("babs7o7h", "babps9o7h"):
-        own, exchanged = table[name, "own"], table[name, "exchanged"]
-        assert own["decline to A = 1"] > 1000
-        # A departure of V instead costs a tenth of that, or less, while speeds stay below 0.3 of light's.
-        for amplitude in ("0.1", "0.3"):
-            key = f"error / Ruth's at A = {amplitude}"
-            assert own[key] > 10 * exchanged[key]

@@ -69,13 +69,6 @@ def test_a_method_that_is_never_trusted_has_no_errors_there(ensembles):
     ).all()
 
 
-def test_a_cube_of_ensembles_names_its_methods(ensembles):
-    assert ensembles.integrator.values.tolist() == ["leapfrog", "ruth"]
-    assert ensembles.label.values.tolist() == ["Leapfrog", "Ruth"]
-    assert ensembles.linear_limit.values == pytest.approx([2.0, 1.573401947 / 3], rel=1e-9)
-    assert {ensembles[name].attrs["units"] for name in ("linear_limit", "trusted_up_to", "label")} == {"1"}
-
-
 def test_kepler_evaluations_are_steps_times_stages_at_nearest_eccentricity():
     """Errors 1e-6 (100 (1 + e) / n)^2 of n steps a period: the contour lies at 100 (1 + e) steps."""
     grid = np.array([0.0, 0.21, 0.3, 0.52, 0.79, 0.9, 0.96, 0.99])

@@ -14,7 +14,6 @@ from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic_paper.experiments.stability.henon_heiles import run as hh
-from nearharmonic_paper.experiments.stability.henon_heiles.reductions import trusted_up_to
 from nearharmonic_paper.experiments.stability.henon_heiles.run import henon_heiles_surface
 from nearharmonic_paper.experiments.stability.kepler import run as maps
 from nearharmonic_paper.experiments.stability.rounding import run as rounding
@@ -106,12 +105,6 @@ def test_quantiles_and_fraction_are_those_of_the_sorted_runs(tau, escapes):
     assert result.escaped[0] == np.isinf(errors).mean()
     expected = [min(e for e in errors if (errors <= e).mean() >= f) for f in hh.QUANTILES]
     assert result.quantiles[0].tolist() == expected
-
-
-def test_step_size_is_trusted_below_first_loss():
-    escaped = [[0.0, 0.01, 0.02, 0.0], [0.5, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0]]
-    cube = xr.Dataset({"escaped": (("energy", "tau_per_stage"), escaped)}, {"tau_per_stage": [0.1, 0.2, 0.3, 0.4]})
-    assert trusted_up_to(cube).values.tolist() == pytest.approx([0.2, np.nan, 0.4], nan_ok=True)
 
 
 def test_ensemble_map_is_bitwise_reproducible_and_depends_on_seed():

@@ -137,18 +137,6 @@ def test_each_cell_shows_its_number_or_grey_for_lost_orbit(kepler, index, variab
                         np.testing.assert_allclose(at(axes, x * along, y * factor), expected, atol=CHANNEL)
 
 
-def test_cell_edges_are_logarithmic_midpoints(kepler):
-    cube, figure, _ = kepler
-    for part, first in zip(figure.subfigs, (0, 1), strict=False):
-        for axes, name in zip(maps_of(part), METHODS, strict=True):
-            corners = axes.collections[0].get_coordinates()
-            x = np.log(np.unique(cube.evaluations_per_orbit.sel(integrator=name)))
-            y = np.log(1 - cube.eccentricity.values[first:])
-            for logs, edges in ((x, np.log(corners[0, :, 0])), (y, np.log(corners[:, 0, 1]))):
-                np.testing.assert_allclose(edges[1:-1], (logs[1:] + logs[:-1]) / 2, atol=1e-12)
-                np.testing.assert_allclose(edges[[0, -1]], [1.5 * logs[0] - logs[1] / 2, 1.5 * logs[-1] - logs[-2] / 2])
-
-
 def assert_eccentricities(axes):
     """Ticks stand at 1 - e, with e growing upwards from a circle to the last orbit."""
     places = ticks(axes.yaxis)

@@ -1,8 +1,7 @@
-"""The stress tests from their tasks to their files: runs, cubes, tables and figures."""
+"""The stress tests from their tasks to their cubes."""
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 import xarray as xr
 
@@ -12,7 +11,6 @@ from nearharmonic_paper.experiments.stability.ensembles import stacked
 from nearharmonic_paper.experiments.stability.henon_heiles.reductions import henon_heiles_cube
 from nearharmonic_paper.experiments.stability.kepler.reductions import kepler_cube
 from nearharmonic_paper.experiments.stability.rounding.reductions import rounding_cube
-from nearharmonic_paper.experiments.stability.rounding.run import SOURCES
 from nearharmonic_paper.experiments.stability.settings import (
     EnsembleSettings,
     EvaluationsGrid,
@@ -22,7 +20,6 @@ from nearharmonic_paper.experiments.stability.settings import (
 )
 from nearharmonic_paper.tasks.job import covered, write
 from nearharmonic_paper.tasks.provenance import function_of, provenance, task
-from support.cubes.stability_cubes import amplitudes, ensembles, orbits, rounding, traces
 
 METHODS = ("ruth", "babps9o7h")
 SMALL = {
@@ -41,14 +38,6 @@ SMALL = {
     "rounding": RoundingSettings(ensemble=3, steps=8000, evaluations_per_orbit=400, seed=1),
 }
 REDUCTIONS = {"henon_heiles": henon_heiles_cube, "kepler": kepler_cube, "rounding": rounding_cube}
-#: Items whose run files have all methods: the settings of each file, and those of the cube, besides the methods.
-TOGETHER = {
-    "kinetic_energy": ([{}], {}),
-    "conservation": (
-        [{"system": "sho", "t_end": "50"}, {"system": "kepler", "t_end": "8766"}],
-        {"t_end": {"sho": "50", "kepler": "8766"}},
-    ),
-}
 
 
 def results(asked, **inputs):
@@ -72,82 +61,19 @@ def runs(tmp_path_factory):
     return made
 
 
-@pytest.fixture(scope="module")
-def made(runs, tmp_path_factory):
-    """Cube and table of each item."""
-    found = {}
-    for name, settings in SMALL.items():
-        asked = task(
-            f"nearharmonic_paper.experiments.stability.{name}.reductions:reduce", integrators=METHODS, settings=settings
-        )
-        found[name] = results(asked, **runs[name])
-    for name, (files, settings) in TOGETHER.items():
-        paths = [str(tmp_path_factory.mktemp(name) / "run.h5") for _ in files]
-        for path, one in zip(paths, files, strict=True):
-            asked = task(f"nearharmonic_paper.experiments.stability.{name}.run:measure", integrators=METHODS, **one)
-            write(results(asked)["run"], [path], provenance(asked))
-        asked = task(
-            f"nearharmonic_paper.experiments.stability.{name}.reductions:reduce", integrators=METHODS, **settings
-        )
-        found[name] = results(asked, **({"run": paths[0]} if len(paths) == 1 else {"runs": paths}))
-    return found | {
-        "linear": results(task("nearharmonic_paper.experiments.stability.linear.run:measure", integrators=METHODS))
-    }
-
-
-@pytest.fixture(scope="module")
-def cubes(made):
-    return {name: one["cube"] for name, one in made.items()}
-
-
 @pytest.mark.parametrize("name", SMALL)
-def test_cube_holds_runs_in_order_of_methods(cubes, name):
-    module = f"nearharmonic_paper.experiments.stability.{name}.run:measure"
-    made = {method: results(task(module, integrator=method, settings=SMALL[name]))["run"] for method in METHODS}
+def test_cube_holds_runs_in_order_of_methods(runs, name):
+    room = f"nearharmonic_paper.experiments.stability.{name}"
+    asked = task(f"{room}.reductions:reduce", integrators=METHODS, settings=SMALL[name])
+    cube = results(asked, **runs[name])["cube"]
+    made = {
+        method: results(task(f"{room}.run:measure", integrator=method, settings=SMALL[name]))["run"]
+        for method in METHODS
+    }
     parts = {method: assembled(run.variables, run.coordinates, {}) for method, run in made.items()}
     expected = REDUCTIONS[name](
         stacked([integrators[method] for method in METHODS], [parts[method] for method in METHODS])
     )
-    xr.testing.assert_equal(cubes[name], expected)
-    assert cubes[name].integrator.values.tolist() == list(METHODS)
-    assert cubes[name].attrs == {}
-
-
-@pytest.mark.parametrize("name", SMALL)
-def test_a_table_has_one_full_row_for_each_combination(made, name):
-    header, rows = made[name]["table"].header, made[name]["table"].rows
-    others = {
-        "henon_heiles": [(1 / 24,), (1 / 6,)],
-        "kepler": [()],
-        "rounding": [(source, quantity) for source in SOURCES for quantity in ("energy_error", "lag")],
-    }[name]
-    combinations = [(method, *other) for method in METHODS for other in others]
-    assert [tuple(row[: len(combinations[0])]) for row in rows] == combinations
-    for row in rows:
-        numbers = dict(zip(header, row, strict=True))
-        # What is not a number says so: no trusted step, no step size that is fine enough, no law to compare with.
-        missing = {key for key, value in numbers.items() if str(value) in {"", "nan"}}
-        assert missing <= set(header[3:] if name == "henon_heiles" else header[1:] if name == "kepler" else ["brouwer"])
-
-
-@pytest.mark.parametrize(
-    ("name", "invented"),
-    [
-        ("henon_heiles", ensembles),
-        ("kepler", orbits),
-        ("rounding", rounding),
-        ("linear", traces),
-        ("kinetic_energy", amplitudes),
-    ],
-)
-def test_hand_made_test_cubes_have_shape_of_real_ones(cubes, name, invented):
-    by_hand = invented(METHODS)
-    for variable in by_hand.variables:
-        assert by_hand[variable].dims == cubes[name][variable].dims, variable
-
-
-def test_small_ensembles_hold_all_that_a_map_distinguishes(cubes):
-    assert cubes["henon_heiles"].escaped.max() > 0.01 > cubes["henon_heiles"].escaped.min()
-    error = cubes["kepler"].energy_error
-    assert np.isinf(error).any()
-    assert np.isnan(error).any()
+    xr.testing.assert_equal(cube, expected)
+    assert cube.integrator.values.tolist() == list(METHODS)
+    assert cube.attrs == {}

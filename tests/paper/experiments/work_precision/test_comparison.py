@@ -6,14 +6,12 @@ import dataclasses
 import json
 from itertools import combinations
 from math import nan
-from pathlib import Path
 
 import pytest
 from matplotlib.lines import Line2D
 
 from nearharmonic.output import store
-from nearharmonic.recommendation.curve import Curve
-from nearharmonic.recommendation.timings import variables
+from nearharmonic.recommendation.measure import Solver, variables
 from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.work_precision import comparison as comparisons
 from nearharmonic_paper.experiments.work_precision.comparison import HEADER, comparison, pairs
@@ -26,34 +24,37 @@ from nearharmonic_paper.experiments.work_precision.figures.regularised import (
 from nearharmonic_paper.experiments.work_precision.run import front_runners
 from support.cubes.artists import line_of, look, looks
 from support.cubes.colour_vision import difference
-from support.cubes.figure_cubes import FACTS, label, timed
+from support.cubes.figure_cubes import FACTS, curves, label, timed
 
 #: Errors at which points lie, so that nothing is interpolated.
 AT = [1e-6, 1e-9, 1e-12]
 
 
-def curves():
+def solvers():
     found = [
         timed("ruth", AT, [1e-5, 4e-5, 9e-5], lanes=[2e-6, 3e-6, 9e-6]),
         timed("babs7o7h", AT[:2], [2e-5, 3e-5], lanes=[1e-6, 2e-6]),
         timed("leapfrog", [1e-3], [1e-6]),
         timed("heyoka", AT, [5e-5, 6e-5, 6e-5], kind="peer", lanes=[4e-5, 4e-5, 4e-5]),
         timed("rebound_ias15", AT, [7e-5, 8e-5, 5.5e-5], kind="peer"),
-        Curve(method="pyhamsys_bm6", label="absent", kind="peer", status="not installed"),
+        Solver(method="pyhamsys_bm6", label="absent", kind="peer", status="not installed"),
     ]
-    for curve in found:
-        for i, point in enumerate(curve.points):
-            point.tau, point.compensated = 1 / (i + 1), float(i == 2)
+    for solver in found:
+        solver.columns["compensated"] = [0.0, 0.0, 1.0][: solver.settings]
     return found
+
+
+def written(path, measures, **groups):
+    """``path`` of a cube of systems, each with its measures or those of all, and its solvers."""
+    problems = {name: {"system": name, "t_end": "20", "measures": measures.get(name, ["max"])} for name in groups}
+    facts = {**FACTS, "libraries": "heyoka 7", "problems": json.dumps(problems)}
+    store.write(path, {}, facts, groups={name: variables(found, "s") for name, found in groups.items()})
+    return str(path)
 
 
 @pytest.fixture
 def cube(tmp_path):
-    path = tmp_path / "times.h5"
-    problems = {name: {"system": name, "t_end": "20", "measures": ["max"]} for name in ("sho", "kepler")}
-    facts = {**FACTS, "libraries": "heyoka 7", "problems": json.dumps(problems)}
-    store.write(path, {}, facts, groups=dict.fromkeys(problems, variables(curves(), "s")))
-    return str(path)
+    return written(tmp_path / "times.h5", {}, sho=solvers(), kepler=solvers())
 
 
 def rows_of(cube, names=("sho",)):
@@ -101,7 +102,7 @@ def test_regularised_system_is_compared_on_its_original_equations_too(cube, monk
     }  # fmt: skip
     monkeypatch.setattr(comparisons, "systems", known)
     measured = {
-        name: [timed("ruth", AT, [k, k, k]), timed(peer, AT, [10 * k, 10 * k, 10 * k], kind="peer")]
+        name: curves(timed("ruth", AT, [k, k, k]), timed(peer, AT, [10 * k, 10 * k, 10 * k], kind="peer"))
         for k, (name, peer) in enumerate(
             [("far", "heyoka"), ("far_regularised", "heyoka_regularised"), ("sho", "heyoka"), ("kepler", "heyoka"),
              ("kepler_regularised", "heyoka_regularised")], start=1,
@@ -111,7 +112,7 @@ def test_regularised_system_is_compared_on_its_original_equations_too(cube, monk
     found = {pair.system: pair for pair in pairs(cube, list(measured))[0]}
     assert [found[name].original for name in measured] == ["", "far", "", "", "kepler"]
     assert [found[name].standard(1e-9, "trajectory") for name in measured] == [10, 10, 30, 40, 40]
-    assert [curve.method for curve in found["far_regularised"].others] == ["heyoka", "heyoka_regularised"]
+    assert [curve.solver for curve in found["far_regularised"].others] == ["heyoka", "heyoka_regularised"]
     assert found["far_regularised"].own_original == measured["far"][:1]
     # With another perturbation the energies differ, and so do the equations.
     known["kepler"] = defined("kepler", parameters={"GM": "1.8"})
@@ -120,14 +121,8 @@ def test_regularised_system_is_compared_on_its_original_equations_too(cube, monk
 
 @pytest.mark.slow
 def test_positions_are_compared_where_they_were_of_interest(tmp_path):
-    path = tmp_path / "times.h5"
-    problems = {
-        "sho": {"system": "sho", "t_end": "20", "measures": ["max", "position"]},
-        "kepler": {"system": "kepler", "t_end": "20", "measures": ["max"]},
-    }
-    facts = {**FACTS, "libraries": "heyoka 7", "problems": json.dumps(problems)}
-    store.write(path, {}, facts, groups=dict.fromkeys(problems, variables(curves(), "s")))
-    rows = [row for row in rows_of(str(path), ("sho", "kepler")) if row["measure"] == "position"]
+    path = written(tmp_path / "times.h5", {"sho": ["max", "position"]}, sho=solvers(), kepler=solvers())
+    rows = [row for row in rows_of(path, ("sho", "kepler")) if row["measure"] == "position"]
     assert {row["system"] for row in rows} == {systems["sho"].label}
     # timed() makes position errors ten times those of the energy: 1e-9 lies between the last two points.
     one = [row for row in rows if row["compared"] == "one trajectory"]
@@ -138,18 +133,14 @@ def test_positions_are_compared_where_they_were_of_interest(tmp_path):
 @pytest.mark.slow
 def test_regularised_figure_has_column_for_each_system_with_its_original(tmp_path):
     names = ["kepler", "kepler_regularised", "sho"]
-    path = tmp_path / "times.h5"
-    problems = {name: {"system": name, "t_end": "20", "measures": ["max", "position"]} for name in names}
-    facts = {**FACTS, "libraries": "heyoka 7", "problems": json.dumps(problems)}
-    groups = dict.fromkeys(problems, variables(curves(), "s"))
-    both = [curve for curve in curves() if curve.method != "heyoka"]
+    both = [one for one in solvers() if one.method != "heyoka"]
     both.append(timed("babps9o7h", AT, [2e-5, 3e-5, 4e-5]))
     both.append(timed("heyoka_regularised", AT, [1e-5, 1.1e-5, 1.2e-5], kind="peer"))
-    for first, second in zip(both[-2].points, both[-1].points, strict=True):
-        first.tau, second.tolerance = 0.1, 1e-9
-    groups["kepler_regularised"] = variables(both, "s")
-    store.write(path, {}, facts, groups=groups)
-    figure = regularised_figures(names, str(path))["figure"]
+    path = written(
+        tmp_path / "times.h5", dict.fromkeys(names, ("max", "position")),
+        kepler=solvers(), kepler_regularised=both, sho=solvers(),
+    )  # fmt: skip
+    figure = regularised_figures(names, path)["figure"]
     energy, position = figure.axes
     known = looks(figure.legends[0])
     assert list(known) == [
@@ -210,33 +201,17 @@ def test_tables_of_page_are_panels_with_their_times_at_errors(tmp_path):
     assert titles == [f"Sun-Mercury orbit, e = {e}, $t$ = 87660 h" for e in ("0.2", "0.9")]
 
 
-def test_page_of_regularised_problem_has_table_rows_for_all_curves():
-    page = Path(__file__).parents[4] / "docs/results/regularised.md"
-    panels = figure_of_tables(str(page))["figure"].axes
-    assert [len(axes.get_lines()) for axes in panels] == [8] * 4
-    assert {len(line.get_xdata()) for axes in panels for line in axes.get_lines()} == {2, 3}
-
-
 def test_curves_of_regularised_problem_are_told_apart_by_all_readers():
     found = [(*look(Line2D([], [], **drawn)), drawn.get("linewidth", 1) > 4) for _, drawn in CURVES.values()]
     for (colour, *form), (other, *like) in combinations(found, 2):
         assert difference(colour, other, "deuteranopia") >= 10 or form != like
 
 
-@pytest.mark.slow
-def test_without_the_standard_there_are_times_but_no_ratios(cube, monkeypatch):
-    monkeypatch.setattr(comparisons, "STANDARD", "absent")
-    rows = rows_of(cube)
-    assert len(rows) == 6
-    assert all(row["ratio"] != row["ratio"] for row in rows)  # NaN
-    assert rows[0]["ms"] == pytest.approx(0.01, rel=1e-12)
-
-
 def test_ensembles_are_timed_for_methods_among_fastest_at_some_error(monkeypatch):
     monkeypatch.setattr("nearharmonic_paper.experiments.work_precision.run.FRONT", 1)
-    assert front_runners(curves(), ("max",)) == ["leapfrog", "ruth", "babs7o7h"]
-    assert front_runners(curves()[:2], ("max",)) == ["ruth", "babs7o7h"]
-    assert front_runners([timed("ruth", [nan], [1.0])], ("max",)) == []
+    assert front_runners(curves(*solvers()), ("max",)) == ["leapfrog", "ruth", "babs7o7h"]
+    assert front_runners(curves(*solvers()[:2]), ("max",)) == ["ruth", "babs7o7h"]
+    assert front_runners(curves(timed("ruth", [nan], [1.0])), ("max",)) == []
 
 
 @pytest.mark.slow
@@ -252,12 +227,10 @@ def test_figures_show_winning_methods_and_every_library(cube):
         for axes in found[mode].axes:
             known = looks(axes.get_legend())
             assert list(known) == [label(name) for name in names]
-            for curve in curves():
-                if curve.method in names:
-                    points = [point for point in curve.points if point.times.get(mode)]
-                    x = [1e3 * min(point.times[mode]) for point in points]
-                    line = line_of(axes, x, [point.max_energy_error for point in points])
-                    assert look(line) == known[curve.label]
+            for curve in curves(*solvers()):
+                if curve.solver in names:
+                    line = line_of(axes, 1e3 * curve[f"time_{mode}"].values, curve.max_energy_error.values)
+                    assert look(line) == known[curve.label.item()]
             assert len(axes.get_lines()) == len(names)
         (note,) = found[mode].texts
         assert "Versions: heyoka 7." in note.get_text().replace("\n", " ")
@@ -265,14 +238,8 @@ def test_figures_show_winning_methods_and_every_library(cube):
 
 @pytest.mark.slow
 def test_figures_are_drawn_where_nothing_but_one_method_was_timed(tmp_path):
-    path = tmp_path / "times.h5"
-    facts = {
-        **FACTS,
-        "libraries": "",
-        "problems": json.dumps({"sho": {"system": "sho", "t_end": "2", "measures": ["max"]}}),
-    }
-    store.write(path, {}, facts, groups={"sho": variables([timed("ruth", [1e-3], [1e-4])], "s")})
-    for figure in comparison_figures(["sho"], str(path)).values():
+    path = written(tmp_path / "times.h5", {}, sho=[timed("ruth", [1e-3], [1e-4])])
+    for figure in comparison_figures(["sho"], path).values():
         assert len(figure.axes) == 1
         figure.canvas.draw()
-    assert comparison(["sho"], str(path))["table"].rows == []
+    assert comparison(["sho"], path)["table"].rows == []

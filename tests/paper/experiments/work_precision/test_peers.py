@@ -14,9 +14,10 @@ from mpmath import mpf
 from nearharmonic.engine.reference import reference
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.integrators import integrators
+from nearharmonic.recommendation.measure import Interval
 from nearharmonic.systems import System, systems
 from nearharmonic.systems.gradients import velocity, velocity_text
-from nearharmonic_paper.experiments.work_precision.measure import energy_errors, is_installed, missing, peer_curve
+from nearharmonic_paper.experiments.work_precision.measure import energy_errors, is_installed, measured_peer, missing
 from nearharmonic_paper.experiments.work_precision.peers import LIBRARIES, PEERS
 from nearharmonic_paper.experiments.work_precision.peers.numpy import numpy_splitting
 from nearharmonic_paper.experiments.work_precision.peers.peer import Attempt, Peer
@@ -45,8 +46,8 @@ def test_a_library_that_is_missing_is_named_not_skipped(library, monkeypatch):
     assert missing(library) == "not installed"
     for peer in PEERS.values():
         if peer.module == library:
-            curve = peer_curve(peer, systems["kepler"], "5", (0.1, 1.0), None, 1.0)
-            assert (curve.method, curve.status, curve.points) == (peer.name, "not installed", [])
+            solver = measured_peer(peer, Interval(systems["kepler"], "5"), (0.1, 1.0), 1.0)
+            assert (solver.method, solver.status, solver.settings) == (peer.name, "not installed", 0)
     assert is_installed("numpy")
     assert not is_installed("gcc")
 
@@ -126,13 +127,19 @@ def oscillator_path(setting):
     return np.array([[1.0, 0.0], [1.0, sqrt(setting)]]), 7.0  # |dH/H0| = setting
 
 
+def measured_sho(peer, longest=1.0, exact=None):
+    return measured_peer(peer, Interval(systems["sho"], "5", exact), (0.1, 1.0), longest)
+
+
 def test_each_setting_is_a_point_with_its_errors_and_cost():
-    curve = peer_curve(fake(oscillator_path), systems["sho"], "5", (0.1, 1.0), reference(systems["sho"], "5"), 1.0)
-    assert curve.status == "ok"
-    assert [(p.tolerance, p.evaluations, p.steps) for p in curve.points] == [(t, 7.0, 1) for t in (1e-2, 1e-4, 1e-6)]
-    assert [p.max_energy_error for p in curve.points] == pytest.approx([1e-2, 1e-4, 1e-6], rel=1e-9)
-    assert all(p.position_error == pytest.approx(1 - np.cos(5.0), rel=1e-14) for p in curve.points)
-    assert all("trajectory" in p.calls for p in curve.points)
+    solver = measured_sho(fake(oscillator_path), exact=reference(systems["sho"], "5"))
+    found = {name: solver.columns[name].tolist() for name in solver.columns}
+    assert solver.status == "ok"
+    assert found["tolerance"] == [1e-2, 1e-4, 1e-6]
+    assert (found["evaluations"], found["steps"]) == ([7.0] * 3, [1] * 3)
+    assert found["max_energy_error"] == pytest.approx([1e-2, 1e-4, 1e-6], rel=1e-9)
+    assert found["position_error"] == pytest.approx([1 - np.cos(5.0)] * 3, rel=1e-14)
+    assert list(solver.calls) == [("trajectory", i) for i in range(3)]
 
 
 def test_failing_run_has_infinite_error_and_no_time():
@@ -141,9 +148,9 @@ def test_failing_run_has_infinite_error_and_no_time():
             raise ZeroDivisionError
         return oscillator_path(setting)
 
-    first, second, _ = peer_curve(fake(path), systems["sho"], "5", (0.1, 1.0), None, 1.0).points
-    assert (first.max_energy_error, first.calls) == (inf, {})
-    assert second.max_energy_error < inf
+    solver = measured_sho(fake(path))
+    assert np.isfinite(solver.columns["max_energy_error"]).tolist() == [False, True, True]
+    assert [i for _, i in solver.calls] == [1, 2]
 
 
 def test_refining_ends_where_run_takes_too_long_and_says_so():
@@ -152,9 +159,9 @@ def test_refining_ends_where_run_takes_too_long_and_says_so():
             raise TimeoutError
         return oscillator_path(setting)
 
-    curve = peer_curve(fake(path), systems["sho"], "5", (0.1, 1.0), None, 0.5)
-    assert [p.tolerance for p in curve.points] == [1e-2]
-    assert curve.status == "stopped where a run took longer than 0.5 s"
+    solver = measured_sho(fake(path), 0.5)
+    assert solver.columns["tolerance"].tolist() == [1e-2]
+    assert solver.status == "stopped where a run took longer than 0.5 s"
 
 
 def test_long_diverging_coarse_run_does_not_end_refinement(monkeypatch):
@@ -164,27 +171,28 @@ def test_long_diverging_coarse_run_does_not_end_refinement(monkeypatch):
     def path(setting):
         return oscillator_path(setting if setting < 1e-1 else inf)
 
-    curve = peer_curve(fake(path, settings=(1.0, 1e-2, 1e-4)), systems["sho"], "5", (0.1, 1.0), None, 0.5)
-    assert [(p.tolerance, p.max_energy_error) for p in curve.points] == [(1.0, inf)]
-    assert curve.status.startswith("stopped")
+    solver = measured_sho(fake(path, settings=(1.0, 1e-2, 1e-4)), 0.5)
+    assert [solver.columns[name].tolist() for name in ("tolerance", "max_energy_error")] == [[1.0], [inf]]
+    assert solver.status.startswith("stopped")
 
 
 def test_refining_ends_where_rounding_takes_over():
     settings = (1e-6, 1e-12, 1e-12, 1e-13)
-    curve = peer_curve(fake(oscillator_path, settings=settings), systems["sho"], "5", (0.1, 1.0), None, 1.0)
-    assert len(curve.points) == 3
+    assert measured_sho(fake(oscillator_path, settings=settings)).settings == 3
 
 
 def test_peer_of_accelerations_is_refused_where_they_depend_on_momenta():
-    curve = peer_curve(fake(oscillator_path, quadratic_only=True), RELATIVISTIC, "5", (0.1, 1.0), None, 1.0)
-    assert curve.status == "does not fit: it requires T = p.p/2"
+    peer = fake(oscillator_path, quadratic_only=True)
+    assert (
+        measured_peer(peer, Interval(RELATIVISTIC, "5"), (0.1, 1.0), 1.0).status
+        == "does not fit: it requires T = p.p/2"
+    )
 
 
 def test_steps_per_stage_go_from_coarse_to_fine():
-    peer = fake(oscillator_path, settings=(), stages=10)
-    curve = peer_curve(peer, systems["sho"], "5", (0.1, 1.0), None, 1.0)
-    assert curve.points[0].tau_per_stage == pytest.approx(0.5, rel=1e-12)  # one step over [0, 5], ten stages
-    assert all(point.tau == 5.0 for point in curve.points)
+    found = measured_sho(fake(oscillator_path, settings=(), stages=10)).columns
+    assert found["tau_per_stage"][0] == pytest.approx(0.5, rel=1e-12)  # one step over [0, 5], ten stages
+    assert set(found["tau"]) == {5.0}
 
 
 def test_lanes_are_timed_where_library_has_them_and_nowhere_else():
@@ -195,14 +203,14 @@ def test_lanes_are_timed_where_library_has_them_and_nowhere_else():
         )
 
     for lanes, modes in ((None, {"trajectory"}), (lambda: "eight", {"trajectory", "lanes"})):
-        (point, *_) = peer_curve(peer(lanes), systems["sho"], "5", (0.1, 1.0), None, 1.0).points
-        assert set(point.calls) == modes
-        assert [point.calls[mode]() for mode in sorted(modes, reverse=True)] == ["one", "eight"][: len(modes)]
+        calls = {mode: call for (mode, i), call in measured_sho(peer(lanes)).calls.items() if i == 0}
+        assert set(calls) == modes
+        assert [calls[mode]() for mode in sorted(modes, reverse=True)] == ["one", "eight"][: len(modes)]
 
 
 def test_a_run_gone_astray_for_long_is_not_timed(monkeypatch):
     clock = iter(range(0, 100, 10))  # each path seems to take ten seconds
     monkeypatch.setattr("nearharmonic_paper.experiments.work_precision.measure.time.perf_counter", lambda: next(clock))
-    curve = peer_curve(fake(oscillator_path, settings=(4.0, 1e-2)), systems["sho"], "5", (0.1, 1.0), None, 0.5)
-    assert [(p.max_energy_error, p.calls) for p in curve.points] == [(4.0, {})]
-    assert curve.status.startswith("stopped")
+    solver = measured_sho(fake(oscillator_path, settings=(4.0, 1e-2)), 0.5)
+    assert (solver.columns["max_energy_error"].tolist(), solver.calls) == ([4.0], {})
+    assert solver.status.startswith("stopped")

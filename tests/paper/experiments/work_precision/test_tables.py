@@ -2,38 +2,39 @@
 
 from __future__ import annotations
 
-import csv
 import json
-from math import isnan, nan
+from math import isnan
 
+import numpy as np
 import pytest
 
 from nearharmonic.output import store
-from nearharmonic.output.table import save
-from nearharmonic.recommendation.curve import Curve, Point
-from nearharmonic.recommendation.timings import variables
-from nearharmonic_paper.experiments.work_precision.tables import markdown, rows, table, time_to_error
+from nearharmonic.recommendation.measure import Solver, variables
+from nearharmonic_paper.experiments.work_precision.tables import markdown, rows, time_to_error
+from support.cubes.figure_cubes import curves
 
 #: From coarse to fine: errors, and seconds alone, in lanes and with energies. Mean errors are a tenth.
 ERRORS = (1e-3, 1e-6, 1e-9)
 
 
 def curve(name, seconds, errors=ERRORS, kind="splitting"):
-    points = [
-        Point(
-            tau=0.5 / 2**i, tolerance=nan, evaluations=1e6 * time, max_energy_error=error, mean_energy_error=error / 10,
-            times={"trajectory": [2 * time, time], "lanes": [time / 4, time / 2], "energy": [3 * time, 5 * time]},
-        )
-        for i, (time, error) in enumerate(zip(seconds, errors, strict=True))
-    ]  # fmt: skip
-    return Curve(method=name, label=name.title(), kind=kind, points=points, setup=2e-5, sweep=0.25)
+    worst, least = np.array(errors), np.array(seconds)
+    columns = {"max_energy_error": worst, "mean_energy_error": worst / 10, "evaluations": 1e6 * least}
+    columns["tau"] = 0.5 / 2 ** np.arange(worst.size)
+    repeats = {}
+    for i, time in enumerate(seconds):
+        repeats["trajectory", i] = [2 * time, time]
+        repeats["lanes", i], repeats["energy", i] = [time / 4, time / 2], [3 * time, 5 * time]
+    told = {"columns": columns, "times": repeats, "setup": 2e-5, "sweep": 0.25}
+    return Solver(method=name, label=name.title(), kind=kind, **told)
 
 
 SLOW = curve("slow", (0.001, 0.004, 0.016))
 FAST = curve("fast", (0.002, 0.003, 0.005), kind="peer")
 COARSE = curve("coarse", (1e-5, 1e-4, 1.5e-3), errors=(1.0, 1e-2, 1e-3))
-ABSENT = Curve(method="absent", label="Absent", kind="peer", status="not installed")
-CURVES = (SLOW, ABSENT, FAST, COARSE)
+ABSENT = Solver(method="absent", label="Absent", kind="peer", status="not installed")
+SOLVERS = (SLOW, ABSENT, FAST, COARSE)
+CURVES = curves(*SOLVERS)
 FACTS = {"measured": "today", "cpu": "Fast 9", "pinned_core": "1", "load_average": "0", "clock": "c"}
 
 
@@ -77,19 +78,6 @@ def test_ranks_follow_time_and_unreached_methods_have_none(found):
     assert found["max", 1e-3, "absent"]["method_status"] == "not installed"
 
 
-def test_the_file_has_every_row_with_six_digits(tmp_path):
-    lines = list(rows("toy", "20", ("max",), CURVES))
-    save(table("toy", lines), [tmp_path / "table.csv"])
-    with (tmp_path / "table.csv").open(newline="") as file:
-        read = list(csv.DictReader(file))
-    assert len(read) == 4 * 4
-    (line,) = [row for row in read if (row["target"], row["method"]) == ("1e-06", "fast")]
-    assert {key: line[key] for key in ("rank", "time_ms", "lanes_time_ms", "energy_time_ms", "evaluations", "tau")} == {
-        "rank": "1", "time_ms": "3", "lanes_time_ms": "0.75", "energy_time_ms": "9", "evaluations": "3000",
-        "tau": "0.25",
-    }  # fmt: skip
-
-
 @pytest.fixture
 def page():
     return markdown("toy", [("20", ("max",), CURVES)], FACTS).splitlines()
@@ -125,7 +113,7 @@ def test_task_tells_of_one_system_what_file_has_on_it(tmp_path):
         "near": {"system": "kepler", "t_end": "5", "measures": ["position"]},
         "far": {"system": "kepler", "t_end": "7", "measures": ["mean", "max"]},
     }
-    groups = {name: variables(CURVES if name == "far" else [SLOW], "h") for name in told}
+    groups = {name: variables(SOLVERS if name == "far" else [SLOW], "h") for name in told}
     store.write(tmp_path / "times.h5", {}, {**FACTS, "problems": json.dumps(told)}, groups=groups)
     made = time_to_error("kepler", str(tmp_path / "times.h5"))
     lines = made["csv"].records()

@@ -6,33 +6,36 @@ from fractions import Fraction
 from math import inf, isnan, nan
 
 import mpmath
+import numpy as np
 import pytest
 from mpmath import cos, mpf
 
 from nearharmonic.engine.reference import position_t_end, reference
-from nearharmonic.engine.settings import Sweep
+from nearharmonic.engine.settings import Sweep, tau_grid
 from nearharmonic.integrators import integrators
 from nearharmonic.output import store
-from nearharmonic.recommendation.curve import (
-    Curve,
-    Point,
+from nearharmonic.recommendation import measure as engine
+from nearharmonic.recommendation.measure import (
+    Interval,
+    Solver,
+    clock,
     cross,
     crossing,
-    for_good,
-    ns_per_evaluation,
-    ranking,
-)
-from nearharmonic.recommendation.own import (
+    curves_of,
     ensemble_call,
-    grid,
+    for_good,
+    measure,
+    measured,
+    ns_per_evaluation,
     prepared_calls,
-    splitting_curve,
+    ranking,
+    settings_of,
+    variables,
 )
-from nearharmonic.recommendation.timings import curves_of, variables
 from nearharmonic.systems import systems
-from nearharmonic_paper.experiments.work_precision.run import clock, curves_on, problems
+from nearharmonic_paper.experiments.work_precision.run import intervals, solvers_on
 from nearharmonic_paper.experiments.work_precision.settings import WorkPrecisionSettings
-from support.cubes.figure_cubes import label, timed
+from support.cubes.figure_cubes import curves, label, timed
 from support.oracles.reference_solutions import oscillator_state
 
 
@@ -94,22 +97,21 @@ def test_errors_for_good_never_rise_and_end_at_the_least():
 
 def made(method, errors, times, kind="splitting", **more):
     """A curve whose point i has the error errors[i], taken in times[i] seconds by 1000 times as many evaluations."""
-    curve = timed(method, errors, times, kind, **more)
-    for i, point in enumerate(curve.points):
-        point.tau, point.evaluations = 1.0 / (i + 1), 1e6 * times[i]
-    return curve
+    solver = timed(method, errors, times, kind, **more)
+    solver.columns["evaluations"] = 1e6 * np.array(times)
+    return solver
 
 
 def test_ranking_goes_by_time_and_ends_with_those_that_fail():
     slow = made("slow", [1e-2, 1e-9], [1e-3, 1e-2])
     fast = made("fast", [1e-2, 1e-9], [1e-5, 1e-4])
     never = made("never", [1e-2, 1e-3], [1e-6, 1e-5])
-    order = [curve.method for curve, _ in ranking([never, slow, fast], "max", 1e-6)]
+    order = [curve.solver.item() for curve, _ in ranking(curves(never, slow, fast), "max", 1e-6)]
     assert order == ["fast", "slow", "never"]
 
 
 def test_each_measure_reads_its_own_error_and_the_least_time():
-    curve = made("one", [1e-3, 1e-6], [1e-5, 1e-4])
+    (curve,) = curves(made("one", [1e-3, 1e-6], [1e-5, 1e-4]))
     assert crossing(curve, "max", 1e-6).time == pytest.approx(1e-4, rel=1e-12)
     assert crossing(curve, "mean", 5e-7).time == pytest.approx(1e-4, rel=1e-12)
     assert crossing(curve, "position", 1e-6).status == "not reached"
@@ -117,22 +119,21 @@ def test_each_measure_reads_its_own_error_and_the_least_time():
 
 
 def test_untimed_point_is_not_part_of_curve():
-    curve = made("one", [1e-3, 1e-6], [1e-5, 1e-4])
+    (curve,) = curves(made("one", [1e-3, 1e-6], [1e-5, 1e-4]))
     assert crossing(curve, "max", 1e-4, mode="lanes").status == "not reached"
     assert isnan(ns_per_evaluation(curve, "lanes"))
 
 
 def test_chaos_gets_a_shorter_interval_for_positions_and_only_there():
-    assert [(p.name, p.t_end, p.measures) for p in problems(systems["henon_heiles"], "500")] == [
-        ("henon_heiles", "500", ("max", "mean")),
-        ("henon_heiles_position", "20", ("position",)),
-    ]
-    assert [p.measures for p in problems(systems["henon_heiles"], "20")] == [("max", "mean", "position")]
-    assert [p.t_end for p in problems(systems["kepler"], "87660")] == ["87660"]
+    assert intervals(systems["henon_heiles"], "500") == {
+        "henon_heiles": ("500", ("max", "mean")), "henon_heiles_position": ("20", ("position",)),
+    }  # fmt: skip
+    assert intervals(systems["henon_heiles"], "20") == {"henon_heiles": ("20", ("max", "mean", "position"))}
+    assert intervals(systems["kepler"], "87660") == {"kepler": ("87660", ("max", "mean", "position"))}
 
 
 def test_grid_visits_each_number_of_steps_once_from_coarse():
-    points = grid(integrators["ruth"], "10", 1e-3, 10.0, 10, 1000)
+    points = settings_of(integrators["ruth"], "10", tau_grid(1e-3, 10.0, 10), 1000)
     steps = [n for _, n in points]
     assert steps == sorted(set(steps))
     assert steps[0] == 1
@@ -146,11 +147,13 @@ PHASE = 20 * 2.2e-16
 
 def test_errors_of_a_curve_are_those_of_the_matrix_power():
     tableau = integrators["aba864"]
-    curve = splitting_curve(systems["sho"], tableau, "20", [(0.1, 29), (0.05, 57)], reference(systems["sho"], "20"))
-    for point, steps in zip(curve.points, (29, 57), strict=True):
+    here = Interval(systems["sho"], "20", reference(systems["sho"], "20"))
+    found = measure(here, [tableau], (0.05, 0.1)).isel(solver=0)
+    assert (found.time_trajectory > 0).all()
+    for i, steps in enumerate((29, 57)):
         q, _ = oscillator_state(tableau, mpf(20) / steps, steps)
-        assert point.position_error == pytest.approx(float(abs(q - cos(mpf(20)))), abs=PHASE)
-        assert point.evaluations == 7 * steps
+        assert found.position_error[i].item() == pytest.approx(float(abs(q - cos(mpf(20)))), abs=PHASE)
+        assert (found.steps[i], found.evaluations[i]) == (steps, 7 * steps)
 
 
 @pytest.mark.parametrize("summation", ["compensated", "plain"])
@@ -179,39 +182,37 @@ def test_an_ensemble_has_fewer_members_the_longer_they_run():
 
 def test_sums_are_plain_if_harmless_and_compensated_otherwise():
     """Plain sums of 1e5 steps err by some 1e-14; the method by 1e-3 in the coarse run, below 1e-15 in the fine one."""
-    coarse, fine = splitting_curve(systems["sho"], integrators["aba864"], "20", [(0.5, 6), (3e-4, 10_000)], None).points
-    assert (coarse.compensated, fine.compensated) == (0.0, 1.0)
-    assert coarse.max_energy_error > 1e-6
-    assert fine.max_energy_error < 1e-14
-    plain = splitting_curve(systems["sho"], integrators["aba864"], "20", [(3e-4, 10_000)], None, "plain").points[0]
-    assert plain.compensated == 0.0
-    assert plain.max_energy_error > 1.05 * fine.max_energy_error
+    here, points = Interval(systems["sho"], "20"), [(0.5, 6), (3e-4, 10_000)]
+    found = measured(here, integrators["aba864"], points).columns
+    coarse, fine = found["max_energy_error"]
+    assert found["compensated"].tolist() == [0.0, 1.0]
+    assert coarse > 1e-6
+    assert fine < 1e-14
+    plain = measured(here, integrators["aba864"], points[1:], "plain").columns
+    assert plain["compensated"].tolist() == [0.0]
+    assert plain["max_energy_error"][0] > 1.05 * fine
 
 
 def test_times_are_per_trajectory(monkeypatch):
-    monkeypatch.setattr(
-        "nearharmonic_paper.experiments.work_precision.run.interleaved",
-        lambda calls, _: [[8.0, 16.0] for _ in calls],
-    )
-    point = Point(calls={"trajectory": lambda: None, "lanes": lambda: None, "energy": lambda: None}, members=8)
-    clock([Curve(method="m", label="m", kind="splitting", points=[point])], ("lanes", "trajectory"))
-    assert point.times == {"lanes": [1.0, 2.0], "trajectory": [8.0, 16.0]}
+    monkeypatch.setattr(engine, "interleaved", lambda calls, _: [[8.0, 16.0] for _ in calls])
+    calls = dict.fromkeys([("trajectory", 0), ("lanes", 0), ("energy", 0)], lambda: None)
+    solver = Solver(method="m", label="m", kind="splitting", columns={"members": [8]}, calls=calls)
+    clock([solver], ("lanes", "trajectory"))
+    assert solver.times == {("lanes", 0): [1.0, 2.0], ("trajectory", 0): [8.0, 16.0]}
 
 
 def test_the_file_gives_back_what_was_measured(tmp_path):
     first = made("first", [1e-3, 1e-6, 1e-9], [1e-5, 1e-4, 1e-3], setup=1e-4)
-    empty = Curve(method="absent", label="Absent", kind="peer", status="not installed")
+    empty = Solver(method="absent", label="Absent", kind="peer", status="not installed")
     store.write(tmp_path / "times.h5", {}, {"problems": "{}"}, groups={"sho": variables([first, empty], "s")})
     group = store.read(tmp_path / "times.h5", "sho")
     back, absent = curves_of(group)
-    assert (back.label, back.kind, back.setup, absent.status, absent.points) == (
-        label("first"), "splitting", 1e-4, "not installed", []
-    )  # fmt: skip
-    assert [p.max_energy_error for p in back.points] == [1e-3, 1e-6, 1e-9]
-    assert [p.times["trajectory"] for p in back.points] == [[1e-5], [1e-4], [1e-3]]
+    assert (back.label, back.kind, back.setup) == (label("first"), "splitting", 1e-4)
+    assert (absent.status, absent.sizes["point"]) == ("not installed", 0)
+    assert back.max_energy_error.values.tolist() == [1e-3, 1e-6, 1e-9]
+    assert back.time_trajectory.values.tolist() == [1e-5, 1e-4, 1e-3]
     assert group.repeats_trajectory.sel(solver="first").values.tolist() == [3, 3, 3]
     assert group.time_trajectory.sel(solver="first", quartile="median").values.tolist() == [2e-5, 2e-4, 2e-3]
-    assert crossing(back, "max", 1e-7).time == crossing(first, "max", 1e-7).time
 
 
 def test_a_small_measurement_has_every_method_and_every_mode():
@@ -220,18 +221,20 @@ def test_a_small_measurement_has_every_method_and_every_mode():
         summation="compensated", samples=2, shards=1,
     )  # fmt: skip
     settings = WorkPrecisionSettings(points_per_decade=4, evaluations=200, peers=("numpy",), longest=1.0)
-    (problem,) = problems(systems["sho"], "5")
-    (ours, theirs, _), exact = curves_on(problem, [integrators["aba864"]], sweep, settings)
-    assert exact is not None
-    assert all(set(p.times) == {"trajectory", "lanes", "energy"} for p in ours.points)
-    assert all(set(p.times) == {"trajectory"} for p in theirs.points if p.max_energy_error < inf)
-    for point in ours.points:
+    here = Interval(systems["sho"], "5", reference(systems["sho"], "5"))
+    ours, theirs, _ = curves(*solvers_on(here, ("max", "position"), [integrators["aba864"]], sweep, settings))
+    assert ours.position_error[-1] < 1e-2
+    assert all((ours[f"time_{mode}"] > 0).all() for mode in ("trajectory", "lanes", "energy"))
+    assert ours.members.values.tolist() == [2048] * ours.sizes["point"]
+    assert (theirs.time_trajectory.notnull() == np.isfinite(theirs.max_energy_error)).all()
+    assert theirs.time_lanes.isnull().all()
+    for steps, error in zip(ours.steps.values, ours.max_energy_error.values, strict=True):
         # The same method at the same step: plain numpy adds no more than rounding.
-        twins = [p for p in theirs.points if p.steps == point.steps]
-        assert all(t.max_energy_error == pytest.approx(point.max_energy_error, rel=1e-6, abs=1e-13) for t in twins)
+        twins = theirs.max_energy_error.values[theirs.steps.values == steps]
+        assert twins == pytest.approx(np.full(twins.size, error), rel=1e-6, abs=1e-13)
 
 
 def test_fractions_of_the_interval_are_compared_as_numbers():
-    assert len(problems(systems["sho"], "20.0")) == 1
+    assert len(intervals(systems["sho"], "20.0")) == 1
     assert Fraction(position_t_end(systems["henon_heiles"], "9")) == 9
     assert mpmath.mp.dps == 60  # no computation here leaves another precision behind

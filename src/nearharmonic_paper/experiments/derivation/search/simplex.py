@@ -11,59 +11,43 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import factorial
 from operator import itemgetter
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 from gmpy2 import mpz
 from mpmath import mp, mpf
 
+from nearharmonic.output.table import progress
 from nearharmonic_paper.experiments.derivation.conditions import DERIVATIVES, Equations
 from nearharmonic_paper.experiments.derivation.isolated import IsolatedSolutions
 
 Vertex = tuple[int, list[int]]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Simplex:
-    """Settings of the simplex.
+#: A simplex has collapsed if its values agree to this number of bits.
+COLLAPSED_BITS = 12
+#: Inverse of the edges of a new simplex, and maximum ratio of edges to objective: with conditions as badly scaled as
+#: those of the sets in Table 4, a solution is within this multiple of the objective.
+LONGEST_EDGE, EDGE_FACTOR = 20, 10_000
+#: Random starts are uniform in [-BOX, BOX].
+BOX = 1.0
+#: Distance from a root, as a decimal, below which the simplex has reached it.
+NEAR = "1e-6"
 
-    Attributes
-    ----------
-    bits : int
-        Precision of the arithmetic.
-    digits : int
-        Number of decimals to which kappa vanishes at a solution.
-    evaluations : int
-        Maximum number of evaluations of the objective from one point.
-    collapsed_bits : int
-        A simplex has collapsed if its values agree to this number of bits.
-    longest_edge : int
-        The inverse of the edges of a new simplex.
-    edge_factor : int
-        Maximum ratio of edges to objective: with conditions as badly scaled as those of the sets in Table 4, a solution
-        is within this multiple of the objective.
-    box : float
-        Random starts are uniform in [-box, box].
-    near : str
-        Distance from a root, as a decimal, below which the simplex has reached it.
-    """
+
+class Simplex(NamedTuple):
+    """Bits of the arithmetic, decimals to which kappa vanishes at a solution, and most evaluations from one point."""
 
     bits: int = 2048
     digits: int = 128
     evaluations: int = 40_000
-    collapsed_bits: int = 12
-    longest_edge: int = 20
-    edge_factor: int = 10_000
-    box: float = 1.0
-    near: str = "1e-6"
 
-    @property
-    def short(self) -> Simplex:
-        """Settings of the short run that selects random starts for long runs."""
-        return replace(self, bits=192, digits=4, evaluations=800)
+
+#: The short run that selects random starts for long runs.
+SHORT = Simplex(bits=192, digits=4, evaluations=800)
 
 
 @dataclass(frozen=True)
@@ -100,8 +84,7 @@ def minimise(
     start: Sequence[float],
     *,
     seed: int,
-    settings: Simplex = Simplex(),
-    report: Callable[[str], None] = lambda _: None,
+    settings: Simplex,
 ) -> Minimum:
     """Run the simplex from ``start`` until kappa_max < 10^-digits, or until the evaluations are spent."""
     bits, evaluations = settings.bits, settings.evaluations
@@ -111,7 +94,7 @@ def minimise(
     best: Vertex = objective(x), x
     tolerance, restarts = one // 10**settings.digits, -1
     while best[0] >= tolerance and objective.calls < evaluations:
-        edge = min(one // settings.longest_edge, best[0] * settings.edge_factor)
+        edge = min(one // LONGEST_EDGE, best[0] * EDGE_FACTOR)
         simplex = [best]
         for i in range(equations.unknowns):
             vertex = list(best[1])
@@ -120,7 +103,7 @@ def minimise(
         best = _collapse(simplex, objective, tolerance, settings)
         restarts += 1
         with mp.workprec(bits):
-            report(f"simplex: {objective.calls} evaluations, kappa_max {mp.nstr(mpf(max(best[0], 1)) / one, 3)}")
+            progress(f"simplex: {objective.calls} evaluations, kappa_max {mp.nstr(mpf(max(best[0], 1)) / one, 3)}")
     converged = best[0] < tolerance
     with mp.workprec(bits):
         unknowns = tuple(mpf(c) / one for c in best[1]) if converged else ()
@@ -133,8 +116,6 @@ def promising_starts(
     *,
     starts: int,
     seed: int,
-    settings: Simplex = Simplex(),
-    report: Callable[[str], None] = lambda _: None,
 ) -> list[list[float]]:
     """Return the points among ``starts`` random ones from which a short run in low precision comes near a root.
 
@@ -142,10 +123,10 @@ def promising_starts(
     """
     generator, found = random.Random(seed), []
     for number in range(starts):
-        start = [generator.uniform(-settings.box, settings.box) for _ in range(equations.unknowns)]
-        if minimise(equations, start, seed=number, settings=settings.short).converged:
+        start = [generator.uniform(-BOX, BOX) for _ in range(equations.unknowns)]
+        if minimise(equations, start, seed=number, settings=SHORT).converged:
             found.append(start)
-            report(f"simplex: {len(found)} of {number + 1} random starts lead near a root")
+            progress(f"simplex: {len(found)} of {number + 1} random starts lead near a root")
     return found
 
 
@@ -155,16 +136,15 @@ def simplex_runs(
     starts: int,
     seed: int,
     settings: Simplex,
-    report: Callable[[str], None] = lambda _: None,
 ) -> list[SimplexRun]:
     """Solve a case by the method of the paper, from every random point that a short run finds promising.
 
     ``starts`` is the number of random points, and ``seed`` the seed of these and of the simplex.
     """
-    promising = promising_starts(case.equations, starts=starts, seed=seed, settings=settings, report=report)
+    promising = promising_starts(case.equations, starts=starts, seed=seed)
     runs = []
     for start in promising:
-        outcome = minimise(case.equations, start, seed=seed, settings=settings, report=report)
+        outcome = minimise(case.equations, start, seed=seed, settings=settings)
         reached, distance = _nearest_root(case, outcome, settings)
         runs.append(SimplexRun(case.equations.stages, starts, len(promising), tuple(start), outcome, reached, distance))
     return runs
@@ -176,7 +156,7 @@ def _nearest_root(case: IsolatedSolutions, outcome: Minimum, settings: Simplex) 
         for number, other in enumerate(case.roots) if outcome.converged else ():
             centre = [mpf(c) for c in case.equations.halved(other.outer, other.inner)]
             apart = max(abs(a - b) for a, b in zip(outcome.unknowns, centre, strict=True))
-            if apart < mpf(settings.near):
+            if apart < mpf(NEAR):
                 return number, apart
     return None, None
 
@@ -192,7 +172,7 @@ def _collapse(
     simplex = sorted(simplex, key=by_value)
     while simplex[0][0] >= tolerance and objective.calls < settings.evaluations:  # type: ignore[attr-defined]
         (lowest, best), (highest, worst) = simplex[0], simplex[-1]
-        if (highest - lowest) << settings.collapsed_bits < lowest:
+        if (highest - lowest) << COLLAPSED_BITS < lowest:
             break
         centroid = [sum(column) // n for column in zip(*(x for _, x in simplex[:-1]), strict=True)]
         reflected = _moved(objective, centroid, worst, one, bits)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.numerics.search import RandomStarts, distinct
+from nearharmonic.output.table import progress
 from nearharmonic_paper.experiments.derivation.conditions import Equations
 from nearharmonic_paper.experiments.derivation.search.kernels import Case, solve
 
@@ -26,19 +26,18 @@ class SearchResult:
     converged: int
 
 
-def search(equations: Equations, starts: RandomStarts, report: Callable[[str], None] = lambda _: None) -> SearchResult:
+def search(equations: Equations, starts: RandomStarts) -> SearchResult:
     """Return the distinct isolated solutions that are found from random points, without free parameters.
 
-    Solutions are the same if they agree relative to their largest unknown. ``report`` is called with a line on the
-    progress after each batch of starts.
+    Solutions are the same if they agree relative to their largest unknown.
     """
-    points = sample(equations, starts, report)
+    points = sample(equations, starts)
     merged, hits = distinct(points, starts.same, relative=True)
     order = sorted(range(len(hits)), key=lambda i: (-hits[i], tuple(merged[i])))
     return SearchResult(merged[order], tuple(hits[i] for i in order), starts.count, len(points))
 
 
-def sample(equations: Equations, starts: RandomStarts, report: Callable[[str], None] = lambda _: None) -> Floats:
+def sample(equations: Equations, starts: RandomStarts) -> Floats:
     """Return one solution (solution, unknown) per convergent start, in the order of the starts.
 
     With free parameters, a start converges to a point near it by steps of minimal length. The sample is not uniform.
@@ -50,5 +49,5 @@ def sample(equations: Equations, starts: RandomStarts, report: Callable[[str], N
         ends, solved = solve(case, points, starts.bound)
         kept.append(ends[solved])
         name = f"{equations.stages} stages, harmonic order {equations.harmonic_order}"
-        report(f"{name}: {done + len(points)} of {starts.count} starts, {sum(map(len, kept))} converged")
+        progress(f"{name}: {done + len(points)} of {starts.count} starts, {sum(map(len, kept))} converged")
     return np.concatenate(kept)

@@ -3,8 +3,7 @@
 A step makes 2 s + 1 updates y += c tau dy/dt, each rounded by up to u = 2^-53 of y (plain summation) or of the
 increment (compensated), of either sign: N of them add up to sqrt(N) u times their root mean square as a random walk,
 and to N u times it at the worst, if all push one way. The flow carries each error on: the sums are multiplied by the
-root mean square over time of the tangent map's norm. The cube and its table are made here as well. No integration
-depends on this module.
+root mean square over time of the tangent map's norm.
 """
 
 from __future__ import annotations
@@ -114,12 +113,8 @@ def energy_walk(runs: xr.Dataset) -> xr.DataArray:
 def tangent_map(high: Any, low: Any, spacing: float) -> NDArray[Any]:
     """Return the derivatives (2 d, 2 d) of a state by its start, by the five-point rule in exact arithmetic.
 
-    Parameters
-    ----------
-    high, low : array of shape (2 d, 4, 2 d)
-        States as pairs of doubles, from starts at -2, -1, 1 and 2 spacings along each axis.
-    spacing : float
-        Distance of neighbouring starts.
+    ``high``, ``low`` (2 d, 4, 2 d): states as pairs of doubles, from starts at -2, -1, 1 and 2
+    spacings along each axis. ``spacing``: distance of neighbouring starts.
     """
     far_below, below, above, far_above = np.moveaxis(_exact(high) + _exact(low), 1, 0)
     map_: NDArray[Any] = ((8 * (above - below) - (far_above - far_below)) / (12 * Fraction(spacing))).T
@@ -170,24 +165,15 @@ def _rms(values: Any) -> float:
 
 
 def _of_each(function: Callable[..., Any], *columns: xr.DataArray, outputs: int = 1) -> Any:
-    """Apply a function to the arrays of each method, without padded samples."""
-    inner = [[str(name) for name in column.dims if name != "integrator"] for column in columns]
-
-    def known(*arrays: Any) -> Any:
-        return function(*(_sampled(array, dims) for array, dims in zip(arrays, inner, strict=True)))
-
-    return xr.apply_ufunc(
-        known, *columns, input_core_dims=inner, output_core_dims=[[]] * outputs, vectorize=True,
-        output_dtypes=[float] * outputs,
-    )  # fmt: skip
-
-
-def _sampled(array: Any, dims: list[str]) -> Any:
-    if "sample" not in dims:
-        return array
-    axis = dims.index("sample")
-    others = tuple(i for i in range(array.ndim) if i != axis)
-    return np.compress(~np.isnan(array).all(axis=others), array, axis=axis)
+    """Apply a function to the arrays of each method, without padded samples; return an array for each output."""
+    methods, found = columns[0].integrator, []
+    for i in range(methods.size):
+        parts = [column.isel(integrator=i) for column in columns]
+        kept = [part.dropna("sample", how="all") if "sample" in part.dims else part for part in parts]
+        found.append(function(*(part.values for part in kept)))
+    if outputs == 1:
+        return methods.copy(data=np.array(found, dtype=float))
+    return [methods.copy(data=np.array(column, dtype=float)) for column in zip(*found, strict=True)]
 
 
 CAPTION = "Reversibility, symplecticity and mean energy, relative, each beside what rounding alone would give."

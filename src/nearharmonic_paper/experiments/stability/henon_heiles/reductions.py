@@ -2,7 +2,7 @@
 
 It has ``escaped`` over (integrator, energy, tau_per_stage), and ``energy_error`` over quantile as well. These two are
 distributions over the trajectories, taken in the jobs that integrate: the errors of all trajectories would be 34 MB a
-method. The cube and its table are made here as well. No integration depends on this module.
+method.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 It has ``q`` and ``p``, once a period, over (integrator, tau_per_stage, eccentricity, sample, component), and what the
 cube takes over, over (integrator, tau_per_stage, eccentricity). With ``over="tau_per_stage"`` a reduction takes whole
-curves of the cube instead. The cube and its table are made here as well. No integration depends on this module.
+curves of the cube instead.
 """
 
 from __future__ import annotations
@@ -62,16 +62,8 @@ def evaluations_for_contour(cube: xr.Dataset) -> xr.DataArray:
 def rotation_per_sample(q: Floats, p: Floats) -> Floats:
     """Return the mean rotation per sample (rad) of the Laplace-Runge-Lenz vector of orbits, by least squares.
 
-    Parameters
-    ----------
-    q, p : array of shape (..., samples, 2)
-        States of each orbit.
-
-    Returns
-    -------
-    array of shape (...)
-        NaN if a sample is missing, or if the vector rotates by more than a quarter turn between two samples, so that
-        the sense of rotation is ambiguous.
+    ``q``, ``p`` (..., samples, 2): states of each orbit. The result (...) is NaN if a sample is missing, or if the
+    vector rotates by more than a quarter turn between two samples, so that the sense of rotation is ambiguous.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
         angle = perihelion_angle((q[..., 0], q[..., 1]), (p[..., 0], p[..., 1]), 1.0)
@@ -86,19 +78,8 @@ def rotation_per_sample(q: Floats, p: Floats) -> Floats:
 def evaluations_below(evaluations: NDArray[Any], error: Floats, level: float) -> float:
     """Return the number of evaluations from which on an error stays below ``level``.
 
-    Parameters
-    ----------
-    evaluations : array of shape (n,)
-        Ascending; neighbours may be equal if their errors are.
-    error : array of shape (n,)
-        NaN without a run, which counts as below.
-    level : float
-        Above 0.
-
-    Returns
-    -------
-    float
-        Number of evaluations, interpolated in the logarithms; NaN if the last error is not below.
+    ``evaluations`` (n,): ascending; neighbours may be equal if their errors are. ``error`` (n,): NaN without a run,
+    which counts as below. It is interpolated in the logarithms; NaN if the last error is not below.
     """
     above = np.flatnonzero(error >= level)
     last = above[-1] if above.size else len(evaluations)

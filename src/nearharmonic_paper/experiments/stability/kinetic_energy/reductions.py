@@ -1,7 +1,4 @@
-"""Reduction of the errors by amplitude: ``max_energy_error`` over (roles, amplitude, integrator, tau_per_stage).
-
-The cube and its table are made here as well. No integration depends on this module.
-"""
+"""Reduction of the errors by amplitude: ``max_energy_error`` over (roles, amplitude, integrator, tau_per_stage)."""
 
 from __future__ import annotations
 

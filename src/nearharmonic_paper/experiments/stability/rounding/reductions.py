@@ -1,7 +1,7 @@
 """Reductions of the errors by rounding: an ``xarray.Dataset`` of all methods in, numbers for the cube out.
 
 It has ``energy_error`` and ``lag`` over (integrator, source, orbit, sample), and the coordinate ``time`` over
-(integrator, sample). The cube and its table are made here as well. No integration depends on this module.
+(integrator, sample).
 """
 
 from __future__ import annotations

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import ceil
 
+import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from nearharmonic.plotting.style import house_style, mark_every, new_figure, panel_letter
-from nearharmonic.recommendation.curve import Curve
 from nearharmonic_paper.experiments.work_precision.comparison import ERRORS, STANDARD, Pair, pairs
 from nearharmonic_paper.experiments.work_precision.figures.times import (
     YLABELS,
@@ -46,7 +47,10 @@ def comparison_figure(found: Sequence[Pair], mode: str, facts: Mapping[str, obje
     """
     across = min(len(found), _ACROSS)
     down = ceil(len(found) / across)
-    members = [[*leaders(pair, mode), *_timed(pair.others, mode)] for pair in found]
+    members = [
+        [*leaders(pair, mode), *(one for one in pair.others if np.isfinite(one[f"time_{mode}"]).any())]
+        for pair in found
+    ]
     legend = 0.45 + 0.15 * ceil(max(map(len, members)) / 2)
     height = 1.0 + down * (_HEIGHT + legend)
     figure = new_figure(_LEFT + _WIDTH * across, height)
@@ -56,7 +60,7 @@ def comparison_figure(found: Sequence[Pair], mode: str, facts: Mapping[str, obje
     )  # fmt: skip
     grid = figure.subplots(down, across, squeeze=False)
     for i, (axes, pair, curves) in enumerate(zip(grid.flat, found, members, strict=False)):
-        _draw(axes, curves, mode)
+        _draw_panel(axes, curves, mode)
         panel_letter(axes, i, f"{pair.label}, t = {pair.t_end}")
         axes.set_xlabel(_XLABELS[mode])
     for axes in grid.flat[len(found) :]:
@@ -65,23 +69,19 @@ def comparison_figure(found: Sequence[Pair], mode: str, facts: Mapping[str, obje
     return figure
 
 
-def leaders(pair: Pair, mode: str) -> list[Curve]:
+def leaders(pair: Pair, mode: str) -> list[xr.Dataset]:
     """Return the methods of this package that are the fastest at one of the compared errors, each once."""
     first = [found[0][0] for error in ERRORS if (found := pair.fastest(error, mode))]
-    return list({curve.method: curve for curve in first}.values())
+    return list({curve["solver"].item(): curve for curve in first}.values())
 
 
-def _timed(curves: Sequence[Curve], mode: str) -> list[Curve]:
-    return [curve for curve in curves if any(point.times.get(mode) for point in curve.points)]
-
-
-def _draw(axes: Axes, curves: Sequence[Curve], mode: str) -> None:
+def _draw_panel(axes: Axes, curves: Sequence[xr.Dataset], mode: str) -> None:
     """Draw the curves (solid for this package, broad for the reference) and the legend above them."""
     handles = []
     for position, curve in enumerate(curves):
         x, y = points_of(curve, "max", mode)
-        look = line_of(curve) | ({"linewidth": 2.2} if curve.method == STANDARD else {})
+        look = line_of(curve) | ({"linewidth": 2.2} if curve["solver"] == STANDARD else {})
         axes.plot(x, y, markevery=mark_every(position, len(curves), len(x), marks=7), zorder=3, **look)
-        handles.append(Line2D([], [], label=curve.label, **look))
+        handles.append(Line2D([], [], label=curve["label"].item(), **look))
     scale_axes(axes, YLABELS["max"])
     draw_legend(axes, handles, handlelength=2.4)

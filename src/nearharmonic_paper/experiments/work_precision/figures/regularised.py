@@ -76,9 +76,8 @@ def regularised_figures(names: Sequence[str], cube: str) -> dict[str, Figure]:
 
 
 def _panel(pair: Pair) -> Panel:
-    peers = {curve.method: curve for curve in pair.others}
-    named = {curve.method: curve for curve in pair.own if curve.method in CURVES}
-    single = {name: points_of(curve, pair.measure) for name, curve in (named | peers).items()}
+    named = {curve["solver"].item(): curve for curve in (*pair.own, *pair.others)}
+    single = {name: points_of(named[name], pair.measure) for name in CURVES if name in named}
     best = {"own": best_of(pair.own, pair.measure), "own_original": best_of(pair.own_original, pair.measure)}
     unit = systems[pair.system].units["t"]
     return Panel(title=f"{pair.label}, $t$ = {pair.t_end} {unit}", measure=pair.measure, curves=single | best)

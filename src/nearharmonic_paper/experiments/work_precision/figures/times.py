@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import accumulate
-from math import ceil, isfinite
+from math import ceil
 from textwrap import fill
 from typing import Any
 
+import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.plotting.style import house_style, log_scale, mark_every, new_figure, panel_letter, style_of
-from nearharmonic.recommendation.curve import MEASURES, Curve, Part, for_good
-from nearharmonic.recommendation.timings import read_parts
+from nearharmonic.recommendation.measure import MEASURES, Part, for_good, of_kind, read_parts
 from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.work_precision.peers import PEERS
 from nearharmonic_paper.tasks.receipts import measures_time
@@ -73,54 +74,47 @@ def work_precision_figure(label: str, parts: Sequence[Part], facts: Mapping[str,
     return figure
 
 
-def _column(curves: Sequence[Curve], column: int) -> list[Curve]:
+def _column(curves: Sequence[xr.Dataset], column: int) -> list[xr.Dataset]:
     """Return the curves of one column of panels: methods of the paper, further methods, or peers."""
     if column == 2:
-        return [curve for curve in curves if curve.kind == "peer"]
-    return [curve for curve in curves if curve.kind != "peer" and (curve.method in BENCHMARKED) != bool(column)]
+        return of_kind(curves, "peer")
+    return [one for one in of_kind(curves, "splitting") if (one["solver"].item() in BENCHMARKED) != bool(column)]
 
 
-def points_of(curve: Curve, measure: str, mode: str = "trajectory") -> tuple[list[float], list[float]]:
+def points_of(curve: xr.Dataset, measure: str, mode: str = "trajectory") -> tuple[list[float], list[float]]:
     """Return milliseconds and errors of the successfully timed points."""
-    pairs = [
-        (1e3 * min(point.times[mode]), getattr(point, MEASURES[measure]))
-        for point in curve.points
-        if point.times.get(mode) and isfinite(getattr(point, MEASURES[measure]))
-    ]
-    inside = [(x, y) for x, y in pairs if ERRORS[0] < y < ERRORS[1]]
-    return [x for x, _ in inside], [y for _, y in inside]
+    x, y = 1e3 * curve[f"time_{mode}"].values, curve[MEASURES[measure]].values
+    inside = np.isfinite(x) & (ERRORS[0] < y) & (y < ERRORS[1])
+    return x[inside].tolist(), y[inside].tolist()
 
 
-def _draw(axes: Axes, curves: Sequence[Curve], measure: str) -> None:
+def _draw(axes: Axes, curves: Sequence[xr.Dataset], measure: str) -> None:
     for position, curve in enumerate(curves):
         x, y = points_of(curve, measure)
         axes.plot(x, y, markevery=mark_every(position, len(curves), len(x), marks=7), zorder=3, **line_of(curve))
 
 
-def line_of(curve: Curve) -> dict[str, Any]:
-    if curve.kind == "splitting":
-        return style_of(curve.method).line(markersize=4.2)
-    i = list(PEERS).index(curve.method) % len(_PEER_COLOURS) if curve.method in PEERS else 0
+def line_of(curve: xr.Dataset) -> dict[str, Any]:
+    name = curve["solver"].item()
+    if curve["kind"] == "splitting":
+        return style_of(name).line(markersize=4.2)
+    i = list(PEERS).index(name) % len(_PEER_COLOURS) if name in PEERS else 0
     return {"color": _PEER_COLOURS[i], "marker": _PEER_MARKERS[i], "linestyle": (0, (4, 2)), "markersize": 6}
 
 
-def _envelopes(axes: Axes, curves: Sequence[Curve], measure: str) -> None:
+def _envelopes(axes: Axes, curves: Sequence[xr.Dataset], measure: str) -> None:
     """Draw the smallest error of all ``curves`` at each time, for one trajectory and in lanes."""
-    for mode, look in (
-        ("trajectory", {"color": _BEST, "linewidth": 5, "solid_capstyle": "round"}),
-        ("lanes", {"color": _LANES, "linewidth": 1.1, "linestyle": ":"}),
-    ):
-        draw_envelope(axes, curves, measure, mode, look)
+    looks: dict[str, dict[str, Any]] = {
+        "trajectory": {"color": _BEST, "linewidth": 5, "solid_capstyle": "round"},
+        "lanes": {"color": _LANES, "linewidth": 1.1, "linestyle": ":"},
+    }
+    for mode, look in looks.items():
+        x, y = best_of(curves, measure, mode)
+        if x:
+            axes.plot(x, y, zorder=1.5, **look)
 
 
-def draw_envelope(axes: Axes, curves: Sequence[Curve], measure: str, mode: str, look: Mapping[str, Any]) -> None:
-    """Draw :func:`best_of` the curves."""
-    x, y = best_of(curves, measure, mode)
-    if x:
-        axes.plot(x, y, zorder=1.5, **look)
-
-
-def best_of(curves: Sequence[Curve], measure: str, mode: str = "trajectory") -> tuple[list[float], list[float]]:
+def best_of(curves: Sequence[xr.Dataset], measure: str, mode: str = "trajectory") -> tuple[list[float], list[float]]:
     """Return milliseconds and the least error that any of ``curves`` has reached by then, without lucky points.
 
     A coarser step that no finer one bears out is worth nothing.
@@ -146,15 +140,17 @@ def scale_axes(axes: Axes, ylabel: str) -> None:
     axes.set_ylabel(ylabel)
 
 
-def _legend(figure: Figure, axes: Axes, curves: Sequence[Curve], per_row: int, *, envelopes: bool) -> None:
+def _legend(figure: Figure, axes: Axes, curves: Sequence[xr.Dataset], per_row: int, *, envelopes: bool) -> None:
     """Draw the legend above the column of ``axes``; a missing curve has a mark."""
-    missing = {curve.method: curve.status == "not installed" for curve in curves if not curve.points}
-    handles = []
+    handles, missing = [], set()
     for curve in curves:
-        mark = f" {_MISSING[missing[curve.method]][0]}" if curve.method in missing else ""
-        handles.append(Line2D([], [], label=curve.label + mark, **line_of(curve)))
+        mark = ""
+        if not curve.sizes["point"]:
+            missing.add(absent := curve["status"].item() == "not installed")
+            mark = f" {_MISSING[absent][0]}"
+        handles.append(Line2D([], [], label=curve["label"].item() + mark, **line_of(curve)))
     for absent, says in _MISSING.items():
-        if absent in missing.values():
+        if absent in missing:
             handles.append(Line2D([], [], linestyle="none", label=" ".join(says)))
     if envelopes:
         handles.append(Line2D([], [], color=_BEST, linewidth=5, label="best of these"))

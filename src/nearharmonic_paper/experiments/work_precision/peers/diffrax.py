@@ -24,7 +24,7 @@ def diffrax_dopri8(system: System, t_end: float, tolerance: float) -> Attempt:
     import diffrax
     import jax
 
-    last, every = _compiled(system)
+    last, every = _compiled_solver(system)
     start = start_of(system)
 
     def run() -> States:
@@ -47,7 +47,7 @@ def diffrax_dopri8(system: System, t_end: float, tolerance: float) -> Attempt:
 
 
 @cache
-def _compiled(system: System) -> tuple[Callable[..., Any], Callable[..., Any]]:
+def _compiled_solver(system: System) -> tuple[Callable[..., Any], Callable[..., Any]]:
     """Functions of the initial state, the end and the tolerance: the final state, and a solution with every step."""
     import diffrax
     import jax

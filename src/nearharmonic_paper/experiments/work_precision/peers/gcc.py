@@ -103,7 +103,7 @@ def _substep(system: System, gradient: str, of: str, update: str) -> str:
 
 
 @cache
-def _compiled(system: System) -> Any:
+def _compiled_loop(system: System) -> Any:
     """Return the compiled and loaded program."""
     with TemporaryDirectory() as folder:
         library = Path(folder) / "loop.so"
@@ -118,7 +118,7 @@ def _compiled(system: System) -> Any:
 
 def c_loop(system: System, t_end: float, step: float) -> Attempt:
     """BAB's9o7H in C, called with an array that holds the state."""
-    program, start = _compiled(system), start_of(system)
+    program, start = _compiled_loop(system), start_of(system)
     steps = max(1, round(t_end / step))
     tau, state = t_end / steps, start.copy()
     address = state.ctypes.data

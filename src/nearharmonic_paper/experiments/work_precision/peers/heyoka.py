@@ -28,7 +28,7 @@ from nearharmonic.systems.regularisation import RegularisedFormulas
 from nearharmonic.systems.system import System
 from nearharmonic_paper.experiments.work_precision.peers.peer import MOST_STEPS, Attempt, Peer, States, start_of
 
-TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
+TAYLOR_TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
 #: Number of doubles in a batch: a register of AVX-512.
 BATCH = 8
 
@@ -38,18 +38,10 @@ def heyoka_taylor(
 ) -> Attempt:
     """Prepare ``heyoka.taylor_adaptive``, whose order follows from the tolerance, and ``taylor_adaptive_batch``.
 
-    Parameters
-    ----------
-    system
-        The equations of motion and the initial state.
-    t_end
-        End of the interval, in the system's unit of time.
-    tolerance
-        Relative and absolute tolerance of each step.
-    fast_math
-        True to let heyoka reorder floating-point operations.
-    power
-        True for the force GM q (q.q)^(-3/2), written as a power, instead of the formula of the system.
+    ``system``: the equations of motion and the initial state. ``t_end``: end of the interval, in the system's unit of
+    time. ``tolerance``: relative and absolute tolerance of each step. ``fast_math``: True to let heyoka reorder
+    floating-point operations. ``power``: True for the force GM q (q.q)^(-3/2), written as a power, instead of the
+    formula of the system.
     """
     import heyoka as hy
 
@@ -63,16 +55,9 @@ def heyoka_taylor(
 def taylor_attempt(equations: Sequence[Any], start: States, end: float, tolerance: float, fast_math: bool) -> Attempt:
     """Prepare one trajectory and a batch of equal ones.
 
-    Parameters
-    ----------
-    equations
-        Pairs of heyoka's variables and their derivatives.
-    start : (n,) array of float
-        The variables at 0.
-    end
-        End of the interval of the independent variable.
-    tolerance, fast_math
-        As in :func:`heyoka_taylor`.
+    ``equations``: pairs of heyoka's variables and their derivatives. ``start`` (n,): the variables at
+    0. ``end``: end of the interval of the independent variable. ``tolerance``, ``fast_math``: as in
+    :func:`heyoka_taylor`.
     """
     import heyoka as hy
 
@@ -135,11 +120,8 @@ def heyoka_regularised(system: System, t_end: float, tolerance: float, *, fast_m
 
     Parameters are those of :func:`heyoka_taylor`.
 
-    Raises
-    ------
-    TimeoutError
-        The end is not reached within :data:`nearharmonic_paper.experiments.work_precision.peers.peer.MOST_STEPS`
-        steps.
+    Raises TimeoutError: the end is not reached within
+    :data:`nearharmonic_paper.experiments.work_precision.peers.peer.MOST_STEPS` steps.
     """
     import heyoka as hy
 
@@ -201,8 +183,9 @@ def _physical(maps: RegularisedFormulas, states: States, w: float) -> States:
 
 PEERS = tuple(
     Peer(
-        name=name, label=label, module="heyoka", settings=TOLERANCES, attempt=partial(attempt, fast_math=fast_math),
-        gravity_only=name.startswith("heyoka_power"), regularised=name.startswith("heyoka_regularised"),
+        name=name, label=label, module="heyoka", settings=TAYLOR_TOLERANCES,
+        attempt=partial(attempt, fast_math=fast_math), gravity_only=name.startswith("heyoka_power"),
+        regularised=name.startswith("heyoka_regularised"),
     )
     for name, label, attempt, fast_math in (
         ("heyoka", "heyoka (adaptive Taylor)", heyoka_taylor, False),

@@ -21,18 +21,11 @@ MOST_STEPS = 200_000
 class Attempt:
     """One prepared run over [0, t_end].
 
-    Attributes
-    ----------
-    run
-        Timed call for one trajectory from start to end; it returns an object with the final state, without energies.
-    path
-        Returns the states (n + 1, 2 d) at the solver's own steps, including the start, and the number of force
-        evaluations (NaN if unknown).
-    lanes
-        Timed call in SIMD lanes: ``members`` trajectories at once, each equal to that of ``run``; None if the Python
-        interface of the library has no lanes.
-    members
-        Number of trajectories in a call of ``lanes``.
+    ``run``: timed call for one trajectory from start to end; it returns an object with the final state, without
+    energies. ``path``: returns the states (n + 1, 2 d) at the solver's own steps, including the start, and the number
+    of force evaluations (NaN if unknown). ``lanes``: timed call in SIMD lanes: ``members`` trajectories at once, each
+    equal to that of ``run``; None if the Python interface of the library has no lanes. ``members``: number of
+    trajectories in a call of ``lanes``.
     """
 
     run: Callable[[], Any]
@@ -45,26 +38,13 @@ class Attempt:
 class Peer:
     """One solver of another library.
 
-    Attributes
-    ----------
-    name, label
-        Name in files and name in legends.
-    module
-        The library, as it is imported, or the name of a compiler.
-    attempt
-        ``attempt(system, t_end, setting)`` prepares a run. It includes construction and compilation of a solver, which
-        are not timed.
-    settings
-        Tolerances from coarse to fine; empty for step sizes, which come from the common grid.
-    stages
-        Force evaluations per step, which convert step sizes per stage to step sizes.
-    quadratic_only
-        True if the solver needs accelerations that depend only on the position, as for T = p.p/2.
-    gravity_only
-        True if the solver is only for V = -GM/|q|.
-    regularised
-        True if the solver integrates the regularised equations of a system and supports no other system; all other
-        solvers integrate the original equations.
+    ``name``, ``label``: name in files and name in legends. ``module``: the library, as it is imported, or the name of a
+    compiler. ``attempt(system, t_end, setting)`` prepares a run. It includes construction and compilation
+    of a solver, which are not timed. ``settings``: tolerances from coarse to fine; empty for step sizes, which come
+    from the common grid. ``stages``: force evaluations per step, which convert step sizes per stage to step sizes.
+    ``quadratic_only``: True if the solver needs accelerations that depend only on the position, as for T = p.p/2.
+    ``gravity_only``: True if the solver is only for V = -GM/|q|. ``regularised``: True if the solver integrates the
+    regularised equations of a system and supports no other system; all other solvers integrate the original equations.
     """
 
     name: str

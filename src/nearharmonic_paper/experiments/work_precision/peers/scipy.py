@@ -16,7 +16,7 @@ from nearharmonic_paper.experiments.work_precision.peers.peer import MOST_STEPS,
 #: Number of outputs of LSODA's path; it does not return its steps.
 ODEINT_OUTPUTS = 1001
 #: Smallest tolerance of scipy: 2.3e-14.
-TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 3e-14)
+SCIPY_TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 3e-14)
 
 
 def scipy_dop853(system: System, t_end: float, tolerance: float) -> Attempt:
@@ -70,7 +70,7 @@ def _compiled_rhs(system: System, arguments: str) -> Callable[..., States]:
 
 
 PEERS = tuple(
-    Peer(name=name, label=label, module="scipy", settings=TOLERANCES, attempt=attempt)
+    Peer(name=name, label=label, module="scipy", settings=SCIPY_TOLERANCES, attempt=attempt)
     for name, label, attempt in (
         ("scipy_dop853", "scipy solve_ivp (DOP853, numba)", scipy_dop853),
         ("scipy_odeint", "scipy odeint (LSODA, numba)", scipy_odeint),

@@ -1,0 +1,456 @@
+"""Work against precision: errors and wall times of methods over step sizes as a Dataset, and costs read off it.
+
+The Dataset has the dimensions (solver, point): the settings of each method or library from coarse to fine, padded with
+NaN. :func:`curves_of` gives one Dataset a solver, which is what tables, figures and rankings are made of.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+import warnings
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from fractions import Fraction
+from itertools import accumulate
+from math import exp, inf, isfinite, isnan, log, nan
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import numpy as np
+
+from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.ensemble import ensemble
+from nearharmonic.engine.execution import least_samples
+from nearharmonic.engine.reference import Reference
+from nearharmonic.engine.settings import Numerics, misfit
+from nearharmonic.engine.solution import Problem
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.clock import QUARTILES, STANDARD, Patience, interleaved, summary
+from nearharmonic.output.dataset import Variables, coordinate, variable
+from nearharmonic.systems.system import System
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Variables with the error of each measure.
+MEASURES = {"max": "max_energy_error", "mean": "mean_energy_error", "position": "position_error"}
+#: Names of the measures in texts.
+NAMES = {
+    "max": "maximum of |H - H0|/|H0|",
+    "mean": "mean of |H - H0|/|H0|",
+    "position": "position error at the end, relative",
+}
+#: Errors at which tables list the cost.
+TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
+#: Errors below this are rounding: finer steps cost more and do not reduce them.
+ROUNDING = 1e-15
+#: As above for positions, relative to the distance: rounding of the phase is added.
+POSITION_ROUNDING = 1e-14
+#: Largest ratio of errors, plain over compensated sums, at which plain sums are used.
+LOSSLESS = 1.05
+#: Largest rise of a curve by rounding beyond its smallest error; if it rises further, that error is accidental.
+ROUNDING_RISE = 100
+#: Modes of one trajectory, and when each measures the energy.
+ENERGIES = {"trajectory": "none", "energy": "every"}
+#: Timing of ensembles: calls take some milliseconds, and allocate new arrays.
+ENSEMBLES = Patience(least=5, most=15, seconds=0.05, longest=0.1)
+#: Repeats of the call for one step, which measures the overhead of Python.
+SETUP = Patience(least=5, most=5, longest=inf)
+#: Evaluations of the force by all members of an ensemble, some milliseconds;
+ENSEMBLE_EVALUATIONS = 2**25
+#: as above for a regularised system, whose members run one by one instead of in lanes;
+ONE_BY_ONE_EVALUATIONS = 2**21
+#: fewest and most members, which share the cost of a call outside the kernel.
+FEWEST_MEMBERS, MOST_MEMBERS = 64, 2048
+
+#: Numbers of a setting: unit and meaning.
+COLUMNS = {
+    "tau": ("{t}", "step size; NaN if the method chooses its own"),
+    "tau_per_stage": ("{t}", "step size per stage"),
+    "tolerance": ("1", "tolerance asked for; NaN if the step size is the setting"),
+    "steps": ("1", "steps"),
+    "evaluations": ("1", "evaluations of the force; NaN if unknown"),
+    "compensated": ("1", "1 if the sums are compensated, 0 if plain; NaN for other libraries"),
+    "members": ("1", "trajectories that a call in lanes integrates; NaN if none was timed"),
+    "max_energy_error": ("1", "maximum of |H - H0|/|H0| over the steps; infinite if the run failed"),
+    "mean_energy_error": ("1", "mean of |H - H0|/|H0| over the steps; infinite if the run failed"),
+    "position_error": ("1", "distance from the exact position at the end, over the larger of |q(0)| and |q(t)|"),
+}
+#: Modes of a timed call.
+MODES = {
+    "trajectory": "a whole call for one trajectory, without a look at the energy",
+    "lanes": "each trajectory of a whole call for many, in SIMD lanes on one thread, without a look at the energy",
+    "energy": "a whole call for one trajectory, the energy measured at every step",
+}
+_WORDS = {
+    "label": "name in legends",
+    "kind": "splitting: a method of this package; peer: another library's",
+    "status": "ok, or why the curve is empty or ends early",
+    "version": "version of the peer's library",
+}
+_SECONDS = {
+    "setup": "a whole call of a prepared problem for one step",
+    "sweep": "one call for all step sizes in lanes, energies at every step",
+}
+
+
+class Interval(NamedTuple):
+    """A system over [0, ``t_end``], and its exact position there if errors of positions are measured."""
+
+    system: System
+    t_end: str
+    exact: Reference | None = None
+
+
+@dataclass(kw_only=True)
+class Solver:
+    """Measurements of one method or library in progress: its settings from the cheapest to the most expensive.
+
+    ``status``: "ok", or the reason for an empty curve. ``setup``: seconds of a call of a prepared problem for one step.
+    ``sweep``: seconds of one call for all settings in lanes, with the energy measured at every step. ``columns``:
+    numbers (n,) by the names of :data:`COLUMNS`; a missing column is NaN. ``calls``: functions to be timed, and
+    ``times``: seconds of each repeat, per trajectory, by (mode, index of the setting).
+    """
+
+    method: str
+    label: str
+    kind: Literal["splitting", "peer"]
+    status: str = "ok"
+    version: str = ""
+    setup: float = nan
+    sweep: float = nan
+    columns: dict[str, Any] = field(default_factory=dict)
+    calls: dict[tuple[str, int], Callable[[], object]] = field(default_factory=dict)
+    times: dict[tuple[str, int], Sequence[float]] = field(default_factory=dict)
+
+    @property
+    def settings(self) -> int:
+        """Number of settings."""
+        return max(map(len, self.columns.values()), default=0)
+
+
+def measure(
+    problem: Interval,
+    methods: Iterable[Tableau],
+    taus: Sequence[float],
+    *,
+    summation: str = "compensated",
+    evaluations: int = 2**62,
+    modes: Collection[str] = ("trajectory",),
+) -> xr.Dataset:
+    """Return errors, evaluations and wall times of methods over step sizes, with dimensions (solver, point).
+
+    ``problem``: system and interval. ``methods``: one that does not fit the system has NaN, and the reason as
+    ``status``. ``taus``: step sizes per stage, in the system's unit of time. ``summation``: "plain", or "compensated"
+    for compensated sums wherever plain ones increase an error. ``evaluations``: most evaluations of the force in a run;
+    longer runs are left out. ``modes``: calls that are timed, in interleaved order: "trajectory", "energy"; () for
+    none.
+    """
+    solvers = [
+        measured(problem, tableau, settings_of(tableau, problem.t_end, taus, evaluations), summation, modes)
+        for tableau in methods
+    ]
+    clock(solvers, modes)
+    return dataset_of(solvers, problem.system.units["t"])
+
+
+def settings_of(tableau: Tableau, t_end: str, taus: Iterable[float], evaluations: int) -> list[tuple[float, int]]:
+    """Return (tau per stage, steps) from coarse to fine, each number of steps once, at least one step a run.
+
+    Runs of more than ``evaluations`` of the force are left out.
+    """
+    steps = {tableau.steps(tau, t_end): tau for tau in taus}
+    return [(tau, n) for n, tau in sorted(steps.items()) if tableau.evaluations(n) <= evaluations]
+
+
+def measured(
+    problem: Interval,
+    tableau: Tableau,
+    points: Sequence[tuple[float, int]],
+    summation: str = "compensated",
+    modes: Collection[str] = tuple(ENERGIES),
+) -> Solver:
+    """Return the errors of ``tableau`` at ``points`` (tau per stage, steps), with calls for one trajectory to be timed.
+
+    Uncompensated sums are used at points where they do not increase the errors (:data:`LOSSLESS`), compensated sums at
+    all others; ``summation="plain"`` makes all plain. The curve ends at the first point where every error is rounding.
+    A method that does not fit the system has no point, and its status is the reason.
+    """
+    solver = Solver(method=tableau.name, label=tableau.label, kind="splitting")
+    reason, _ = misfit(problem.system, tableau)
+    if reason:
+        solver.status = f"does not fit: {reason}"
+        return solver
+    if not points:
+        solver.status = "no step size: every run would take more evaluations than allowed"
+        return solver
+    found = {}
+    for way in dict.fromkeys((summation, "plain")):
+        begin = time.perf_counter()
+        found[way] = _columns(problem, tableau, points, way)
+        solver.sweep = time.perf_counter() - begin if way == summation else solver.sweep
+    careful, plain = found[summation], found["plain"]
+    # A NaN is a position that was compared with nothing.
+    lost = np.any([plain[name] > LOSSLESS * careful[name] for name in MEASURES.values()], axis=0)
+    columns = {name: np.where(lost, careful[name], plain[name]) for name in careful}
+    rounding = (columns["max_energy_error"] <= ROUNDING) & ~(columns["position_error"] > POSITION_ROUNDING)
+    end = int(rounding.argmax()) + 1 if rounding.any() else len(points)
+    solver.columns = {name: values[:end] for name, values in columns.items()}
+    for i in np.flatnonzero(np.isfinite(solver.columns["max_energy_error"])).tolist():
+        calls = prepared_calls(problem.system, tableau, problem.t_end, points[i][1], way_of(solver, i), modes)
+        solver.calls |= {(mode, i): call for mode, call in calls.items()}
+    if modes:
+        call = prepared_calls(problem.system, tableau, problem.t_end, 1, "plain", ("trajectory",))["trajectory"]
+        solver.setup = min(interleaved([call], SETUP)[0])
+    return solver
+
+
+def _columns(problem: Interval, tableau: Tableau, points: Sequence[tuple[float, int]], way: str) -> dict[str, Any]:
+    """Return the columns of runs at ``points`` (tau per stage, steps) with one summation."""
+    t_end, steps, numerics = Fraction(problem.t_end), [n for _, n in points], Numerics(summation=way)
+    samples = least_samples(tableau)
+    paths = integrate_batch(problem.system, tableau, t_end=t_end, steps=steps, samples=samples, numerics=numerics)
+    worst = paths.max_energy_error
+    off = np.full(len(points), nan)
+    if problem.exact is not None:
+        off = np.where(np.isfinite(worst), problem.exact.error(*paths.ends), inf)
+    return {
+        "tau": np.array([float(t_end / n) for n in steps]),
+        "tau_per_stage": np.array([tau for tau, _ in points]),
+        "steps": np.array(steps),
+        "evaluations": paths.evaluations,
+        "compensated": np.full(len(points), float(numerics.compensated)),
+        "max_energy_error": worst,
+        "mean_energy_error": paths.mean_energy_error,
+        "position_error": off,
+    }
+
+
+def way_of(solver: Solver, i: int) -> str:
+    """Return the summation of a setting: "compensated" or "plain"."""
+    return "compensated" if solver.columns["compensated"][i] else "plain"
+
+
+def prepared_calls(
+    system: System,
+    tableau: Tableau,
+    t_end: str,
+    steps: int,
+    summation: str = "compensated",
+    modes: Iterable[str] = tuple(ENERGIES),
+) -> dict[str, Callable[[], Any]]:
+    """Return complete calls of a prepared problem, to be timed, each of which returns the final q (d,) and p (d,).
+
+    The interval [0, ``t_end``] is covered in ``steps`` equal steps. ``modes`` are of ``trajectory``, which measures no
+    energy, and ``energy``, which measures it at every step. Each call has run once.
+    """
+    tau = float(t_end) / steps
+
+    def prepared(mode: str) -> Callable[[], Any]:
+        problem = Problem(system, tableau, t_end=t_end, summation=summation, energy=ENERGIES[mode])
+
+        def call() -> Any:
+            solution = problem(tau)
+            return solution.q[-1], solution.p[-1]
+
+        call()
+        return call
+
+    return {mode: prepared(mode) for mode in modes}
+
+
+def ensemble_call(
+    system: System, tableau: Tableau, t_end: str, steps: int, summation: str = "compensated"
+) -> tuple[Callable[[], Any], int]:
+    """Return a call of :func:`nearharmonic.ensemble` on one thread, to be timed, and the number of its members.
+
+    All members begin at the start of the system, so that the error of one is that of all, and so that no member of
+    another library's adaptive batch waits for another.
+    """
+    evaluations = tableau.evaluations(steps)
+    most = ENSEMBLE_EVALUATIONS if system.regularisation is None else ONE_BY_ONE_EVALUATIONS
+    members = min(max(most // evaluations, FEWEST_MEMBERS), MOST_MEMBERS)
+    q0, p0 = (np.repeat(np.array([row]), members, axis=0) for row in system.start(float))
+
+    def call() -> Any:
+        found = ensemble(
+            system, tableau, float(t_end) / steps, q0=q0, p0=p0, t_end=t_end, energy="none", summation=summation,
+            samples=1,
+        )  # fmt: skip
+        return found.q.values, found.p.values
+
+    call()
+    return call, members
+
+
+def clock(solvers: Iterable[Solver], modes: Iterable[str]) -> None:
+    """Time the calls of all solvers in interleaved order: their ``times`` get the seconds of each repeat."""
+    waiting = [(solver, key, call) for solver in solvers for key, call in solver.calls.items()]
+    # One mode at a time, because wide registers may reduce the clock rate for other code.
+    for mode in modes:
+        chosen = [(solver, i, call) for solver, (own, i), call in waiting if own == mode]
+        with quiet():
+            repeats = interleaved([call for _, _, call in chosen], ENSEMBLES if mode == "lanes" else STANDARD)
+        for (solver, i, _), seconds in zip(chosen, repeats, strict=True):
+            members = solver.columns["members"][i] if mode == "lanes" else 1
+            solver.times[mode, i] = [each / members for each in seconds]
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Suppress warnings: coarse settings overflow, which the errors show, and libraries have unrelated warnings."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        yield
+
+
+def variables(solvers: Sequence[Solver], unit: str) -> Variables:
+    """Return measurements as arrays over (solver, point), padded with NaN; times also over ``quartile``.
+
+    ``unit`` is the unit of time of the system, that of step sizes.
+    """
+    shape = len(solvers), max([solver.settings for solver in solvers] + [1])
+    # Not a dimension "method": xarray's sel() takes that word for itself.
+    found = coordinate("solver", [solver.method for solver in solvers], "solver")
+    for name, text in _WORDS.items():
+        found[name] = variable("solver", [getattr(solver, name) for solver in solvers], text)
+    for name, text in _SECONDS.items():
+        found[name] = variable("solver", np.array([getattr(one, name) for one in solvers], dtype=float), text, "s")
+    for name, (units, text) in COLUMNS.items():
+        values = np.full(shape, nan)
+        for row, solver in zip(values, solvers, strict=True):
+            row[: solver.settings] = solver.columns.get(name, nan)
+        found[name] = variable(("solver", "point"), values, text, units.format(t=unit))
+    found |= coordinate("quartile", QUARTILES, "minimum and quartiles")
+    for mode, text in MODES.items():
+        times, repeats = np.full((*shape, len(QUARTILES)), nan), np.zeros(shape, np.int64)
+        for i, solver in enumerate(solvers):
+            for (own, j), seconds in solver.times.items():
+                if own == mode:
+                    times[i, j], repeats[i, j] = summary(seconds), len(seconds)
+        found[f"time_{mode}"] = variable(("solver", "point", "quartile"), times, f"wall time of {text}", "s")
+        found[f"repeats_{mode}"] = variable(("solver", "point"), repeats, f"repeats of {text}")
+    return found
+
+
+def dataset_of(solvers: Sequence[Solver], unit: str) -> xr.Dataset:
+    """Return :func:`variables` as a Dataset."""
+    import xarray as xr
+
+    return xr.Dataset(variables(solvers, unit))
+
+
+#: Curves of one interval of a system: (t_end, measures, curves).
+Part = tuple[str, Sequence[str], Sequence["xr.Dataset"]]
+
+
+def curves_of(group: xr.Dataset, quartile: str = "min") -> list[xr.Dataset]:
+    """Return a Dataset over ``point`` for each solver, without padding, with one of the :data:`QUARTILES` of times."""
+    rows = group.sel(quartile=quartile)
+    settings = (rows["tau"].notnull() | rows["tolerance"].notnull()).values
+    return [rows.isel(solver=i, point=np.flatnonzero(kept)) for i, kept in enumerate(settings)]
+
+
+def read_parts(path: str | os.PathLike[str], system: str, quartile: str = "min") -> tuple[list[Part], dict[str, Any]]:
+    """Return every interval of a system in a cube, and the cube's attributes.
+
+    Raises ResultFileError: as :func:`nearharmonic.output.store.read` does.
+    """
+    from nearharmonic.output import store
+
+    attributes = store.attributes_of(path)
+    with store.as_written(path):
+        parts: list[Part] = [
+            (told["t_end"], tuple(told["measures"]), curves_of(store.read(path, name), quartile))
+            for name, told in json.loads(attributes["problems"]).items()
+            if told["system"] == system
+        ]
+    return parts, attributes
+
+
+class Crossing(NamedTuple):
+    """Point where a curve reaches an error.
+
+    ``status``: "reached"; "below throughout" (the coarsest setting meets the error, and its cost is an upper bound); or
+    "not reached", with NaN for cost and setting.
+    """
+
+    status: str
+    time: float = nan
+    evaluations: float = nan
+    tau: float = nan
+    tolerance: float = nan
+
+
+def cross(errors: Sequence[float], columns: Sequence[Sequence[float]], target: float) -> tuple[str, tuple[float, ...]]:
+    """Return the status, and each of ``columns`` where ``errors``, from coarse to fine, falls to ``target`` for good.
+
+    "For good" is defined by :func:`for_good`, so that neither a zero of a signed error nor a gap between step-size
+    resonances counts. Between the last point above and the first at or below, logarithms of error and column are
+    interpolated linearly; if the point above is not finite, the first point below is taken. If a finer point costs
+    less, in the first of ``columns``, that point is taken: adaptive methods may be more expensive at a coarser
+    tolerance.
+    """
+    none = (nan,) * len(columns)
+    settled = for_good(errors)
+    if not settled or settled[-1] > target:
+        return "not reached", none
+    i = next(i for i, error in enumerate(settled) if error <= target)
+    at = tuple(float(column[i]) for column in columns)
+    above, below = (errors[i - 1], errors[i]) if i else (inf, errors[0])
+    if isfinite(above) and below > 0:
+        weight = (log(above) - log(target)) / (log(above) - log(below))
+        at = tuple(_between(column[i - 1], column[i], weight) for column in columns)
+    finer = [tuple(float(column[j]) for column in columns) for j in range(i, len(errors)) if errors[j] <= target]
+    return "reached" if i else "below throughout", min([at, *finer], key=lambda row: row[0])
+
+
+def for_good(errors: Sequence[float]) -> list[float]:
+    """Return for each of ``errors``, from coarse to fine, the largest error from there to the smallest of all.
+
+    NaN counts as infinite. Errors after the smallest are dropped: there curves rise again by rounding. An error that
+    finer settings exceed by more than :data:`ROUNDING_RISE` is accidental, and not taken as the smallest.
+    """
+    usable = [inf if isnan(error) else error for error in errors]
+    if not usable:
+        return []
+    beyond = [*list(accumulate(reversed(usable[1:]), max))[::-1], 0.0]
+    borne_out = [i for i, worst in enumerate(beyond) if worst <= ROUNDING_RISE * usable[i]]
+    end = min(borne_out, key=usable.__getitem__, default=len(usable) - 1)
+    return list(accumulate(reversed(usable[: end + 1]), max))[::-1]
+
+
+def _between(first: float, second: float, weight: float) -> float:
+    if not (first > 0 and second > 0):
+        return float(second)
+    return exp((1 - weight) * log(first) + weight * log(second))
+
+
+def crossing(curve: xr.Dataset, measure: str, target: float, mode: str = "trajectory") -> Crossing:
+    """Find where a curve reaches ``target`` in ``measure`` (key of :data:`MEASURES`), by its times in ``mode``."""
+    times = curve[f"time_{mode}"].values
+    used = np.isfinite(times) | ~np.isfinite(curve["max_energy_error"].values)
+    columns = [times[used], *(curve[name].values[used] for name in ("evaluations", "tau", "tolerance"))]
+    status, values = cross(curve[MEASURES[measure]].values[used].tolist(), columns, target)
+    return Crossing(status, *values)
+
+
+def ranking(
+    curves: Iterable[xr.Dataset], measure: str, target: float, mode: str = "trajectory"
+) -> list[tuple[xr.Dataset, Crossing]]:
+    """Return ``curves`` with their crossings, the fastest first, and last the curves that do not reach ``target``."""
+    found = [(curve, crossing(curve, measure, target, mode)) for curve in curves]
+    return sorted(found, key=lambda pair: pair[1].time if isfinite(pair[1].time) else inf)
+
+
+def of_kind(curves: Iterable[xr.Dataset], kind: str) -> list[xr.Dataset]:
+    """Return the curves of one kind: "splitting", methods of this package, or "peer", other libraries."""
+    return [curve for curve in curves if curve["kind"].item() == kind]
+
+
+def ns_per_evaluation(curve: xr.Dataset, mode: str = "trajectory") -> float:
+    """Return the least nanoseconds per evaluation of the force on a curve; NaN if it was not timed."""
+    each = (curve[f"time_{mode}"] / curve["evaluations"].where(curve["evaluations"] > 0)).values
+    return float(1e9 * min(each[np.isfinite(each)], default=nan))
