@@ -1,16 +1,16 @@
 """Statements of the paper that can be decided by numbers, and their decisions.
 
-A statement is a :class:`Claim` in a file of its group; there is no other list. The decorator of its kind, for example
-:data:`result`, takes its texts and makes the statement from the function that decides it. Statements with a common
-method of decision are rows of a tuple: ``result(...)(judge)``, where a function with the parameters of the row returns
-the judge.
+A statement is a row: a :class:`Claim` in a file of its group; there is no other list. The decorator of its kind, for
+example :data:`result`, takes its words and its threshold, and the function below it decides. The name of the function,
+with hyphens, is the id. Statements with a common method of decision are rows of a tuple, with an ``id`` each:
+``result(...)(judge)``, where a function with the parameters of the row returns the judge.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output.store import workflow_command
@@ -102,8 +102,10 @@ class Claim:
         missing = [name for name in self.needs if not results.has(name)]
         if missing:
             return Decision(OPEN, f"{missing[0]} is not there: target {', '.join(self.maker)}")
+        bound = self.bound
         try:
-            return self._decided(results)
+            found = self.decide(results) if bound is None else self.decide(results, bound)
+            words = EXACT if bound is None else margin(lambda other: self.decide(results, other).verdict, bound)
         except Undecided as reason:
             return Decision(OPEN, str(reason))
         except (ArithmeticError, LookupError, TypeError, ValueError) as error:
@@ -112,23 +114,17 @@ class Claim:
             message = f"{' or '.join(self.needs)} lacks the data that decide {self.id!r}, or contains no numbers"
             again = f"{workflow_command(results.folder / self.needs[0])} --force {self.target}"
             raise ResultFileError(f"{message}. Make it again: {again}") from error
-
-    def _decided(self, results: Results) -> Decision:
-        bound = self.bound
-        if bound is None:
-            return self._as_told(self.decide(results))._replace(margin=EXACT)
-        found = self._as_told(self.decide(results, bound))
-        return found._replace(margin=margin(lambda other: self.decide(results, other).verdict, bound))
-
-    def _as_told(self, found: Decision) -> Decision:
-        """Return ``found``; the failure of a misprint becomes an erratum."""
         wrong = self.kind == "misprint" and found.verdict in ("fails", "holds in part")
-        return found._replace(verdict="erratum") if wrong else found
+        return found._replace(verdict="erratum" if wrong else found.verdict, margin=words)
 
 
 def _statements(kind: Kind) -> Callable[..., Callable[[Decide], Claim]]:
     """Return the decorator of functions that decide statements of one kind; it takes the other attributes."""
-    return lambda **attributes: lambda decide: Claim(kind=kind, decide=decide, **attributes)
+
+    def attributed(**attributes: Any) -> Callable[[Decide], Claim]:
+        return lambda decide: Claim(**{"id": decide.__name__.replace("_", "-")} | attributes, kind=kind, decide=decide)
+
+    return attributed
 
 
 #: The decorators of functions that decide statements, one for each kind.

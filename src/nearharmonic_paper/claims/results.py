@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Callable, Hashable, Mapping, Sequence
-from functools import cached_property
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, wraps
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.integrators.tableau import Tableau
@@ -17,6 +17,10 @@ from nearharmonic_paper.record.files.texts import Texts
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+Given = ParamSpec("Given")
+Found = TypeVar("Found")
 
 
 class Undecided(Exception):
@@ -29,21 +33,22 @@ def require(known: object, lacking: str) -> None:
         raise Undecided(lacking)
 
 
-class Memory:
-    """Values that are computed once."""
+def once(make: Callable[Given, Found]) -> Callable[Given, Found]:
+    """Return a function that keeps the values of ``make`` in its first argument, results or curves of them."""
 
-    def __init__(self) -> None:
-        self._kept: dict[Hashable, Any] = {}
+    @wraps(make)
+    def kept(*given: Given.args, **named: Given.kwargs) -> Found:
+        values: dict[Any, Found] = given[0].__dict__.setdefault("kept", {})
+        key = (make, *given[1:], *named.items())
+        if key not in values:
+            values[key] = make(*given, **named)
+        return values[key]
 
-    def kept(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """Return the result of ``make``, which is called at the first use of ``key``."""
-        if key not in self._kept:
-            self._kept[key] = make()
-        return self._kept[key]
+    return kept
 
 
-class Results(Memory):
-    """A folder of results.
+class Results:
+    """A folder of results. A file that is missing, damaged or without rows is a ResultFileError.
 
     Parameters
     ----------
@@ -61,7 +66,6 @@ class Results(Memory):
         methods: Mapping[str, Tableau] | None = None,
         leftovers: Sequence[str] = (),
     ) -> None:
-        super().__init__()
         self._leftovers = leftovers
         self.folder = Path(folder)
         self._texts = Texts(self.folder)
@@ -71,39 +75,20 @@ class Results(Memory):
         """Return True if the file ``name``, relative to the folder, exists and is no leftover."""
         return name not in self._leftovers and (self.folder / name).is_file()
 
+    @once
     def cube(self, stem: str) -> xr.Dataset:
-        """Return the cube of this name, only with the methods of the statements.
-
-        Raises
-        ------
-        ResultFileError
-            It is missing or damaged.
-        """
-        cube: xr.Dataset = self.kept(("cube", stem), lambda: self._known_methods(self._read_cube(stem)))
-        return cube
-
-    def _read_cube(self, stem: str) -> xr.Dataset:
-        return read(self.folder / f"cubes/{stem}.h5")
-
-    def _known_methods(self, cube: xr.Dataset) -> xr.Dataset:
+        """Return the cube of this name, only with the methods of the statements."""
+        cube = self._read_cube(stem)
         if "integrator" not in cube.dims:
             return cube
         return cube.isel(integrator=[str(name) in self.methods for name in cube["integrator"].values])
 
+    def _read_cube(self, stem: str) -> xr.Dataset:
+        return read(self.folder / f"cubes/{stem}.h5")
+
+    @once
     def rows(self, stem: str) -> list[dict[str, str]]:
-        """Return the rows of the table of this name, each cell a text by the name of its column.
-
-        Rows of other methods are omitted.
-
-        Raises
-        ------
-        ResultFileError
-            It is missing, has no row, or one with more or fewer cells than the header.
-        """
-        rows: list[dict[str, str]] = self.kept(("rows", stem), lambda: self._known_rows(stem))
-        return rows
-
-    def _known_rows(self, stem: str) -> list[dict[str, str]]:
+        """Return the rows of the table of this name without other methods, each cell a text by its column."""
         known = {"", *self.methods}
         return [row for row in self._read_rows(stem) if row.get("integrator", "") in known]
 
@@ -116,13 +101,7 @@ class Results(Memory):
 
     @cached_property
     def derived(self) -> dict[str, Any]:
-        """The document ``derived/coefficients.toml``.
-
-        Raises
-        ------
-        ResultFileError
-            It is missing, or no TOML.
-        """
+        """The document ``derived/coefficients.toml``."""
         name = "derived/coefficients.toml"
         text = self._texts.read(name)
         try:
@@ -131,32 +110,20 @@ class Results(Memory):
             raise self._texts.unusable(name, "is no TOML") from error
 
     def method(self, name: str) -> Tableau:
-        """Return a method by its name.
-
-        Raises
-        ------
-        Undecided
-            It is not among the methods.
-        """
+        """Return a method by its name, if it is among the methods; raise :class:`Undecided` otherwise."""
         require(name in self.methods, f"the method {name} is not among those that are looked at")
         return self.methods[name]
 
+    @once
     def panels(self) -> dict[str, xr.Dataset]:
         """Return the panels of Figure 6, by letter."""
         from nearharmonic_paper.experiments.paper.orbits.substeps import paper_panels
 
-        panels: dict[str, xr.Dataset] = self.kept("panels", paper_panels)
-        return panels
+        return paper_panels()
 
 
 def only(rows: Sequence[Mapping[str, str]], key: str, value: str) -> Mapping[str, str]:
-    """Return the row with ``value`` under ``key``.
-
-    Raises
-    ------
-    Undecided
-        There is none.
-    """
+    """Return the row with ``value`` under ``key``; raise :class:`Undecided` if there is none."""
     found = [row for row in rows if row[key] == value]
     require(found, f"the table has no {key} {value}")
     return found[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from nearharmonic.integrators import plain_integrators as registered
@@ -17,22 +17,22 @@ from nearharmonic_paper.claims.statements.figures import henon_heiles, kepler, o
 from nearharmonic_paper.claims.statements.performance import comparisons, discussion
 from nearharmonic_paper.claims.statements.tableaus import coefficients, methods, roles, sizes, splitting, trained
 
-#: The groups in the order of the paper; the digest of the job covers these imports, so that an edit invalidates
+#: All statements of the paper in its order; the digest of the job covers these imports, so that an edit invalidates
 #: decisions.
-GROUPS = (
-    splitting, decomposition, identities, misprints, search, coefficients, sizes, trained, roles, methods, oscillator,
-    henon_heiles, kepler, substeps, comparisons, discussion,
+CLAIMS: tuple[Claim, ...] = tuple(
+    claim
+    for group in (
+        splitting, decomposition, identities, misprints, search, coefficients, sizes, trained, roles, methods,
+        oscillator, henon_heiles, kepler, substeps, comparisons, discussion,
+    )
+    for claim in claims_in(group)
 )  # fmt: skip
 
-
-CLAIMS: tuple[Claim, ...] = tuple(one for group in GROUPS for one in claims_in(group))
-
 #: Result files for decisions or values of statements, relative to the folder of results.
-FILES: tuple[str, ...] = tuple(sorted({name for one in CLAIMS for name in (*one.needs, *one.also)}))
+FILES: tuple[str, ...] = tuple(sorted({name for claim in CLAIMS for name in (*claim.needs, *claim.also)}))
 
-#: Keys of an entry. The entry ``paper`` has the keys ``section`` and ``sentence``.
+#: Keys of an entry, and columns of the table, which has ``section`` and ``sentence`` in place of ``paper``.
 KEYS = ("id", "paper", "statement", "kind", "verdict", "value", "threshold", "margin", "needs")
-#: Columns of the table.
 COLUMNS = ("id", "section", "sentence", *KEYS[2:])
 
 
@@ -44,21 +44,21 @@ def decide(results: Results) -> list[dict[str, Any]]:
     ResultFileError
         A result file is damaged.
     """
-    return [_entry(one, results) for one in (*CLAIMS, *own_claims())]
+    return [_entry(claim, results) for claim in (*CLAIMS, *own_claims())]
 
 
-def _entry(one: Claim, results: Results) -> dict[str, Any]:
-    found = one.decision(results)
+def _entry(claim: Claim, results: Results) -> dict[str, Any]:
+    decision = claim.decision(results)
     return {
-        "id": one.id,
-        "paper": {"section": one.paper, "sentence": one.sentence},
-        "statement": one.statement,
-        "kind": one.kind,
-        "verdict": found.verdict,
-        "value": found.value,
-        "threshold": one.threshold,
-        "margin": found.margin,
-        "needs": list(one.needs),
+        "id": claim.id,
+        "paper": {"section": claim.paper, "sentence": claim.sentence},
+        "statement": claim.statement,
+        "kind": claim.kind,
+        "verdict": decision.verdict,
+        "value": decision.value,
+        "threshold": claim.threshold,
+        "margin": decision.margin,
+        "needs": list(claim.needs),
     }
 
 
@@ -89,11 +89,8 @@ def decided(
     """
     methods_by_name = {name: registered[name] for name in (registered if integrators is None else integrators)}
     entries = decide(Results(folder, methods_by_name, leftovers))
-    rows = [[entry["id"], *entry["paper"].values(), *_cells(entry)] for entry in entries]
+    flat = [{**entry, **entry["paper"], "needs": ", ".join(entry["needs"])} for entry in entries]
     caption = "Statements of the paper, and what the numbers say of them."
     text = json.dumps(entries, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    return {"table": Table(header=COLUMNS, rows=rows, caption=caption), "document": text}
-
-
-def _cells(entry: Mapping[str, Any]) -> list[str]:
-    return [", ".join(entry[key]) if key == "needs" else entry[key] for key in KEYS[2:]]
+    table = Table(header=COLUMNS, rows=[[entry[column] for column in COLUMNS] for entry in flat], caption=caption)
+    return {"table": table, "document": text}

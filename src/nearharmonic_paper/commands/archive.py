@@ -23,7 +23,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
     folder = folder_of(chosen.result)
     place = pack.target(folder, chosen.output)
-    reasons = pack.faults(folder)
+    reasons = pack.reasons_against(folder)
     if reasons:
         return Answer(header=["fault"], rows=[[reason] for reason in reasons], status=1)
     saved = pack.save(folder, place, with_runs=chosen.with_runs)

@@ -6,7 +6,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,17 +29,8 @@ def adopt(folder: Path, configfile: str | None = None) -> int:
 
     Snakemake then considers all files as made by the jobs of this workflow with these settings, and runs no job.
 
-    Parameters
-    ----------
-    folder : path
-        Folder of results.
-    configfile : str, optional
-        The config of the results; by default the recorded one, or the one in ``config/`` with their name.
-
-    Returns
-    -------
-    int
-        Number of files.
+    ``configfile`` is the config of the results; by default the recorded one, or the one in ``config/`` with their name.
+    The number of files is returned.
 
     Raises
     ------
@@ -52,48 +43,39 @@ def adopt(folder: Path, configfile: str | None = None) -> int:
         The results need a user's file that is not trusted. The process of Snakemake runs no such file either.
     """
     if folder.absolute().parent != Path("results").absolute() or not Path("Snakefile").is_file():
-        message = f"{folder} is not in results/ of the folder of the workflow: copy it there, and adopt it from there"
-        raise RefusedError(message)
-    found = faults(folder)
-    if found:
+        says = "is not in results/ of the folder of the workflow: copy it there, and adopt it from there"
+        raise RefusedError(f"{folder} {says}")
+    if found := faults(folder):
         more = f" ({len(found)} faults in all: nearharmonic verify {folder})" if len(found) > 1 else ""
         raise RefusedError(f"{folder} is not adopted: {found[0]}{more}")
-    told = manifest.read(folder)
-    names = told["files"]
+    recorded = manifest.read(folder)
+    names = recorded["files"]
     check_files_of(names.values())
-    option = _config_option(folder.name, told, configfile)
+    option = _config_option(folder.name, recorded["configfiles"], configfile)
     for place in option[1:] or [DEFAULT_CONFIG]:
         refuse_template(place)
     command = [sys.executable, "-m", "snakemake", "--touch", "--forceall", "-j1", "--quiet", "rules"]
     files = [f"results/{folder.name}/{name}" for name in names]
-    done = subprocess.run(
-        [*command, *option, "--", *files],
-        env={**os.environ, ADOPTING: "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command += [*option, "--", *files]
+    done = subprocess.run(command, env={**os.environ, ADOPTING: "1"}, capture_output=True, text=True, check=False)
     if done.returncode:
         reason = re.search(r"(?:RefusedError in .*|MissingRuleException:|WorkflowError in .*)\n(.*)", done.stderr)
-        message = f"{folder} is not adopted: {reason[1] if reason else done.stderr.strip()[-1000:]}"
-        raise RefusedError(message)
+        raise RefusedError(f"{folder} is not adopted: {reason[1] if reason else done.stderr.strip()[-1000:]}")
     forget(folder, names)  # receipts of previous results in this folder
     return len(files)
 
 
-def _config_option(name: str, told: Mapping[str, Any], given: str | None) -> list[str]:
+def _config_option(name: str, recorded: Sequence[str], given: str | None) -> list[str]:
     """Return the option of Snakemake for the config that writes to ``results/<name>``; none for the default config."""
     if given is not None:
         return ["--configfile", given]
-    made_with = usable_configs(told["configfiles"], Path("results", name))
-    if made_with and all(Path(place).is_file() for place in made_with):
-        found = made_with
-    else:
+    found = usable_configs(recorded, Path("results", name))
+    if not found or not all(Path(place).is_file() for place in found):
         found = [str(place) for place in sorted(Path("config").glob("*.yaml")) if _name_in(place) == name]
         if len(found) != 1:
             says = f"{' and '.join(found)} have" if found else "no file in config/ has"
-            message = f"results/{name} is not adopted: {says} the name {name!r}; name its config: --configfile FILE"
-            raise RefusedError(message)
+            says = f"results/{name} is not adopted: {says} the name {name!r}; name its config: --configfile FILE"
+            raise RefusedError(says)
     return [] if found == [DEFAULT_CONFIG] else ["--configfile", *found]
 
 
@@ -108,17 +90,8 @@ def _name_in(place: Path) -> object:
 def check_jobs(folder: Path, jobs: Iterable[Any]) -> None:
     """Compare the jobs of a workflow with the manifest of ``folder``, before their files are touched.
 
-    Parameters
-    ----------
-    folder : path
-        Folder of results.
-    jobs : iterable of snakemake.jobs.Job
-        Jobs with ``output``, and ``params.task`` or ``params.tasks``.
-
-    Raises
-    ------
-    RefusedError
-        A file that a job makes was made with other settings, code or coefficients.
+    A job of Snakemake has ``output``, and ``params.task`` or ``params.tasks``. A file that it makes and that was made
+    with other settings, code or coefficients is a RefusedError.
     """
     entries = manifest.read(folder)["files"]
     for path, task in (pair for job in jobs for pair in _made_by(job)):
@@ -128,8 +101,7 @@ def check_jobs(folder: Path, jobs: Iterable[Any]) -> None:
         differs = ["file"] if entry is None else [what for what in here if here[what] != entry[what]]
         if differs:
             says = "is not among the results" if entry is None else f"was made with other {' and '.join(differs)}"
-            message = f"{path} {says}; a run of the workflow brings it up to date"
-            raise RefusedError(message)
+            raise RefusedError(f"{path} {says}; a run of the workflow brings it up to date")
 
 
 def _made_by(job: Any) -> Iterator[tuple[str, Mapping[str, Any]]]:

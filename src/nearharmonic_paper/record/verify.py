@@ -23,7 +23,7 @@ from nearharmonic_paper.tasks.experiment import beside_the_paper, experiments
 from nearharmonic_paper.tasks.provenance import digests
 from nearharmonic_paper.tasks.receipts import damaged_receipts, identity, measured
 
-Entries = Mapping[str, Mapping[str, Any]]
+EntriesByName = Mapping[str, Mapping[str, Any]]
 
 #: Beginnings of file names, in the order of their production.
 ORDER = ("runs/", "cubes/", "derived/", "figures/", "tables/", "report.html")
@@ -31,17 +31,7 @@ ORDER = ("runs/", "cubes/", "derived/", "figures/", "tables/", "report.html")
 
 @dataclass(frozen=True, order=True, kw_only=True)
 class Fault:
-    """A deviation from the record.
-
-    Attributes
-    ----------
-    file : str
-        Name of the file in the folder of results.
-    says : str
-        Description of the fault.
-    mend : str
-        The command or action that repairs it.
-    """
+    """A deviation from the record: the file in the folder of results, what it is, and what repairs it."""
 
     file: str
     says: str
@@ -55,23 +45,21 @@ def faults(folder: Path) -> list[Fault]:
     """Compare every file of ``folder`` with the record, and the code and coefficients here with those recorded.
 
     Only the record is parsed; all other files are compared as bytes, so that damaged files cannot mislead or block the
-    reader. Of HDF5 files with the recorded bytes the list of members is read, and no value.
-
-    Returns
-    -------
-    list of Fault
-        Faults in the order of their repair: runs, cubes, and derived files; empty if there are none.
+    reader. Of HDF5 files with the recorded bytes the list of members is read, and no value. Faults are in the order of
+    their repair: runs, cubes, and derived files.
     """
     try:
-        told = manifest.read(folder)
+        recorded = manifest.read(folder)
     except ResultFileError as error:
         says, _, mend = str(error).partition(". ")
         says = says.removeprefix(f"{folder / manifest.MANIFEST} ")
         return [*_of_record(folder), Fault(file=manifest.MANIFEST, says=says, mend=mend)]
-    found = [*_of_record(folder), *_of_files(folder, told)]
-    whole = {name: entry for name, entry in told["files"].items() if name not in {fault.file for fault in found}}
-    found += [*_of_inputs(folder, whole), *_of_origins(folder, told["files"])]
-    return sorted(found, key=lambda fault: (_rank(fault.file), fault))
+    found = [*_of_record(folder), *_of_files(folder, recorded)]
+    damaged = {fault.file for fault in found}
+    whole = {name: entry for name, entry in recorded["files"].items() if name not in damaged}
+    found += [*_of_inputs(folder, whole), *_of_origins(folder, recorded["files"])]
+    ranks = {fault: [i for i, part in enumerate(ORDER) if fault.file.startswith(part)] for fault in found}
+    return sorted(found, key=lambda fault: (ranks[fault] or [0], fault))
 
 
 def _of_record(folder: Path) -> Iterator[Fault]:
@@ -86,22 +74,18 @@ def _of_record(folder: Path) -> Iterator[Fault]:
     for says in faults:
         yield Fault(file=history.HISTORY, says=says, mend=f"The next run with jobs records this, for example: {again}")
     for place in damaged_receipts(folder):
-        mend = f"The next run replaces or removes it: {workflow_command(place)}"
-        yield Fault(file=place.relative_to(folder).as_posix(), says="is no receipt as its job wrote it", mend=mend)
-    for place in parts_in(folder):
-        mend = f"The next run with jobs removes it, for example: {again}"
-        yield Fault(
-            file=place.relative_to(folder).as_posix(), says="is a temporary file of an unfinished job", mend=mend
+        name, mend = (
+            place.relative_to(folder).as_posix(),
+            f"The next run replaces or removes it: {workflow_command(place)}",
         )
+        yield Fault(file=name, says="is no receipt as its job wrote it", mend=mend)
+    for place in parts_in(folder):
+        name, mend = place.relative_to(folder).as_posix(), f"The next run with jobs removes it, for example: {again}"
+        yield Fault(file=name, says="is a temporary file of an unfinished job", mend=mend)
 
 
-def _rank(name: str) -> int:
-    """Return the rank of a file in ``ORDER``."""
-    return next((i for i, part in enumerate(ORDER) if name.startswith(part)), 0)
-
-
-def _of_files(folder: Path, told: Mapping[str, Any]) -> Iterator[Fault]:
-    entries, former, there = told["files"], set(told["former"]), set(manifest.names_in(folder))
+def _of_files(folder: Path, recorded: Mapping[str, Any]) -> Iterator[Fault]:
+    entries, former, there = recorded["files"], set(recorded["former"]), set(manifest.names_in(folder))
     by_now = manifest.entries_of(folder)
     for name in sorted((there | entries.keys()) - (former - there)):
         again = f"Make it again: {command_for(folder / name)}"
@@ -113,7 +97,7 @@ def _of_files(folder: Path, told: Mapping[str, Any]) -> Iterator[Fault]:
             if digest == by_now.get(name, {}).get("sha256"):
                 mend = f"Wait for it, or run the workflow again: {workflow_command(folder / name)}"
                 yield Fault(file=name, says="was made by a run that has not ended, or was killed", mend=mend)
-            elif name in told["unrecorded"]:
+            elif name in recorded["unrecorded"]:
                 yield Fault(file=name, says="has lost its record", mend=again)
             elif name not in entries:
                 yield Fault(file=name, says="is extra: no job made it", mend="Move it elsewhere")
@@ -123,7 +107,7 @@ def _of_files(folder: Path, told: Mapping[str, Any]) -> Iterator[Fault]:
             yield Fault(file=name, says=says, mend=again)
 
 
-def _of_inputs(folder: Path, entries: Entries) -> Iterator[Fault]:
+def _of_inputs(folder: Path, entries: EntriesByName) -> Iterator[Fault]:
     """Yield a fault for each file whose inputs differ from ``entries``, for example after an interrupted run."""
     now: dict[str, str] = {}
     for name, entry in entries.items():
@@ -136,36 +120,29 @@ def _of_inputs(folder: Path, entries: Entries) -> Iterator[Fault]:
                 break
 
 
-def _of_origins(folder: Path, entries: Entries) -> Iterator[Fault]:
+def _of_origins(folder: Path, entries: EntriesByName) -> Iterator[Fault]:
     """Yield a fault for each function whose code, systems or methods have changed since it made some of its files."""
     made_otherwise: dict[tuple[str, str], list[str]] = {}
     difference = cache(partial(_difference, recorded_digests(folder)))
     for name, entry in entries.items():
         reached = tuple(entry["systems"]), tuple(entry["integrators"])
         definitions = json.dumps(entry.get("definitions", {}))
-        differs = difference(entry["function"], *reached, definitions, **_recorded(entry))
-        if differs:
+        recorded = {what: entry[what] for what in ("code", "coefficients")}
+        if differs := difference(entry["function"], *reached, definitions, **recorded):
             made_otherwise.setdefault((entry["function"], differs), []).append(name)
     for (function, differs), names in made_otherwise.items():
         others = f" (and {len(names) - 1} more)" if len(names) > 1 else ""
-        says = f"was made with other {differs}{others}, by {function}"
-        yield Fault(
-            file=names[0], says=says, mend=f"Make it again: {workflow_command(folder / names[0])}{_target_of(function)}"
+        says, mend = (
+            f"was made with other {differs}{others}, by {function}",
+            f"Make it again: {workflow_command(folder / names[0])}",
         )
-
-
-def _recorded(entry: Mapping[str, Any]) -> dict[str, str]:
-    return {what: entry[what] for what in ("code", "coefficients")}
+        yield Fault(file=names[0], says=says, mend=f"{mend}{_target_of(function)}")
 
 
 def _difference(
-    files: Mapping[str, str],
-    function: str,
-    problems: tuple[str, ...],
-    methods: tuple[str, ...],
-    definitions: str,
+    files: Mapping[str, str], function: str, problems: tuple[str, ...], methods: tuple[str, ...], definitions: str,
     **recorded: str,
-) -> str:
+) -> str:  # fmt: skip
     """Describe the deviations from the record; ``definitions`` of systems and integrators are JSON.
 
     Coefficients from files that are not trusted are compared by the recorded digests of these ``files``.
@@ -189,25 +166,13 @@ def _target_of(function: str) -> str:
 
 
 def extent(folder: Path) -> tuple[int, int]:
-    """Return the number of files in the manifest of ``folder``, and their total size in bytes.
-
-    Raises
-    ------
-    ResultFileError
-        The manifest is missing or damaged.
-    """
+    """Return the number of files in the manifest of ``folder``, and their total size in bytes."""
     sizes = [entry["size"] for entry in manifest.read(folder)["files"].values()]
     return len(sizes), sum(sizes)
 
 
 def files_not_run(folder: Path) -> list[str]:
-    """Return the sorted files with users' integrators whose coefficients :func:`faults` does not compute.
-
-    Raises
-    ------
-    ResultFileError
-        The manifest is missing or damaged.
-    """
+    """Return the sorted files with users' integrators whose coefficients :func:`faults` does not compute."""
     return integrator_files_not_run(manifest.read(folder)["files"].values())
 
 
@@ -215,11 +180,6 @@ def of_other_configs(folder: Path) -> int:
     """Return the number of files from runs with a different config than that of the newest successful run.
 
     They may be up to date: the section of one system does not affect other systems.
-
-    Raises
-    ------
-    ResultFileError
-        The manifest is missing or damaged.
     """
     configs = {run["id"]: run.get("config_digest") for run in history.runs_of(folder)}
     newest, makers = history.newest_finished(folder), history.makers_in(folder)

@@ -115,23 +115,6 @@ def test_largest_term_of_yoshida_is_that_of_its_step_matrix():
     assert float(max(terms)) == pytest.approx(stated, rel=5e-3)  # three digits are stated
 
 
-def sum_of_absolute_values(tableau):
-    return float(sum(abs(Fraction(c)) for c in (*tableau.kick, *tableau.drift)))
-
-
-def test_sums_of_best_methods_follow_from_their_coefficients():
-    value = VALUES["minimised-coefficients"]
-    (listed,) = re.findall(r"least error, with the sum: (.*?);", value)
-    led = re.findall(r"(?:^|, )([^,(]+) \(([\d.]+)\) at", listed)
-    assert len(led) == listed.count(" at ")
-    for label, stated in led:
-        assert float(stated) == pytest.approx(sum_of_absolute_values(nh.integrators[NAMES[label]]), rel=5e-3)
-    ((stated, label),) = re.findall(r"the least sum is ([\d.]+), of (.*?), with", value)
-    sums = {t.label: sum_of_absolute_values(t) for t in plain_integrators.values() if t.order >= 4}
-    assert label == min(sums, key=sums.__getitem__)
-    assert float(stated) == pytest.approx(sums[label], rel=5e-3)
-
-
 def test_second_order_solution_of_equation_16_is_so_on_pendulum():
     """H = p^2/2 - cos q, off in the energy by the square of the step; Ruth's method by its fourth power."""
     d1 = 1 - (11 / 48) ** 0.5

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 from nearharmonic_paper.claims.judging.curves import Curves
-from nearharmonic_paper.claims.judging.slopes import BAND, LONG, SHORT, WINDOW, large_steps, local_slopes, orders
+from nearharmonic_paper.claims.judging.slopes import BAND, LONG, SHORT, large_steps, local_slopes, orders
 from nearharmonic_paper.claims.results import Undecided
 
 X = np.geomspace(1e-4, 1, 161)  # forty a decade
@@ -91,7 +91,3 @@ def test_large_steps_are_the_decade_below_one_percent():
     assert X[asked.asked].max() == pytest.approx(0.1, rel=0.06)
     with pytest.raises(Undecided, match="in the decade below an error of 1 %"):
         large_steps(curves(lambda x: 1e-3 * x), "one")
-
-
-def test_a_window_is_the_tenth_of_a_decade():
-    assert pytest.approx(0.1) == 2 * WINDOW

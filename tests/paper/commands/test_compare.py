@@ -47,12 +47,6 @@ def test_a_copy_is_identical(copy, capsys):
 
 
 @pytest.mark.slow
-def test_the_name_of_a_config_is_no_setting(copy, capsys):
-    write_history(copy, [history_line(8, config=config("copy"))])
-    assert compared(capsys)[0] == 0
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("cube", ["cubes/kepler.h5", "cubes/sho.h5"])
 def test_a_changed_number_is_found_with_its_place_and_size(copy, cube, capsys):
     before = change(copy / cube, "max_energy_error", (0, 0, 2), 0.75)
@@ -177,25 +171,6 @@ def test_groups_of_a_cube_are_compared(copy, project, capsys):
         "cubes/timed.h5/extra": ("there", "missing", ""),
         "cubes/timed.h5/other": ("missing", "there", ""),
     }
-
-
-def edit_seconds(copy):
-    text = (copy / "tables/methods.csv").read_text()
-    (copy / "tables/methods.csv").write_text(text.replace("0.25", "0.5"))
-    write_manifest(copy)
-
-
-@pytest.mark.slow
-def test_columns_that_the_manifest_lists_as_volatile_are_left_out(copy, capsys):
-    edit_seconds(copy)
-    status, told = compared(capsys)
-    assert (status, told["left_out"]) == (0, ["tables/methods.csv: seconds"])
-    for folder in (copy, copy.with_name("paper")):
-        (folder / "manifest.json").unlink()
-    (found,) = differences(capsys)
-    assert (found["where"], found["a"], found["b"], found["at"]) == (
-        "tables/methods.csv: seconds", 0.25, 0.5, {"row": "ruth"},
-    )  # fmt: skip
 
 
 @pytest.mark.slow

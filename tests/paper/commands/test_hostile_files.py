@@ -26,7 +26,7 @@ from nearharmonic.plotting.energy_error import problem_of
 from nearharmonic.recommendation.measure import read_parts
 from nearharmonic.registry.user_module import trusting_only
 from nearharmonic_paper.config.reading import read as read_config
-from nearharmonic_paper.record.archive import pack, seal
+from nearharmonic_paper.record.archive import check, pack
 from support.hostile.mutations import FOREIGN, ODD_SETTINGS, change_file, make_foreign, mutated, mutated_bytes, resealed
 from support.results.result_folder import edited, write_manifest
 
@@ -213,7 +213,7 @@ def change_archive(place, random):
     with ZipFile(place) as zipped:
         members = [(one.filename, zipped.read(one)) for one in zipped.infolist()]
     with ZipFile(place, "w") as zipped:
-        zipped.comment = seal.BLANK
+        zipped.comment = check.BLANK
         for name, content in members:
             member = ZipInfo(
                 random.choice(("../../x", "/x", "a/b", "manifest.json")) if random.random() < 0.02 else name
@@ -221,7 +221,7 @@ def change_archive(place, random):
             member.external_attr = random.choice((0o120777, 0o100644, 0)) << 16 if random.random() < 0.02 else 0
             told = name.endswith(".json") and random.random() < 0.3
             zipped.writestr(member, changed_text(json.loads(content), random) if told else content)
-    seal.close(place)
+    check.close(place)
 
 
 def try_archives(seeds, whole, capsys, trials):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 
 import pytest
@@ -35,14 +34,6 @@ def test_the_figure_shows_the_first_solid_and_the_second_dashed(other, project):
                     assert looks == expected, name
                     seen += len(lines)
             assert seen == len(axes.get_lines())
-
-
-@pytest.mark.parametrize("suffix", ["png", *(pytest.param(one, marks=pytest.mark.long) for one in ("svg", "pdf"))])
-def test_the_figure_is_written(copy, tmp_path, suffix, capsys):
-    place = tmp_path / f"sub/both.{suffix}"
-    assert main(["compare", "paper", "copy", "--figure", str(place), "--format", "json"]) == 0
-    assert json.loads(capsys.readouterr().out)["figure"] == str(place)
-    assert place.stat().st_size > 1000
 
 
 def test_results_without_a_system_in_common_have_no_figure(copy, capsys):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 import shutil
 
@@ -109,15 +108,6 @@ def test_several_results_have_a_column_that_names_them(project, capsys):
     assert len(rows) == 2 * len(told(capsys, "paper"))
 
 
-def test_json_has_null_for_an_infinite_error_beside_its_status(project, capsys):
-    assert main(["runs", "paper", "--where", "status == 'diverged'", "--format", "json"]) == 0
-    rows = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
-    assert rows
-    assert {(row["max_energy_error"], row["perihelion_advance"], row["status"]) for row in rows} == {
-        (None, None, "diverged")
-    }
-
-
 def test_a_cube_that_holds_no_single_runs_is_left_out(project, capsys):
     before = told(capsys, "paper")
     ratio = {"relative_error": (("amplitude",), np.ones(3), {"units": "1", "long_name": "ratio"})}
@@ -140,11 +130,6 @@ def test_cube_of_system_that_lacks_variable_is_named(project, capsys):
         del file["steps"]
     assert main(["runs", "paper"]) == 2
     assert "cubes/sho.h5 has no steps. Make it again: snakemake" in capsys.readouterr().err
-
-
-def test_results_without_cubes_have_no_runs(project, capsys):
-    shutil.rmtree(project / "cubes")
-    assert told(capsys, "paper", "--where", "max_energy_error < 1 and status == 'ok'", "--sort", "tau") == []
 
 
 @pytest.mark.slow

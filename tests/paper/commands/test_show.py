@@ -12,7 +12,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.cli import main
-from support.results.result_folder import edited, run_id
+from support.results.result_folder import run_id
 
 
 def shown(capsys, *arguments):
@@ -64,11 +64,6 @@ def test_run_file_holds_run_with_stated_number_of_samples(project, question, cap
         assert entry["run"] == run_id(8)
 
 
-def test_the_run_is_in_the_shard_that_has_its_step(project, capsys):
-    paths = {shown(capsys, "henon_heiles", "ruth", tau)["files"]["run file"]["path"] for tau in ("0.15", "4")}
-    assert paths == {f"runs/henon_heiles/ruth/{shard}.h5" for shard in (0, 1)}
-
-
 def test_settings_and_units_are_those_of_sweep_and_system(project, capsys):
     told = shown(capsys, "kepler", "ruth", "30")
     assert (told["settings"]["t_end"], told["settings"]["samples"]) == ("8766", 50)
@@ -105,15 +100,6 @@ def test_absent_run_is_refused_with_nearest_ones(project, arguments, says, capsy
     out, err = capsys.readouterr()
     assert out == ""
     assert says in err
-
-
-def test_cube_without_settings_is_shown_without_them(project, capsys):
-    with edited(project / "cubes/kepler.h5") as file:
-        del file.attrs["settings"]
-    told = shown(capsys, "kepler", "ruth", "30")
-    assert told["settings"] == {}
-    assert "t_end" not in told["python"]
-    compile(told["python"], "shown", "exec")
 
 
 def test_damaged_line_of_history_is_told(project, copy, capsys):

@@ -175,7 +175,7 @@ def test_inner_block_cannot_allow_more_than_outer_block(evil):
 
 def test_archive_takes_no_file_that_history_has_not_recorded(project, evil, capsys, monkeypatch):
     """A forged manifest names a private file, which would be published with the archive."""
-    monkeypatch.setattr("nearharmonic_paper.record.archive.pack.faults", lambda folder: [])
+    monkeypatch.setattr("nearharmonic_paper.record.archive.pack.reasons_against", lambda folder: [])
     Path("private.py").write_text("PASSWORD = 1\n")
     resealed(project, definitions={"systems": {"mine": {"file": "private.py"}}})
     assert tried("archive paper -o paper.zip") == 2

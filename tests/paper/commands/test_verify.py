@@ -10,7 +10,7 @@ from nearharmonic.cli import main
 from nearharmonic.errors import RefusedError
 from nearharmonic_paper.record.adopt import check_jobs
 from nearharmonic_paper.record.files import manifest
-from nearharmonic_paper.tasks.provenance import settings_digest, task
+from nearharmonic_paper.tasks.provenance import task
 from nearharmonic_paper.tasks.receipts import Receipt
 
 TASK = task("nearharmonic_paper.experiments.paper.tableaus.decompose:decompose", integrators=["ruth"])
@@ -62,12 +62,6 @@ def test_faults_as_json_and_csv_hold_file_fault_and_mend(results, capsys):
     ]
     assert main(["verify", "paper", "--format", "csv"]) == 1
     assert capsys.readouterr().out.splitlines()[0] == "file,fault,mend"
-
-
-@pytest.mark.parametrize("words", [["--rerun", "few"], ["--rerun", "-1"], ["--seed", "1.5"], ["--rerum", "1"]])
-def test_bad_numbers_and_options_are_bad_input(results, words, capsys):
-    assert main(["verify", "paper", *words]) == 2
-    assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_a_result_outside_of_its_project_is_not_adopted(results, capsys):
@@ -127,20 +121,11 @@ def test_jobs_with_the_recorded_settings_are_adopted(results):
 def test_a_job_with_anything_else_is_not(results, changes, says):
     with pytest.raises(RefusedError, match=says):
         check_jobs(results, [Job({**TASK, **changes}, {"cube": str(results / "cubes/sho_terms.h5")})])
-
-
-def test_each_figure_of_job_that_draws_several_is_looked_at(results):
-    drawn = {"a": TASK, "b": {**TASK, "code": "0"}}
-    with pytest.raises(RefusedError, match="was made with other code;"):
+    drawn = {"a": TASK, "b": {**TASK, **changes}}
+    with pytest.raises(RefusedError, match=says):
         check_jobs(results, [Job(drawn, {"b": [str(results / "cubes/sho_terms.h5")]}, key="tasks")])
 
 
 def test_job_for_file_that_is_not_there_is_not(results):
     with pytest.raises(RefusedError, match=r"more\.h5 is not among the results"):
         check_jobs(results, [Job(TASK, {"cube": str(results / "cubes/more.h5")})])
-
-
-def test_settings_that_are_written_otherwise_are_the_same():
-    assert settings_digest(TASK) == settings_digest(
-        task("nearharmonic_paper.experiments.paper.tableaus.decompose:decompose", integrators=("ruth",))
-    )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import platform
 import subprocess
 import sys
@@ -18,10 +17,6 @@ from nearharmonic_paper.record.history import markers
 
 #: What every run has.
 RUN = {"start": "2026-01-01T00:00:00.000Z", "config": {}}
-
-
-def lines(folder):
-    return (folder / "history.jsonl").read_text(encoding="utf-8").split("\n")
 
 
 def faults(folder):
@@ -51,18 +46,6 @@ def leave_marker(folder, run, process):
     )
 
 
-def test_what_was_appended_is_read_oldest_first(tmp_path):
-    for number in range(3):
-        history.append(tmp_path, {**RUN, "id": str(number), "label": "Hénon-Heiles"})
-    assert [run["id"] for run in history.runs_of(tmp_path)] == ["0", "1", "2"]
-    assert history.runs_of(tmp_path)[0]["label"] == "Hénon-Heiles"
-    assert len(lines(tmp_path)) == 4
-
-
-def test_a_folder_without_history_has_no_runs(tmp_path):
-    assert history.runs_of(tmp_path) == []
-
-
 def test_a_line_that_broke_off_costs_that_line_alone(tmp_path):
     history.append(tmp_path, {**RUN, "id": "a"})
     with (tmp_path / "history.jsonl").open("a") as file:
@@ -77,14 +60,6 @@ def test_runs_that_end_at_once_do_not_mix_their_lines(tmp_path):
     with ThreadPoolExecutor(16) as pool:
         list(pool.map(lambda i: history.append(tmp_path, {**RUN, "id": str(i), "filling": "x" * 5_000}), range(64)))
     assert sorted(int(run["id"]) for run in history.runs_of(tmp_path)) == list(range(64))
-
-
-def test_a_line_is_appended_in_one_write(tmp_path, monkeypatch):
-    written = []
-    monkeypatch.setattr(os, "write", lambda file, data: written.append(data))
-    history.append(tmp_path, {**RUN, "id": "a", "filling": "x" * 100_000})
-    assert len(written) == 1
-    assert written[0].endswith(b"\n")
 
 
 def test_no_infinity_gets_into_the_history(tmp_path):

@@ -13,7 +13,7 @@ from nearharmonic.errors import ResultFileError
 from nearharmonic.output.atomic import sealed
 from nearharmonic_paper.record.files import manifest
 from nearharmonic_paper.tasks.provenance import task
-from nearharmonic_paper.tasks.receipts import Receipt, damaged_receipts, folder_of, names_made_by
+from nearharmonic_paper.tasks.receipts import Receipt, damaged_receipts, names_made_by
 
 TASK = task("nearharmonic_paper.experiments.paper.tableaus.decompose:decompose", integrators=["ruth"])
 
@@ -200,20 +200,6 @@ def test_neither_clock_nor_run_stands_in_the_manifest(results, monkeypatch):
     make(results, "cubes/a.h5", b"numbers")
     manifest.write(results)
     assert (results / "manifest.json").read_bytes() == before
-
-
-@pytest.mark.parametrize(
-    ("log", "folder"),
-    [
-        ("results/paper/logs/reduce/sho.log", "results/paper"),
-        ("results/logs/logs/derive.log", "results/logs"),
-        ("results/paper/logs/integrate/logs/ruth/0.log", "results/paper"),
-        ("/somewhere/results/paper/logs/derive.log", "/somewhere/results/paper"),
-        ("/somewhere/else/logs/derive.log", "/somewhere/else"),
-    ],
-)
-def test_the_folder_of_results_follows_from_the_log(log, folder):
-    assert str(folder_of(log)) == folder
 
 
 def test_a_receipt_that_cannot_be_written_costs_a_warning(results, capsys):

@@ -19,7 +19,7 @@ from nearharmonic.numerics.statistics import PLATEAU
 from nearharmonic.output.dataset import double_runs
 from nearharmonic_paper.claims.claim import Decision, Verdict
 from nearharmonic_paper.claims.judging.definitions import EDGES, RANGE
-from nearharmonic_paper.claims.results import Memory, Results, label, require, short
+from nearharmonic_paper.claims.results import Results, label, once, require, short
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -81,11 +81,10 @@ def _pieces(x: Floats, chosen: Bools) -> Iterator[tuple[float, float]]:
 MOST_JUDGED = 2000
 
 
-class Curves(Memory):
+class Curves:
     """The runs of one system over step sizes, from its cube: those in double precision, which have all step sizes."""
 
     def __init__(self, cube: xr.Dataset) -> None:
-        super().__init__()
         cube = cube.isel(tau_per_stage=slice(None, None, ceil(cube.sizes["tau_per_stage"] / MOST_JUDGED) or 1))
         self.cube = double_runs(cube)
         self.x: Floats = cube["tau_per_stage"].values
@@ -93,16 +92,11 @@ class Curves(Memory):
         self.unit = "" if unit == "1" else f" {unit}"
         self.names = [str(name) for name in cube["integrator"].values]
 
+    @once
     def of(self, name: str, variable: str = "max_energy_error") -> Any:
-        """Return a variable of a method over the step sizes.
-
-        Raises
-        ------
-        Undecided
-            The cube has no such method.
-        """
+        """Return a variable of a method over the step sizes; raise :class:`Undecided` if the cube lacks the method."""
         require(name in self.names, f"the results do not have the method {label(name)}")
-        return self.kept((name, variable), lambda: self.cube[variable].values[self.names.index(name)])
+        return self.cube[variable].values[self.names.index(name)]
 
     def errors(self, names: Sequence[str], variable: str = "max_energy_error") -> Floats:
         """Return a row of errors for each method; infinite where the run diverged."""
@@ -112,12 +106,8 @@ class Curves(Memory):
     def compared(self, *rows: Floats, kept: Floats | None = None) -> Range:
         """Return the range in which all ``rows`` of errors, or tables of them, can be compared.
 
-        It ends at the first error of ``kept`` above 1 %; by default ``kept`` are all rows.
-
-        Raises
-        ------
-        Undecided
-            The range has fewer than three step sizes.
+        It ends at the first error of ``kept`` above 1 %; by default ``kept`` are all rows. A range with fewer than
+        three step sizes raises :class:`Undecided`.
         """
         every = np.concatenate([np.atleast_2d(one) for one in rows])
         floors = np.maximum(every.min(axis=1, keepdims=True, initial=np.inf), np.finfo(float).eps / 2)
@@ -157,19 +147,16 @@ def for_larger_steps(asked: Range, good: Bools) -> Decision:
     return Decision("fails", f"{int((good & asked.asked).sum())} of {int(asked.asked.sum())} step sizes")
 
 
+@once
 def curves_of(results: Results, system: str) -> Curves:
-    """Return the curves of a system, which are created once."""
-    found: Curves = results.kept(("curves", system), lambda: Curves(results.cube(system)))
-    return found
+    """Return the curves of a system."""
+    return Curves(results.cube(system))
 
 
 def rank_correlation(one: Floats, other: Floats) -> Floats:
     """Return Spearman's rank correlation over the rows for each column; 0 if all values of one are equal.
 
-    Parameters
-    ----------
-    one, other : (n, T) arrays
-        Equal numbers share the mean of their ranks.
+    Equal numbers of the arrays (n, T) share the mean of their ranks.
     """
     # Twice the ranks, from the middle: how many numbers are below each, less how many are above.
     below = ((rows[:, None] > rows, rows[:, None] < rows) for rows in (one, other))

@@ -13,17 +13,19 @@ _STEP, _CLOSE, _FARTHEST = 10 ** (1 / 20), 20, 1e150
 
 
 def margin(verdict_at: Callable[[float], str], bound: float) -> str:
-    """Return the interval of thresholds around ``bound`` that lead to the same verdict, in words.
+    """Return the interval of thresholds around ``bound``, above 0, that lead to the same verdict, in words.
 
-    Parameters
-    ----------
-    verdict_at : callable
-        Function that returns the verdict for a threshold. It is called for about fifty thresholds, and for about ten
-        more between two thresholds with different verdicts.
-    bound : float
-        The threshold, above 0.
+    ``verdict_at`` returns the verdict for a threshold. It is called for about fifty thresholds, and for about ten more
+    between two thresholds with different verdicts.
     """
-    asked = _guarded(verdict_at)
+
+    def asked(threshold: float) -> str:
+        """Return a separate verdict for thresholds without data."""
+        try:
+            return verdict_at(threshold)
+        except Undecided:
+            return "undecided"
+
     low, high = (_last(asked, bound, way) for way in (-1, 1))
     if low is None and high is None:
         return f"threshold {short(bound)}; any other gives the same verdict"
@@ -32,26 +34,18 @@ def margin(verdict_at: Callable[[float], str], bound: float) -> str:
     return f"threshold {short(bound)}; the same verdict{start}{end}"
 
 
-def _guarded(verdict_at: Callable[[float], str]) -> Callable[[float], str]:
-    """Return a separate verdict for thresholds without data."""
-
-    def asked(bound: float) -> str:
-        try:
-            return verdict_at(bound)
-        except Undecided:
-            return "undecided"
-
-    return asked
-
-
 def _last(asked: Callable[[float], str], bound: float, way: int) -> float | None:
     """Return the last threshold with an equal verdict in one direction, to a hundredth; None if it never changes."""
     verdict, inside = asked(bound), bound
     for factor in _factors():
         outside = bound * factor**way
-        if asked(outside) != verdict:
-            return _between(asked, verdict, inside, outside)
-        inside = outside
+        if asked(outside) == verdict:
+            inside = outside
+            continue
+        while max(inside, outside) > 1.001 * min(inside, outside):
+            middle = (inside * outside) ** 0.5
+            inside, outside = (middle, outside) if asked(middle) == verdict else (inside, middle)
+        return inside
     return None
 
 
@@ -61,11 +55,3 @@ def _factors() -> Iterator[float]:
     while factor <= _FARTHEST:
         yield factor
         factor *= factor
-
-
-def _between(asked: Callable[[float], str], verdict: str, inside: float, outside: float) -> float:
-    """Return the last threshold with ``verdict`` between ``inside`` and ``outside``."""
-    while max(inside, outside) > 1.001 * min(inside, outside):
-        middle = (inside * outside) ** 0.5
-        inside, outside = (middle, outside) if asked(middle) == verdict else (inside, middle)
-    return inside

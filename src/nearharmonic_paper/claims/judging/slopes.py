@@ -19,7 +19,7 @@ from nearharmonic.numerics.statistics import line_slope, mean
 from nearharmonic_paper.claims.claim import Decide, Decision, Verdict, combined
 from nearharmonic_paper.claims.judging.curves import FEWEST, LOST, Curves, Range, curves_of
 from nearharmonic_paper.claims.judging.definitions import SLOPES
-from nearharmonic_paper.claims.results import label, require, short
+from nearharmonic_paper.claims.results import label, once, require, short
 
 #: Half width in decades of the fit of a local slope: five step sizes in total, with forty per decade.
 WINDOW = 0.05
@@ -52,20 +52,14 @@ class Stretch(NamedTuple):
         return f"τ/s = {short(self.low)} to {short(self.high)}{unit} ({self.decades:.2f} decades)"
 
 
-def local_slopes(curves: Curves, name: str, variable: str = "max_energy_error") -> Floats:
+@once
+def local_slopes(curves: Curves, name: str) -> Floats:
     """Return the slope around each step size; NaN if an error around it is not finite or fewer than three exist.
 
-    Raises
-    ------
-    Undecided
-        No step size has as many around it: the grid is too coarse, whatever the errors are.
+    If no step size has as many around it, the grid is too coarse whatever the errors are: this is
+    :class:`Undecided`.
     """
-    found: Floats = curves.kept(("slopes", name, variable), lambda: _local_slopes(curves, name, variable))
-    return found
-
-
-def _local_slopes(curves: Curves, name: str, variable: str) -> Floats:
-    error, places = curves.errors([name], variable)[0], portable.log10(curves.x)
+    error, places = curves.errors([name])[0], portable.log10(curves.x)
     good = np.isfinite(error) & (error > 0)
     x, y = log(curves.x), log(np.where(good, error, 1.0))
     found = np.full(curves.x.size, np.nan)
@@ -85,10 +79,10 @@ def stretch(asked: Range, slopes: Floats, order: float, band: float) -> Stretch:
     return Stretch(low, high) if high > 0 else Stretch(0.0, 0.0)
 
 
+@once
 def truncation_of(curves: Curves, name: str) -> Range:
     """Return the step sizes at which the error of a method is neither rounding nor above 1 %."""
-    found: Range = curves.kept(("truncation", name), lambda: curves.compared(curves.errors([name])))
-    return found
+    return curves.compared(curves.errors([name]))
 
 
 def judged(found: Stretch) -> Verdict:
@@ -116,10 +110,7 @@ def orders(curves: Curves, expected: Mapping[str, int], band: float) -> Decision
 def large_steps(curves: Curves, *names: str) -> Range:
     """Return the step sizes of the decade that ends at the first maximum error above 1 %.
 
-    Raises
-    ------
-    Undecided
-        There are fewer than three step sizes, or no error above 1 %.
+    With fewer than three step sizes, or without such an error, :class:`Undecided` is raised.
     """
     end = curves.x[(curves.errors(names) > LOST).any(axis=0)].min(initial=np.inf)
     asked = (curves.x > end / 10) & (curves.x < end)

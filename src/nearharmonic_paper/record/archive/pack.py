@@ -9,29 +9,23 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 from zipfile import ZIP_STORED, ZipFile, ZipInfo
 
 from nearharmonic.errors import ResultFileError, SettingError, bad_setting
 from nearharmonic.output.atomic import replacing
+from nearharmonic.registry.registry import split_path
 from nearharmonic_paper.record import history
-from nearharmonic_paper.record.archive import seal
-from nearharmonic_paper.record.archive.description import workflow
-from nearharmonic_paper.record.archive.description.member import Member, format_of, opened
-from nearharmonic_paper.record.archive.description.metadata import METADATA, PREVIEW, metadata
-from nearharmonic_paper.record.archive.description.preview import preview
-from nearharmonic_paper.record.archive.description.readme import readme
-from nearharmonic_paper.record.archive.description.software import DOCUMENTS, citation, document
-from nearharmonic_paper.record.archive.description.summary import Run
-from nearharmonic_paper.record.archive.description.zenodo import ZENODO, zenodo
-from nearharmonic_paper.record.archive.user_files import UserFiles
+from nearharmonic_paper.record.archive import check, description
+from nearharmonic_paper.record.archive.description import Archive, Member, format_of, opened
 from nearharmonic_paper.record.files import manifest
-from nearharmonic_paper.record.files.trusted import recorded_digests
+from nearharmonic_paper.record.files.trusted import is_edited, recorded_digests
+from nearharmonic_paper.tasks.code.user_sources import files_of
 
-#: Folder of the trajectories, which an archive includes only on request.
-RUNS = "runs"
+#: Folder of the trajectories, which an archive includes only on request, and of users' Python files.
+RUNS, USER_FILES = "runs", "user_files"
 #: The date of every member, the earliest that a zip file can hold.
 DATE = (1980, 1, 1, 0, 0, 0)
 
@@ -53,11 +47,13 @@ _ADDED = {
     "history.jsonl": "Every run of the workflow, oldest first: times, command, commit, settings, versions, counts.",
     "manifest.json": "Every result file with its size, its digest, and the code that made it.",
     "README.md": "What this archive holds and how to read it.",
-    ZENODO: "Metadata for a deposit at Zenodo.",
+    description.ZENODO: "Metadata for a deposit at Zenodo.",
+    description.METADATA: "RO-Crate metadata.",
+    description.PREVIEW: "Preview of the metadata.",
 }
 
 
-def faults(folder: Path) -> list[str]:
+def reasons_against(folder: Path) -> list[str]:
     """Return the reasons against archiving the result in ``folder``, one sentence each; [] if there are none.
 
     A result is archived only if its files agree with its manifest, and if its history has their settings.
@@ -76,7 +72,7 @@ def save(
 ) -> Path:
     """Write the result in ``folder`` as an archive, atomically.
 
-    The caller calls :func:`faults` first. Digests are checked again while files are copied.
+    The caller calls :func:`reasons_against` first. Digests are checked again while files are copied.
 
     Parameters
     ----------
@@ -103,10 +99,9 @@ def save(
     try:
         with replacing(zipped) as part:
             _write(part, members)
-            seal.close(part)
+            check.close(part)
     except OSError as error:
-        message = f"{zipped} cannot be written: {error}"
-        raise SettingError(message) from error
+        raise SettingError(f"{zipped} cannot be written: {error}") from error
     return zipped
 
 
@@ -134,27 +129,28 @@ def _members(result: Path, *, with_runs: bool) -> list[Member]:
         raise ResultFileError(_no_history(result))
     recorded = manifest.read(result)["files"]
     taken = {path: entry for path, entry in recorded.items() if with_runs or PurePosixPath(path).parts[0] != RUNS}
-    left_out = len(recorded) - len(taken)
+    about = Archive(result.name, runs, len(recorded) - len(taken))
     user_files = UserFiles(recorded.values(), recorded_digests(result))
     configs, texts = _configs(runs, user_files)
     makers = history.makers_in(result)
     members = [_result_file(result, path, entry, makers.get(path, entry.get("run"))) for path, entry in taken.items()]
     members += [Member.of_bytes(path, text, _ADDED["config"]) for path, text in texts.items()]
     members += [Member.of_file(name, result / name, _ADDED[name]) for name in manifest.LEFT_OUT]
-    members += [Member.of_bytes(name, document(name), _ADDED[name]) for name in DOCUMENTS]
-    members += user_files.members()
-    members += workflow.members()
-    members.append(Member.of_bytes(ZENODO, zenodo(result.name, citation(), runs, left_out), _ADDED[ZENODO]))
-    text = readme(result.name, members, runs, left_out)
-    members.append(Member.of_bytes("README.md", text, _ADDED["README.md"]))
-    members.sort(key=lambda member: member.path)
-    described = metadata(result.name, members, runs, configs, left_out)
-    members.append(Member.of_bytes(METADATA, described, "RO-Crate metadata."))
-    members.append(Member.of_bytes(PREVIEW, preview(described), "Preview of the metadata."))
+    members += [_added(name, description.document(name)) for name in description.DOCUMENTS]
+    members += [*user_files.members(), *description.workflow_files()]
+    members.append(_added(description.ZENODO, description.zenodo(about)))
+    members.append(_added("README.md", description.readme(about, members)))
+    described = description.metadata(about, sorted(members, key=lambda member: member.path), configs)
+    members.append(_added(description.METADATA, described))
+    members.append(_added(description.PREVIEW, description.preview(described)))
     return sorted(members, key=lambda member: member.path)
 
 
-def _configs(runs: Sequence[Run], user_files: UserFiles) -> tuple[dict[str, str], dict[str, bytes]]:
+def _added(name: str, content: bytes) -> Member:
+    return Member.of_bytes(name, content, _ADDED[name])
+
+
+def _configs(runs: Sequence[history.Run], user_files: UserFiles) -> tuple[dict[str, str], dict[str, bytes]]:
     """Return the path of the config of each run by the id of the run, and the text of each config by its path.
 
     The config of the newest successful run is ``config.json``; different configs have their digest in the name. Keys
@@ -183,17 +179,16 @@ def _result_file(result: Path, path: str, entry: Mapping[str, Any], run: str | N
     """Return the member for the file ``path`` of ``result`` with this ``entry`` in the manifest, made by ``run``."""
     first = PurePosixPath(path).parts[0]
     stem = PurePosixPath(path).with_suffix("").relative_to(first) if path != first else PurePosixPath(first)
-    volatile = entry.get("volatile") or ()
-    measured = "; holds measured times" if volatile else ""
-    description = f"{_KINDS.get(first, 'File')} {stem}, {format_of(path)[1]}, made by {entry['function']}{measured}."
+    measured = "; holds measured times" if entry.get("volatile") else ""
+    says = f"{_KINDS.get(first, 'File')} {stem}, {format_of(path)[1]}, made by {entry['function']}{measured}."
     return Member(
-        path=path, source=result / path, size=entry["size"], sha256=entry["sha256"], description=description, run=run
+        path=path, source=result / path, size=entry["size"], sha256=entry["sha256"], description=says, run=run
     )  # fmt: skip
 
 
 def _write(place: Path, members: Sequence[Member]) -> None:
     with ZipFile(place, "w", ZIP_STORED) as archive:
-        archive.comment = seal.BLANK
+        archive.comment = check.BLANK
         for member in members:
             information = ZipInfo(member.path, DATE)
             information.create_system = _UNIX
@@ -207,3 +202,71 @@ def _write(place: Path, members: Sequence[Member]) -> None:
             if digest.hexdigest() != member.sha256:
                 message = f"{member.path} is not the file that the manifest records: see `nearharmonic verify`"
                 raise ResultFileError(message)
+
+
+class UserFiles:
+    """Users' files of some results, from the entries of their manifest and the ``recorded`` digests of their code."""
+
+    def __init__(self, entries: Iterable[Mapping[str, Any]], recorded: Mapping[str, str]) -> None:
+        self._recorded = recorded
+        self._systems: dict[str, Path] = {}
+        self._integrators: dict[str, Path] = {}
+        for defined in (entry.get("definitions", {}) for entry in entries):
+            for name, system in defined.get("systems", {}).items():
+                if system["file"] is not None:
+                    self._systems[name] = Path(system["file"])
+            self._integrators |= {
+                method["written"]: Path(method["file"]) for method in defined.get("integrators", {}).values()
+            }
+        parents = sorted({path.parent for path in self._paths()})
+        self._folders = {
+            parent: USER_FILES if len(parents) == 1 else f"{USER_FILES}/{number}"
+            for number, parent in enumerate(parents, 1)
+        }
+
+    def _paths(self) -> Iterable[Path]:
+        return (*self._systems.values(), *self._integrators.values())
+
+    def members(self) -> list[Member]:
+        """Return the members of an archive for these files and the files that they import.
+
+        Raises
+        ------
+        ResultFileError
+            A file cannot be read, or its code is not that of the recorded digest: a manifest may name any file.
+        """
+        members = {}
+        for path in self._paths():
+            if is_edited(path, self._recorded):
+                raise ResultFileError(f"{path} is not archived: its code has no digest in the history, or another one")
+            for file in files_of(path):
+                name = f"{self._folders[path.parent]}/{file.relative_to(path.parent).as_posix()}"
+                members[name] = Member.of_file(name, file, "Python file of a system or an integrator of the config.")
+        return list(members.values())
+
+    def config(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a config of the history in which the paths of files are those in the archive."""
+        return {key: self._placed(key, value) for key, value in given.items()}
+
+    def _placed(self, key: str, value: Any) -> Any:
+        if key == "systems" and isinstance(value, Mapping):
+            return {name: self._system(name, system) for name, system in value.items()}
+        if isinstance(value, Mapping):
+            return self.config(value)
+        if key in {"integrators", "decomposition", "overview"} and isinstance(value, list):
+            return [self._integrator(entry) for entry in value]
+        return value
+
+    def _system(self, name: str, system: Mapping[str, Any]) -> Mapping[str, Any]:
+        if name not in self._systems or system.get("file") is None:
+            return system
+        return {**system, "file": self._place(self._systems[name])}
+
+    def _integrator(self, entry: str) -> str:
+        path, name = split_path(entry)
+        if path not in self._integrators:
+            return entry
+        return self._place(self._integrators[path]) + (f":{name}" if name else "")
+
+    def _place(self, path: Path) -> str:
+        return f"{self._folders[path.parent]}/{path.name}"

@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from nearharmonic.output import store
-from nearharmonic_paper.record.compare.differences import Difference, dataset_differences, missing
-from nearharmonic_paper.record.compare.tables import table_differences
+from nearharmonic_paper.record.compare.differences import Difference, dataset_differences, missing, table_differences
 from nearharmonic_paper.record.files import manifest
 from nearharmonic_paper.record.files.texts import Texts
 from nearharmonic_paper.record.history import flattened, newest_finished
 from nearharmonic_paper.record.query.run_table import settings_of
 from nearharmonic_paper.tasks.receipts import WHOLE
 
-Attributes = Mapping[str, Any]
-
 CLAIMS = Path("tables/claims.json")
-#: Digits of a digest that are shown.
-DIGEST = 10
 #: Kinds of differences that concern the provenance of the results, not their content.
 ORIGIN = ("setting", "code", "coefficients", "version")
 
@@ -53,15 +48,15 @@ class Comparison:
 
 
 def compared(a: Path, b: Path) -> Comparison:
-    """Compare two folders of results, of any configs.
-
-    Raises
-    ------
-    ResultFileError
-        A file that cannot be read.
-    """
+    """Compare two folders of results, of any configs; a file that cannot be read is a ResultFileError."""
     pair = _Pair(a, b)
-    parts = (pair.claims(), pair.settings(), pair.origins(), pair.cubes(), pair.tables())
+    parts = (
+        pair.claims(),
+        pair.settings(),
+        pair.origins(),
+        pair.files("cubes/*.h5", pair.cube),
+        pair.files("tables/*.csv", pair.table),
+    )
     differences = [difference for part in parts for difference in part]
     return Comparison(differences=tuple(differences), left_out=tuple(dict.fromkeys(pair.left_out)))
 
@@ -84,7 +79,7 @@ class _Pair:
             if one is not other:
                 yield missing(str(CLAIMS), in_a=one is not None)
             return
-        for found in _differing("claim", [one, other]):
+        for found in _keys_that_differ("claim", [one, other]):
             if found.a is not None and found.b is not None:
                 yield found
         for name in sorted({*one} ^ {*other}):
@@ -96,11 +91,11 @@ class _Pair:
             configs = [dict(flattened(run.get("config", {}))) for run in self._newest]
             for config in configs:
                 config.pop("name", None)  # that of the folder
-            yield from _differing("setting", configs, "config: {}")
+            yield from _keys_that_differ("setting", configs, "config: {}")
         for name, attributes in self._attributes():
             places = [folder / name for folder in self._folders]
             told = [dict(flattened(settings_of(*one))) for one in zip(places, attributes, strict=True)]
-            yield from _differing("setting", told, f"{name}: {{}}")
+            yield from _keys_that_differ("setting", told, f"{name}: {{}}")
 
     def origins(self) -> Iterator[Difference]:
         """Yield differing digests of code and coefficients, and versions: of the newest runs, then of the cubes."""
@@ -108,37 +103,36 @@ class _Pair:
         for kind in ("code", "coefficients"):
             key = f"{kind}_digest"
             if all(self._newest):
-                yield from _differing(kind, [{"newest run": run.get(key)} for run in self._newest], show=_short_digest)
+                yield from _keys_that_differ(
+                    kind, [{"newest run": run.get(key)} for run in self._newest], show=_short_digest
+                )
             for name, attributes in cubes:
-                yield from _differing(kind, [{name: told.get(key)} for told in attributes], show=_short_digest)
-        yield from _differing("version", [self._versions(i, [both[i] for _, both in cubes]) for i in (0, 1)])
+                yield from _keys_that_differ(kind, [{name: told.get(key)} for told in attributes], show=_short_digest)
+        versions: list[dict[str, Any]] = [{}, {}]
+        for told, found in ((told, versions[i]) for _, both in cubes for i, told in enumerate(both)):
+            names = (key.removesuffix("_version") for key in told if key.endswith("_version"))
+            found |= {name: told[f"{name}_version"] for name in names}
+        for found in versions:
+            if "package" in found:
+                found["nearharmonic"] = found.pop("package")
+        if all(self._newest):
+            versions = [found | run.get("versions", {}) for found, run in zip(versions, self._newest, strict=True)]
+        yield from _keys_that_differ("version", versions)
 
-    def _versions(self, i: int, cubes: Iterable[Attributes]) -> dict[str, Any]:
-        """Return the versions of one result, from the attributes of ``cubes`` and its newest run."""
-        found: dict[str, Any] = {}
-        for attributes in cubes:
-            found |= {k.removesuffix("_version"): v for k, v in attributes.items() if k.endswith("_version")}
-        if "package" in found:
-            found["nearharmonic"] = found.pop("package")
-        return found | (self._newest[i].get("versions", {}) if all(self._newest) else {})
-
-    def _attributes(self) -> Iterator[tuple[str, list[Attributes]]]:
+    def _attributes(self) -> Iterator[tuple[str, list[dict[str, str]]]]:
         """Return the name of each common cube, and its attributes in both results."""
         for name in self._names("cubes/*.h5"):
             paths = [folder / name for folder in self._folders]
             if all(path.exists() for path in paths):
-                yield name, [{key: str(one) for key, one in store.attributes_of(path).items()} for path in paths]
+                yield name, [{key: str(value) for key, value in store.attributes_of(path).items()} for path in paths]
 
     def _names(self, pattern: str) -> list[str]:
         return sorted(
             {path.relative_to(folder).as_posix() for folder in self._folders for path in folder.glob(pattern)}
         )
 
-    def cubes(self) -> Iterator[Difference]:
-        """Yield the differences in the cubes, including missing cubes."""
-        return self._files("cubes/*.h5", self._cube)
-
-    def _cube(self, name: str, volatile: set[str]) -> Iterator[Difference]:
+    def cube(self, name: str, volatile: set[str]) -> Iterator[Difference]:
+        """Yield the differences of a cube, group by group."""
         one, other = [folder / name for folder in self._folders]
         groups = [store.groups_of(path) for path in (one, other)]
         for group in dict.fromkeys([None, *groups[0], *groups[1]]):
@@ -151,19 +145,14 @@ class _Pair:
             self.left_out += [f"{place}: {v}" for v in sorted(measured) if any(v in d for d in datasets)]
             yield from dataset_differences(place, *datasets, measured)
 
-    def tables(self) -> Iterator[Difference]:
-        """Yield the differences in the tables, including missing tables."""
-        return self._files("tables/*.csv", self._table)
-
-    def _table(self, name: str, volatile: set[str]) -> Iterator[Difference]:
+    def table(self, name: str, volatile: set[str]) -> Iterator[Difference]:
+        """Yield the differences of a table; those of verdicts are told as claims."""
         self.left_out += [f"{name}: {column}" for column in sorted(volatile)]
         shown_above = {"verdict"} if name == str(CLAIMS.with_suffix(".csv")) else set()
         one, other = map(Texts, self._folders)
         return table_differences(name, one, other, volatile | shown_above)
 
-    def _files(
-        self, pattern: str, differences: Callable[[str, set[str]], Iterator[Difference]]
-    ) -> Iterator[Difference]:
+    def files(self, pattern: str, differences: Callable[[str, set[str]], Iterator[Difference]]) -> Iterator[Difference]:
         """Yield the differences of each common file, from its name and volatile parts, and each missing file."""
         for name in self._names(pattern):
             there = [(folder / name).exists() for folder in self._folders]
@@ -189,7 +178,7 @@ def _claims(folder: Path) -> dict[str, str] | None:
         raise texts.unusable(str(CLAIMS), "holds no claims") from error
 
 
-def _differing(
+def _keys_that_differ(
     kind: str, both: Sequence[Mapping[str, Any]], where: str = "{}", show: Callable[[Any], Any] = lambda value: value
 ) -> Iterator[Difference]:
     """Yield the keys with different values, in the order of the first result; None marks a missing key."""
@@ -200,4 +189,4 @@ def _differing(
 
 
 def _short_digest(digest: Any) -> Any:
-    return digest[:DIGEST] if isinstance(digest, str) else digest
+    return digest[:10] if isinstance(digest, str) else digest

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FORMATS = (".pdf", ".png", ".svg")
+FIGURES = (".pdf", ".png", ".svg")
 #: Columns of panels: variable and title.
 MEASURES = (("max_energy_error", "maximum over all steps"), ("mean_energy_error", "mean over all steps"))
 DASHES: Any = (0, (4, 2))
@@ -34,7 +34,7 @@ def save_overlay(results: Mapping[str, Path], place: str) -> Path:
     results : mapping of str to Path
         Names of the two results, for the legend, and their folders.
     place : str
-        The file; its ending, one of :data:`FORMATS`, is its format.
+        The file; its ending, one of :data:`FIGURES`, is its format.
 
     Raises
     ------
@@ -42,8 +42,8 @@ def save_overlay(results: Mapping[str, Path], place: str) -> Path:
         Another ending, or no system of which both have a cube.
     """
     path = Path(place)
-    if path.suffix not in FORMATS:
-        raise bad_setting("figure", place, f"a file that ends in {', '.join(FORMATS)}")
+    if path.suffix not in FIGURES:
+        raise bad_setting("figure", place, f"a file that ends in {', '.join(FIGURES)}")
     cubes = [{file.stem: file for file in system_cubes(folder)} for folder in results.values()]
     common = [name for name in cubes[0] if name in cubes[1]]
     if not common:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import platform
 import subprocess
-from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -28,16 +27,12 @@ LIBRARIES = (
 def fingerprint(config: Config) -> dict[str, Any]:
     """Return the data that identify the work of a run.
 
-    Returns
-    -------
-    dict
-        ``config`` as resolved, ``config_digest``, ``code_digest``, ``coefficients_digest``, ``versions``; if users
-        define systems or integrators, ``user_files`` with the digest of each file; and ``work``, the SHA-256 over
-        these, which is equal for equal work.
+    They are ``config`` as resolved, ``config_digest``, ``code_digest``, ``coefficients_digest``, ``versions``; if users
+    define systems or integrators, ``user_files`` with the digest of each file; and ``work``, the SHA-256 over these,
+    which is equal for equal work.
     """
-    resolved = json.loads(
-        json.dumps(config, default=plain)
-    )  # keys in their order, which determines the order of tables and legends
+    # Keys stay in their order, which determines the order of tables and legends.
+    resolved = json.loads(json.dumps(config, default=plain))
     methods = dict.fromkeys((*config.methods, *config.decomposed, *config.compared))
     told = {
         "config": resolved,
@@ -54,14 +49,10 @@ def fingerprint(config: Config) -> dict[str, Any]:
 
 def package_digest(root: Path = ROOT) -> str:
     """Return the SHA-256 of the code of all modules of the packages, without docstrings and comments."""
-    modules = sorted(_module_names(root))
+    files = [path for package in PACKAGES for path in root.joinpath(package).rglob("*.py")]
+    places = [path.relative_to(root).with_suffix("") for path in files]
+    modules = sorted(".".join(p.parts[:-1] if p.name == "__init__" else p.parts) for p in places)
     return digest_of({name: module_digest(name, None if root == ROOT else root) for name in modules})
-
-
-def _module_names(root: Path) -> Iterable[str]:
-    for path in (path for package in PACKAGES for path in root.joinpath(package).rglob("*.py")):
-        parts = path.relative_to(root).with_suffix("").parts
-        yield ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
 def versions() -> dict[str, str]:
@@ -94,10 +85,7 @@ def _cpu_model() -> str:
 def revision(folder: Path) -> dict[str, Any]:
     """Return ``commit`` and ``dirty`` of the working tree at ``folder``; both are None without a repository.
 
-    Raises
-    ------
-    OSError
-        Git is not installed.
+    Without git this is an OSError.
     """
     commit = _git(folder, "rev-parse", "HEAD")
     status = None if commit is None else _git(folder, "status", "--porcelain")

@@ -13,25 +13,14 @@ SIGNS = ("manifest.json", "history.jsonl", "cubes", "logs/running")
 
 
 def folder_of(name: str) -> Path:
-    """Return the folder of a result.
-
-    Parameters
-    ----------
-    name : str
-        The folder itself, or its name below ``results/``.
-
-    Raises
-    ------
-    UnknownNameError
-        Neither of them is a folder with a result.
-    """
+    """Return the folder of a result by its path, or its name below ``results/``; else raise UnknownNameError."""
     for folder in (Path(name), RESULTS / name):
         if is_result(folder):
             return folder
     known = result_names()
     if not known:
-        message = f"unknown result {name!r}: no folder below {RESULTS}/ holds a result. Make the first: snakemake -j2"
-        raise UnknownNameError(message)
+        says = f"no folder below {RESULTS}/ holds a result. Make the first: snakemake -j2"
+        raise UnknownNameError(f"unknown result {name!r}: {says}")
     raise unknown_name("result", name, known)
 
 

@@ -25,11 +25,8 @@ LEFT_OUT = (HISTORY, MANIFEST)
 def read(folder: Path) -> dict[str, Any]:
     """Return the manifest of ``folder`` without its own SHA-256, which is verified.
 
-    Returns
-    -------
-    dict
-        ``format``; ``configfiles``; ``files``, the entries by name; and lists of file names: files ``changed`` after
-        their jobs wrote them, files of a ``former`` config, and ``unrecorded`` files without a receipt.
+    Its keys are ``format``; ``configfiles``; ``files``, the entries by name; and lists of file names: files ``changed``
+    after their jobs wrote them, files of a ``former`` config, and ``unrecorded`` files without a receipt.
 
     Raises
     ------
@@ -54,26 +51,10 @@ def read(folder: Path) -> dict[str, Any]:
 def write(folder: Path, makeable: Collection[str] | None = None, configfiles: Sequence[str] = ()) -> list[str]:
     """Write the manifest of ``folder`` from its receipts, and from the previous manifest if a receipt is lost.
 
-    A missing file stays in the list if a job of the present config makes it.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of results.
-    makeable : collection of str, optional
-        Names of all files that jobs of the present config make; any by default.
-    configfiles : sequence of str
-        Files of the present config; none if not known.
-
-    Returns
-    -------
-    list of str
-        Sorted names of files that have changed after their job wrote them. Their entries keep the original digest.
-
-    Raises
-    ------
-    OSError
-        The manifest cannot be written.
+    ``makeable`` are the names of all files that jobs of the present config make, any by default: a missing one of them
+    stays in the list. ``configfiles`` are the files of the config. The names of files that have changed after their job
+    wrote them are returned, sorted; their entries keep the original digest. A manifest that cannot be written is an
+    OSError.
     """
     entries = entries_of(folder)
     there = set(names_in(folder))
@@ -106,27 +87,20 @@ def entries_of(folder: Path) -> dict[str, dict[str, Any]]:
     except ResultFileError:
         entries = {}
     for _, receipt in receipts_in(folder):
-        entries.update({name: e for name, e in receipt.items() if _is_latest(folder / name, e, entries.get(name))})
+        for name, entry in receipt.items():
+            place, before = folder / name, entries.get(name, entry)
+            differs = before["sha256"] != entry["sha256"] and place.is_file()
+            if not (differs and is_changed(place, entry) and not is_changed(place, before)):
+                entries[name] = entry
     return entries
-
-
-def _is_latest(place: Path, entry: Mapping[str, Any], before: Mapping[str, Any] | None) -> bool:
-    """Return True unless a file differs from its receipt and agrees with the manifest."""
-    if before is None or before["sha256"] == entry["sha256"] or not place.is_file():
-        return True
-    return not is_changed(place, entry) or is_changed(place, before)
 
 
 def names_in(folder: Path) -> Iterator[str]:
     """Yield the names of all files for a manifest, without temporary files of unfinished writes."""
     for place in sorted(folder.rglob("*")):
         name = place.relative_to(folder)
-        if (
-            name.parts[0] not in BESIDE
-            and str(name) not in LEFT_OUT
-            and not place.name.endswith(".part")
-            and place.is_file()
-        ):
+        is_beside = name.parts[0] in BESIDE or str(name) in LEFT_OUT or place.name.endswith(".part")
+        if not is_beside and place.is_file():
             yield name.as_posix()
 
 

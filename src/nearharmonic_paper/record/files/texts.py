@@ -27,11 +27,8 @@ class Texts:
     def read(self, name: str) -> str:
         """Return the text of the file ``name``, relative to the folder.
 
-        Raises
-        ------
-        ResultFileError
-            The file is missing, no text, or changed after its job wrote it; the message has the command that makes it
-            again.
+        A file that is missing, no text, or changed after its job wrote it is a ResultFileError; the message has the
+        command that makes it again.
         """
         place = self._folder / name
         try:
@@ -45,13 +42,7 @@ class Texts:
             raise self.unusable(name, "cannot be read") from error
 
     def table(self, name: str) -> Table:
-        """Return the table in the CSV file ``name``, relative to the folder.
-
-        Raises
-        ------
-        ResultFileError
-            As for :meth:`read`, or the file has no table.
-        """
+        """Return the table in the CSV file ``name``; a file without one is an error as for :meth:`read`."""
         text = self.read(name)
         try:
             return from_csv(text)

@@ -19,10 +19,7 @@ Entries = Iterable[Mapping[str, Any]]
 def check_trusted(folder: Path, given: Iterable[str]) -> None:
     """Check that the files which the user trusts are those that made the results in ``folder``.
 
-    Raises
-    ------
-    SettingError
-        There is no such file, or the newest run that used it has recorded another digest or none.
+    No such file, or another digest or none of the newest run that used it, is a SettingError.
     """
     recorded = recorded_digests(folder)
     for file in given:
@@ -45,37 +42,22 @@ def recorded_digests(folder: Path) -> dict[str, str]:
 
 
 def is_edited(file: str | os.PathLike[str], recorded: Mapping[str, str]) -> bool:
-    """Return True if the code of a user's file has not the ``recorded`` digest.
-
-    Raises
-    ------
-    SettingError
-        The file cannot be read.
-    """
+    """Return True if the code of a user's file, which is read, has not the ``recorded`` digest."""
     return digest_of(file) != recorded.get(_key(file))
 
 
 def check_files_of(entries: Entries) -> None:
-    """Raise an error if entries of a manifest need users' files that are not trusted.
-
-    Raises
-    ------
-    UntrustedFileError
-        They do; the message names each file.
-    """
-    check_trust(*sorted({file for entry in entries for file in files_in(read_definitions(_definitions(entry)))}))
+    """Raise UntrustedFileError, which names each file, if entries of a manifest need users' files not trusted."""
+    check_trust(
+        *sorted({file for entry in entries for file in files_in(read_definitions(entry.get("definitions", {})))})
+    )
 
 
 def integrator_files_not_run(entries: Entries) -> list[str]:
     """Return the sorted files with integrators of entries of a manifest, without the trusted ones."""
-    kinds = ({"integrators": _definitions(entry).get("integrators", {})} for entry in entries)
+    kinds = ({"integrators": entry.get("definitions", {}).get("integrators", {})} for entry in entries)
     files = {file for kind in kinds for file in files_in(read_definitions(kind))}
     return sorted(file for file in files if not is_trusted(file))
-
-
-def _definitions(entry: Mapping[str, Any]) -> Mapping[str, Any]:
-    found: Mapping[str, Any] = entry.get("definitions", {})
-    return found
 
 
 def _key(file: str | os.PathLike[str]) -> str:

@@ -10,7 +10,7 @@ import fcntl
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
@@ -32,22 +32,10 @@ _ID = re.compile(rb"(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)Z-[0-9a-f]{8}")
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """A line of a history.
+    """A line of a history: its number from 1, the SHA-256 of its bytes, and its run without ``before`` and seal.
 
-    Attributes
-    ----------
-    number : int
-        Number of the line, from 1.
-    digest : str
-        SHA-256 of its bytes.
-    run : dict
-        The run, without ``before`` and seal.
-    is_sealed : bool
-        True if the line has a seal that matches.
-    fault : str
-        Description of what is wrong with the line; empty if nothing is.
-    known : tuple of str
-        Digests of earlier lines whose faults this line records.
+    ``is_sealed`` is True if it has a seal that matches. ``fault`` says what is wrong with it, if anything. ``known``
+    are the digests of earlier lines whose faults it records.
     """
 
     number: int
@@ -61,7 +49,7 @@ class Line:
 def lines_of(place: Path) -> list[Line]:
     """Return the lines of a history or a marker, oldest first; none if there is no file."""
     try:
-        texts = _pieces(read_bytes(place))
+        texts = filter(None, _BETWEEN.split(read_bytes(place)))
     except OSError:
         return []
     found: list[Line] = []
@@ -80,23 +68,8 @@ def append(folder: Path, run: Mapping[str, Any], lost: str | None = None) -> Non
     """Append ``run`` to the history of ``folder``, sealed, in one atomic write.
 
     The line records the faults of earlier lines. An unfinished line of a previous writer, for example after a power
-    failure, is ended first.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of results.
-    run : mapping
-        The run, with its ``id``.
-    lost : str, optional
-        Digest of a last line that is no longer in the history, which this line records too.
-
-    Raises
-    ------
-    OSError
-        The history cannot be written.
-    ValueError
-        A number of the run is not finite.
+    failure, is ended first. ``lost`` is the digest of a last line that is no longer in the history, which this line
+    records too. A history that cannot be written is an OSError; a number that is not finite is a ValueError.
     """
     place = folder / HISTORY
     json.dumps(run, allow_nan=False)  # before a file is created
@@ -117,10 +90,6 @@ def text_of(run: Mapping[str, Any], before: Sequence[Line] = (), lost: str | Non
     faults = [line.digest for line in faulty_lines(before)] + ([lost] if lost else [])
     document = {"id": run["id"], **run, **({"faults": faults} if faults else {}), **chain}
     return json.dumps(sealed(document), ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def _pieces(content: bytes) -> Iterator[bytes]:
-    return filter(None, _BETWEEN.split(content))
 
 
 def _line(number: int, text: bytes, previous: Line | None) -> Line:

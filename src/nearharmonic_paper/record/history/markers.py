@@ -29,13 +29,7 @@ def _marked(folder: Path) -> Iterator[tuple[Run, Path]]:
 
 
 def mark(folder: Path, run: Mapping[str, Any]) -> None:
-    """Write the marker of a starting run: ``run`` and its process.
-
-    Raises
-    ------
-    OSError
-        The marker cannot be written.
-    """
+    """Write the marker of a starting run: ``run`` and its process; it raises OSError if it cannot."""
     write_text(folder / MARKERS / f"{run['id']}.json", text_of({**run, "process": this_process()}))
 
 
@@ -47,15 +41,8 @@ def unmark(folder: Path, run: str) -> None:
 def close_killed(folder: Path) -> list[str]:
     """Append the runs of ``folder`` whose process has ended as "killed", with the files that they made.
 
-    Returns
-    -------
-    list of str
-        Ids of these runs. The marker of a run on another machine stays, because its process cannot be checked.
-
-    Raises
-    ------
-    OSError
-        The history cannot be written.
+    Their ids are returned. The marker of a run on another machine stays, because its process cannot be checked. A
+    history that cannot be written is an OSError.
     """
     closed = []
     for run, place in dead_in(folder):

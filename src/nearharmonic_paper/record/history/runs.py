@@ -17,13 +17,7 @@ def runs_of(folder: Path) -> list[Run]:
 
 
 def runs_newest_first(folders: Iterable[Path]) -> list[tuple[Path, Run]]:
-    """Return each run of some folders of results with its folder, including unfinished runs.
-
-    Returns
-    -------
-    list of (Path, dict)
-        Sorted by start time, the newest first. An unfinished run has the status "running".
-    """
+    """Return each run of some folders with its folder, by start time; an unfinished run has the status "running"."""
     found = []
     for folder in folders:
         ended = runs_of(folder)

@@ -1,31 +1,32 @@
-"""Conditions on columns, written as Python comparisons: parsed by ``ast``, checked, and evaluated by pandas.
+"""Conditions on columns, written as Python comparisons: parsed by ``ast`` and evaluated with numpy, node by node.
 
 Allowed are comparisons (chained ones too), ``and``, ``or``, ``not``, parentheses, ``+ - * /``, numbers, texts, names of
-columns, ``inf``, and ``in`` with a list of numbers or texts. The text for pandas is generated from these elements only,
-so that it contains no call and no attribute.
+columns, ``inf``, and ``in`` with a list of numbers or texts. No other node is evaluated: no call and no attribute.
 """
 
 from __future__ import annotations
 
 import ast
+import operator
 import re
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
+from functools import reduce
 from itertools import pairwise
 from math import inf
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from nearharmonic.errors import SettingError, unknown_name
 
 NUMBER, TEXT, TRUTH = "a number", "a text", "a condition"
 
-_SIGNS: dict[type[ast.AST], str] = {
-    ast.And: "&", ast.Or: "|", ast.Not: "~", ast.UAdd: "+", ast.USub: "-",
-    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/",
-    ast.Eq: "==", ast.NotEq: "!=", ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=",
+_FUNCTIONS: dict[type[ast.AST], Callable[..., Any]] = {
+    ast.And: np.logical_and, ast.Or: np.logical_or, ast.Not: np.logical_not, ast.UAdd: operator.pos,
+    ast.USub: operator.neg, ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul,
+    ast.Div: operator.truediv, ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.Lt: operator.lt, ast.LtE: operator.le,
+    ast.Gt: operator.gt, ast.GtE: operator.ge,
 }  # fmt: skip
 _ALLOWED = "comparisons, and, or, not, + - * /, numbers, texts in quotes, columns and in [...]"
 
@@ -53,16 +54,14 @@ def rows_where(text: str, columns: Mapping[str, np.ndarray]) -> np.ndarray:
         A name is no column.
     """
     source = " ".join(text.split())
-    condition = _Condition(source, columns)
     try:
-        kind, written = condition.written(_parsed(source))
-        if kind != TRUTH:
-            raise SettingError(f"where = {source!r} is {kind}, not a condition; allowed are {_ALLOWED}")
         with np.errstate(all="ignore"):
-            found = pd.eval(written, engine="python", local_dict=condition.operands)
+            mask = _Condition(source, columns).value(_parsed(source))
     except (RecursionError, MemoryError):  # from the parser, or from the recursion below
         raise SettingError("where is too deeply nested") from None
-    return np.asarray(found, dtype=bool)
+    if _kind(mask) != TRUTH:
+        raise SettingError(f"where = {source!r} is {_kind(mask)}, not a condition; allowed are {_ALLOWED}")
+    return np.broadcast_to(mask, next((len(columns[name]) for name in columns), 0))
 
 
 def _parsed(source: str) -> ast.expr:
@@ -78,98 +77,82 @@ def _parsed(source: str) -> ast.expr:
     raise SettingError(f"where = {source!r} cannot be read {place}")
 
 
+def _kind(value: Any) -> str:
+    return {"b": TRUTH, "f": NUMBER, "O": TEXT}[value.dtype.kind]
+
+
 class _Condition:
-    """Validator of a parsed condition on columns, and generator of its text for pandas."""
+    """Evaluator of a parsed condition on columns; every value is a numpy scalar or array of floats, texts or truths."""
 
     def __init__(self, source: str, columns: Mapping[str, np.ndarray]) -> None:
         self._source = source
         self._columns = columns
-        #: Columns and constants, each as long as a column, by their names in the generated text.
-        self._rows = range(next((len(columns[name]) for name in columns), 0))
-        self.operands: dict[str, Any] = {}
 
-    def written(self, node: ast.expr) -> tuple[str, str]:
-        """Return the kind of a part (NUMBER, TEXT or TRUTH) and the text that pandas evaluates."""
+    def value(self, node: ast.expr) -> Any:
+        """Return the value of a part."""
         match node:
-            case ast.BoolOp():
-                text = f" {_SIGNS[type(node.op)]} ".join(self._of_kind(value, TRUTH) for value in node.values)
-                kind = TRUTH
-            case ast.UnaryOp(op=ast.Not() | ast.UAdd() | ast.USub()):
-                kind = TRUTH if isinstance(node.op, ast.Not) else NUMBER
-                text = f"{_SIGNS[type(node.op)]}{self._of_kind(node.operand, kind)}"
-            case ast.BinOp(op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div()):
-                kind, sign = NUMBER, _SIGNS[type(node.op)]
-                text = f"{self._of_kind(node.left, NUMBER)} {sign} {self._of_kind(node.right, NUMBER)}"
-            case ast.Compare():
-                kind, pairs = TRUTH, zip(node.ops, pairwise([node.left, *node.comparators]), strict=True)
-                text = " & ".join(self._compared(left, sign, right) for sign, (left, right) in pairs)
-            case _:
-                kind, text = self._operand(node)
-        return kind, f"({text})"
-
-    def _compared(self, left: ast.expr, sign: ast.cmpop, right: ast.expr) -> str:
-        """Write a comparison that is false if one side is NaN."""
-        if isinstance(sign, ast.Is | ast.IsNot):
-            self._refuse(right, f"allowed are {_ALLOWED}")
-        kind, one = self.written(left)
-        if isinstance(sign, ast.In | ast.NotIn):
-            found = " | ".join(f"({one} == {member})" for member in self._members(left, kind, right))
-            negated = f"~({found})" + (f" & ({one} == {one})" if kind == NUMBER else "")
-            return f"({found})" if isinstance(sign, ast.In) else f"({negated})"
-        other = self._alike(left, kind, right)
-        if kind == NUMBER and isinstance(sign, ast.NotEq):
-            return f"(({one} < {other}) | ({one} > {other}))"
-        return f"({one} {_SIGNS[type(sign)]} {other})"
-
-    def _members(self, left: ast.expr, kind: str, right: ast.expr) -> Iterator[str]:
-        if not isinstance(right, ast.List | ast.Tuple | ast.Set) or not right.elts:
-            self._refuse(right, "in takes a list of numbers or texts, such as ['ruth', 'aba104']")
-        for member in right.elts:
-            if isinstance(member, ast.Name) and member.id in self._columns:
-                self._refuse(member, "in takes a list of numbers or texts, no columns")
-            yield self._alike(left, kind, member)
-
-    def _alike(self, left: ast.expr, kind: str, right: ast.expr) -> str:
-        """Write ``right``, which must have the kind of ``left``."""
-        its_kind, written = self.written(right)
-        if TRUTH in {kind, its_kind}:
-            self._refuse(left if kind == TRUTH else right, "a condition cannot be compared")
-        if kind != its_kind:
-            self._refuse(right, f"it is {its_kind}, and {self._words(left)} is {kind}")
-        return written
-
-    def _operand(self, node: ast.expr) -> tuple[str, str]:
-        """Store a column or a constant as a series of numbers or texts, and return its kind and name."""
-        match node:
+            case ast.BoolOp(op=sign, values=parts):
+                return reduce(_FUNCTIONS[type(sign)], [self._of_kind(part, TRUTH) for part in parts])
+            case ast.UnaryOp(op=ast.Not() | ast.UAdd() | ast.USub() as sign, operand=part):
+                return _FUNCTIONS[type(sign)](self._of_kind(part, TRUTH if isinstance(sign, ast.Not) else NUMBER))
+            case ast.BinOp(op=ast.Add() | ast.Sub() | ast.Mult() | ast.Div() as sign):
+                return _FUNCTIONS[type(sign)](self._of_kind(node.left, NUMBER), self._of_kind(node.right, NUMBER))
+            case ast.Compare(ops=signs):
+                pairs = zip(signs, pairwise([node.left, *node.comparators]), strict=True)
+                return reduce(np.logical_and, [self._compared(left, sign, right) for sign, (left, right) in pairs])
             case ast.Name(id=name):
                 if name not in self._columns and name != "inf":
                     raise unknown_name("column", name, self._columns)
-                value = self._columns.get(name, inf)
+                return self._operand(node, self._columns.get(name, inf))
             case ast.Constant(value=str() | int() | float() as value) if not isinstance(value, bool):
-                pass
-            case _:
-                self._refuse(node, f"allowed are {_ALLOWED}")
-        is_text = not isinstance(value, int | float) and np.asarray(value).dtype.kind in "UO"
-        kind = TEXT if is_text else NUMBER
-        try:
-            # Integers become floats, so that products do not overflow 64 bits.
-            series = pd.Series(np.asarray(value)[()], self._rows, dtype=object if kind == TEXT else float)
-        except OverflowError:
-            self._refuse(node, "it is larger than any number of a column")
-        text = f"operand_{len(self.operands)}"
-        self.operands[text] = series
-        return kind, text
+                return self._operand(node, value)
+        raise self._refused(node, f"allowed are {_ALLOWED}")
 
-    def _of_kind(self, node: ast.expr, kind: str) -> str:
-        found, written = self.written(node)
-        if found != kind:
-            self._refuse(node, f"it is {found}, where {kind} is expected")
-        return written
+    def _operand(self, node: ast.expr, value: Any) -> Any:
+        """Return a column or a constant; integers become floats, so that products do not overflow 64 bits."""
+        is_text = not isinstance(value, int | float) and np.asarray(value).dtype.kind in "UO"
+        try:
+            return np.asarray(value, dtype=object) if is_text else np.asarray(value, dtype=float)
+        except OverflowError:
+            raise self._refused(node, "it is larger than any number of a column") from None
+
+    def _compared(self, left: ast.expr, sign: ast.cmpop, right: ast.expr) -> Any:
+        """Return the values of a comparison, which is false if one side is NaN."""
+        if isinstance(sign, ast.Is | ast.IsNot):
+            raise self._refused(right, f"allowed are {_ALLOWED}")
+        others, value = [right], self.value(left)
+        if is_member := isinstance(sign, ast.In | ast.NotIn):
+            if not isinstance(right, ast.List | ast.Tuple | ast.Set) or not right.elts:
+                raise self._refused(right, "in takes a list of numbers or texts, such as ['ruth', 'aba104']")
+            others = right.elts
+            for member in others:
+                if isinstance(member, ast.Name) and member.id in self._columns:
+                    raise self._refused(member, "in takes a list of numbers or texts, no columns")
+        values = [self._alike(left, value, other) for other in others]
+        function = operator.eq if is_member else _FUNCTIONS[type(sign)]
+        found = reduce(np.logical_or, [np.asarray(function(value, other), dtype=bool) for other in values])
+        known = [np.asarray(one == one) for one in (value, *values)]  # noqa: PLR0124 - NaN differs from itself
+        return reduce(np.logical_and, known, ~found if isinstance(sign, ast.NotIn) else found)
+
+    def _alike(self, left: ast.expr, value: Any, right: ast.expr) -> Any:
+        """Return the value of ``right``, which must have the kind of the ``value`` of ``left``."""
+        other = self.value(right)
+        if TRUTH in {_kind(value), _kind(other)}:
+            raise self._refused(left if _kind(value) == TRUTH else right, "a condition cannot be compared")
+        if _kind(value) != _kind(other):
+            raise self._refused(right, f"it is {_kind(other)}, and {self._words(left)} is {_kind(value)}")
+        return other
+
+    def _of_kind(self, node: ast.expr, kind: str) -> Any:
+        value = self.value(node)
+        if _kind(value) != kind:
+            raise self._refused(node, f"it is {_kind(value)}, where {kind} is expected")
+        return value
 
     def _words(self, node: ast.expr) -> str:
         return ast.get_source_segment(self._source, node) or ast.unparse(node)
 
-    def _refuse(self, node: ast.expr, reason: str) -> NoReturn:
+    def _refused(self, node: ast.expr, reason: str) -> SettingError:
         before = self._source.encode()[: node.col_offset].decode()
         message = f"where = {self._source!r}: {self._words(node)!r}, at character {len(before) + 1}, is not allowed: "
-        raise SettingError(f"{message}{reason}")
+        return SettingError(f"{message}{reason}")

@@ -36,24 +36,16 @@ Units = dict[str, dict[str, str]]
 def run_table(folders: Mapping[str, Path]) -> tuple[pd.DataFrame, Units]:
     """Return every run of some results, sorted by result, system, integrator, precision and step size.
 
-    Parameters
-    ----------
-    folders : mapping of str to Path
-        Folders of results by name; if there are several, the first column is ``result`` with their names.
+    ``folders`` are those of the results by name; if there are several, the first column is ``result`` with their names.
 
     Returns
     -------
     DataFrame
         One row for each step size of each cube of a system that the config has; NaN or an empty text if a system has
-        no such quantity.
-        Step sizes that round to the same number of steps share one run. Cells without a run are omitted.
+        no such quantity. Step sizes that round to the same number of steps share one run. Cells without a run are
+        omitted. A cube that cannot be read is a ResultFileError.
     dict
         ``units[system][column]``: the unit of a column, if it has one.
-
-    Raises
-    ------
-    ResultFileError
-        A cube that cannot be read.
     """
     leading = ["result", *COLUMNS] if len(folders) > 1 else list(COLUMNS)
     parts: list[pd.DataFrame] = []
@@ -90,13 +82,7 @@ def former_systems(folder: Path) -> list[str]:
 
 
 def settings_of(path: Path, attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the settings of a file from its attributes; empty if it has none.
-
-    Raises
-    ------
-    ResultFileError
-        They are no JSON of this package.
-    """
+    """Return the settings of a file from its attributes; {} if it has none, ResultFileError if they are no JSON."""
     try:
         found = json.loads(attributes.get("settings", "{}"))
     except (TypeError, ValueError, RecursionError):
@@ -111,10 +97,8 @@ def settings_of(path: Path, attributes: Mapping[str, Any]) -> dict[str, Any]:
 def system_cube(path: Path) -> xr.Dataset:
     """Return the cube of one system.
 
-    Raises
-    ------
-    ResultFileError
-        The cube cannot be read, is incomplete, or has a variable of another type or shape than this package writes.
+    A cube that cannot be read, is incomplete, or has a variable of another type or shape than this package writes, is
+    a ResultFileError.
     """
     cube = store.read(path)
     missing = [name for name in COLUMNS if name not in cube.variables and name != "system"]
@@ -139,13 +123,7 @@ def runs_of_cube(path: Path) -> tuple[pd.DataFrame, dict[str, str]]:
 
 
 def column_of(name: str, runs: pd.DataFrame) -> pd.Series:
-    """Return the column ``name``.
-
-    Raises
-    ------
-    UnknownNameError
-        There is no such column; the message has the nearest match.
-    """
+    """Return the column ``name``; an unknown name is an error with the nearest match."""
     if name not in runs:
         raise unknown_name("column", name, runs)
     return runs[name]

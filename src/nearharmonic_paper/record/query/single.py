@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from math import log
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,8 @@ from nearharmonic.integrators import integrators
 from nearharmonic.output import store
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
+from nearharmonic_paper.record.files import manifest
+from nearharmonic_paper.record.history import makers_in
 from nearharmonic_paper.record.query.run_table import SKIPPED, runs_of_cube, settings_of, system_cubes
 from nearharmonic_paper.tasks.definitions import defined, read_definitions
 
@@ -25,60 +26,22 @@ from nearharmonic_paper.tasks.definitions import defined, read_definitions
 LEAST_SPACING = 1e-3
 
 
-@dataclass(frozen=True, kw_only=True)
-class SingleRun:
-    """One run, with all its data in a result.
-
-    Attributes
-    ----------
-    cells : dict
-        Its cell of the cube: numbers and texts by name.
-    units : dict of str to str
-        Units of the numbers.
-    system_units : dict of str to str
-        Units of t, q, p and the energy of the system; empty for an unknown system.
-    settings : dict
-        The sweep of the run, from the attributes of the cube.
-    definitions : dict
-        Users' definitions of the system and of integrators, from the attributes of the cube.
-    cube : Path
-        File of the cube.
-    file : Path or None
-        File of the trajectory; None if there is none.
-    samples : int or None
-        Number of states of the run in this file; None without a file.
-    origin : dict of str to str
-        Versions and digests from the attributes of the trajectory file, or of the cube if there is no such file.
-    """
-
-    cells: dict[str, Any]
-    units: dict[str, str]
-    system_units: dict[str, str]
-    settings: dict[str, Any]
-    definitions: dict[str, Any]
-    cube: Path
-    file: Path | None
-    samples: int | None
-    origin: dict[str, str]
-
-
 def single_run(
     folder: Path, system: str, integrator: str, tau: object, *, precision: str | None = None, per_stage: bool = False
-) -> SingleRun:
-    """Return the run of a result with the step size nearest to the requested one.
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the run of a result with the step size nearest to ``tau``, which ``per_stage`` is that per stage.
 
-    Parameters
-    ----------
-    folder : Path
-        Folder of the result.
-    system, integrator : str
-        Names in the result, or other names of the integrator.
-    tau : float or str
-        Step size in the unit of time of the system; with ``per_stage`` the step size per stage.
-    precision : str, optional
-        Arithmetic of the run; by default double, or the only available one.
-    per_stage : bool
-        True if ``tau`` is divided by the number of stages.
+    The precision is double by default, or the only available one.
+
+    Returns
+    -------
+    dict
+        The answer: ``result``; ``run``, numbers and texts of its cell in the cube; ``units`` of the numbers, and
+        ``system_units`` of t, q, p and the energy, empty for an unknown system; ``settings`` of the sweep;
+        ``samples_kept``, states in its trajectory, None without one; ``files`` with their entries in the manifest;
+        ``origin``, versions and digests of the trajectory or else of the cube; ``python``, code that repeats the run.
+    dict
+        Users' ``definitions`` of the system and of integrators.
 
     Raises
     ------
@@ -100,20 +63,23 @@ def single_run(
     taus = runs["tau_per_stage" if per_stage else "tau"].to_numpy()
     row = _nearest(taus, checked_tau(tau), f"{integrator} on {system}")
     (cells,) = runs[row : row + 1].to_dict("records")
-    attributes = store.attributes_of(cubes[system])
-    told = settings_of(cubes[system], attributes)
-    file, samples = _trajectory(folder, cells)
-    return SingleRun(
-        cells={str(name): cell for name, cell in cells.items()},
-        units=units,
-        system_units=_units(system, told.get("definitions", {})),
-        settings=told.get("sweep", {}),
-        definitions=told.get("definitions", {}),
-        cube=cubes[system],
-        file=file,
-        samples=samples,
-        origin=_origin(attributes if file is None else store.attributes_of(file)),
-    )
+    cube, (file, samples) = cubes[system], _trajectory(folder, cells)
+    attributes = store.attributes_of(cube)
+    told = settings_of(cube, attributes)
+    settings, definitions = told.get("sweep", {}), told.get("definitions", {})
+    origin = attributes if file is None else store.attributes_of(file)
+    answer = {
+        "result": str(folder),
+        "run": {str(name): cell for name, cell in cells.items()},
+        "units": units,
+        "system_units": _units(system, definitions),
+        "settings": settings,
+        "samples_kept": samples,
+        "files": _files(folder, {"cube": cube, "run file": file}),
+        "origin": {name: str(text) for name, text in origin.items() if name.endswith(("_version", "_digest"))},
+        "python": "\n".join(_python_lines(cells, settings, read_definitions(definitions))),
+    }
+    return answer, definitions
 
 
 def _units(system: str, definitions: Mapping[str, Any]) -> dict[str, str]:
@@ -150,17 +116,13 @@ def _trajectory(folder: Path, cells: Mapping[str, Any]) -> tuple[Path | None, in
     return None, None
 
 
-def _origin(attributes: Mapping[str, Any]) -> dict[str, str]:
-    return {name: str(value) for name, value in attributes.items() if name.endswith(("_version", "_digest"))}
-
-
-def python_lines(run: SingleRun) -> list[str]:
+def _python_lines(
+    cells: Mapping[str, Any], settings: Mapping[str, Any], definitions: Mapping[str, Mapping[str, Any]]
+) -> list[str]:
     """Return Python code that repeats a run; the printed number is bitwise identical to that of the cube."""
-    cells, settings = run.cells, run.settings
-    definitions = read_definitions(run.definitions)
     system, before = _system_lines(str(cells["system"]), definitions)
     own = definitions.get("integrators", {}).get(str(cells["integrator"]))
-    integrator = _text(cells["integrator"] if own is None else f"{own.file}:{cells['integrator']}")
+    integrator = _literal(cells["integrator"] if own is None else f"{own.file}:{cells['integrator']}")
     given: dict[str, Any] = {name: settings[name] for name in ("t_end", "summation", "samples") if name in settings}
     given |= {
         name: settings[name]
@@ -173,7 +135,7 @@ def python_lines(run: SingleRun) -> list[str]:
         *before,
         "",
         "run = nh.integrate(",
-        f"    {system}, {integrator}, tau={cells['tau']!r}, precision={_text(cells['precision'])},",
+        f"    {system}, {integrator}, tau={cells['tau']!r}, precision={_literal(cells['precision'])},",
         *([f"    {more},"] if more else []),
         ")",
         f"print(run.max_energy_error.item())  # {cells['max_energy_error']!r}",
@@ -184,25 +146,23 @@ def _system_lines(name: str, definitions: Mapping[str, Any]) -> tuple[str, list[
     """Return the argument for a system in a call, and the lines before the call."""
     told = definitions.get("systems", {}).get(name)
     if told is None:
-        return _text(name), []
+        return _literal(name), []
     if told == SystemDefinition(file=told.file):
-        return _text(told.file), []
-    lines = [
-        "from nearharmonic.systems.user_file import SystemDefinition",
-        "",
-        f"system = {told!r}.make({_text(name)})",
-    ]
-    return "system", lines
+        return _literal(told.file), []
+    imported = "from nearharmonic.systems.user_file import SystemDefinition"
+    return "system", [imported, "", f"system = {told!r}.make({_literal(name)})"]
 
 
-def _text(value: object) -> str:
+def _literal(value: object) -> str:
     """Return the literal of a text in Python; names in a result may hold quotes."""
     return json.dumps(str(value))
 
 
-def files_of(run: SingleRun, folder: Path, manifest: Mapping[str, Any]) -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """Yield (description, path below the result, entry of the manifest or empty) of the files of a run."""
-    for what, path in (("cube", run.cube), ("run file", run.file)):
-        if path is not None:
-            name = path.relative_to(folder).as_posix()
-            yield what, name, manifest.get("files", {}).get(name, {})
+def _files(folder: Path, paths: Mapping[str, Path | None]) -> dict[str, dict[str, Any]]:
+    """Return path, entry in the manifest and newest maker of files."""
+    recorded = manifest.read(folder)["files"] if (folder / manifest.MANIFEST).exists() else {}
+    makers, files = makers_in(folder), {}
+    for what, name in [(what, path.relative_to(folder).as_posix()) for what, path in paths.items() if path is not None]:
+        maker = {"run": makers[name]} if name in makers else {}
+        files[what] = {"path": name, **recorded.get(name, {}), **maker}
+    return files

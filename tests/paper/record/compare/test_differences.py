@@ -13,8 +13,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from nearharmonic.errors import ResultFileError
-from nearharmonic_paper.record.compare.differences import array_difference, dataset_differences, relative_differences
-from nearharmonic_paper.record.compare.tables import table_differences
+from nearharmonic_paper.record.compare.differences import (
+    array_difference,
+    dataset_differences,
+    relative_differences,
+    table_differences,
+)
 from nearharmonic_paper.record.files.texts import Texts
 
 NUMBERS = st.floats(allow_nan=True, allow_infinity=True, allow_subnormal=True)
@@ -56,11 +60,6 @@ def test_largest_difference_is_reported_with_place_and_count():
     assert array_difference("x", a, a.copy(), []) is None
 
 
-def test_a_single_value_has_no_place():
-    found = array_difference("x", np.array(2.0), np.array(1.0), [])
-    assert (found.relative, dict(found.at), found.compared) == (0.5, {}, 1)
-
-
 def test_nan_beside_number_is_largest_difference_of_all():
     found = array_difference("x", np.array([1.0, np.nan]), np.array([2.0, 5.0]), [("tau", [1, 2])])
     assert (found.relative, found.b, dict(found.at)) == (math.inf, 5.0, {"tau": 2})
@@ -98,10 +97,6 @@ def test_many_values_of_one_alone_are_told_as_a_range():
     a, b = dataset(["ruth"], np.arange(1.0, 20.0)), dataset(["ruth"], [5.0])
     assert told(a, b)[0].a == "also 18 from 1 to 19"
     assert told(b, a)[0].b == "also 18 from 1 to 19"
-
-
-def test_coordinates_without_a_common_value_leave_nothing_to_compare():
-    assert [d.kind for d in told(dataset(["ruth"], [1.0]), dataset(["aba"], [2.0]))] == ["missing", "missing"]
 
 
 def test_dimension_without_coordinates_is_compared_as_far_as_both_reach():

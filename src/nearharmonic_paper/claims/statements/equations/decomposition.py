@@ -10,7 +10,7 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.theory.oscillator import step_polynomials
 from nearharmonic_paper.claims.claim import Decision, counted, either, mathematics, result
 from nearharmonic_paper.claims.judging.definitions import NOT_SUITABLE, SIGNIFICANTLY
-from nearharmonic_paper.claims.results import Results, short
+from nearharmonic_paper.claims.results import Results, once, short
 
 #: Table 2 as the paper prints it, by h and the power of tau.
 TABLE_2 = (
@@ -29,12 +29,11 @@ TABLE_2 = (
 )
 
 #: A number of a table is a double, rounded once; sums of a few of them may be off by a few units of its last place.
-ROUNDED = 1e-14
+DOUBLE = 1e-14
 ROUNDING = "equal to 10⁻¹⁴: the tables hold doubles, rounded to 10⁻¹⁶, of sums with terms up to 3"
 
 
 @result(
-    id="eq-6-rounding",
     paper="Section 3, below Eq. 6",
     sentence="Eq. 6 yields significantly larger truncation errors than Eq. 5 and is therefore not suitable for "
     "practical implementation",
@@ -45,8 +44,7 @@ ROUNDING = "equal to 10⁻¹⁴: the tables hold doubles, rounded to 10⁻¹⁶,
     bound=NOT_SUITABLE.number,
 )
 def eq_6_rounding(results: Results, factor: float) -> Decision:
-    method = results.method("babs7o7h").role("kick")
-    shears, eliminated = results.kept("eq_6", lambda: [_largest_error(method, by) for by in (_by_eq_5, _by_eq_6)])
+    shears, eliminated = (_largest_error(results, step) for step in (_by_eq_5, _by_eq_6))
     value = f"{short(eliminated)} against {short(shears)} of Eq. 5"
     return either(eliminated >= factor * shears, value)
 
@@ -54,8 +52,10 @@ def eq_6_rounding(results: Results, factor: float) -> Decision:
 State = tuple[float, float]
 
 
-def _largest_error(method: Tableau, step: Callable[[Tableau, float, State], State]) -> float:
-    """The largest |H - H0|/H0 of 1000 steps from (q, p) = (1, -1)."""
+@once
+def _largest_error(results: Results, step: Callable[[Tableau, float, State], State]) -> float:
+    """The largest |H - H0|/H0 of 1000 steps of BABs7o7H from (q, p) = (1, -1)."""
+    method = results.method("babs7o7h").role("kick")
     state, largest, tau = (1.0, -1.0), 0.0, 0.003 * method.stages
     for _ in range(1000):
         state = step(method, tau, state)
@@ -83,13 +83,12 @@ def _by_eq_6(method: Tableau, tau: float, state: State) -> State:
 
 
 @mathematics(
-    id="table-2",
     paper="Table 2",
     sentence="consider the three stage decomposition expressed by the entries Q_(h,λ) in Table 2",
     statement="The entries of Table 2 are right, up to τ⁶",
     threshold="each of the 16 entries is that of the recursion of Eq. 6; with Ruth's coefficients the last row is the "
     f"product of his kicks and drifts, {ROUNDING}",
-    bound=ROUNDED,
+    bound=DOUBLE,
     needs=("tables/table2_recursion.csv", "tables/table2_values.csv"),
 )
 def table_2(results: Results, rounded: float) -> Decision:
@@ -104,7 +103,6 @@ def table_2(results: Results, rounded: float) -> Decision:
 
 
 @mathematics(
-    id="eq-14-only-solution",
     paper="Eq. 14",
     sentence="It is readily found that the only real solution satisfying Eq. 14 is the one originally found by [Ruth]",
     statement="The only real solution of Eq. 14, given that c and d sum to 1, is the one found by Ruth",
@@ -112,7 +110,7 @@ def table_2(results: Results, rounded: float) -> Decision:
     "is Ruth's c₁ within its 76 decimals",
     bound=1e-70,
 )
-def eq_14(results: Results, rounded: float) -> Decision:
+def eq_14_only_solution(results: Results, rounded: float) -> Decision:
     polynomial = [-1, 6, -12, 6]
     count = real_root_count(sturm_chain(polynomial))
     c1 = Fraction(results.method("ruth").inner[0])
@@ -122,7 +120,6 @@ def eq_14(results: Results, rounded: float) -> Decision:
 
 
 @mathematics(
-    id="harmonic-four-is-four",
     paper="Section 3, below Eq. 16",
     sentence="splitting coefficients satisfying Eq. 10 to at least fourth order also satisfy Eq. 2 to at least fourth "
     "order",

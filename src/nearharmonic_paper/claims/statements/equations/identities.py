@@ -70,14 +70,13 @@ def _ruth(results: Results) -> Drawn:
 
 
 @misprint(
-    id="c-n-below-eq-6",
     paper="Section 3, below Eq. 6",
     sentence="where C_n = c_(n+1)/c_n and D_n = -c_n d_n",
     statement="C_n = c_(n+1)/c_n in the recursion of Eq. 6",
     threshold=f"the recursion gives the position of Eq. 5, {DRAWN}; with c_(s+1) = c₁ of the next step, or 0 as in "
     "Table 1",
 )
-def c_n_as_printed(results: Results) -> Decision:
+def c_n_below_eq_6(results: Results) -> Decision:
     readings = (lambda c: [*c[1:], c[0]], lambda c: [*c[1:], Fraction(0)], lambda c: c)
     first, second, mended = (
         [_off(one, [b / a for a, b in pairwise(read(one.drifts))]) for one in (*drawn(3), _ruth(results))]
@@ -103,7 +102,6 @@ def _off(coefficients: Drawn, ratios: Row) -> Any:
 
 
 @mathematics(
-    id="eq-6-p-row",
     paper="Eq. 6",
     sentence="p_(s+1) = m (q_s - q_(s-1))/(τ c_s) - τ d_(s+1) ∂V/∂q(q_s)",
     statement="The last row of Eq. 6 gives the momentum after the step",
@@ -178,7 +176,6 @@ def eq_14(c1: Any, c2: Any, d1: Any, d2: Any) -> tuple[Any, Any, Any]:
 
 
 @mathematics(
-    id="eq-15",
     paper="Eq. 15",
     sentence="the only real solution satisfying Eq. 14 is the one originally found by [Ruth]",
     statement="d₁ = 1/(2(2 - 2^(1/3))) = 1/2 - d₂ and c₁ = 1/(2 - 2^(1/3)) = (1 - c₂)/2 solve Eq. 14",
@@ -215,7 +212,6 @@ table_3 = mathematics(
 
 
 @misprint(
-    id="table-3-inner-limit",
     paper="Table 3",
     sentence="τ² and τ⁴ separations can be expressed as in Table 3",
     statement="The sums of the τ⁴ column are right, with an inner sum that runs to h - 1",
@@ -243,13 +239,12 @@ CONSTANTS = (1, -1, 1, 1)
 
 
 @mathematics(
-    id="initial-values-below-eq-17",
     paper="Section 3, below Eq. 17",
     sentence="a = -b = 1 and m = k = 1 corresponding to the initial conditions q_a = -p_a = 1",
     statement="q = a cos t + b sin t with a = -b = 1 begins with q = 1, p = -1",
     threshold="exactly, from q and p = m dq/dt of Eq. 12 at t = 0",
 )
-def initial_values(_: Results) -> Decision:
+def initial_values_below_eq_17(_: Results) -> Decision:
     a, b, m, k = CONSTANTS
     q, p = a, m * b * sqrt(k / m)  # cos 0 = 1, sin 0 = 0
     return either((q, p) == (1, -1), f"q_a = {q}, p_a = {p:.0f}")
@@ -267,7 +262,6 @@ def counterexample() -> Tableau:
 
 
 @mathematics(
-    id="eq-16-general",
     paper="Section 3, below Eq. 16",
     sentence="It has previously been shown that Eq. 16 is in fact general second and fourth order criteria",
     statement="Symmetric coefficients that solve Eq. 16 are of fourth order for any separable H",

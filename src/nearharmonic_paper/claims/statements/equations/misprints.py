@@ -30,7 +30,6 @@ MASS = 2
 
 
 @misprint(
-    id="eq-2-product",
     paper="Eq. 2",
     sentence="exp(τ(A + B)) = Π_(i=0)^k exp(c_i τA) exp(d_i τB) + o(τ^(N+1))",
     statement="The product of Eq. 2 begins with i = 0",
@@ -43,7 +42,6 @@ def eq_2_product(results: Results) -> Decision:
 
 
 @misprint(
-    id="eq-2-order-symbol",
     paper="Eq. 2",
     sentence="where o(τ^(N+1)) denotes an error on the N + 1 order term",
     statement="The error is o(τ^(N+1)), in the usual meaning of this symbol: it vanishes faster than τ^(N+1)",
@@ -56,14 +54,13 @@ def eq_2_order_symbol(results: Results, vanished: float) -> Decision:
 
 
 @misprint(
-    id="q-bar-below-eq-11",
     paper="Section 3, below Eq. 11",
     sentence="is enforced by applying the condition Q̄_(h,λ) = ∂V/∂q(Q_(h,λ)) in Table 2",
     statement="Q̄ is the gradient of V, not divided by the mass",
     threshold="with it the entry D₁Q̄ of Table 2 is the τ² term of the position after a kick and a drift, m = 2 and "
     f"k = 3, {DRAWN}",
 )
-def q_bar(_: Results) -> Decision:
+def q_bar_below_eq_11(_: Results) -> Decision:
     m, k = MASS, 3
     exact = [Fraction(-k, m) * one.kicks[0] * one.drifts[0] for one in drawn(3)]
     printed = [-one.kicks[0] * one.drifts[0] * k for one in drawn(3)]
@@ -73,7 +70,6 @@ def q_bar(_: Results) -> Decision:
 
 
 @misprint(
-    id="eq-13-h1",
     paper="Eq. 13",
     sentence="h₁ = ζ₀ = q_a",
     statement="h₁ is the term of the position without τ, where h is the number of a substep as in Table 2",
@@ -86,7 +82,6 @@ def eq_13_h1(_: Results) -> Decision:
 
 
 @misprint(
-    id="eq-14-needs-sums",
     paper="Eq. 14",
     sentence="the only real solution satisfying Eq. 14 is the one originally found by [Ruth]",
     statement="Eq. 14 has one real solution, without Σ c_i = Σ d_i = 1 beside it",
@@ -102,7 +97,6 @@ def eq_14_needs_sums(_: Results, rounded: float) -> Decision:
 
 
 @misprint(
-    id="bab-prime-from-zero",
     paper="Section 4.A",
     sentence="Solution to Eq. 10 using ABA decomposition with coefficients c₀ = c_(s+1) = 0 in Eq. 3",
     statement="The drifts of a BAB' set in Eq. 3 that are 0 are c₀ and c_(s+1)",

@@ -16,7 +16,6 @@ ASKED = 1e-128
 
 
 @result(
-    id="growth-of-lambda-h",
     paper="Section 3, below Eq. 17",
     sentence="for λ_H > 5 every additional stage yields two increments of λ_max and a single increment of λ_H for "
     "which at least one real solution exists",
@@ -37,7 +36,6 @@ def growth_of_lambda_h(results: Results) -> Decision:
 
 
 @result(
-    id="kappa-below-1e-128",
     paper="Section 3, last paragraph",
     sentence="Solutions are provided in the following section with minimization criteria κ_max < 1e-128",
     statement="Solutions have κ_max < 10⁻¹²⁸",
@@ -45,14 +43,13 @@ def growth_of_lambda_h(results: Results) -> Decision:
     bound=ASKED,
     needs=DOCUMENT,
 )
-def kappa_below(results: Results, asked: float) -> Decision:
+def kappa_below_1e_128(results: Results, asked: float) -> Decision:
     found = [float(root["residual"]) for case in results.derived["isolated"] for root in case["roots"]]
     found += [float(one["continued"]["residual"]) for one in results.derived["printed"]]
     return tallied((residual < asked for residual in found), "solutions", f"; largest {short(max(found), 2)}")
 
 
 @result(
-    id="simplex-reaches",
     paper="Section 3, last paragraph",
     sentence="The minimization is performed using an adaptive simplex method minimizing only one objective κ_max",
     statement="An adaptive simplex in 2048 bits that minimises κ_max alone reaches 10⁻¹²⁸",
@@ -70,7 +67,6 @@ def simplex_reaches(results: Results, asked: float) -> Decision:
 
 
 @result(
-    id="picked-by-sum-and-next-term",
     paper="Section 3, last paragraph",
     sentence="picked among thousands of solutions based on the sum of the absolute values of the splitting "
     "coefficients and higher order SHO errors",
@@ -79,7 +75,7 @@ def simplex_reaches(results: Results, asked: float) -> Decision:
     "to the choice",
     needs=("tables/derived_families.csv",),
 )
-def picked_by_sum(results: Results) -> Decision:
+def picked_by_sum_and_next_term(results: Results) -> Decision:
     rows = results.rows("derived_families")
     better = [int(row["members better in all"]) for row in rows]
     listed = _listed(rows, "members better in all")
@@ -87,7 +83,6 @@ def picked_by_sum(results: Results) -> Decision:
 
 
 @result(
-    id="picked-among-thousands",
     paper="Section 3, last paragraph",
     sentence="The non-unique solutions are picked among thousands of solutions",
     statement="The non-unique solutions are picked among thousands of solutions",
@@ -108,7 +103,6 @@ def _listed(rows: Sequence[Mapping[str, str]], column: str) -> str:
 
 
 @result(
-    id="above-seven-more-negative",
     paper="Section 6, Conclusion",
     sentence="harmonic order conditions higher than seven often introduce more negative splitting coefficients",
     statement="Harmonic order conditions higher than seven often introduce more negative coefficients",
@@ -117,7 +111,7 @@ def _listed(rows: Sequence[Mapping[str, str]], column: str) -> str:
     bound=GENERALLY.number,
     needs=DOCUMENT,
 )
-def above_seven(results: Results, share: float) -> Decision:
+def above_seven_more_negative(results: Results, share: float) -> Decision:
     cases = [case for case in results.derived["isolated"] if case["equations"]["harmonic_order"] == 8]
     require(cases, "no solutions of harmonic order eight were looked for")
     method = results.method("babs7o7h")
@@ -133,7 +127,6 @@ def _negative(coefficients: Sequence[str]) -> int:
 
 
 @result(
-    id="more-stages-more-inappropriate",
     paper="Section 6, Conclusion",
     sentence="A larger number of stages presents more degrees of freedom resulting in more inappropriate solutions",
     statement="With more stages there are more free parameters, and more solutions with a substep that is not small",
@@ -142,7 +135,7 @@ def _negative(coefficients: Sequence[str]) -> int:
     bound=SMALL.number,
     needs=(*DOCUMENT, "tables/derived_families.csv"),
 )
-def more_inappropriate(results: Results, small: float) -> Decision:
+def more_stages_more_inappropriate(results: Results, small: float) -> Decision:
     families = [row for row in results.rows("derived_families") if row["harmonic order"] == "7"]
     free = {6: 0} | {int(row["stages"]): int(row["free parameters"]) for row in families}
     cases = {case["equations"]["stages"]: case["roots"] for case in results.derived["isolated"]}

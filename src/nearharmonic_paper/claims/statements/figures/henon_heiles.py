@@ -23,7 +23,6 @@ from nearharmonic_paper.claims.judging.definitions import GREATLY, LARGE
 from nearharmonic_paper.claims.judging.slopes import BAND, SLOPE, judged, large_steps, local_slopes, slopes_are, stretch
 from nearharmonic_paper.claims.results import Results, label, short
 
-CUBE = ("cubes/henon_heiles.h5",)
 DESCENDING = ("babps8o7h", "babps9o7h")
 ORDERS = {
     "ruth": 4, "s5odr4": 4, "aba104": 4, "aba864": 4, "aba1064": 4, "yoshida_s7o6a": 6, "abas5o6h": 4, "babs7o7h": 4,
@@ -32,7 +31,6 @@ ORDERS = {
 
 
 @mathematics(
-    id="henon-heiles-energy",
     paper="Section 4.B, below Eq. 18",
     sentence="in this case H = 1/8, inside the chaotic domain",
     statement="H = 1/8 for q = (0.3, 0), p = (0, 0.4)",
@@ -46,7 +44,6 @@ def henon_heiles_energy(_: Results) -> Decision:
 
 
 @result(
-    id="henon-heiles-chaotic",
     paper="Section 4.B, below Eq. 18",
     sentence="in this case H = 1/8, inside the chaotic domain",
     statement="The orbit of the paper is chaotic",
@@ -66,7 +63,6 @@ def henon_heiles_chaotic(results: Results, factor: float) -> Decision:
 
 
 @mathematics(
-    id="henon-heiles-near-harmonic",
     paper="Section 4.B, text to Figure 3",
     sentence="The Hénon Heiles system can be considered as a perturbed SHO for small values of q_x and q_y",
     statement="V is that of the oscillator plus a term of third degree, which vanishes beside it for small q",
@@ -104,15 +100,14 @@ FIGURE_3 = orders_of_figure(3, "henon_heiles")
 
 
 @result(
-    id="fig-3-sixth-order-descent",
     paper="Section 4.B, text to Figure 3",
     sentence="especially BAB's8o7H and BAB's9o7H exhibit a sixth order descent of error for large τ",
     statement="BAB's8o7H and BAB's9o7H exhibit a sixth order descent of the maximum error for large τ",
     threshold=f"{SLOPE}; among large step sizes, {LARGE.brief}",
     bound=BAND,
-    needs=CUBE,
+    needs=("cubes/henon_heiles.h5",),
 )
-def fig_3_descent(results: Results, band: float) -> Decision:
+def fig_3_sixth_order_descent(results: Results, band: float) -> Decision:
     curves, told, verdicts = curves_of(results, "henon_heiles"), [], []
     asked = large_steps(curves, *DESCENDING)
     for name in DESCENDING:
@@ -128,14 +123,13 @@ def fig_3_descent(results: Results, band: float) -> Decision:
 
 
 @result(
-    id="fig-3-steepest",
     paper="Section 4.B, text to Figure 3",
     sentence="especially BAB's8o7H and BAB's9o7H exhibit a sixth order descent of error for large τ",
     statement="Especially these two: no other fourth order method keeps a sixth order descent as long",
     threshold=f"more decades of large step sizes with local slopes within {BAND} of 6 than each of the other seven "
     f"methods of fourth order; {LARGE.brief}",
     bound=BAND,
-    needs=CUBE,
+    needs=("cubes/henon_heiles.h5",),
 )
 def fig_3_steepest(results: Results, band: float) -> Decision:
     curves, lengths = curves_of(results, "henon_heiles"), {}

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.math import cos, exp, hypot, log, sin
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.systems import kepler
@@ -32,15 +33,10 @@ from nearharmonic_paper.claims.judging.curves import (
 )
 from nearharmonic_paper.claims.judging.definitions import APPROXIMATELY, DOT, SIGNIFICANTLY
 from nearharmonic_paper.claims.results import Results, label, require, short
-from nearharmonic_paper.claims.statements.figures.henon_heiles import ORDERS, orders_of_figure
-
-CUBE = ("cubes/kepler.h5",)
-#: Ten methods, or there is no best of them.
-TEN = tuple(ORDERS)
+from nearharmonic_paper.claims.statements.figures.henon_heiles import orders_of_figure
 
 
 @background(
-    id="kepler-starts-at-aphelion",
     paper="Section 4.B, below Eq. 19",
     sentence="the aphelion is chosen as the initial Sun-Mercury distance yielding the minimum orbital velocity",
     statement="The orbit starts at the aphelion of Mercury, where its velocity is lowest",
@@ -62,20 +58,18 @@ SUN, MERCURY = 1.9885e30, 0.3301e24
 
 
 @mathematics(
-    id="eq-19-approximation",
     paper="Eq. 19",
     sentence="H = ‖p‖²/(2M) - G m_S m_M/‖q‖ ≈ ‖p‖²/(2 m_M) - G m_S m_M/‖q‖",
     statement="The reduced mass M may be replaced by the mass of Mercury",
     threshold="m_M/M - 1 = m_M/m_S below 10⁻⁴, the last digit of the data of the fact sheets",
     bound=1e-4,
 )
-def eq_19(_: Results, off: float) -> Decision:
+def eq_19_approximation(_: Results, off: float) -> Decision:
     ratio = MERCURY / SUN
     return either(ratio < off, f"m_M/m_S = {short(ratio, 2)}")
 
 
 @mathematics(
-    id="eq-20",
     paper="Eq. 20",
     sentence="A = p × L - r̂",
     statement="The Laplace-Runge-Lenz vector is p × L - r/|r|, in units with mk = 1",
@@ -108,10 +102,10 @@ SIXTH_ORDER = "yoshida_s7o6a"
 
 def with_and_without_sixth_order(decide: Callable[[tuple[str, ...]], Decision]) -> Decision:
     """Decide among the ten methods, and without that of sixth order as well if the statement does not hold."""
-    found = decide(TEN)
+    found = decide(BENCHMARKED)
     if found.verdict == "holds":
         return found
-    without = decide(tuple(name for name in TEN if name != SIXTH_ORDER))
+    without = decide(tuple(name for name in BENCHMARKED if name != SIXTH_ORDER))
     said = f"without {label(SIXTH_ORDER)} it {without.verdict}: {without.value.partition(';')[0]}"
     return found._replace(value=f"{found.value}; {said}")
 
@@ -145,7 +139,7 @@ BEST = tuple(
         statement=f"{name} shows the best performance in regard to the {words} error",
         threshold=f"its {measure} error below that of each of the other nine {range_words(name)}",
         bound=1.0,
-        needs=CUBE,
+        needs=("cubes/kepler.h5",),
     )(_best(method, MEASURES[measure]))
     for measure, words, name, method in (
         ("maximum", "maximum", "ABA104", "aba104"),
@@ -164,7 +158,6 @@ def _advance(curves: Curves, names: tuple[str, ...]) -> tuple[Floats, Floats]:
 
 
 @result(
-    id="fig-4-coincide",
     paper="Figure 4, caption",
     sentence="The integrators ABAs5o6H, ABA104 and BAB's8o7H achieve approximately the same performance, obfuscating "
     "their plots",
@@ -172,7 +165,7 @@ def _advance(curves: Curves, names: tuple[str, ...]) -> tuple[Floats, Floats]:
     threshold="the largest of their advances at most 1.26 times the smallest, "
     f"{range_words('the first of the three')}; {APPROXIMATELY.brief}",
     bound=DOT,
-    needs=CUBE,
+    needs=("cubes/kepler.h5",),
 )
 def fig_4_coincide(results: Results, dot: float) -> Decision:
     curves = curves_of(results, "kepler")
@@ -198,7 +191,6 @@ def _at_evaluations(curves: Curves, advance: Floats, number: float = 240.0) -> s
 
 
 @result(
-    id="fig-4-intervals",
     paper="Figure 4, caption",
     sentence="Linear fit 95% confidence intervals of the perihelion advance are significantly smaller than the dot "
     "size",
@@ -206,32 +198,32 @@ def _at_evaluations(curves: Curves, advance: Floats, number: float = 240.0) -> s
     threshold="the width of each interval at most 21 % of the advance, 1/1.26 of the 26 % that a dot covers, "
     f"{range_words('the first of the ten')}; {SIGNIFICANTLY.brief}",
     bound=(DOT - 1) / SIGNIFICANTLY.number,
-    needs=CUBE,
+    needs=("cubes/kepler.h5",),
 )
 def fig_4_intervals(results: Results, widest: float) -> Decision:
     curves = curves_of(results, "kepler")
-    advance, interval = _advance(curves, TEN)
-    asked = curves.compared(curves.errors(TEN))
+    advance, interval = _advance(curves, BENCHMARKED)
+    asked = curves.compared(curves.errors(BENCHMARKED))
     share = (2 * interval / advance).max(axis=0)
     low, high = (short(100 * one, 2) for one in (share[asked.asked].min(), share[asked.asked].max()))
     return over(asked, share <= widest, f"widest of the ten {low} to {high} % of the advance")
 
 
 @background(
-    id="precession-linear",
     paper="Section 4.B, paragraph on precession",
     sentence="The orbital precession advances linearly with time t",
     statement="The perihelion of the ten methods advances in the second half of the ten years as in the first",
     threshold="the rates of advance in the two halves within 2 % of each other, the widest 95 % interval of a fit, "
     f"{range_words('the first of the ten')}",
     bound=0.02,
-    needs=CUBE,
+    needs=("cubes/kepler.h5",),
 )
 def precession_linear(results: Results, off: float) -> Decision:
     curves = curves_of(results, "kepler")
-    asked = curves.compared(curves.errors(TEN))
+    asked = curves.compared(curves.errors(BENCHMARKED))
     halves, line = (
-        np.array([curves.of(name, f"perihelion_advance_{what}") for name in TEN]) for what in ("halves", "linearity")
+        np.array([curves.of(name, f"perihelion_advance_{what}") for name in BENCHMARKED])
+        for what in ("halves", "linearity")
     )
     apart = np.abs(halves - 1).max(axis=0)
     least = np.nanmin(line[:, asked.asked])
@@ -240,7 +232,6 @@ def precession_linear(results: Results, off: float) -> Decision:
 
 
 @misprint(
-    id="figure-of-the-precession",
     paper="Section 4.B, paragraph on precession",
     sentence="Figure 5 shows the perihelion precession dθ/dt which has been obtained numerically through linear "
     "regression of θ(t) over numerous orbital periods",
@@ -248,7 +239,7 @@ def precession_linear(results: Results, off: float) -> Decision:
     threshold="the curves of ABAs5o6H, ABA104 and BAB's8o7H coincide in Figure 5, as they do in the precession by the "
     f"caption of Figure 4: maximum and mean errors within a factor of 1.26, {range_words()}; {APPROXIMATELY.brief}",
     bound=DOT,
-    needs=CUBE,
+    needs=("cubes/kepler.h5",),
 )
 def figure_of_the_precession(results: Results, dot: float) -> Decision:
     curves, told = curves_of(results, "kepler"), []
@@ -265,7 +256,6 @@ def figure_of_the_precession(results: Results, dot: float) -> Decision:
 
 
 @result(
-    id="accumulated-error-and-mean",
     paper="Section 4.B, paragraph on precession",
     sentence="Comparison of Figure 4 and 5 suggests that the accumulated error is in better agreement with the average "
     "error than the maximum error",
@@ -273,9 +263,9 @@ def figure_of_the_precession(results: Results, dot: float) -> Decision:
     threshold="the rank correlation of the ten methods' advances with their mean errors is nearer to 1 than with their "
     f"maximum errors, {range_words()}",
     bound=1.0,
-    needs=CUBE,
+    needs=("cubes/kepler.h5",),
 )
-def accumulated_and_mean(results: Results, ratio: float) -> Decision:
+def accumulated_error_and_mean(results: Results, ratio: float) -> Decision:
     curves = curves_of(results, "kepler")
     return with_and_without_sixth_order(lambda names: _agreement(curves, names, ratio))
 

@@ -12,9 +12,8 @@ from nearharmonic_paper.claims.claim import Decision, counted, either, mathemati
 from nearharmonic_paper.claims.judging.curves import curves_of, over
 from nearharmonic_paper.claims.judging.definitions import GENERALLY, GREATLY, LARGE, NOT_SUITABLE
 from nearharmonic_paper.claims.judging.slopes import BAND, SLOPE, large_steps, slopes_are
-from nearharmonic_paper.claims.results import Results, label, require, short
+from nearharmonic_paper.claims.results import Results, label, once, require, short
 
-CUBE = ("cubes/sho.h5",)
 TERMS = ("cubes/sho_terms.h5",)
 #: First moves of the ABA and of the BAB composition.
 COMPOSITIONS: tuple[First, ...] = ("drift", "kick")
@@ -34,7 +33,7 @@ FIGURE_1 = tuple(
         statement=statement,
         threshold=SLOPE,
         bound=BAND,
-        needs=CUBE,
+        needs=("cubes/sho.h5",),
     )(slopes_are("sho", orders))
     for name, sentence, statement, orders in (
         (
@@ -60,7 +59,6 @@ FIGURE_1 = tuple(
 
 
 @mathematics(
-    id="kappa-0-and-1",
     paper="Section 3, last paragraph",
     sentence="The objectives κ₀ and κ₁ are always 0 if Σ c_i = Σ d_i = 1",
     statement="κ₀ and κ₁ are always 0 if the coefficients of each row sum to 1",
@@ -68,7 +66,7 @@ FIGURE_1 = tuple(
     bound=VANISHED,
     needs=TERMS,
 )
-def kappa_1(results: Results, vanished: float) -> Decision:
+def kappa_0_and_1(results: Results, vanished: float) -> Decision:
     terms = results.cube("sho_terms")["kappa"].sel(order=1).values
     zeroth = [abs(1 - zeta(m, first=first)[0]) for m in _methods(results) for first in COMPOSITIONS]
     good = [*(term == 0 for term in zeroth), *(terms < vanished).ravel()]
@@ -79,18 +77,16 @@ def _methods(results: Results) -> list[Any]:
     return [results.method(str(name)) for name in results.cube("sho_terms")["integrator"].values]
 
 
+@once
 def _terms(results: Results, name: str, first: str | None = None) -> Any:
-    """The terms of one composition as far as they reach, the method's own by default; kappa_1 at index 0."""
-    return results.kept(("terms", name, first), lambda: _row(results, name, first or results.method(name).first))
-
-
-def _row(results: Results, name: str, first: str) -> Any:
-    terms = results.cube("sho_terms")["kappa"]
+    """The terms of one composition as far as they reach, the method's own by default; the first at index 0."""
+    first, terms = first or results.method(name).first, results.cube("sho_terms")["kappa"]
     require(name in terms["integrator"].values, f"Figure 2 of these results does not have the method {name}")
     row = terms.sel(integrator=name, first=first).values
     return row[np.isfinite(row)]
 
 
+@once
 def _by_parity(results: Results) -> tuple[Any, Any, Any]:
     """The even terms of the ABA and of the BAB composition, and the odd ones of both."""
     terms = results.cube("sho_terms")["kappa"]
@@ -99,7 +95,6 @@ def _by_parity(results: Results) -> tuple[Any, Any, Any]:
 
 
 @result(
-    id="fig-2-even-orders-meet",
     paper="Figure 2, caption",
     sentence="Lines and markers of the same color intersect exactly at even orders",
     statement="Terms of the ABA and the BAB composition intersect exactly at even orders",
@@ -107,8 +102,8 @@ def _by_parity(results: Results) -> tuple[Any, Any, Any]:
     bound=VANISHED,
     needs=TERMS,
 )
-def fig_2_even_orders(results: Results, vanished: float) -> Decision:
-    one, other, odd = results.kept("parity", lambda: _by_parity(results))
+def fig_2_even_orders_meet(results: Results, vanished: float) -> Decision:
+    one, other, odd = _by_parity(results)
     reached = np.isfinite(one) & np.isfinite(other)
     none = (one < vanished) & (other < vanished)
     same = (np.abs(one - other) <= np.spacing(np.maximum(np.abs(one), np.abs(other)))) | none
@@ -117,7 +112,6 @@ def fig_2_even_orders(results: Results, vanished: float) -> Decision:
 
 
 @result(
-    id="fig-2-more-terms-as-aba",
     paper="Section 4.B, text to Figure 2",
     sentence="the obtained BAB methods have more error terms when implemented as ABA methods",
     statement="The obtained BAB methods have more error terms when implemented as ABA methods",
@@ -125,7 +119,7 @@ def fig_2_even_orders(results: Results, vanished: float) -> Decision:
     bound=VANISHED,
     needs=TERMS,
 )
-def fig_2_more_terms(results: Results, vanished: float) -> Decision:
+def fig_2_more_terms_as_aba(results: Results, vanished: float) -> Decision:
     names = [m.name for m in _methods(results) if m.first == "kick"]
     require(names, "Figure 2 of these results has no BAB method")
     counts = {name: [int((_terms(results, name, f) > vanished).sum()) for f in COMPOSITIONS] for name in names}
@@ -134,7 +128,6 @@ def fig_2_more_terms(results: Results, vanished: float) -> Decision:
 
 
 @result(
-    id="fig-2-kappa-7",
     paper="Section 4.B, text to Figure 2",
     sentence="the seventh harmonic order of BAB's8o7H eliminates the seventh order error term of the position "
     "coordinate for the BAB implementation as opposed to the sixth harmonic order integrator ABAs5o6H A",
@@ -149,7 +142,6 @@ def fig_2_kappa_7(results: Results, vanished: float) -> Decision:
 
 
 @result(
-    id="fig-2-reads-order",
     paper="Section 4.B, text to Figure 2",
     sentence="The largest integer value of λ with no integration error reads the SHO integration order",
     statement="The largest λ up to which all terms vanish is the harmonic order in the name of the method",
@@ -171,7 +163,6 @@ STAGE_OPTIMISED = ("yoshida_s7o6a", "s9odr6a", "s15odr8")
 
 
 @result(
-    id="fig-2-yoshida-diverges",
     paper="Section 4.B, text to Figure 2",
     sentence="Stage-optimized integrators of higher orders generally have rapidly diverging higher order error "
     "contributions",
@@ -194,14 +185,13 @@ def fig_2_yoshida_diverges(results: Results, factor: float) -> Decision:
 
 
 @result(
-    id="fig-2-large-steps",
     paper="Section 4.B, text to Figure 2",
     sentence="these integrators are not suitable for integrating the SHO with large time steps",
     statement="Stage-optimized integrators of higher order are not suitable for the oscillator with large time steps",
     threshold="the maximum error of Yosh s7o6 A, the only one of them in the figures, at least ten times that of the "
     f"best of the other nine, at every large step size; {NOT_SUITABLE.brief}; {LARGE.brief}",
     bound=NOT_SUITABLE.number,
-    needs=CUBE,
+    needs=("cubes/sho.h5",),
 )
 def fig_2_large_steps(results: Results, factor: float) -> Decision:
     curves = curves_of(results, "sho")

@@ -12,13 +12,12 @@ from nearharmonic_paper.claims.results import Results, short
 
 
 @result(
-    id="fig-6-c-unstable",
     paper="Figure 6, caption",
     sentence="(C) shows an unstable integration where H is not conserved",
     statement="(C), Yosh s7o6 A on the Hénon-Heiles system, shows an unstable integration",
     threshold=f"the relative energy error passes 1 within 1000 iterations; {STABLE.brief}",
 )
-def fig_6_c(results: Results) -> Decision:
+def fig_6_c_unstable(results: Results) -> Decision:
     panel = results.panels()["C"]
     left = int(panel["left_at"])
     value = f"leaves its energy surface at iteration {left}" if left else "stays for 1000 iterations"
@@ -29,7 +28,6 @@ DISPLACED = ("cubes/substeps_displaced.h5",)
 
 
 @result(
-    id="fig-6-others-stable",
     paper="Figure 6, caption",
     sentence="(A) (B) and (D) show stable integrations which preserve H indefinitely",
     statement="(A), (B) and (D) are stable, (D) in the plane q_x = p_x = 0 of the caption",
@@ -37,7 +35,7 @@ DISPLACED = ("cubes/substeps_displaced.h5",)
     f"iterations; (D) in 100000 iterations, with compensated and with plain sums; {STABLE.brief}",
     needs=DISPLACED,
 )
-def fig_6_others(results: Results) -> Decision:
+def fig_6_others_stable(results: Results) -> Decision:
     panels, cube = results.panels(), results.cube("substeps_displaced")
     largest = {letter: float(panels[letter]["max_energy_error"]) for letter in "AB"}
     good = [int(panels[letter]["left_at"]) == 0 for letter in "AB"]
@@ -51,7 +49,6 @@ def fig_6_others(results: Results) -> Decision:
 
 
 @finding(
-    id="fig-6-beside-the-plane",
     paper="Figure 6, caption",
     sentence="(A) (B) and (D) show stable integrations which preserve H indefinitely",
     statement="(D) is unstable from starts beside its plane, which the paper does not show",
@@ -69,7 +66,6 @@ def fig_6_beside_the_plane(results: Results) -> Decision:
 
 
 @result(
-    id="fig-6-large-substeps",
     paper="Section 5, Discussion",
     sentence="Yosh s7o6 A (A) (C) performs large forward and backward steps compared to BABs7o7H (B) (D)",
     statement="Yosh s7o6 A performs large forward and backward steps compared to BABs7o7H",
@@ -77,7 +73,7 @@ def fig_6_beside_the_plane(results: Results) -> Decision:
     "systems, forward and, with a negative coefficient, backward",
     bound=1.0,
 )
-def fig_6_substeps(results: Results, ratio: float) -> Decision:
+def fig_6_large_substeps(results: Results, ratio: float) -> Decision:
     panels = results.panels()
     good, told, longest = [], [], {}
     for letter in "ABCD":
@@ -92,7 +88,6 @@ def fig_6_substeps(results: Results, ratio: float) -> Decision:
 
 
 @mathematics(
-    id="substeps-are-no-evolution",
     paper="Section 2, below Eq. 3",
     sentence="the intermediate steps (q_j, p_j), j = 1, 2, ..., k - 1, referred to as substeps, do not represent the "
     "time evolution of (q₀, p₀)",

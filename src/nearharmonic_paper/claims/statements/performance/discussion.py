@@ -13,7 +13,7 @@ from nearharmonic.theory.linear_stability import growth_rate, stability_gaps, st
 from nearharmonic_paper.claims.claim import Decide, Decision, background, counted, either, result, tallied
 from nearharmonic_paper.claims.judging.curves import LOST, Curves, curves_of
 from nearharmonic_paper.claims.judging.definitions import GENERALLY, GREATLY, SEVERAL, SIGNIFICANTLY, SMALL
-from nearharmonic_paper.claims.results import Results, label, require, short
+from nearharmonic_paper.claims.results import Results, label, once, require, short
 from nearharmonic_paper.claims.statements.performance.comparisons import CUBES, NEW, SYSTEMS
 
 METHODS = ("ruth", *NEW)
@@ -28,7 +28,7 @@ def _above(found: Sequence[Mapping[str, float]], value: str, ratio: float) -> De
     return tallied(good, "above Ruth's", f"; {value}")
 
 
-def _listed(ends: Mapping[str, float]) -> str:
+def _ends_in_words(ends: Mapping[str, float]) -> str:
     return ", ".join(f"{label(name)} {short(end) if end < inf else 'none'}" for name, end in ends.items())
 
 
@@ -40,7 +40,7 @@ def _on_each_system(words: str, end: Callable[[Curves, Floats], float]) -> Decid
         for system, name in SYSTEMS.items():
             curves = curves_of(results, system)
             found.append({method: end(curves, curves.errors([method])[0]) for method in METHODS})
-            told.append(f"{name} {_listed(found[-1])}{curves.unit}")
+            told.append(f"{name} {_ends_in_words(found[-1])}{curves.unit}")
         return _above(found, f"{words}: {'; '.join(told)}", ratio)
 
     return decide
@@ -49,9 +49,12 @@ def _on_each_system(words: str, end: Callable[[Curves, Floats], float]) -> Decid
 def _of_each_method(words: str, end: Callable[[Tableau], float]) -> Decide:
     """Judge of a step size that follows from the coefficients."""
 
+    @once
+    def ends(results: Results) -> dict[str, float]:
+        return {name: end(results.method(name)) for name in METHODS}
+
     def decide(results: Results, ratio: float) -> Decision:
-        found = results.kept(("step size", words), lambda: {name: end(results.method(name)) for name in METHODS})
-        return _above([found], f"{words}: {_listed(found)}", ratio)
+        return _above([ends(results)], f"{words}: {_ends_in_words(ends(results))}", ratio)
 
     return decide
 
@@ -132,7 +135,6 @@ STABILITY = tuple(
 
 
 @result(
-    id="t-not-quadratic",
     paper="Section 5, Discussion",
     sentence="The performance of the obtained integrators generally declines for systems where T(p) deviates "
     "significantly from a squared kinetic energy",
@@ -146,7 +148,7 @@ STABILITY = tuple(
 )
 def t_not_quadratic(results: Results, least: float) -> Decision:
     good, told = [], []
-    for amplitude, (ruth, *new) in results.kept("roles", lambda: _by_roles(results)).items():
+    for amplitude, (ruth, *new) in _by_roles(results).items():
         good += [one > max(least, ruth) for one in new]
         listed = ", ".join(f"{label(name)} {short(one, 2)}" for name, one in zip(NEW, new, strict=True))
         told.append(f"at amplitude {short(amplitude)} {listed}, Ruth {short(ruth, 2)}")
@@ -154,6 +156,7 @@ def t_not_quadratic(results: Results, least: float) -> Decision:
     return either(sum(good) > GENERALLY.number * len(good), value)
 
 
+@once
 def _by_roles(results: Results) -> dict[float, list[float]]:
     """Errors over those with the roles exchanged by amplitude, of Ruth's method and of the new ones."""
     cube = results.cube("kinetic_energy")
@@ -169,7 +172,6 @@ EVALUATIONS, ROUND, CLOSE = 400, 0.2, 0.95
 
 
 @background(
-    id="close-encounters",
     paper="Section 5, Discussion",
     sentence="Close encounters in the gravitational N-body system inevitably cause high errors ultimately waiving "
     "symplectic properties of SIs",
@@ -190,7 +192,6 @@ def close_encounters(results: Results, kept_below: float) -> Decision:
 
 
 @background(
-    id="high-order-negative",
     paper="Section 5, Discussion",
     sentence="Higher order integrators are generally more constrained and usually involve several negative splitting "
     "coefficients with large absolute values",

@@ -35,15 +35,14 @@ def _vanish(tableau: Tableau, highest: int) -> float:
 
 #: A unit of the 76th decimal, times what errors of coefficients grow by: l! sums of up to 2^l products, l <= 7.
 PRINTED_ZERO = 1e-70
-ZERO = "below 10⁻⁷⁰: 76 printed decimals leave 10⁻⁷⁶, κ₇ multiplies their errors by 7!, and the rest is a margin"
+BELOW_ZERO = "below 10⁻⁷⁰: 76 printed decimals leave 10⁻⁷⁶, κ₇ multiplies their errors by 7!, and the rest is a margin"
 
 
 @result(
-    id="table-4-solves",
     paper="Table 4 and Eq. 17",
     sentence="Solution to Eq. 10 using BAB decomposition",
     statement="κ₁ to κ_(λ_H) vanish for each of the ten sets",
-    threshold=f"each of them {ZERO}",
+    threshold=f"each of them {BELOW_ZERO}",
     bound=PRINTED_ZERO,
 )
 def table_4_solves(results: Results, zero: float) -> Decision:
@@ -54,7 +53,6 @@ def table_4_solves(results: Results, zero: float) -> Decision:
 
 
 @result(
-    id="table-4-fourth-order",
     paper="Abstract, of Table 4",
     sentence="Efficient fourth order symplectic integrators are proposed for numerical integration of separable "
     "Hamiltonian systems",
@@ -66,7 +64,6 @@ def table_4_fourth_order(results: Results) -> Decision:
 
 
 @result(
-    id="table-4-stages",
     paper="Section 4.A and Abstract",
     sentence="Splitting coefficients with five to nine stages are presented in Table 4",
     statement="Splitting coefficients with five to nine stages are presented",
@@ -78,7 +75,6 @@ def table_4_stages(results: Results) -> Decision:
 
 
 @result(
-    id="table-4-names",
     paper="Section 4.A",
     sentence="The naming convention of the obtained methods is [scheme]s[stages]o[order]H",
     statement="The sets are named [scheme]s[stages]o[harmonic order]H",
@@ -94,7 +90,6 @@ def table_4_names(results: Results) -> Decision:
 
 
 @result(
-    id="table-4-77-digits",
     paper="Table 4",
     sentence="Obtained splitting coefficients with 77 digits",
     statement="The coefficients are printed with 77 digits",
@@ -116,7 +111,6 @@ C3 = "c(3) of BAB's8o7H"
 
 
 @result(
-    id="table-4-derived",
     paper="Table 4",
     sentence="Obtained splitting coefficients with 77 digits",
     statement=f"Each printed coefficient but {C3} is right to its last digit",
@@ -132,7 +126,6 @@ def table_4_derived(results: Results) -> Decision:
 
 
 @misprint(
-    id="table-4-c3",
     paper="Table 4, BAB's8o7H",
     sentence="c(3) =-0.0149646736494517061945681450558142918831874360003431672632178480031079700216",
     statement=f"{C3} ends in 0216",
@@ -174,7 +167,6 @@ def _with_inner(method: Tableau, index: int, text: str) -> Tableau:
 
 
 @result(
-    id="four-unique-sets",
     paper="Section 3, last paragraph, and Table 4",
     sentence="Four unique sets of splitting coefficients are presented in the following section",
     statement="Four of the sets are unique: ABAs5o6H A, B, C and BABs6o7H. A unique set is an isolated solution, not a "
@@ -219,11 +211,10 @@ COUNTS = (
 
 
 @result(
-    id="unique-sets-solve-both",
     paper="Section 4.A",
     sentence="Unique solutions satisfy both the ABA and BAB decompositions",
     statement="Unique solutions satisfy both the ABA and BAB decompositions",
-    threshold=f"κ₁ to κ_(λ_H) of both compositions, each {ZERO}",
+    threshold=f"κ₁ to κ_(λ_H) of both compositions, each {BELOW_ZERO}",
     bound=PRINTED_ZERO,
 )
 def unique_sets_solve_both(results: Results, zero: float) -> Decision:

@@ -22,7 +22,7 @@ from nearharmonic_paper.claims.claim import (
     tallied,
 )
 from nearharmonic_paper.claims.judging.definitions import GREATLY
-from nearharmonic_paper.claims.results import Results, label, only, require, short
+from nearharmonic_paper.claims.results import Results, label, once, only, require, short
 from nearharmonic_paper.claims.statements.tableaus.splitting import leapfrogs
 
 if TYPE_CHECKING:
@@ -39,14 +39,13 @@ LISTED = {
 GENERALISED = {"aba104": "(10, 4)", "aba864": "(8, 6, 4)", "aba1064": "(10, 6, 4)"}
 
 #: Yoshida's solutions B and C for seven stages, his Table 1, outer weights w_3, w_2, w_1.
-YOSHIDA = {
+YOSHIDA_TABLE_1 = {
     "B": ("1.43984816797678", "0.00426068187079180", "-2.13228522200144"),
     "C": ("1.44778256239930", "-2.14403531630539", "0.00152886228424922"),
 }
 
 
 @background(
-    id="listed-stages",
     paper="Section 4.B, list of the ten",
     sentence="The following 10 symmetric SIs are benchmarked",
     statement="Of the ten methods all but BAB's8o7H have the listed number of stages",
@@ -60,19 +59,17 @@ def listed_stages(results: Results) -> Decision:
 
 
 @misprint(
-    id="listed-stages-babps8o7h",
     paper="Section 4.B, list of the ten",
     sentence="BAB's8o7H [BAB] 7-stage, 4th order",
     statement="BAB's8o7H has seven stages",
     threshold="equal to the number of coefficients in the shorter row; the name of the method says eight as well",
 )
-def listed_stages_of_one(results: Results) -> Decision:
+def listed_stages_babps8o7h(results: Results) -> Decision:
     stages = results.method("babps8o7h").stages
     return either(stages == LISTED["babps8o7h"], f"{stages} stages")
 
 
 @background(
-    id="listed-orders",
     paper="Section 4.B, list of the ten",
     sentence="Yosh s7o6 A [ABA] 7-stage, 6th order",
     statement="Yosh s7o6 A is of sixth order, the others of fourth",
@@ -84,7 +81,6 @@ def listed_orders(results: Results) -> Decision:
 
 
 @background(
-    id="listed-generalised-orders",
     paper="Section 4.B, list of the ten",
     sentence="ABA864 [ABA] 7-stage, 8-6-4 generalized order",
     statement="ABA104, ABA864 and ABA1064 are of generalized order 10-4, 8-6-4 and 10-6-4",
@@ -103,7 +99,6 @@ S5ODR4 = ("0.41449077179437573714", "-0.65796308717750294857")
 
 
 @attribution(
-    id="s5odr4-of-kahan",
     paper="Abstract and Section 4.B, list of the ten",
     sentence="acclaimed integrators composed by S. Blanes et al. (2013), W. Kahan et al. (1999) and H. Yoshida (1990)",
     statement="s5odr4 was first composed by Kahan",
@@ -111,7 +106,7 @@ S5ODR4 = ("0.41449077179437573714", "-0.65796308717750294857")
     "those of Suzuki (1990), four times 1/(4 - 4^(1/3)). The name is of Kahan and Li (1997), whom the list cites",
     bound=1e-20,
 )
-def s5odr4_source(results: Results, unit: float) -> Decision:
+def s5odr4_of_kahan(results: Results, unit: float) -> Decision:
     with mp.workdps(30):
         weight = 1 / (4 - mp.cbrt(4))
         suzuki = [weight, weight, 1 - 4 * weight, weight, weight]
@@ -123,7 +118,6 @@ def s5odr4_source(results: Results, unit: float) -> Decision:
 
 
 @background(
-    id="yoshida-a-smallest",
     paper="Section 4.B, below the list",
     sentence="Yosh s7o6 A yields the smallest errors of the three stage-optimized sixth order integrators presented by "
     "[Yoshida]",
@@ -132,20 +126,21 @@ def s5odr4_source(results: Results, unit: float) -> Decision:
     bound=1.0,
 )
 def yoshida_a_smallest(results: Results, ratio: float) -> Decision:
-    norms: dict[str, float] = results.kept("yoshida", lambda: _norms(results.method("yoshida_s7o6a")))
+    norms = _norms(results)
     listed = ", ".join(f"{letter} {short(norm)}" for letter, norm in norms.items())
-    return either(norms["A"] < ratio * min(norms[letter] for letter in YOSHIDA), listed)
+    return either(norms["A"] < ratio * min(norms[letter] for letter in YOSHIDA_TABLE_1), listed)
 
 
-def _norms(ours: Tableau) -> dict[str, float]:
-    methods = {"A": ours} | {letter: composed(letter) for letter in YOSHIDA}
+@once
+def _norms(results: Results) -> dict[str, float]:
+    methods = {"A": results.method("yoshida_s7o6a")} | {letter: composed(letter) for letter in YOSHIDA_TABLE_1}
     return {letter: error_norm(method, 7) for letter, method in methods.items()}
 
 
 def composed(letter: str) -> Tableau:
     """The composition of seven leapfrog steps with the weights of one of Yoshida's solutions."""
     with mp.workdps(30):
-        outer = [mpf(w) for w in YOSHIDA[letter]]
+        outer = [mpf(w) for w in YOSHIDA_TABLE_1[letter]]
         weights = [*outer, 1 - 2 * sum(outer), *reversed(outer)]
         return leapfrogs(weights, name=f"yoshida_s7o6{letter.lower()}", label=f"Yosh s7o6 {letter}", order=6, digits=14)
 
@@ -155,7 +150,6 @@ UNIT = float(np.finfo(float).eps / 2)
 
 
 @background(
-    id="compensated-summation",
     paper="Section 4.B, below the list",
     sentence="Compensated summation drastically reduces truncation errors for long-term symplectic integration",
     statement="Compensated summation drastically reduces errors of rounding in long integrations",
@@ -185,7 +179,6 @@ def _runs(cube: xr.Dataset) -> str:
 
 
 @finding(
-    id="floor-of-double",
     paper="Figure 1, dashed lines; the statement is this project's",
     sentence="The dashed lines show benchmark profiles for integrators of corresponding color using extended precision",
     statement="Double precision with compensated summation follows extended precision down to its floor of rounding",

@@ -15,7 +15,6 @@ PRINTED_D1 = {"abas5o6h": "0.15585935", "abas5o6h_b": "0.40201960", "abas5o6h_c"
 
 
 @misprint(
-    id="table-4-columns",
     paper="Section 2, above Table 1, and Table 4",
     sentence="the c and d coefficients are consistently used in connection with the ∂T/∂p and ∂V/∂q term respectively",
     statement="In Table 4 c always multiplies ∂T/∂p and d always ∂V/∂q",
@@ -29,7 +28,6 @@ def table_4_columns(results: Results) -> Decision:
 
 
 @result(
-    id="roles-switched",
     paper="Section 5, Discussion",
     sentence="the integrator performance may change drastically if the roles of T and V are switched",
     statement="The performance may change drastically if the roles of T and V are switched",
@@ -45,7 +43,6 @@ def roles_switched(results: Results, factor: float) -> Decision:
 
 
 @result(
-    id="performance-depends-on-scheme",
     paper="Section 4.A",
     sentence="the performance of the presented solutions depends on the applied scheme",
     statement="The performance of unique solutions depends on the applied scheme",
@@ -54,7 +51,7 @@ def roles_switched(results: Results, factor: float) -> Decision:
     bound=DOT,
     needs=TABLES,
 )
-def depends_on_scheme(results: Results, dot: float) -> Decision:
+def performance_depends_on_scheme(results: Results, dot: float) -> Decision:
     good, told = [], []
     for name in FIVE_STAGES:
         ratios = _kick_over_drift(results, name).values()

@@ -29,7 +29,6 @@ near_forward = result(
 
 
 @result(
-    id="small-near-forward-steps",
     paper="Section 5, Discussion",
     sentence="BABs7o7H and other splitting coefficients obtained in this paper generally perform small near-forward "
     "steps",
@@ -38,7 +37,7 @@ near_forward = result(
     f"{GENERALLY.brief}",
     bound=SMALL.number,
 )
-def small_steps(results: Results, small: float) -> Decision:
+def small_near_forward_steps(results: Results, small: float) -> Decision:
     most, value = _small(results, small)
     return counted([_size(results.method("babs7o7h")) <= small, most], value)
 
@@ -54,14 +53,13 @@ def _small(results: Results, small: float) -> tuple[bool, str]:
 
 
 @result(
-    id="small-coefficients-of-one-row",
     paper="Section 5, Discussion",
     sentence="some of the methods presented in Table 4 only have small coefficients for either d or c",
     statement="Some of the methods of Table 4 only have small coefficients for either d or c",
     threshold="for at least one set the coefficients of one row are small compared to the other: at most half as large",
     bound=2.0,
 )
-def small_of_one_row(results: Results, ratio: float) -> Decision:
+def small_coefficients_of_one_row(results: Results, ratio: float) -> Decision:
     told = []
     for t in sets(results):
         d, c = largest(*t.outer), largest(*t.inner)

@@ -23,11 +23,10 @@ FORCE_GRADIENT = tuple(
     one for module in (rowlands_1991, chin_1997, omelyan_2002) for one in module.TABLEAUS if one.modified
 )
 #: Even orders that are tried: the free Lie algebra grows by a factor four from one to the next.
-ORDERS = (2, 4, 6, 8)
+EVEN_ORDERS = (2, 4, 6, 8)
 
 
 @background(
-    id="every-even-order",
     paper="Section 1",
     sentence="SIs of arbitrarily high even order exist and can be constructed using Lie algebra",
     statement="Composing a method three times with itself raises its order by two, any number of times",
@@ -35,8 +34,10 @@ ORDERS = (2, 4, 6, 8)
     "the orders 4, 6 and 8, proved in the free Lie algebra",
 )
 def every_even_order(_: Results) -> Decision:
-    found = [order_of(tripled(order), highest=order + 1) for order in ORDERS]
-    return counted([a == b for a, b in zip(found, ORDERS, strict=True)], f"proved orders {', '.join(map(str, found))}")
+    found = [order_of(tripled(order), highest=order + 1) for order in EVEN_ORDERS]
+    return counted(
+        [a == b for a, b in zip(found, EVEN_ORDERS, strict=True)], f"proved orders {', '.join(map(str, found))}"
+    )
 
 
 def tripled(order: int) -> Tableau:
@@ -60,7 +61,6 @@ def leapfrogs(weights: Sequence[Any], digits: int, **about: Any) -> Tableau:
 
 
 @background(
-    id="positive-force-gradient",
     paper="Section 1",
     sentence="The force-gradient compositions benefit from all-positive splitting coefficients",
     statement="Fourth order methods that evaluate the force gradient have only positive coefficients",
@@ -77,7 +77,6 @@ def positive_force_gradient(_: Results) -> Decision:
 
 
 @background(
-    id="negative-coefficients",
     paper="Section 1",
     sentence="Non-gradient splitting methods of orders higher than two always involve negative coefficients",
     statement="Splitting methods of orders higher than two always involve negative coefficients",
@@ -91,7 +90,6 @@ def negative_coefficients(results: Results) -> Decision:
 
 
 @mathematics(
-    id="sums-are-one",
     paper="Section 2, above Eq. 2",
     sentence="A set of real numbers exist (c₁, c₂, ..., c_k) and (d₁, d₂, ..., d_k), referred to as splitting "
     "coefficients, that satisfy Σ c_i = Σ d_i = 1",
@@ -109,7 +107,6 @@ def sums_are_one(results: Results) -> Decision:
 
 
 @mathematics(
-    id="even-orders",
     paper="Section 3, below Table 3",
     sentence="Symmetric coefficients omit odd order error terms",
     statement="The order of a symmetric method is even",
@@ -125,7 +122,6 @@ def even_orders(results: Results) -> Decision:
 
 
 @mathematics(
-    id="table-1",
     paper="Table 1",
     sentence="Table 1 summarizes the symmetric structures of the ABA- and BAB-composition",
     statement="ABA: d_i = d_(k-i), c_i = c_(k+1-i), d_k = 0; BAB: d_i = d_(k+1-i), c_i = c_(k-i), c_k = 0",
@@ -178,7 +174,6 @@ STRUCTURE = (
 
 
 @mathematics(
-    id="first-same-as-last",
     paper="Section 2, above Table 1",
     sentence="The number of stages is defined as s = k - 1 for symmetric coefficients due to the first same as last "
     "property",
@@ -213,7 +208,6 @@ def gradients(method: Tableau, steps: int) -> int:
 
 
 @background(
-    id="cost-proportional-to-stages",
     paper="Section 2, above Table 1",
     sentence="The computational cost of SIs is approximately proportional to the number of derivative evaluations "
     "(stages)",
@@ -222,7 +216,7 @@ def gradients(method: Tableau, steps: int) -> int:
     f"times the smallest, on each system; {APPROXIMATELY.brief}",
     bound=APPROXIMATELY.number,
 )
-def cost_proportional(results: Results, most: float) -> Decision:
+def cost_proportional_to_stages(results: Results, most: float) -> Decision:
     ratios = {}
     for name, system in (("oscillator", sho), ("Hénon-Heiles", henon_heiles), ("Sun-Mercury", kepler)):
         costs = [operations(results.method(one), system.SYSTEM) / results.method(one).stages for one in BENCHMARKED]

@@ -12,9 +12,9 @@ from nearharmonic.math import pow
 from nearharmonic.numerics.portable import Floats
 from nearharmonic_paper.claims.claim import Decision, background, counted
 from nearharmonic_paper.claims.judging.curves import rank_correlation
-from nearharmonic_paper.claims.results import Results, Undecided, label, require, short
+from nearharmonic_paper.claims.results import Results, Undecided, label, once, require, short
 
-CUBE = "cubes/trained.h5"
+TRAINED = "cubes/trained.h5"
 #: The ensembles of random potentials whose strengths span the widest band, as the cube names them.
 ENSEMBLES = ("d = 2, 0.01 to 0.5", "d = 3, 0.01 to 0.5")
 ENSEMBLE_WORDS = "random potentials of two and three coordinates and strengths of 0.01 to 0.5"
@@ -79,7 +79,7 @@ def errors_on_random_potentials(results: Results) -> Errors:
 
 def lead_of_trained(results: Results, names: Sequence[str], what: str) -> str:
     """Say where trained methods err less than the methods ``names``, called ``what``; nothing without their results."""
-    if not results.has(CUBE):
+    if not results.has(TRAINED):
         return ""
     try:
         errors = errors_on_random_potentials(results)
@@ -97,7 +97,6 @@ def lead_of_trained(results: Results, names: Sequence[str], what: str) -> str:
 
 
 @background(
-    id="minimised-coefficients",
     paper="Section 1",
     sentence="To construct more efficient high order SIs it has been proposed that the absolute value of negative "
     "coefficients and the sum of positive coefficients should be minimized",
@@ -108,16 +107,17 @@ def lead_of_trained(results: Results, names: Sequence[str], what: str) -> str:
     "order reach it in one of twenty cases. Each row sums to 1, so negative coefficients, positive ones and their "
     "absolute values rank the methods alike",
     bound=RELATED,
-    needs=(CUBE,),
+    needs=(TRAINED,),
 )
 def minimised_coefficients(results: Results, related: float) -> Decision:
-    found, said = results.kept("correlations", lambda: _correlations(results))
+    found, said = _correlations(results)
     good = found >= related
     first, *rest = said
     counts = f"{short(related, 2)} or more at {good.sum()} of {good.size} step sizes"
     return counted(good.tolist(), "; ".join([first, counts, *rest]))
 
 
+@once
 def _correlations(results: Results) -> tuple[Floats, list[str]]:
     """The correlation at each step size, and what is told of it."""
     errors = errors_on_random_potentials(results).of_order_four_or_more(results)

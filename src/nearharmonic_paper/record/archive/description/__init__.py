@@ -1,1 +1,0 @@
-"""Descriptions of an archive: RO-Crate metadata, their preview, a README, and metadata for Zenodo."""
