@@ -17,7 +17,7 @@ from nearharmonic_paper.experiments.exact_oscillator import times
 from nearharmonic_paper.experiments.exact_oscillator.reductions import BEST, CONFIDENCE, crossing, reduce, reduction
 from nearharmonic_paper.experiments.exact_oscillator.run import largest_error, measure, radius, starts_on
 from nearharmonic_paper.experiments.exact_oscillator.settings import CHARGES, ExactOscillatorSettings
-from nearharmonic_paper.pages.targets.exact_oscillator import page as filled
+from nearharmonic_paper.pages.targets import exact_oscillator as filled
 from nearharmonic_paper.tasks import job
 from nearharmonic_studies.trained.ideas.oscillators import CHARGE
 from support.results.stated_numbers import ROOT, states
@@ -182,7 +182,7 @@ def test_tables_of_the_page_are_those_of_the_papers_config(tmp_path):
     found = made(asked.methods, asked.exact_oscillator.methods, asked.exact_oscillator, tmp_path)
     job.write(found["cube"], [str(tmp_path / "cube.h5")], {})
     page = ROOT / PLACE
-    assert filled(str(page), str(tmp_path / "cube.h5"), (), ())["page"] == page.read_text(encoding="utf-8")
+    assert filled(str(page), cube=str(tmp_path / "cube.h5"))["page"] == page.read_text(encoding="utf-8")
 
 
 def test_the_page_states_settings_and_the_charge_of_an_evaluation():
