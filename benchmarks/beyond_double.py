@@ -17,7 +17,7 @@ from timing import asked, short, shortest, show
 import nearharmonic as nh
 from nearharmonic.numerics.clock import processor
 from nearharmonic.output.page import pipes
-from nearharmonic_paper.pages.targets.timings import power
+from nearharmonic_paper.pages.filling import power
 
 PAGE = "docs/results/timings.md"
 TARGETS = (1e-18, 1e-22, 1e-26)

@@ -159,7 +159,7 @@ def kind_of(name):
 
 @pytest.mark.slow
 def test_pages_name_every_variable_and_attribute_of_every_file(everything):
-    """Those of the paper's systems are in the page on files, which test_files_page.py compares."""
+    """Those of the paper's systems are in the page on files, whose table test_generated_parts.py makes."""
     reference = (ROOT / "docs/reference/variables.md").read_text(encoding="utf-8")
     files = (ROOT / "docs/how_to/files.md").read_text(encoding="utf-8")
     sections = dict(re.findall(r"^## `(\S+)`\n(.*?)(?=^## |\Z)", reference, flags=re.MULTILINE | re.DOTALL))

@@ -27,6 +27,8 @@ MARKED = {
     for path in ROOT.glob("docs/*/*.md")
     if "<!-- end -->" in path.read_text(encoding="utf-8")
 }
+#: Settings of every page.
+EACH = {"page", "systems", "integrators"}
 #: Tables of the results that docs/results/trained.md shows, as short as can be.
 TABLES = {
     "gains": "ensemble,tau_per_stage,best published,log10_error,best trained,log10_error_trained,gain,gain_low,"
@@ -66,8 +68,7 @@ def test_each_page_with_marks_has_a_rule(jobs):
     by_benchmarks = {page for text in texts for page in re.findall(r'^PAGE = "docs/(.*)"', text, re.MULTILINE)}
     assert len(by_benchmarks) > 5
     pages = {name for name in made if name.endswith(".md")}
-    # Of the page of adapters only the picture is made, from a table that is written by hand.
-    assert (pages - {"how_to/adapters.md"}) | by_benchmarks == MARKED - {"results/regularised.md"}
+    assert pages | by_benchmarks == MARKED - {"results/regularised.md"}
     assert pages & by_benchmarks == {"results/samplers.md", "results/timings.md"}  # have tables of both kinds
     assert all((ROOT / "docs" / name).is_file() for name in made)
 
@@ -84,7 +85,7 @@ def test_the_page_of_regularised_times_has_a_rule(project):
     jobs = [SimpleNamespace(**json.loads(line)) for line in done.stdout.splitlines()]
     (job,) = (job for job in jobs if job.rule == "page_of_regularised")
     task = job.params["task"]
-    signature(function_of(task)).bind(**task["settings"], **job.inputs)
+    assert bound(job)
     assert job.outputs["page"] == ["results/regularised/docs/results/regularised.md"]
     assert task["settings"]["page"] == "docs/results/regularised.md"
 
@@ -97,10 +98,9 @@ def test_no_other_target_makes_a_page(planned):
 def test_the_function_of_a_page_takes_its_rules_inputs(jobs):
     for job in jobs.values():
         task = job.params["task"]
-        function = function_of(task)
-        signature(function).bind(**task["settings"], **job.inputs)
+        assert bound(job)
         assert task["settings"]["page"] == f"docs/{job.outputs['page'][0].rpartition('docs/')[2]}"
-        if job.rule not in {"page_of_adapters", "page_of_variables"}:  # which depend on no method
+        if job.rule != "page_of_variables":  # which depends on no method
             assert len(task["integrators"]) >= 80
 
 
@@ -109,7 +109,7 @@ def test_pages_show_pictures_of_figures_made_by_one_function(made):
     papers = {"fig1_sho", "fig2_decomposition", "fig3_henon_heiles", "fig4_perihelion", "fig5_kepler", "fig6_substeps"}
     assert {name for name in jobs if name.startswith("fig")} == papers
     for name, job in jobs.items():
-        folder = "logs/pages" if name == "regularised_times" else "figures"  # that one is of the tables of its page
+        folder = "logs/pages" if name == "regularised_times" else "figures"  # that one is of the file of its page
         assert job.inputs == {"figure": [f"results/tiny/{folder}/{name}.png"]}
         assert job.outputs == {"picture": [f"results/tiny/docs/results/{name}.png"]}
         function = function_of(job.params["task"])
@@ -144,6 +144,12 @@ def filled(jobs, project):
     for name, text in TABLES.items():
         (project.results / f"tables/trained_{name}.csv").write_text(text)
     return (f"{TINY[1]}", "results/tiny/docs/results/trained.md", "--allowed-rules", "page_of_trained")
+
+
+def bound(job):
+    """Settings and inputs of a job as arguments of its function, without those that each page has."""
+    settings = {name: value for name, value in job.params["task"]["settings"].items() if name not in EACH}
+    return signature(function_of(job.params["task"])).bind(**settings, **job.inputs)
 
 
 def fill(project, filled, *more):

@@ -126,11 +126,6 @@ def reduced_files(system):
     }
 
 
-def on(page, registries):
-    """Settings of a page: its text as it is, and the names of all that its function looks up."""
-    return {"page": f"docs/{page}.md", **{name: one.registered for name, one in registries.items()}}
-
-
 def installed():
     """Return the installed libraries as a setting, so that a library that is installed later is timed too."""
     from nearharmonic_paper.experiments.work_precision.peers import LIBRARIES

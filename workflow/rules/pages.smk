@@ -7,7 +7,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.systems import systems
 
 _EXAMPLES = {"files": sorted(map(str, Path("examples").glob("*.py")))}
-#: Registries whose names a table may show.
+#: Registries whose names a page may show.
 _METHODS = {"integrators": integrators}
 _EVERY = _METHODS | {"systems": systems}
 #: Every cube, and a run file of each kind, by their names on the page of variables.
@@ -16,116 +16,95 @@ _OF_KIND = {f"cubes/{stem}.h5": CUBE(stem) for one in EXPERIMENTS.values() for s
 )
 
 
-# What each page is made of, its pictures by the names of the results, and the function that fills it.
+def _tables(*stems):
+    """Return the tables that a page is made of, in CSV."""
+    return {"tables": [f"{RESULTS}/tables/{stem}.csv" for stem in stems]}
+
+
+# Page -> the function that fills it, registries, what the page is made of, and other results by the names of files.
 _PAGES = {
-    "results/examples": (
-        _EXAMPLES,
-        {"figure": "near_harmonic"},
-        lambda: task("nearharmonic_paper.pages.examples:page", **on("results/examples", _EVERY)),
-    ),
-    "start/gallery": (
-        _EXAMPLES,
-        {"figure": "gallery"},
-        lambda: task("nearharmonic_paper.pages.gallery:page", **on("start/gallery", _EVERY)),
-    ),
-    "reference/methods": ({}, {}, lambda: task("nearharmonic_paper.pages.methods:page", **on("reference/methods", _EVERY))),
-    "results/ranking": ({}, {}, lambda: task("nearharmonic_paper.pages.ranking:page", **on("results/ranking", _EVERY))),
+    "results/examples": ("pages.examples:examples", _EVERY, _EXAMPLES, {"figure": "near_harmonic.png"}),
+    "start/gallery": ("pages.examples:gallery", _EVERY, _EXAMPLES, {"figure": "gallery.png"}),
+    "reference/methods": ("pages.measured:methods", _EVERY, {}, {}),
+    "results/ranking": ("pages.measured:ranking", _EVERY, {}, {}),
     "how_to/files": (
+        "pages.targets:files",
+        _EVERY,
         {
             "runs": [RUN(f"{system}/{METHODS[0]}/0") for system in ("sho", "kepler")],
             "cubes": [CUBE(system) for system in ("sho", "kepler")],
         },
         {},
-        lambda: task("nearharmonic_paper.pages.how_to.variables:page", **on("how_to/files", _EVERY)),
     ),
-    "reference/variables": (
-        {"files": list(_OF_KIND.values())},
-        {},
-        lambda: task(
-            "nearharmonic_paper.pages.how_to.variables:reference",
-            kinds=list(_OF_KIND),
-            **on("reference/variables", {}),
-        ),
-    ),
+    "reference/variables": ("pages.targets:variables", {"systems": systems}, {"files": list(_OF_KIND.values())}, {}),
     "how_to/tabulated_potentials": (
+        "pages.measured:tabulated_potentials",
+        _EVERY,
         {},
-        {"figure": "tabulated_potentials"},
-        lambda: task("nearharmonic_paper.pages.how_to.tabulated:page", **on("how_to/tabulated_potentials", _EVERY)),
+        {"figure": "tabulated_potentials.png"},
     ),
-    "how_to/tangent_maps": (
-        {},
-        {"figure": "tangent_maps"},
-        lambda: task("nearharmonic_paper.pages.how_to.tangent_maps:page", **on("how_to/tangent_maps", _EVERY)),
-    ),
+    "how_to/tangent_maps": ("pages.measured:tangent_maps", _EVERY, {}, {"figure": "tangent_maps.png"}),
     "how_to/adapters": (
-        {},
-        {"figure": "adapters"},
-        lambda: task("nearharmonic_paper.pages.how_to.adapters:page", **on("how_to/adapters", {})),
+        "pages.measured:adapters",
+        _METHODS,
+        {"errors": "docs/how_to/adapters.csv"},
+        {"figure": "adapters.png"},
     ),
-    "how_to/gauss": (
-        {},
-        {"figure": "gauss"},
-        lambda: task("nearharmonic_paper.pages.how_to.gauss:page", **on("how_to/gauss", _EVERY)),
-    ),
-    "how_to/tailor": (
-        _EXAMPLES,
-        {},
-        lambda: task("nearharmonic_paper.pages.how_to.tailor:page", **on("how_to/tailor", _EVERY)),
-    ),
+    "how_to/gauss": ("pages.measured:gauss", _EVERY, {}, {"figure": "gauss.png"}),
+    "how_to/tailor": ("pages.measured:tailor", _EVERY, _EXAMPLES, {}),
     "results/derivation": (
-        {"tables": [TABLE(f"derived_{name}") for name in ("counts", "solutions", "errors", "families", "routes")]},
+        "pages.targets:derivation",
+        _METHODS,
+        _tables(*(f"derived_{name}" for name in ("counts", "solutions", "errors", "families", "routes"))),
         {},
-        lambda: task("nearharmonic_paper.pages.targets.derivation:page", **on("results/derivation", _METHODS)),
     ),
-    "results/exact_oscillator": (
-        {"cube": CUBE("exact_oscillator")},
-        {},
-        lambda: task("nearharmonic_paper.pages.targets.exact_oscillator:page", **on("results/exact_oscillator", _EVERY)),
-    ),
-    "results/crystals": (
-        {"cube": CUBE("crystals")},
-        {},
-        lambda: task("nearharmonic_paper.pages.targets.crystals:page", **on("results/crystals", _EVERY)),
-    ),
-    "results/samplers": (
-        {"cube": CUBE("samplers")},
-        {},
-        lambda: task("nearharmonic_paper.pages.targets.samplers:page", **on("results/samplers", _EVERY)),
-    ),
+    "results/exact_oscillator": ("pages.targets:exact_oscillator", _EVERY, {"cube": CUBE("exact_oscillator")}, {}),
+    "results/crystals": ("experiments.crystals.page:page", _EVERY, {"cube": CUBE("crystals")}, {}),
+    "results/samplers": ("experiments.samplers.page:page", _EVERY, {"cube": CUBE("samplers")}, {}),
     "results/stability": (
-        {"tables": [TABLE(stem) for stem in ("stability_henon_heiles", "stability_rounding", "kinetic_energy")]},
+        "pages.targets:stability",
+        _METHODS,
+        _tables("stability_henon_heiles", "stability_rounding", "kinetic_energy"),
         {},
-        lambda: task("nearharmonic_paper.pages.targets.stability:page", **on("results/stability", _METHODS)),
     ),
-    "results/timings": (
-        {"cube": CUBE("work_precision")},
-        {},
-        lambda: task("nearharmonic_paper.pages.targets.timings:page", **on("results/timings", _EVERY)),
-    ),
+    "results/timings": ("pages.targets:timings", _EVERY, {"cube": CUBE("work_precision")}, {}),
     "results/trained": (
-        {"tables": [f"{RESULTS}/tables/trained_{name}.csv" for name in ("gains", "methods", "ideas", "long", "times")]},
+        "experiments.trained.page:page",
+        _METHODS,
+        _tables(*(f"trained_{name}" for name in ("gains", "methods", "ideas", "long", "times"))),
         {},
-        lambda: task("nearharmonic_paper.pages.trained:page", **on("results/trained", _METHODS)),
     ),
     "results/training": (
+        "experiments.trained.page:training",
+        _METHODS,
         {purpose: f"{RESULTS}/tables/trained_landscape_{purpose}.csv" for purpose in CONFIG.trained.purposes},
         {},
-        lambda: task("nearharmonic_paper.pages.training:page", **on("results/training", _METHODS)),
     ),
 }
 if any(systems[name].regularisation is not None for name in CONFIG.systems):  # as config/regularised.yaml has them
     _PAGES["results/regularised"] = (
+        "pages.targets:regularised",
+        _EVERY,
         {"cube": CUBE("work_precision")},
-        {},
-        lambda: task(
-            "nearharmonic_paper.pages.targets.regularised:page",
-            names=list(CONFIG.systems),
-            **on("results/regularised", _EVERY),
-        ),
+        {"file": "regularised.csv"},
     )
+#: Settings of functions of pages beside these.
+_SETTINGS = {
+    "how_to/tabulated_potentials": {"blocks": "docs/how_to/tabulated_potentials.md"},
+    "reference/variables": {"kinds": list(_OF_KIND), "explained": "docs/how_to/files.md"},
+    "results/regularised": {"names": list(CONFIG.systems)},
+}
 _OF_TIMES = ("results/ranking", "results/timings", "results/regularised")
 
-for _page, (_inputs, _pictures, _made) in _PAGES.items():
+
+def _task_of(page):
+    """Return the task of a page: its text as it is, and the names of all that its function looks up."""
+    function, registries, _, _ = _PAGES[page]
+    names = {kind: registry.registered for kind, registry in registries.items()}
+    return task(f"nearharmonic_paper.{function}", page=f"docs/{page}.md", **names, **_SETTINGS.get(page, {}))
+
+
+for _page, (_, _, _inputs, _others) in _PAGES.items():
     _section, _, _name = _page.partition("/")
 
     rule:
@@ -134,7 +113,7 @@ for _page, (_inputs, _pictures, _made) in _PAGES.items():
         input:
             **_inputs,
         output:
-            **{name: update(f"{DOCS}/{_section}/{picture}.png") for name, picture in _pictures.items()},
+            **{name: update(f"{DOCS}/{_section}/{file}") for name, file in _others.items()},
             page=update(f"{DOCS}/{_page}.md"),
         log:
             LOG(f"pages/{_name}"),
@@ -142,7 +121,7 @@ for _page, (_inputs, _pictures, _made) in _PAGES.items():
         resources:
             compiler=int(_name in ("examples", "methods", "tabulated_potentials", "tailor", "tangent_maps")),
         params:
-            task=lambda wildcards, made=_made: made(),
+            task=lambda wildcards, page=_page: _task_of(page),
         script:
             "../scripts/task.py"
 

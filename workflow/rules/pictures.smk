@@ -6,19 +6,19 @@ _PAPERS = {one.stem: 20 for one in FIGURES if one.target in [f"fig{number}" for 
 _ALL_OF = ("crystals", "exact_oscillator", "samplers", "trained")
 _OTHERS = (*(stem for one in _ALL_OF for stem in EXPERIMENTS[one].figures), "henon_heiles_stability")
 _SHOWN = _PAPERS | dict.fromkeys((*_OTHERS, "regularised_times"), 128)
-#: The figure of the tables of times on a page, which another computer would measure anew.
-_OF_TABLES = f"{RESULTS}/logs/pages/regularised_times.png"
+#: The figure of the times on a page, which another computer would measure anew.
+_OF_FILE = f"{RESULTS}/logs/pages/regularised_times.png"
 
 
 rule figure_of_regularised:
     input:
-        page="docs/results/regularised.md",
+        times="docs/results/regularised.csv",
     output:
-        figure=temp(_OF_TABLES),
+        figure=temp(_OF_FILE),
     log:
         LOG("pages/figure_of_regularised"),
     params:
-        task=task("nearharmonic_paper.experiments.work_precision.figures.regularised:figure_of_tables"),
+        task=task("nearharmonic_paper.experiments.work_precision.figures.regularised:figure_of_file"),
     script:
         "../scripts/task.py"
 
@@ -29,7 +29,7 @@ for _stem, _colours in _SHOWN.items():
         name:
             f"picture_of_{_stem}"
         input:
-            figure=_OF_TABLES if _stem == "regularised_times" else f"{RESULTS}/figures/{_stem}.png",
+            figure=_OF_FILE if _stem == "regularised_times" else f"{RESULTS}/figures/{_stem}.png",
         output:
             picture=update(f"{DOCS}/results/{_stem}.png"),
         log:

@@ -1,9 +1,10 @@
-"""Generated parts of Markdown pages: tables, and the marks between which a part stands."""
+"""Generated parts of Markdown pages: tables, numbers, and the marks between which a part stands."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from math import isfinite
 from pathlib import Path
 
 from nearharmonic.errors import NearharmonicError
@@ -48,3 +49,19 @@ def filled(page: str, parts: Mapping[str, str]) -> str:
 def filled_page(place: str, parts: Mapping[str, str]) -> str:
     """Return the page of a file, filled as :func:`filled` does."""
     return filled(Path(place).read_text(encoding="utf-8"), parts)
+
+
+_SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+
+
+def short(number: float, digits: int = 3) -> str:
+    """Return the text of a number with ``digits`` significant digits, in words if it is not finite."""
+    if not isfinite(number):
+        return "beyond all bounds"
+    mantissa, _, exponent = f"{number:.{digits}g}".partition("e")
+    return f"{mantissa} × {power_of_ten(int(exponent))}" if exponent else mantissa
+
+
+def power_of_ten(exponent: int) -> str:
+    """Return the text of a power of ten, such as 10⁻³⁰."""
+    return f"10{str(exponent).translate(_SUPERSCRIPTS)}"

@@ -6,17 +6,19 @@ import os
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, wraps
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.output.page import power_of_ten, short
 from nearharmonic.output.store import read
 from nearharmonic_paper.record.files.texts import Texts
 
 if TYPE_CHECKING:
     import xarray as xr
+
+__all__ = ["Results", "Undecided", "label", "only", "power_of_ten", "require", "short"]
 
 
 Given = ParamSpec("Given")
@@ -132,19 +134,3 @@ def only(rows: Sequence[Mapping[str, str]], key: str, value: str) -> Mapping[str
 def label(name: str) -> str:
     """Return the label of a method, or its name if it is not registered."""
     return integrators[name].label if name in integrators else name
-
-
-_SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
-
-
-def short(number: float, digits: int = 3) -> str:
-    """Return the text of a number with ``digits`` significant digits, in words if it is not finite."""
-    if not isfinite(number):
-        return "beyond all bounds"
-    mantissa, _, exponent = f"{number:.{digits}g}".partition("e")
-    return f"{mantissa} × {power_of_ten(int(exponent))}" if exponent else mantissa
-
-
-def power_of_ten(exponent: int) -> str:
-    """Return the text of a power of ten, such as 10⁻³⁰."""
-    return f"10{str(exponent).translate(_SUPERSCRIPTS)}"

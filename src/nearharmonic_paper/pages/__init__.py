@@ -1,6 +1,5 @@
-"""Generated parts of pages below docs/, one module a page, each between marks that its text has.
+"""Generated parts of pages below docs/: each stands between marks, and the numbers of a page are in its text.
 
-A function ``page`` is the task of a rule of ``workflow/rules/pages.smk``. It takes the path of the page, the names of
-all systems and integrators that are looked up, and the paths of what it reads. It returns the page with its parts
-filled in, and its pictures. ``parts`` returns the parts alone, by their marks.
+A page has one function, which is the task of a rule of ``workflow/rules/pages.smk``. It takes what the page is made of,
+and returns its parts by their marks, and pictures by the names of outputs. :func:`filling.fills` does the rest.
 """

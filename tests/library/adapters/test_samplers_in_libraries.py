@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import nearharmonic as nh
 from nearharmonic_studies.samplers.gaussian import moments, power, steps_matrix
 from nearharmonic_studies.samplers.targets.quartic import frequencies_of, quartic
-from support.results.tables_of_targets import benchmark
+from support.results.page_inputs import benchmark
 
 pytestmark = pytest.mark.slow  # JAX compiles each sampler
 

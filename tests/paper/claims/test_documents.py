@@ -9,7 +9,7 @@ import re
 import pytest
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.integrators import plain_integrators
+from nearharmonic.integrators import BENCHMARKED, plain_integrators
 from nearharmonic_paper.claims.pages.documents import FAILURES, documents, failures_in_words, verdicts
 from nearharmonic_paper.claims.pages.summary import failures
 from nearharmonic_paper.claims.table import decided
@@ -81,4 +81,4 @@ def test_the_committed_verdicts_are_those_of_a_run(tmp_path):
     names = ("stability_henon_heiles", "stability_rounding", "kinetic_energy")
     tables = [str(tmp_path / f"results/paper/tables/{name}.csv") for name in names]
     page = ROOT / "docs/results/stability.md"
-    assert stability.page(str(page), tables, ())["page"] == page.read_text(encoding="utf-8")
+    assert stability(str(page), tables=tables)["page"] == page.read_text(encoding="utf-8")

@@ -9,7 +9,6 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic import cli
-from nearharmonic.output import store as seal
 from support.results.stated_numbers import ROOT
 
 PAGE = (ROOT / "docs/developers/contracts.md").read_text(encoding="utf-8")
@@ -92,10 +91,6 @@ def test_datasets_have_dimensions_and_variables_of_page(name):
     found = DATASETS[name]()
     assert {name for name in found.sizes if not str(name).endswith("_component")} == dimensions
     assert variables <= set(found.variables)
-
-
-def test_format_of_files_is_that_of_page():
-    assert f"`{seal.FORMAT}` in their attribute `{seal.FORMAT_KEY}`" in " ".join(PAGE.split())
 
 
 def test_environment_variables_of_page_are_read_somewhere():

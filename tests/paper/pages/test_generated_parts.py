@@ -1,302 +1,244 @@
-"""A fresh generation from small inputs fills each marked part of a page and leaves its text."""
+"""Generated parts of pages: small inputs give the lines that they should; what is cheap to make stands in the pages."""
 
 from __future__ import annotations
 
-import json
 import re
-from itertools import cycle
-from pathlib import Path
+from functools import partial
 from runpy import run_path
 
+import numpy as np
 import pytest
 from PIL import Image
 
-from nearharmonic.output import store
-from nearharmonic.output.dataset import variable
-from nearharmonic.recommendation.measure import variables
-from nearharmonic_paper.pages import examples, gallery, methods, ranking, trained, training
-from nearharmonic_paper.pages.anharmonicity import NEW, Result, others
-from nearharmonic_paper.pages.how_to import gauss, tabulated, tailor, tangent_maps
-from nearharmonic_paper.pages.how_to import variables as of_variables
-from nearharmonic_paper.pages.targets import (
-    crystals,
-    derivation,
-    exact_oscillator,
-    regularised,
-    samplers,
-    stability,
-    timings,
-)
+import nearharmonic as nh
+from nearharmonic.output.page import filled, short
+from nearharmonic_paper.pages import examples, measured, targets
+from nearharmonic_paper.pages.filling import rows_of
 from nearharmonic_paper.report.shown.pictures import few_colours
-from support.cubes.figure_cubes import FACTS, label, timed
-from support.results.tables_of_targets import CELLS, LINES, TABLES, TRAINED, filled_by, write_crossings, write_samplers
+from nearharmonic_studies.crystals import page as of_crystals
+from nearharmonic_studies.samplers.page import page as samplers
+from nearharmonic_studies.trained.page import page as trained
+from nearharmonic_studies.trained.page import training
+from support.results import page_inputs
+from support.results.page_inputs import LINES, TABLES, filled_by
+from support.results.recorded_results import unpack
+from support.results.stated_numbers import ROOT
 
-pytestmark = pytest.mark.slow
-
-ON_CRYSTALS = ("leapfrog", "babps9o7h", "trained_light", "trained_on_crystals")
-DOCS = Path(__file__).parents[3] / "docs"
+DOCS = ROOT / "docs"
 PAGES = {path.stem: path for path in DOCS.glob("*/*.md") if "<!-- end -->" in path.read_text(encoding="utf-8")}
-MARKED = sorted(PAGES)
+EXAMPLES = sorted(map(str, (ROOT / "examples").glob("*.py")))
+#: Page -> commands below benchmarks/ that measure for it.
+BENCHMARKS = {
+    "timings": ["beyond_double", "kernels"], "samplers": ["samplers_in_libraries"], "stepper": ["stepper"],
+    "formulas": ["functions"], "large_grids": ["large_grids"], "larger_systems": ["larger_systems"],
+    "trials": ["trials --quick", "trials"],
+}  # fmt: skip
 
 
 def text_of(name):
     return PAGES[name].read_text(encoding="utf-8")
 
 
-def split(text):
-    """The text of a page outside its marks, and its parts by name."""
-    pattern = r"(?<=<!-- )(?!end )([\w-]+)( -->\n)(.*?)(?=\n<!-- end -->)"
-    parts = {name: part for name, _, part in re.findall(pattern, text, flags=re.DOTALL)}
-    return re.sub(pattern, r"\1\2", text, flags=re.DOTALL), parts
+def parts(text):
+    return dict(re.findall(r"<!-- (?!end )([\w-]+) -->\n(.*?)\n<!-- end -->", text, re.DOTALL))
 
 
-def of_examples(monkeypatch, tmp_path):
-    """All errors of the new methods are a tenth of the others', of which two are alike."""
-    errors = dict.fromkeys(others(), 1e-4) | dict.fromkeys(NEW, 1e-5)
-    deltas = cycle((1e-3, 0.05, 0.3, 0.9))
-    monkeypatch.setattr(
-        examples,
-        "measured",
-        lambda orbit: Result(orbit=orbit, delta=next(deltas), omega=1, errors=dict.fromkeys((25, 50, 100), errors)),
-    )
-    files = [str(path) for path in DOCS.parent.glob("examples/*.py")]
-    return examples.page(str(PAGES["examples"]), files, (), ())
+def of_tables(function, name, folder):
+    """A page of tables in CSV."""
+    for stem, text in TABLES[name].items():
+        (folder / f"{stem}.csv").write_text(text)
+    return function(str(PAGES[name]), tables=sorted(map(str, folder.glob("*.csv"))))
 
 
-def of_files(monkeypatch, tmp_path):
-    places = [tmp_path / f"{name}.h5" for name in ("sho", "kepler")]
-    for place, unit in zip(places, ("1", "h"), strict=True):
-        store.write(place, {"t": variable("sample", [0.0, 1.0], "time", unit)}, {})
-    return of_variables.page(str(PAGES["files"]), places, places, (), ())
+def of_cube(function, name, write, folder):
+    """A page of a cube."""
+    write(folder / "cube.h5")
+    return function(str(PAGES[name]), cube=str(folder / "cube.h5"))
 
 
-def of_all_variables(monkeypatch, tmp_path):
-    place = tmp_path / "added.h5"
-    store.write(place, {"x": variable("point", [1.0], "a|b_c")}, {})
-    return of_variables.reference(str(PAGES["variables"]), [place], ["runs/{name}.h5"])
+def of_training(folder):
+    (folder / "light.csv").write_text(TABLES["training"]["light"])
+    return training(str(PAGES["training"]), light=str(folder / "light.csv"))
 
 
-def of_gallery(monkeypatch, tmp_path):
-    """The first two examples, which are not run."""
-    monkeypatch.setattr(gallery, "drawn", len)
-    files = sorted(str(path) for path in DOCS.parent.glob("examples/*.py"))[:2]
-    return gallery.page(str(PAGES["gallery"]), files, (), ())
+def of_files(folder):
+    for name, unit in {"sho": "1", "kepler": "h"}.items():
+        page_inputs.write_variables(folder / f"{name}.h5", unit)
+    places = sorted(map(str, folder.glob("*.h5")))
+    return targets.files(str(PAGES["files"]), runs=places, cubes=places)
 
 
-def of_ranking(monkeypatch, tmp_path):
-    monkeypatch.setattr(ranking, "table", lambda contest: ["| error |", "|---|", f"| {contest.t_end} |"])
-    return ranking.page(str(PAGES["ranking"]), (), ())
+def of_variables(folder):
+    page_inputs.write_variables(folder / "x.h5", "1", meaning="a|b_c", name="x", dimension="point")
+    page = str(PAGES["variables"])
+    return targets.variables(page, files=[str(folder / "x.h5")], kinds=["x.h5"], explained=str(PAGES["files"]))
 
 
-def of_gauss(monkeypatch, tmp_path):
-    for name, few in {"AMPLITUDES": (0.1,), "TIMES": (4, 8, 16), "ORBITS": 2}.items():
-        monkeypatch.setattr(gauss, name, few)
-    return gauss.page(str(PAGES["gauss"]), (), ())
-
-
-def of_tabulated_potentials(monkeypatch, tmp_path):
-    """Errors that are powers of the step size."""
-    found = {
-        method: {form: tabulated.STEPS**power for power, form in enumerate(tabulated.LOOKS, 3)}
-        for method in tabulated.METHODS
-    }
-    monkeypatch.setattr(tabulated, "errors", lambda: found)
-    monkeypatch.setattr(tabulated, "DEGREES", (3, 5))
-    return tabulated.page(str(PAGES["tabulated_potentials"]), (), ())
-
-
-def of_tangent_maps(monkeypatch, tmp_path):
-    """Few starts and a short time."""
-    monkeypatch.setattr(tangent_maps, "SIZE", 12)
-    monkeypatch.setattr(tangent_maps, "T_END", 100)
-    return tangent_maps.page(str(PAGES["tangent_maps"]), (), ())
-
-
-def of_tailor(monkeypatch, tmp_path):
-    for name in ("example", "elsewhere"):
-        monkeypatch.setattr(tailor, name, lambda name=name: name)
-    for name in ("over_fitting", "gains"):
-        monkeypatch.setattr(tailor, name, lambda subjects, name=name: f"{name} of {len(subjects)}")
-    files = [str(path) for path in DOCS.parent.glob("examples/*.py")]
-    return tailor.page(str(PAGES["tailor"]), files, (), ())
-
-
-def of_timings(monkeypatch, tmp_path):
-    path, errors = tmp_path / "times.h5", [1e-3, 1e-6, 1e-9, 1e-12]
-    found = [timed("ruth", errors, [1e-5, 2e-5, 4e-5, 9e-5], lanes=[1e-6] * 4),
-             timed("heyoka", errors, [5e-5] * 4, kind="peer", lanes=[4e-6] * 4)]  # fmt: skip
-    problems = {name: {"system": name, "t_end": "20", "measures": ["max"]} for name in timings.SYSTEMS}
-    facts = {**FACTS, "libraries": "heyoka 7", "problems": json.dumps(problems)}
-    store.write(path, {}, facts, groups=dict.fromkeys(problems, variables(found, "s")))
-    text = timings.page(str(PAGES["timings"]), str(path), (), ())["page"]
-    return {"page": filled_by(["beyond_double", "kernels"], text, monkeypatch, tmp_path)}
-
-
-def of_regularised(monkeypatch, tmp_path):
-    """Regularised equations take a tenth of the time of the original ones."""
-    path, errors, groups = tmp_path / "times.h5", [1e-6, 1e-9, 1e-12], {}
-    for name, factor in (("kepler", 1), ("kepler_regularised", 0.1)):
-        found = [timed("babps9o7h", errors, [factor * time for time in (2e-5, 4e-5, 8e-5)])]
-        found += [timed("heyoka", errors[:2], [1e-5] * 2, kind="peer")] * (factor == 1)
-        groups[name] = variables(found, "h")
-    problems = {name: {"system": name, "t_end": "20", "measures": ["max", "position"]} for name in groups}
-    store.write(path, {}, {**FACTS, "libraries": "heyoka 7", "problems": json.dumps(problems)}, groups=groups)
-    return regularised.page(str(PAGES["regularised"]), str(path), list(groups), (), ())
-
-
-def of_trained(monkeypatch, tmp_path):
-    for name, text in TRAINED.items():
-        (tmp_path / f"trained_{name}.csv").write_text(text)
-    return trained.page(str(PAGES["trained"]), [*map(str, tmp_path.glob("*.csv"))], ())
-
-
-def of_training(monkeypatch, tmp_path):
-    path = tmp_path / "light.csv"
-    path.write_text(
-        "composition,stages,squares,searches,methods tried,ended at the best,best from,least gain,mean gain\n"
-        "BAB,6,,21,90340,13,refined,-0.281,0.43\n"
-    )
-    return training.page(str(PAGES["training"]), (), light=str(path))
-
-
-def of_tables(module, name):
-    """Function that makes a page of the tables of a target."""
-
-    def made(monkeypatch, tmp_path):
-        for stem, text in TABLES[name].items():
-            (tmp_path / f"{stem}.csv").write_text(text)
-        return module.page(str(PAGES[name]), [*map(str, tmp_path.glob("*.csv"))], ())
-
-    return made
-
-
-def of_benchmarks(name, *commands):
-    """Function that makes a page of the numbers of commands below benchmarks/."""
-    return lambda monkeypatch, tmp_path: {"page": filled_by(commands, text_of(name), monkeypatch, tmp_path)}
-
-
-def of_exact_oscillator(monkeypatch, tmp_path):
-    path = tmp_path / "cube.h5"
-    write_crossings(path)
-    return exact_oscillator.page(str(PAGES["exact_oscillator"]), str(path), (), ())
-
-
-def of_crystals(monkeypatch, tmp_path):
-    place = "reproduction/experiments/crystals/example_cubes.py"
-    cube = run_path(str(Path(__file__).parents[2] / place))["crystals"](ON_CRYSTALS)
-    monkeypatch.setattr(crystals, "read", {"cube": cube}.get)
-    return crystals.page(str(PAGES["crystals"]), "cube", (), ())
-
-
-def of_samplers(monkeypatch, tmp_path):
-    path = tmp_path / "samplers.h5"
-    write_samplers(path)
-    text = samplers.page(str(PAGES["samplers"]), str(path), (), ())["page"]
-    return {"page": filled_by(["samplers_in_libraries"], text, monkeypatch, tmp_path)}
-
-
-def of_methods(monkeypatch, tmp_path):
-    monkeypatch.setattr(methods, "parts", lambda: dict.fromkeys(("methods", "modified", "implicit", "errors"), "| a |"))
-    return methods.page(str(PAGES["methods"]), (), ())
+def of_regularised(folder):
+    names = ("kepler", "kepler_regularised")
+    page_inputs.write_times(folder / "cube.h5", names)
+    return targets.regularised(str(PAGES["regularised"]), cube=str(folder / "cube.h5"), names=names)
 
 
 MADE = {
-    "crystals": of_crystals, "derivation": of_tables(derivation, "derivation"),
-    "stability": of_tables(stability, "stability"),
-    "exact_oscillator": of_exact_oscillator, "examples": of_examples, "files": of_files, "gallery": of_gallery,
-    "methods": of_methods, "ranking": of_ranking, "regularised": of_regularised, "samplers": of_samplers,
-    "tailor": of_tailor, "tangent_maps": of_tangent_maps, "gauss": of_gauss,
-    "tabulated_potentials": of_tabulated_potentials, "timings": of_timings, "trained": of_trained,
-    "training": of_training, "variables": of_all_variables, "stepper": of_benchmarks("stepper", "stepper"),
-    "formulas": of_benchmarks("formulas", "functions"), "large_grids": of_benchmarks("large_grids", "large_grids"),
-    "larger_systems": of_benchmarks("larger_systems", "larger_systems"),
-    "trials": of_benchmarks("trials", "trials --quick", "trials"),
+    "stability": partial(of_tables, targets.stability, "stability"),
+    "derivation": partial(of_tables, targets.derivation, "derivation"),
+    "trained": partial(of_tables, trained, "trained"),
+    "exact_oscillator": partial(of_cube, targets.exact_oscillator, "exact_oscillator", page_inputs.write_crossings),
+    "samplers": partial(of_cube, samplers, "samplers", page_inputs.write_samplers),
+    "timings": partial(
+        of_cube, targets.timings, "timings", partial(page_inputs.write_times, names=("sho", "henon_heiles", "kepler"))
+    ),
+    "training": of_training, "files": of_files, "variables": of_variables, "regularised": of_regularised,
 }  # fmt: skip
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LINES)
+def test_small_inputs_give_these_lines_and_the_text_stays(name, tmp_path, monkeypatch):
+    made = MADE[name](tmp_path)["page"] if name in MADE else text_of(name)
+    made = filled_by(BENCHMARKS.get(name, []), made, monkeypatch, tmp_path)
+    assert filled(made, parts(text_of(name))) == text_of(name)
+    found = parts(made)
+    for part, lines in LINES[name].items():
+        assert f"\n{lines}\n" in f"\n{found[part]}\n", found[part]
+
+
+@pytest.mark.slow
+def test_crystals_show_leads_in_decades(monkeypatch):
+    place = ROOT / "tests/studies/crystals/example_cubes.py"
+    names = ("leapfrog", "babps9o7h", "trained_light", "trained_on_crystals")
+    cube = run_path(str(place))["crystals"](names)
+    monkeypatch.setattr(of_crystals, "read", {"cube": cube}.get)
+    found = parts(of_crystals.page(str(PAGES["crystals"]), cube="cube")["page"])
+    one = cube.isel(crystal=0, temperature=0)
+    forces = of_crystals.nearest(cube, "forces", 26)
+    lead = np.log10(
+        one.max_energy_error.sel(quantile=0.5, forces=forces).sel(integrator=[*names[:3]]).min()
+        / one.max_energy_error.sel(quantile=0.5, forces=forces, integrator=names[3])
+    )
+    cells = [cell.strip() for cell in found["trained"].splitlines()[2].split("|")]
+    assert cells[4] in (f"{float(lead):+.1f}".replace("-", "−"), "–")
+    assert f" {float(one.lead.sel(forces=forces)):.1f} |" in found["leaders"].splitlines()[2]
+    largest = float(abs(cube.drift).isel(drifting=0, crystal=0).max())
+    assert found["drift"].splitlines()[2].split(" | ")[1].removesuffix(" |") == short(largest, 1)
+    exact = cube.potential.sel(averaged="leapfrog", bath="middle", spacing=cube.spacing.max())
+    ends = cube.potential.isel(averaged=-1).sel(bath="ends").sel(spacing=14, method="nearest")
+    assert found["averages"].splitlines()[-1].split(" | ")[2] == f"{100 * (float(ends / exact) - 1):+.1f}"
+    errors = (
+        cube.max_energy_error.sel(quantile=0.5, forces=forces).sel(temperature=0.1, method="nearest").isel(crystal=0)
+    )
+    cells = found["errors"].splitlines()[2].strip("| ").split(" | ")
+    assert cells[3:5] == [short(float(errors.sel(integrator="leapfrog")), 2)] * 2  # the only general one
+    assert cells[5:] == [short(float(errors.sel(integrator=name)), 2) for name in names[1:3]]
+
+
+# --- what stands in the pages is what is made -------------------------------------------------------------------------
+
+
 @pytest.fixture(scope="module")
-def made(request, tmp_path_factory):
-    """Results of the function of a page, for reading alone."""
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        return MADE[request.param](monkeypatch, tmp_path_factory.mktemp("made"))
+def recorded(tmp_path_factory):
+    return unpack(tmp_path_factory.mktemp("recorded"))
 
 
-def test_there_is_a_generator_of_every_page_with_marks():
-    assert sorted(MADE) == MARKED
+def test_solutions_of_the_derivation_are_those_recorded(recorded):
+    page = targets.derivation(str(PAGES["derivation"]), tables=[*map(str, recorded.glob("tables/derived_*.csv"))])
+    assert page["page"] == text_of("derivation")
 
 
-@pytest.mark.parametrize(("made", "name"), [(name, name) for name in MARKED], indirect=["made"])
-def test_all_parts_are_filled_and_the_text_stays(made, name):
-    text, parts = split(made["page"])
-    before, old = split(text_of(name))
-    if name == "ranking":  # whose text names the machine
-        text, before = (re.sub(r"Machine: .*? Times", "", one, flags=re.DOTALL) for one in (text, before))
-    assert text == before
-    assert parts.keys() == old.keys()
-    if name != "training":
-        assert all(parts[part] != old[part] for part in parts if part != "attributes")
-    assert all(part.strip() for part in parts.values())
+def test_tables_of_files_beside_pages_stand_in_the_pages():
+    page = measured.adapters(str(PAGES["adapters"]), errors=str(DOCS / "how_to/adapters.csv"))
+    assert page["page"] == text_of("adapters")
+    axes = page["figure"].axes[0]
+    first = [line.get_xdata()[0] for line in axes.lines if len(line.get_xdata()) == 1][:3]
+    assert first == pytest.approx([1, 1.6e-6 / 2.9e-3, 2.6e-7 / 2.9e-3])
+    rows = rows_of(str(DOCS / "results/regularised.csv"))
+    assert targets.regularised_tables(rows) == parts(text_of("regularised"))["times"]
 
 
-@pytest.mark.parametrize("made", ["trained"], indirect=True)
-def test_tables_of_trained_methods_show_the_numbers_of_the_results(made):
-    _, parts = split(made["page"])
-    assert {part for part, cell in CELLS.items() if cell in parts[part]} == set(parts)
+def test_gallery_has_the_lines_of_each_example(monkeypatch):
+    monkeypatch.setattr(examples, "pictures_drawn", len)
+    assert examples.gallery(str(PAGES["gallery"]), files=EXAMPLES)["page"] == text_of("gallery")
 
 
-@pytest.mark.parametrize(("made", "lines"), LINES.items(), indirect=["made"])
-def test_parts_of_targets_show_the_numbers_of_their_tables(made, lines):
-    _, parts = split(made["page"])
-    assert {part for part, line in lines.items() if line in parts[part].splitlines()} == set(parts)
+@pytest.mark.slow
+def test_tables_of_registered_methods_stand_in_the_pages():
+    assert measured.methods(str(PAGES["methods"]))["page"] == text_of("methods")
+    made = parts(training(str(PAGES["training"]))["page"])
+    assert [made[name] == parts(text_of("training"))[name] for name in ("methods", "shifted")] == [True, True]
 
 
-@pytest.mark.parametrize("made", ["training"], indirect=True)
-def test_the_landscape_shows_the_numbers_of_the_searches(made):
-    _, parts = split(made["page"])
-    assert "| low accuracy | BAB | 6 | 21 | 90340 | 13 | refined | −0.28 | 0.43 |" in parts["landscape"]
+# --- what is measured for a page alone --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("made", ["timings"], indirect=True)
-def test_tables_of_times_have_milliseconds_and_ratios_to_the_shortest(made):
-    _, parts = split(made["page"])
-    assert parts["ratios"].count("\n") == 7
-    assert "each of an ensemble | 0.25 | 0.25 | 0.25 |" in parts["ratios"]
-    assert "one trajectory | 0.4 | 0.8 | **1.8** |" in parts["ratios"]
-    assert "### simple harmonic oscillator, t = 20\n\n| one trajectory | 10⁻³ | 10⁻⁶ | 10⁻⁹ | 10⁻¹² |" in parts["times"]
-    assert f"| {label('ruth')} | **0.01** | **0.02** | **0.04** | 0.09 (1.8) |" in parts["times"]
+def test_method_reaches_an_error_where_all_finer_runs_meet_it():
+    found = np.array([[10, 20, 40, 80], [100, 200, 400, 800], [1e-2, 1e-5, 1e-4, 1e-6], [1e-2, 1e-5, 1e-4, 2e-6]])
+    place = measured.reached("ruth", found, 1e-5)
+    assert place == (pytest.approx(400 * np.sqrt(2)), "ruth", 80, "compensated")
+    assert measured.reached("ruth", found, 1e-2) == (100, "ruth", 10, "plain")
+    assert measured.reached("ruth", found, 1e-7) is None
 
 
-@pytest.mark.parametrize("made", ["regularised"], indirect=True)
-def test_tables_of_regularised_times_have_ratios_to_the_original_equations(made):
-    _, parts = split(made["page"])
-    energy, position = parts["times"].split("\n\n")
-    assert "| e = 0.206, energy | 10⁻⁶ | 10⁻⁹ | 10⁻¹² |" in energy
-    assert "| fastest method here, regularised | 0.002 (0.2) | 0.004 (0.4) | 0.008 |" in energy
-    assert "| heyoka (adaptive Taylor), original equations | 0.01 (1) | 0.01 (1) | not reached |" in energy
-    assert position.startswith("| e = 0.206, position |")
+@pytest.mark.slow
+def test_evaluations_of_the_ranking_are_those_of_runs():
+    row = re.search(r"^\| 1e-06 \| (.*?) \|", text_of("ranking"), re.MULTILINE)[1]
+    _, system, t_end = measured.contests()[0]
+    for label, count in (one.rsplit(" ", 1) for one in row.split(", ")):
+        name = next(name for name, one in nh.integrators.items() if one.label == label)
+        place = measured.reached(name, measured.curve(system, t_end, name), 1e-6)
+        assert f"{place.evaluations:.0f}" == count
+        run = nh.integrate(system, name, float(t_end) / place.steps, t_end=t_end, samples=2)
+        assert run.max_energy_error <= 1e-6
 
 
-@pytest.mark.parametrize("made", ["files"], indirect=True)
-def test_units_that_differ_are_those_of_the_system(made):
-    _, parts = split(made["page"])
-    assert parts["runs"] == parts["cube"]
-    assert "| `t` | sample | unit of t | time |" in parts["runs"]
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "settings", "line"),
+    [
+        ("gauss", {"AMPLITUDES": (0.1,), "TIMES": (4, 8, 16), "ORBITS": 2}, "| 0.1 | 280 | 9.8 | 7.5 | 24% |"),
+        ("tangent_maps", {"SIZE": 12, "T_END": 100}, "| 1/6 | 100 | 79 % |"),
+        ("tabulated_potentials", {"LADDER": np.geomspace(1e-3, 0.1, 12)}, "| 4 | 0.00042 | 0.00026 |"),
+        pytest.param(
+            "tailor",
+            {"TAILORED": ("henon_heiles",), "TRIALS": 60, "OVER": (("henon_heiles", 4),), "STARTS": (2,), "DRAWS": 1,
+             "OVER_TRIALS": 60, "OTHER_STEPS": (0.1,), "OTHER_ENERGIES": (0.125,)},
+            "| H | 0.125 |", marks=pytest.mark.long,
+        ),
+    ],
+)  # fmt: skip
+def test_pages_on_use_are_measured_with_small_settings(name, settings, line, monkeypatch):
+    for setting, few in settings.items():
+        monkeypatch.setattr(measured, setting, few)
+    given = {"tailor": {"files": EXAMPLES}, "tabulated_potentials": {"blocks": str(PAGES[name])}}.get(name, {})
+    made = getattr(measured, name)(str(PAGES[name]), **given)
+    assert filled(made["page"], parts(text_of(name))) == text_of(name)
+    assert line in made["page"]
 
 
-@pytest.mark.parametrize("made", ["variables"], indirect=True)
-def test_texts_of_files_do_not_end_cells(made):
-    _, parts = split(made["page"])
-    assert "## `runs/{name}.h5`" in parts["variables"]
-    assert r"| `x` | point | 1 | a\|b\_c |" in parts["variables"]
+def test_largest_steps_and_slopes_are_those_of_powers():
+    steps = measured.LADDER
+    errors = {"babps8o7h": {form: steps**power for power, form in enumerate(measured.FORMS, 3)}}
+    rows = list(measured.steps_to_errors(errors))
+    assert [row[2] for row in rows] == ["3.0", "4.0", "5.0"]
+    largest = steps[steps**3 <= 1e-6].max()
+    assert rows[0][3] == f"{largest:.2g}"
+    assert rows[1][3] == f"{steps[steps**4 <= 1e-6].max():.2g} ({largest / steps[steps**4 <= 1e-6].max():.2g})"
 
 
-@pytest.mark.parametrize("made", ["examples"], indirect=True)
-def test_gains_on_examples_are_ratios_of_the_smallest_errors(made):
-    _, parts = split(made["page"])
-    assert parts["bands"].count("+1.0 / **+1.0** / +1.0") == 4 * 2 * 3
-    assert made["figure"].axes[0].lines[0].get_ydata() == pytest.approx([1])
+@pytest.mark.slow
+def test_gains_on_examples_are_ratios_of_the_smallest_errors():
+    errors = dict.fromkeys(examples.others(), 1e-4) | dict.fromkeys(examples.NEW, 1e-5)
+    of_examples = examples.examples_in(EXAMPLES)
+    results = [
+        examples.Result(orbit=orbit, delta=delta, errors=dict.fromkeys(examples.COSTS, errors))
+        for orbit, delta in zip(examples.families(of_examples), (1e-3, 0.05, 0.3, 0.9), strict=False)
+    ]
+    assert examples.table_of_bands(results).count("+1.0 / **+1.0** / +1.0") == 4 * 2 * 3
+    assert examples.table_of_families(results).splitlines()[-1].endswith("| 0.9 |" + " +1.0 |" * 6)
+    assert examples.gains_drawn(results).axes[0].lines[0].get_ydata() == pytest.approx([1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("size", "expected"), [((2200, 500), (1100, 250)), ((99, 50), (99, 50))])
 def test_picture_of_page_is_narrow_with_few_colours_on_white(tmp_path, size, expected):
     place = tmp_path / "figure.png"
@@ -309,3 +251,13 @@ def test_picture_of_page_is_narrow_with_few_colours_on_white(tmp_path, size, exp
         assert len(picture.getcolors()) <= 20
         low = picture.convert("RGB").crop((0, expected[1] - 10, *expected))
         assert [colour for _, colour in low.getcolors()] == [(255, 255, 255)]
+
+
+def test_gains_in_libraries_are_ratios_with_paired_intervals(monkeypatch):
+    """Equal scatter of two methods on the same chains leaves their ratio without error."""
+    module, scatter = page_inputs.benchmark("samplers_in_libraries", monkeypatch), np.array([0.0, 0.1, -0.1])
+    found = module.gains({name: 4 - k + (k + 1) * scatter for k, name in enumerate(module.METHODS)})
+    assert found["gradients"] == pytest.approx(np.exp(4))
+    for k, name in enumerate(module.METHODS[1:], 1):
+        half = 12.706 * k * 0.1  # the jackknife of two chains, Student's t with one degree of freedom
+        assert np.log(found[name]) == pytest.approx(np.clip([k, k - half, k + half], -9, 9))

@@ -12,7 +12,7 @@ from nearharmonic.integrators import plain_integrators
 from nearharmonic_paper.claims.results import Results
 from nearharmonic_paper.claims.table import FILES
 
-ARCHIVE = Path(__file__).parents[2] / "reproduction/claims/recorded.zip"
+ARCHIVE = Path(__file__).parents[2] / "paper/claims/recorded.zip"
 
 
 def unpack(folder: Path) -> Path:

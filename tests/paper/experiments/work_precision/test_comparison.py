@@ -6,6 +6,7 @@ import dataclasses
 import json
 from itertools import combinations
 from math import nan
+from pathlib import Path
 
 import pytest
 from matplotlib.lines import Line2D
@@ -18,7 +19,7 @@ from nearharmonic_paper.experiments.work_precision.comparison import HEADER, com
 from nearharmonic_paper.experiments.work_precision.figures.comparison import comparison_figures
 from nearharmonic_paper.experiments.work_precision.figures.regularised import (
     CURVES,
-    figure_of_tables,
+    figure_of_file,
     regularised_figures,
 )
 from nearharmonic_paper.experiments.work_precision.run import front_runners
@@ -158,28 +159,19 @@ def test_regularised_figure_has_column_for_each_system_with_its_original(tmp_pat
     figure.draw_without_rendering()
 
 
-TABLES = """ten years (t =
-87660 h)
-
-| e = 0.2, energy | 10⁻⁶ | 10⁻¹² |
-|---|---:|---:|
-| BAB's9o7H, regularised | 0.5 (0.082) | 0.7 (1) |
-| heyoka, fast_math, original equations | 2 (4.6) | not reached |
-
-| e = 0.9, position | 10⁻⁶ | 10⁻¹² |
-|---|---:|---:|
-| fastest method here, regularised | 3 | 4 |
-
-| another | table |
-|---|---:|
-| of | 5 |
+TIMES = """e,t_end,measure,curve,error,ms,ratio
+0.2,87660,max,babps9o7h,1e-06,0.5,0.082
+0.2,87660,max,babps9o7h,1e-12,0.7,1
+0.2,87660,max,heyoka_fast_math,1e-06,2,4.6
+0.2,87660,max,heyoka_fast_math,1e-12,nan,nan
+0.9,87660,position,own,1e-06,3,nan
+0.9,87660,position,own,1e-12,4,nan
 """
 
 
-def test_tables_of_page_are_panels_with_their_times_at_errors(tmp_path):
-    page = tmp_path / "page.md"
-    page.write_text(TABLES, encoding="utf-8")
-    figure = figure_of_tables(str(page))["figure"]
+def test_times_of_a_file_are_panels_with_their_errors(tmp_path):
+    (tmp_path / "times.csv").write_text(TIMES, encoding="utf-8")
+    figure = figure_of_file(str(tmp_path / "times.csv"))["figure"]
     known = looks(figure.legends[0])
     found = [
         {
@@ -199,6 +191,11 @@ def test_tables_of_page_are_panels_with_their_times_at_errors(tmp_path):
     ]
     titles = [axes.get_title(loc="left").partition("  ")[2] for axes in figure.axes]
     assert titles == [f"Sun-Mercury orbit, e = {e}, $t$ = 87660 h" for e in ("0.2", "0.9")]
+
+
+def test_file_beside_the_page_has_times_of_all_curves():
+    panels = figure_of_file(str(Path(__file__).parents[4] / "docs/results/regularised.csv"))["figure"].axes
+    assert [len(axes.get_lines()) for axes in panels] == [8] * 4
 
 
 def test_curves_of_regularised_problem_are_told_apart_by_all_readers():

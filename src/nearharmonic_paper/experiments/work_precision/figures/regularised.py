@@ -1,14 +1,14 @@
 """Figure of the regularised Kepler problem: error against time, compared with its original equations and heyoka.
 
 It compares two forms of the equations, each integrated by this package and by heyoka; the other figures compare
-programs on one form. It is drawn of the cube of times, and of the tables of docs/results/regularised.md.
+programs on one form. It is drawn of the cube of times, and of the file of the tables of docs/results/regularised.md.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator
 
+from nearharmonic.output.table import from_csv
 from nearharmonic.plotting.style import house_style, new_figure, panel_letter, style_of
 from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.work_precision.comparison import COMPARED_MEASURES, STANDARD, Pair, pairs
@@ -57,7 +58,7 @@ class Panel:
 
     title: str
     measure: str
-    curves: Mapping[str, tuple[Sequence[float], Sequence[float]]]
+    curves: dict[str, tuple[list[float], list[float]]]
 
 
 @measures_time
@@ -83,38 +84,18 @@ def _panel(pair: Pair) -> Panel:
     return Panel(title=f"{pair.label}, $t$ = {pair.t_end} {unit}", measure=pair.measure, curves=single | best)
 
 
-def figure_of_tables(page: str) -> dict[str, Figure]:
-    """Draw the tables of times of a page, whose path is given, as ``figure``: a panel for each, two in a row."""
-    text = Path(page).read_text(encoding="utf-8")
-    panels = list(_panels_in(text))
-    (t_end,) = set(re.findall(r"ten years \(t =\s+(\d+)", text))
-    titled = [
-        Panel(title=f"Sun-Mercury orbit, {one.title}, $t$ = {t_end} h", measure=one.measure, curves=one.curves)
-        for one in panels
-    ]
-    return {"figure": draw_panels([titled[i : i + 2] for i in range(0, len(titled), 2)])}
-
-
-def _panels_in(text: str) -> Iterator[Panel]:
-    """Yield a panel for each table whose header names an eccentricity, a kind of error, and errors."""
-    keys = {label: key for key, (label, _) in CURVES.items()}
-    measures = {says: measure for measure, says in COMPARED_MEASURES.items()}
-    for orbit, says, errors, body in re.findall(
-        r"^\| (e = [\d.]+), (\w+) \|(.+)\|\n\|[-|:]+\n((?:\|.+\n)+)", text, re.M
-    ):
-        levels = [10.0 ** -int(_plain(digits)) for digits in re.findall(r"10⁻([⁰¹²³⁴-⁹]+)", errors)]
-        curves = {}
-        for line in body.splitlines():
-            label, *cells = (cell.strip() for cell in line.strip("|").split("|"))
-            reached = [
-                (float(cell.split()[0]), level) for cell, level in zip(cells, levels, strict=True) if cell[0].isdigit()
-            ]
-            curves[keys[label]] = ([ms for ms, _ in reached], [level for _, level in reached])
-        yield Panel(title=orbit, measure=measures[says], curves=curves)
-
-
-def _plain(superscripts: str) -> str:
-    return superscripts.translate(str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789"))
+def figure_of_file(times: str) -> dict[str, Figure]:
+    """Draw the file of the times of docs/results/regularised.md as ``figure``: a panel for each of its tables."""
+    panels: dict[tuple[str, ...], Panel] = {}
+    for row in from_csv(Path(times).read_text(encoding="utf-8")).records():
+        title = f"Sun-Mercury orbit, e = {row['e']}, $t$ = {row['t_end']} h"
+        panel = panels.setdefault((row["measure"], row["e"]), Panel(title=title, measure=row["measure"], curves={}))
+        if isfinite(float(row["ms"])):
+            both = panel.curves.setdefault(row["curve"], ([], []))
+            for values, column in zip(both, ("ms", "error"), strict=True):
+                values.append(float(row[column]))
+    found = list(panels.values())
+    return {"figure": draw_panels([found[i : i + 2] for i in range(0, len(found), 2)])}
 
 
 @house_style

@@ -1,18 +1,22 @@
-"""Tables that targets write and numbers that benchmarks measure, and what generated parts of pages make of them."""
+"""Small inputs of generated pages, and a line of each part that is made of them."""
 
 from __future__ import annotations
 
 import importlib
+import json
 import sys
 
 import numpy as np
 import xarray as xr
 
 from nearharmonic.core.formulas.number import FUNCTIONS
-from nearharmonic.output.store import write_dataset
+from nearharmonic.output import store
+from nearharmonic.output.dataset import variable
+from nearharmonic.recommendation.measure import variables
+from support.cubes.figure_cubes import FACTS, timed
 from support.results.stated_numbers import ROOT
 
-#: Page -> the text of each table by its name.
+#: Page -> tables of the results by their names.
 TABLES: dict[str, dict[str, str]] = {
     "stability": {
         "stability_henon_heiles": "integrator,energy,linear_limit_tau_per_stage,share_of_linear_limit\n"
@@ -42,14 +46,44 @@ babps9o7h,exchanged,1,1,1
 set,free parameters,members found,members with a smaller sum,members with a smaller next kappa
 BABs7o7H,1,100,0.25,0.011
 """,
-        "derived_routes": """route,start,reached
-"adaptive simplex, 2048 bits","random, one of 3 in 70",solution 1
-"adaptive simplex, 2048 bits","random, one of 3 in 70",solution 1
-"adaptive simplex, 2048 bits","random, one of 3 in 70",not converged
+        "derived_routes": "route,start,reached\n"
+        + '"adaptive simplex, 2048 bits","random, one of 3 in 70",solution 1\n' * 2
+        + '"adaptive simplex, 2048 bits","random, one of 3 in 70",not converged\n',
+    },
+    "trained": {
+        "trained_gains": """ensemble,tau_per_stage,best published,log10_error,best trained,log10_error_trained,gain,\
+gain_low,gain_high,verdict
+"d = 2, 0.01 to 0.5",0.1,srkn_a14,-5,trained_light,-5.5,0.5,0.4,0.6,ahead
+Morse,0.1,srkn_a14,-5,trained_light,-4.75,-0.25,-0.3,-0.2,behind
+"Kepler, e 0.02",0.1,ruth,-3,trained_orbits,-4,1,0.9,1.1,ahead
+""",
+        "trained_methods": """method,ensemble,ahead_from,ahead_to,largest_gain
+trained_light,"d = 2, 0.01 to 0.5",0.1,0.2,0.5
+trained_light,Morse,nan,nan,nan
+""",
+        "trained_ideas": """tau_per_stage,anharmonicity,ahead,ahead with T + V,exact_gain,exact_gain_low,exact_gain_high
+0.1,0.01,exact_oscillator,trained,0.5,0.25,0.75
+0.1,0.1,exact_oscillator,general,-0.25,-0.5,0.25
+0.2,0.01,exact_oscillator,trained,-0.5,-0.75,-0.25
+0.2,0.1,exact_oscillator,general,nan,nan,nan
+""",
+        "trained_long": """system,method,sum of coefficients,max_energy_error,trend,trend_half_width,\
+return_compensated,rounding_plain,rounding_ratio
+morse,trained_light,3.5,1e-5,-1e-9,2e-9,1e-13,1e-14,1.25
+""",
+        "trained_times": """ensemble,tau_per_stage,ns_lanes,ns_single,charge_lanes,charge_single,gain,gain_lanes,\
+gain_single
+"d = 2, 0.001 to 0.01",0.1,0.5,7.5,2,0.8,0.5,0.5,0.5
+"d = 2, 0.01 to 0.5",0.1,0.5,7.5,2,0.8,0.5,0.5,0.25
+"Kepler, e 0.02",0.1,1,9,2,1,1,1.5,0.75
 """,
     },
+    "training": {
+        "light": "composition,stages,squares,searches,methods tried,ended at the best,best from,least gain,mean gain\n"
+        "BAB,6,,21,90340,13,refined,-0.281,0.43\n",
+    },
 }  # fmt: skip
-#: Page -> a line of each of its parts.
+#: Page -> lines of each of its parts.
 LINES = {
     "stability": {
         "limits": "| Ruth | 0.524 | 1.25 | none |", "kinetic": "| BAB's9o7H | 4 × 10⁴ | 4 | 1.2 |",
@@ -61,26 +95,41 @@ LINES = {
         "route": "A short run selects 3 of 70 starts. Of these 2 reach 10⁻¹²⁸. They find 1 of the 2 solutions: "
         "ABAs5o6H.",
     },
+    "trained": {
+        "gains": "| Morse | −0.25 |\n| mean | +0.12 |",
+        "widest": "| 0.1 | SRKN 14a | −5.00 | trained_light | −5.50 | **+0.50** (+0.40 to +0.60) |",
+        "orbits": "| 63 | Ruth | −3.00 | trained_orbits | −4.00 | **+1.00** (+0.90 to +1.10) | +1.50 | +0.75 |",
+        "losses": "| Morse | 0.1 | SRKN 14a | +0.25 |",
+        "windows": "| `trained_light` | 0.1 to 0.2, +0.50 | nowhere | nowhere | nowhere | nowhere | 1 of 2 |",
+        "ideas": "| 0.1 | oscillator solved exactly 0.1 | trained 0.01, general 0.1 |",
+        "exact": "| 0.01 | **+0.50** | −0.50 |\n| 0.1 | (−0.25) |  |",
+        "long": "| morse | trained_light | 3.5 | 1.0e-05 | -1e-09 | 2e-09 | 1e-13 | 1e-14 | 1.2 |",
+        "times": "| random potentials, d = 2 | 0.5 | 7.5 | 2 | 0.8 | 0.25 |",
+    },
+    "training": {"landscape": "| low accuracy | BAB | 6 | 21 | 90340 | 13 | refined | −0.28 | 0.43 |"},
     "exact_oscillator": {
-        "leads": "| 0.1 | +1.0 | \N{MINUS SIGN}1.0 |",
-        "crossings": "| ABA864 | 0.1 | 0.2 (0.1 to 0.3) | nowhere |",
+        "leads": "| 0.1 | +1.0 | −1.0 |", "crossings": "| ABA864 | 0.1 | 0.2 (0.1 to 0.3) | nowhere |",
     },
     "samplers": {
         "gaussians": "| BCSS 4 | **4.00** |", "targets": "| BCSS 4 | **2.00 (1.80 to 2.20)** | 0.50 (0.45 to 0.55) |",
         "trained": "| φ⁴ field | BCSS 4 | 0.75 (0.68 to 0.83) |", "alone": "| b = 0.5 | 1.25 |",
-        "verdict": "On targets of another kind than those of the training, the largest gain is 0.75 (0.68 to 0.83), of "
-        "searched, 4 stages on `lattice`; the smallest is 0.75.",
-        "ends": "The grid is 0.15 to 1.6 per stage, over the highest frequency. Best steps at its ends: quartic "
-        "posterior (Leapfrog), Gaussian, n = 100 (BCSS 4).",
+        "ends": "The grid is 0.15 to 1.6 per stage, over the highest frequency. Of 9 best steps 2 lie at its ends.",
         "libraries": "| Gaussian, 1000 dimensions | NUTS, BlackJAX | 52.5 | 1.50 (1.25 to 1.80) | "
         "1.50 (1.25 to 1.80) | 1.50 (1.25 to 1.80) | 1.50 (1.25 to 1.80) | 1.50 (1.25 to 1.80) |",
     },
     "timings": {
-        "ratios": "| simple harmonic oscillator, one trajectory | 0.4 | 0.8 | **1.8** |",
-        "implicit": "| simple harmonic oscillator, one trajectory | – (–) | – (–) | – (–) | – (–) |",
-        "times": "### simple harmonic oscillator, t = 20", "extended": "| b, order 8 | **9.4** | 128 | not reached |",
+        "ratios": "| simple harmonic oscillator, each of an ensemble | 0.25 | 0.25 | – |",
+        "implicit": "| simple harmonic oscillator, one trajectory | 2.5 (1) | 1.3 (1) | **0.56** (–) | – (–) |",
+        "times": "| label of ruth | **0.01** | **0.02** | **0.04** | 0.09 (1.8) |",
+        "extended": "| b, order 8 | **9.4** | 128 | not reached |",
         "kernels": "| Sun-Mercury system, one trajectory, plain | 12.3 | 0.50 | 1.0 |",
     },
+    "regularised": {
+        "times": "| e = 0.206, energy | 10⁻⁶ | 10⁻⁹ | 10⁻¹² |\n|---|---:|---:|---:|\n"
+        "| fastest method here, regularised | 0.002 (0.04) | 0.004 (0.08) | 0.005 |",
+    },
+    "files": {"runs": "| `t` | sample | unit of t | time |", "cube": "| `t` | sample | unit of t | time |"},
+    "variables": {"variables": "| `x` | point | 1 | a\\|b\\_c |"},
     "stepper": {"steps": "| Sun-Mercury system | BABs7o7H | 30 | 7 |  |"},
     "formulas": {"costs": "| `erf` | 2.5 | 102 |"},
     "large_grids": {"grids": "| 1,010 | 1.6 s | 10 | 11 | 10538 µs | 32 s | 3.6 s | 208 MB | 256 |"},
@@ -131,45 +180,6 @@ MEASURED = {
         "BlackJAX 1.0",
     ),
 }  # fmt: skip
-#: Rows of a table of the results of each kind, two ensembles, one of which is of orbits.
-TRAINED = {
-    "gains": """ensemble,tau_per_stage,best published,log10_error,best trained,log10_error_trained,gain,\
-gain_low,gain_high,verdict
-"d = 2, 0.01 to 0.5",0.1,srkn_a14,-5,trained_light,-5.5,0.5,0.4,0.6,ahead
-Morse,0.1,srkn_a14,-5,trained_light,-4.75,-0.25,-0.3,-0.2,behind
-"Kepler, e 0.02",0.1,ruth,-3,trained_orbits,-4,1,0.9,1.1,ahead
-""",
-    "methods": """method,ensemble,ahead_from,ahead_to,largest_gain
-trained_light,"d = 2, 0.01 to 0.5",0.1,0.2,0.5
-trained_light,Morse,nan,nan,nan
-""",
-    "ideas": """tau_per_stage,anharmonicity,ahead,ahead with T + V,exact_gain,exact_gain_low,exact_gain_high
-0.1,0.01,exact_oscillator,trained,0.5,0.25,0.75
-0.1,0.1,exact_oscillator,general,-0.25,-0.5,0.25
-0.2,0.01,exact_oscillator,trained,-0.5,-0.75,-0.25
-0.2,0.1,exact_oscillator,general,nan,nan,nan
-""",
-    "long": """system,method,sum of coefficients,max_energy_error,trend,trend_half_width,return_compensated,\
-rounding_plain,rounding_ratio
-morse,trained_light,3.5,1e-5,-1e-9,2e-9,1e-13,1e-14,1.25
-""",
-    "times": """ensemble,tau_per_stage,ns_lanes,ns_single,charge_lanes,charge_single,gain,gain_lanes,gain_single
-"d = 2, 0.001 to 0.01",0.1,0.5,7.5,2,0.8,0.5,0.5,0.5
-"d = 2, 0.01 to 0.5",0.1,0.5,7.5,2,0.8,0.5,0.5,0.25
-"Kepler, e 0.02",0.1,1,9,2,1,1,1.5,0.75
-""",
-}
-#: A cell of each table that they give: the numbers above, as a page has them.
-CELLS = {
-    "gains": "| Morse | −0.25 |",
-    "widest": "| 0.1 | SRKN 14a | −5.00 | trained_light | −5.50 | **+0.50** (+0.40 to +0.60) |",
-    "orbits": "| 63 | Ruth | −3.00 | trained_orbits | −4.00 | **+1.00** (+0.90 to +1.10) | +1.50 | +0.75 |",
-    "losses": "| Morse | 0.1 | SRKN 14a | +0.25 |", "windows": "| 0.1 to 0.2, +0.50 |",
-    "ideas": "| 0.1 | oscillator solved exactly 0.1 | trained 0.01, general 0.1 |",
-    "exact": "| 0.01 | **+0.50** | −0.50 |\n| 0.1 | (−0.25) |  |",
-    "long": "| morse | trained_light | 3.5 | 1.0e-05 | -1e-09 | 2e-09 | 1e-13 | 1e-14 | 1.2 |",
-    "times": "| random potentials, d = 2 | 0.5 | 7.5 | 2 | 0.8 | 0.25 |",
-}  # fmt: skip
 
 
 def write_crossings(path):
@@ -194,7 +204,7 @@ def write_crossings(path):
     )  # fmt: skip
     for one in cube.variables.values():
         one.attrs = {"units": "1", "long_name": "number"}
-    write_dataset(path, cube, {})
+    store.write_dataset(path, cube, {})
 
 
 def write_samplers(path):
@@ -223,7 +233,25 @@ def write_samplers(path):
     )  # fmt: skip
     for one in cube.variables.values():
         one.attrs = {"units": "1", "long_name": "number"}
-    write_dataset(path, cube, {})
+    store.write_dataset(path, cube, {})
+
+
+def write_times(path, names):
+    """Times of two methods here, and of heyoka to all errors but one on equations that are not regularised."""
+    groups, errors, times = {}, [1e-3, 1e-6, 1e-9, 1e-12], [1e-5, 2e-5, 4e-5, 9e-5]
+    for name in names:
+        factor = 0.1 if name.endswith("regularised") else 1
+        found = [timed("ruth", errors, [factor * time for time in times], lanes=[1e-6] * 4)]
+        found.append(timed("gauss16", errors, [factor * 5e-5] * 4, lanes=[2e-6] * 4))
+        found += [timed("heyoka", errors[:3], [5e-5] * 3, kind="peer", lanes=[4e-6] * 3)] * (factor == 1)
+        groups[name] = variables(found, "h")
+    problems = {name: {"system": name, "t_end": "20", "measures": ["max", "position"]} for name in names}
+    store.write(path, {}, {**FACTS, "libraries": "heyoka 7", "problems": json.dumps(problems)}, groups=groups)
+
+
+def write_variables(path, unit, meaning="time", name="t", dimension="sample"):
+    """A file of one variable."""
+    store.write(path, {name: variable(dimension, [0.0, 1.0], meaning, unit)}, {})
 
 
 def benchmark(command, monkeypatch):

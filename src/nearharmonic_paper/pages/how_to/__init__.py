@@ -1,1 +1,0 @@
-"""Generated parts of the pages below docs/how_to/."""

@@ -1,1 +1,0 @@
-"""Generated parts of pages on what one target of the workflow measures."""
