@@ -32,7 +32,7 @@ EXPERIMENTS = experiments()
 CUBES = [
     stem for one in EXPERIMENTS.values() for stem in one.cubes if CONFIG.has_systems_of_the_paper or stem not in ORBITS
 ]
-FIGURES = figures_of("reproduction.experiments", CONFIG.systems, CUBES)
+FIGURES = figures_of(CONFIG.systems, CUBES)
 RUNS, KINDS, TWO_STEPS = [], {}, {}  # each experiment adds its files
 
 try:

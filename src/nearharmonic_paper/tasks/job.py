@@ -21,7 +21,6 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
 from nearharmonic.output.atomic import write_bytes, write_text
 from nearharmonic.output.dataset import Contents
-from nearharmonic.output.store import kept_for
 from nearharmonic.output.table import Table, save_document
 from nearharmonic.output.table import save as save_table
 from nearharmonic.systems import systems
@@ -40,7 +39,7 @@ def run(snakemake: Any) -> None:
 
     The function is called with its settings, and with the paths of the inputs of the rule under their names. Its
     optional parameter ``threads`` is the number of threads of the job; ``report`` writes a progress line to the
-    terminal; ``earlier`` are files that this job may take results from. It returns a mapping with a result for each
+    terminal; ``earlier`` is made by the class in ``params.earlier``. It returns a mapping with a result for each
     named output, of the types of :func:`write`.
 
     Raises
@@ -54,7 +53,7 @@ def run(snakemake: Any) -> None:
         offered: dict[str, Callable[[], Any]] = {
             "threads": lambda: snakemake.threads,
             "report": lambda: _report,
-            "earlier": lambda: kept_for(folder_of(snakemake.log[0]), snakemake.output[0], origin),
+            "earlier": lambda: _earlier(snakemake, origin),
         }
         extra = {name: value() for name, value in offered.items() if name in signature(function).parameters}
         inputs = {name: _plain(value) for name, value in snakemake.input.items()}
@@ -92,15 +91,16 @@ def draw(snakemake: Any) -> None:
         drawn: dict[str, list[str]] = {}
         for stem, task in snakemake.params.tasks.items():
             places = list(getattr(snakemake.output, stem))
-            if task["function"] in drawn:
-                for made, place in zip(drawn[task["function"]], places, strict=True):
+            what = f"{task['function']} {task['settings']}"
+            if what in drawn:
+                for made, place in zip(drawn[what], places, strict=True):
                     write_bytes(place, Path(made).read_bytes())
             else:
                 with covered(task):
-                    figure = function_of(task)(*shown)
+                    figure = function_of(task)(*shown, **task["settings"])
                     figure.set_label(snakemake.params.captions[stem])
                     write(figure, places, provenance(task), transparent=_is_transparent(snakemake))
-            drawn[task["function"]] = places
+            drawn[what] = places
             receipt.add(places, task)
         receipt.write()
 
@@ -254,6 +254,12 @@ def _watch(leader: int) -> None:
         with suppress(psutil.NoSuchProcess):
             child.kill()
     os.kill(os.getpid(), SIGKILL)
+
+
+def _earlier(snakemake: Any, origin: Mapping[str, str]) -> Any:
+    """Return what may take results over from an earlier version of the first output."""
+    search = function_of({"function": snakemake.params.earlier})
+    return search(folder_of(snakemake.log[0]), snakemake.output[0], origin)
 
 
 def _report(text: str) -> None:

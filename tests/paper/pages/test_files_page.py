@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from nearharmonic.engine.settings import steps_of
+from nearharmonic.engine.settings import Sweep, steps_of
 from nearharmonic.output import store
 from nearharmonic.output.dataset import assembled
 from nearharmonic.systems import systems
@@ -35,9 +35,13 @@ def made(tmp_path_factory):
     """Runs and cubes of two systems as they are in their files, by kind and system."""
     folder, found = tmp_path_factory.mktemp("files"), {}
     for system, (t_end, taus) in SMALL.items():
+        sweep = Sweep(
+            system=system, t_end=t_end, lowest=taus[0], highest=taus[-1], points_per_decade=3, precision=("double",),
+            samples=10, shards=1,
+        )  # fmt: skip
         run = Run(
-            system=system, integrator="ruth", precision="double", summation="compensated", t_end=t_end,
-            tau_per_stage=taus, steps=tuple(steps_of(t_end, 3 * tau) for tau in taus), samples=10,
+            sweep=sweep, integrator="ruth", precision="double", tau_per_stage=taus,
+            steps=tuple(steps_of(t_end, 3 * tau) for tau in taus), samples=10,
         )  # fmt: skip
         runs = assembled(integrate_run(run), ["t"], {"system": system, "integrator": "ruth"})
         places = {kind: folder / f"{kind}_{system}.h5" for kind in ("runs", "cube")}

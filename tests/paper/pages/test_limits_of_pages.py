@@ -10,14 +10,14 @@ from nearharmonic.core.formulas import expression as size
 from nearharmonic.core.formulas import tracing as rules
 from nearharmonic.numerics import clock
 from nearharmonic.output.store import LARGEST_CHUNK
-from nearharmonic.plotting.levels import COLUMNS
+from nearharmonic.plotting.profile import COLUMNS
 from nearharmonic.recommendation import own
 from nearharmonic.systems.numba_potential import MOST_COORDINATES
 from nearharmonic_paper.claims.judging.curves import MOST_JUDGED
 from nearharmonic_paper.config.config import Config
 from nearharmonic_paper.experiments.paper.grid import plan, shards
 from nearharmonic_paper.experiments.paper.grid.reduced_run import SAMPLES
-from nearharmonic_paper.report.plots import panels
+from nearharmonic_paper.report import panels
 from support.results.stated_numbers import ROOT, flat, states
 
 PROFILE = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text(encoding="utf-8"))
