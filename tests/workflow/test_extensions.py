@@ -49,17 +49,23 @@ from __future__ import annotations
 
 from typing import Any
 
-from nearharmonic_paper.tasks.declarations import figure
-from nearharmonic.plotting.style import new_figure
+from nearharmonic.plotting.style import house_style, new_figure
 
 
-@figure(cube="quartic", caption="The largest position. Against the step size.")
+@house_style
 def positions(cube: Any) -> Any:
     """Draw the largest position."""
     drawn = new_figure(4, 3)
     drawn.subplots().plot(cube.tau_per_stage, cube.largest_position.sel(precision="double", integrator="ruth"))
     return drawn
 '''
+DECLARED = """    "positions": Figure(
+        draw="nearharmonic_paper.experiments.paper.figures.positions:positions",
+        title="Positions",
+        cube="quartic",
+        caption="The largest position. Against the step size.",
+    ),
+"""
 CONFIG = {
     "name": "added",
     "integrators": ["ruth", "aba864"],
@@ -94,6 +100,7 @@ def extended(tmp_path_factory):
     with (package / "reproduction/experiments/paper/reductions.py").open("a", encoding="utf-8") as file:
         file.write(REDUCTION)
     (package / "reproduction/experiments/paper/figures/positions.py").write_text(FIGURE, encoding="utf-8")
+    insert(package / "reproduction/experiments/paper/experiment.py", '    "{system}_energy_error": Figure(', DECLARED)
     add_experiment(project)
     (project.folder / "added.yaml").write_text(yaml.safe_dump(CONFIG))
     done = project.snakemake("quartic_energy_error", "added", "-j2", "--configfile", "added.yaml")
@@ -116,7 +123,7 @@ def test_an_observable_reaches_its_cube_by_one_function(extended):
         assert (abs(cube["largest_position"][:] - 1) < 0.05).all()
 
 
-def test_a_figure_of_an_existing_cube_is_one_function(extended):
+def test_a_figure_of_a_cube_is_one_function_and_one_declaration(extended):
     assert (extended / "figures/positions.pdf").stat().st_size > 1000
 
 

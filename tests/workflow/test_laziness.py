@@ -71,10 +71,10 @@ def test_made_target_keeps_its_files_and_jobs_follow_plan(project, target):
     assert {path for path in made if not path.startswith("logs/")} == NEEDED[target] | RECORD
     loaded = load(config)
     planned = {
-        (run.system, run.integrator, run.precision, tau)
+        (run.sweep.system, run.integrator, run.precision, tau)
         for run in planned_runs(loaded.sweeps, loaded.integrators)
         for tau in run.tau_per_stage
-        if f"cubes/{run.system}.h5" in made
+        if f"cubes/{run.sweep.system}.h5" in made
     }
     integrated = {
         (path.parts[-3], path.parts[-2], precision, float(tau))

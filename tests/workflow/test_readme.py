@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from nearharmonic.engine.settings import steps_of
+from nearharmonic.engine.settings import Sweep, steps_of
 from nearharmonic.integrators import integrators
 from nearharmonic.output import store
 from nearharmonic.output.dataset import assembled
@@ -56,10 +56,12 @@ def results(tmp_path_factory):
     methods = {}
     for name, stages in (("ruth", 3), ("babps8o7h", 8)):
         steps = tuple(steps_of("50", tau * stages) for tau in (0.05, 0.1, 0.2))
-        run = Run(
-            system="henon_heiles", integrator=name, precision="double", summation="compensated",
-            t_end="50", tau_per_stage=(0.05, 0.1, 0.2), steps=steps, samples=10,
+        sweep = Sweep(
+            system="henon_heiles", t_end="50", lowest=0.05, highest=0.2, points_per_decade=3, precision=("double",),
+            samples=10, shards=1,
         )  # fmt: skip
+        taus = 0.05, 0.1, 0.2
+        run = Run(sweep=sweep, integrator=name, precision="double", tau_per_stage=taus, steps=steps, samples=10)
         runs = assembled(integrate_run(run), ["t"], {"system": "henon_heiles", "integrator": name})
         methods[name] = reduced_numbers(runs).expand_dims(precision=["double"])
         store.write_dataset(folder / f"results/paper/runs/henon_heiles/{name}/0.h5", runs, {})

@@ -18,7 +18,7 @@ from nearharmonic.systems import systems
 from nearharmonic_paper.tasks.code import sources
 from nearharmonic_paper.tasks.code.sources import closure
 from nearharmonic_paper.tasks.declarations import figures_of
-from nearharmonic_paper.tasks.experiment import ROOMS, experiments
+from nearharmonic_paper.tasks.experiment import experiments
 from nearharmonic_paper.tasks.provenance import code_digest
 
 RULES = Path(__file__).parents[2] / "workflow/rules"
@@ -41,12 +41,12 @@ def tasks():
     """The modules of the functions that rules name, and of the figures that they draw."""
     text = "\n".join(path.read_text(encoding="utf-8") for path in RULES.glob("*.smk"))
     named = re.findall(r'\btask\(\s*f?"([\w.{}]+):\w+"', text)
-    assert len(named) == len(re.findall(r"\btask\(", text)) - len(re.findall(r"task\(one\.function\)", text))
+    assert len(named) == len(re.findall(r"\btask\(", text)) - len(re.findall(r"task\(one\.draw", text))
     every = {name.replace("{wildcards.ensemble}", ensemble) for name in named for ensemble in ENSEMBLES}
     cubes = [stem for one in experiments().values() for stem in one.cubes]
     return sorted(
         f"nearharmonic.{module}"
-        for module in every | {one.function.partition(":")[0] for one in figures_of(ROOMS, systems, cubes)}
+        for module in every | {one.draw.partition(":")[0] for one in figures_of(systems, cubes)}
     )
 
 

@@ -14,7 +14,7 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic_paper.experiments.paper.grid.shards import REDUCED_AT_ONCE, shards_of
 from nearharmonic_paper.experiments.paper.settings import ORBITS
 from nearharmonic_paper.tasks.declarations import figures_of
-from nearharmonic_paper.tasks.experiment import ROOMS, experiments
+from nearharmonic_paper.tasks.experiment import experiments
 from nearharmonic_paper.tasks.provenance import task
 
 try:
@@ -32,7 +32,7 @@ EXPERIMENTS = experiments()
 CUBES = [
     stem for one in EXPERIMENTS.values() for stem in one.cubes if CONFIG.has_systems_of_the_paper or stem not in ORBITS
 ]
-FIGURES = figures_of(ROOMS, CONFIG.systems, CUBES)
+FIGURES = figures_of(CONFIG.systems, CUBES)
 RUNS, KINDS, TWO_STEPS = [], {}, {}  # each experiment adds its files
 
 try:

@@ -1,7 +1,7 @@
 """The paper: runs, cubes, figures, and tables of coefficients and of omissions."""
 
 PAPER = EXPERIMENTS["paper"]
-PAPER_FIGURES = [one for one in FIGURES if one.function.startswith(f"{PAPER.room}.")]
+PAPER_FIGURES = [one for one in FIGURES if one.experiment == PAPER.name]
 PAPER_TABLES = {stem: TABLE(stem) for stem in PAPER.tables}
 PAPER_CUBES = [CUBE(stem) for stem in (*SWEEPS, *PAPER.cubes) if stem in SWEEPS or stem in CUBES]
 #: Run files and reduced files, so that a lost one is made again although the cubes are there.
@@ -56,6 +56,7 @@ rule integrate:
             if CONFIG.samples
             else task("nearharmonic_paper.experiments.paper.grid.reduced_run:integrate_and_reduce", **shard_of(wildcards))
         ),
+        earlier="nearharmonic_paper.experiments.paper.grid.earlier:Earlier",
     script:
         "../scripts/task.py"
 

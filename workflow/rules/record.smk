@@ -5,7 +5,7 @@ import os
 import sys
 from types import SimpleNamespace
 
-from nearharmonic.output.store import forget, keep
+from nearharmonic_paper.experiments.paper.grid.earlier import forget, keep
 from nearharmonic_paper.tasks.job import run
 from nearharmonic_paper.config.targets import check_first
 from nearharmonic_paper.record.adopt import ADOPTING, check_jobs

@@ -17,46 +17,31 @@ SHOWN = 6
 
 @dataclass(frozen=True, kw_only=True)
 class Answer(Table):
-    """Answer of a command: a table, with an exit status and notes.
+    """Answer of a command: a table, with an exit status and notes."""
 
-    Attributes
-    ----------
-    document : object
-        Content of the JSON output: nested mappings, sequences and cells. If None, a list with an object for each row.
-    status : int
-        Exit status: 0 for yes, which includes an empty answer; 1 for no.
-    notes : sequence of str
-        Lines below the table. JSON and CSV have no caption and notes.
-    digits : int or None
-        Significant digits of the floats of the table, None for all digits; JSON and CSV have all digits.
-    text : str, optional
-        Text that is printed in place of a table.
-    """
-
+    #: Content of the JSON output: nested mappings, sequences and cells. If None, a list with an object for each row.
     document: Any = None
+    #: Exit status: 0 for yes, which includes an empty answer; 1 for no.
     status: int = 0
+    #: Lines below the table. JSON and CSV have no caption and notes.
     notes: Sequence[str] = ()
+    #: Significant digits of the floats of the table, None for all digits, which JSON and CSV have.
     digits: int | None = SHOWN
+    #: Text that is printed in place of a table.
     text: str | None = None
 
 
 def printed(answer: Answer, form: str) -> str:
     """Return the text of ``answer`` in one of :data:`FORMATS`, with a final line feed unless it is empty."""
-    text = {"table": _table, "json": _json, "csv": Answer.csv}[form](answer)
+    if form == "csv":
+        text = answer.csv()
+    elif form == "json":
+        document = answer.records() if answer.document is None else answer.document
+        text = json.dumps(_without_infinities(document), indent=1, ensure_ascii=False, allow_nan=False)
+    else:
+        table = [*answer.lines(answer.digits), *map(in_one_line, answer.notes)]
+        text = "\n".join(table) if answer.text is None else answer.text
     return text if text.endswith("\n") or not text else f"{text}\n"
-
-
-def _table(answer: Answer) -> str:
-    return (
-        "\n".join([*answer.lines(answer.digits), *map(in_one_line, answer.notes)])
-        if answer.text is None
-        else answer.text
-    )
-
-
-def _json(answer: Answer) -> str:
-    document = answer.records() if answer.document is None else answer.document
-    return json.dumps(_without_infinities(document), indent=1, ensure_ascii=False, allow_nan=False)
 
 
 def _without_infinities(value: Any) -> Any:

@@ -38,12 +38,8 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield a temporary path in the folder of ``path``, and move that file to ``path`` when the block ends.
 
     The folder is created if it is missing. If the block raises an exception, ``path`` does not change and the temporary
-    file is removed. No other running process uses the temporary path.
-
-    Raises
-    ------
-    FileWriteError
-        The file cannot be written: the disk is full, the folder is read-only, or the like.
+    file is removed. No other running process uses the temporary path. A FileWriteError says why the file cannot be
+    written: the disk is full, the folder is read-only, or the like.
     """
     place = Path(path)
     part = place.with_name(f".{place.name}.{platform.node()}.{os.getpid()}{PART}")
@@ -103,13 +99,7 @@ def remove_parts(folder: str | os.PathLike[str]) -> None:
 
 
 def opened(path: str | os.PathLike[str]) -> BinaryIO:
-    """Open a regular file for reading, as bytes.
-
-    Raises
-    ------
-    OSError
-        The file is missing, or not a regular file, or it cannot be read.
-    """
+    """Open a regular file for reading, as bytes; an OSError says that it is missing, no such file, or not readable."""
     number = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)  # without the last, a pipe waits for its writer
     if not stat.S_ISREG(os.fstat(number).st_mode):
         os.close(number)

@@ -31,14 +31,9 @@ Variables = dict[str, Variable]
 
 
 def described(long_name: str, units: str = "1") -> Attributes:
-    """Return the attributes of a variable.
+    """Return the attributes of a variable: its meaning, and the unit of its values, "1" if they have none.
 
-    Parameters
-    ----------
-    long_name : str
-        Meaning of the variable.
-    units : str
-        Unit of its values; "1" if they have none. A plural of time stands in the singular, which is the same unit.
+    A plural of time stands in the singular, which is the same unit.
     """
     return {"units": units.removesuffix("s") if units in DECODED else units, "long_name": long_name}
 
@@ -94,6 +89,11 @@ def flags(dimensions: str | tuple[str, ...], words: Any, meanings: Sequence[str]
     return names, values, {**notes, FLAG_MEANINGS: " ".join(meanings)}
 
 
+def variables_of(dataset: xr.Dataset) -> Variables:
+    """Return the coordinates and the variables of a dataset as described variables."""
+    return {str(name): (tuple(map(str, v.dims)), v.values, v.attrs) for name, v in dataset.variables.items()}
+
+
 def double_runs(cube: xr.Dataset) -> xr.Dataset:
     """Return the runs of a cube in double, otherwise in its first precision, without the dimension ``precision``."""
     if "precision" not in cube.dims:
@@ -103,22 +103,10 @@ def double_runs(cube: xr.Dataset) -> xr.Dataset:
 
 
 def assembled(variables: Variables, coordinates: Collection[str], attributes: Mapping[str, Any]) -> xr.Dataset:
-    """Return the dataset of described variables.
+    """Return the dataset of described variables; a ValueError says that their sizes along a dimension differ.
 
-    Parameters
-    ----------
-    variables : mapping
-        Described variables by name.
-    coordinates : collection of str
-        Names of auxiliary coordinates. A variable with the name of its dimension is always a coordinate. A dimension
-        without coordinate gets the coordinate 0, 1, 2, ....
-    attributes : mapping
-        Attributes of the dataset.
-
-    Raises
-    ------
-    ValueError
-        Two variables have different sizes along one dimension.
+    ``coordinates`` are the names of auxiliary coordinates. A variable with the name of its dimension is always a
+    coordinate, and a dimension without one gets the coordinate 0, 1, 2, ....
     """
     import xarray as xr
 

@@ -31,10 +31,7 @@ def _cell(cell: Cell) -> str:
 def filled(page: str, parts: Mapping[str, str]) -> str:
     """Return a page with each text of ``parts`` between the lines ``<!-- name -->`` and ``<!-- end -->``.
 
-    Raises
-    ------
-    NearharmonicError
-        The page has not exactly one place for a name.
+    A NearharmonicError says that the page has not exactly one place for a name.
     """
     for name, text in parts.items():
         before, *rest = page.split(f"<!-- {name} -->\n")

@@ -61,23 +61,10 @@ Cell = Any
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """A table.
+    """A table: names of columns, rows of as many cells, and a sentence above it, which is a comment in LaTeX.
 
-    Attributes
-    ----------
-    header : sequence of str
-        Names of the columns.
-    rows : sequence of sequences
-        Cells, one per name of the header in each row.
-    caption : str
-        One sentence above the table in Markdown and in text, and a comment in LaTeX.
-    volatile : sequence of str
-        Names of the columns of measured times, which differ from run to run.
-
-    Raises
-    ------
-    NearharmonicError
-        A row and the header have different lengths.
+    ``volatile`` are the names of the columns of measured times, which differ from run to run. Rows of another length
+    than the header raise a NearharmonicError.
     """
 
     header: Sequence[str]
@@ -102,19 +89,14 @@ class Table:
 
     def markdown(self) -> str:
         """Return the caption and the table in Markdown, floats to four digits."""
-        escaped = Table(
-            header=list(map(in_markdown, self.header)),
-            rows=[[in_markdown(cell) if isinstance(cell, str) else cell for cell in row] for row in self.rows],
-        )
-        return f"{_one_line(self.caption)}\n\n{escaped._tabulated('github')}\n"
+        cells = [[in_markdown(_shortened(cell)) for cell in row] for row in self.rows]
+        table = _tabulate(list(map(in_markdown, self.header)), cells, "github")
+        return f"{_one_line(self.caption)}\n\n{table}\n"
 
     def latex(self) -> str:
         """Return the caption and the table in LaTeX, floats to four digits."""
-        return f"% {_one_line(self.caption)}\n{self._tabulated('latex_booktabs')}\n"
-
-    def _tabulated(self, form: str) -> str:
-        cells = [[f"{cell:.{SHOWN}g}" if isinstance(cell, float) else str(cell) for cell in row] for row in self.rows]
-        return _tabulate(self.header, cells, form)
+        cells = [[_shortened(cell) for cell in row] for row in self.rows]
+        return f"% {_one_line(self.caption)}\n{_tabulate(self.header, cells, 'latex_booktabs')}\n"
 
     def lines(self, digits: int | None = None) -> list[str]:
         """Return the caption and the rows as lines of aligned columns for a terminal, floats to ``digits``.
@@ -141,6 +123,10 @@ def _tabulate(header: Sequence[str], cells: Sequence[Sequence[str]], form: str, 
         tabulate.WIDE_CHARS_MODE = before
 
 
+def _shortened(cell: Cell) -> str:
+    return f"{cell:.{SHOWN}g}" if isinstance(cell, float) else str(cell)
+
+
 def _is_number(cell: Cell) -> bool:
     return cell is None or (isinstance(cell, int | float) and not isinstance(cell, bool))
 
@@ -165,13 +151,7 @@ def _one_line(text: str) -> str:
 
 
 def from_csv(text: str) -> Table:
-    """Return the table whose CSV is ``text``, every cell a text.
-
-    Raises
-    ------
-    NearharmonicError
-        It has no header, a row of another length, or is no CSV.
-    """
+    """Return the table whose CSV is ``text``, every cell a text; a NearharmonicError says that it is no table."""
     try:
         header, *rows = csv.reader(io.StringIO(text))
     except (ValueError, csv.Error) as error:
@@ -180,15 +160,7 @@ def from_csv(text: str) -> Table:
 
 
 def save(table: Table, places: Sequence[str | os.PathLike[str]]) -> list[Path]:
-    """Write ``table`` to each of ``places``, in the format of its ending, and return their paths.
-
-    CSV has all digits; Markdown and LaTeX have four digits of a float.
-
-    Raises
-    ------
-    NearharmonicError
-        An ending is not in :data:`SUFFIXES`.
-    """
+    """Write ``table`` to each of ``places``, in the format of its ending, one of :data:`SUFFIXES`; return the paths."""
     texts = {".csv": table.csv, ".md": table.markdown, ".tex": table.latex}
     paths = [Path(place) for place in places]
     for path in paths:

@@ -2,8 +2,6 @@
 
 matplotlib is loaded by the first plot, so that the library can be used without it.
 
-Kinds of results and the plots of each, separate from matplotlib, which the library runs without.
-
 Films of trajectories: GIF files, and HTML files that need no network.
 
 matplotlib is loaded by the first film, so that the library can be used without it.
@@ -36,37 +34,6 @@ KINDS = {
     PROFILE: ("energy", "work"), CUBE: ("energy",), ENSEMBLE: ("energy",), SECTION: ("section",), RANKING: ("work",),
     TRAJECTORY: ("", "energy", "orbit", "phase"), DEVIATIONS: ("chaos", "orbit", "phase"), MANY_DEVIATIONS: ("chaos",),
 }  # fmt: skip
-
-
-def kind_of(dataset: Any) -> str:
-    """Return the kind of a Dataset, "" for a Dataset of another origin."""
-    dims, attributes, variables = (getattr(dataset, name, ()) for name in ("dims", "attrs", "variables"))
-    if not hasattr(dataset, "data_vars"):
-        return ""
-    if "lyapunov_exponent" in variables and "t" in variables:
-        return MANY_DEVIATIONS if MEMBER in dims else DEVIATIONS
-    if "max_energy_error" in variables:
-        named = "integrator" in attributes
-        for holds, kind in (
-            ({"integrator", "tau_per_stage"} <= set(dims), CUBE), (named and "tau" in dims, PROFILE),
-            (named and MEMBER in dims, ENSEMBLE),
-        ):  # fmt: skip
-            if holds:
-                return kind
-    if "crossing" in dims and "surface" in variables:
-        return SECTION
-    if "rank" in dims and {"evaluations", "time"} <= set(variables):
-        return RANKING
-    return TRAJECTORY if "integrator" in attributes and {"t", "q", "p", "energy_error"} <= set(variables) else ""
-
-
-def check_measured(given: Sequence[xr.Dataset]) -> None:
-    """Raise SettingError if a Dataset has no measured energy errors."""
-    if any(one.attrs.get("energy") == "none" for one in given):
-        allowed = "there are no energy errors to draw; run with energy='every' or 'samples'"
-        raise bad_setting("datasets", "energy='none'", allowed)
-
-
 ALLOWED = (
     "a Dataset of nearharmonic.integrate, sweep, ensemble, tangent, section or recommend, or a list of those of one of "
     "the first four, or the cube of a system"
@@ -141,23 +108,46 @@ def plot(
         raise bad_setting("kind", kind, allowed)
     if axes is not None and chosen not in ("orbit", "phase", "section"):
         raise bad_setting("axes", axes, "two quantities of an orbit, a phase space or a section, and this has none")
-    drawing = with_matplotlib("a plot")
+    drawing = with_matplotlib("drawing", "a plot")
     drawn: Figure = drawing.draw(source, chosen, given, axes)
     if title is not None:
         drawing.write_above(drawn, title)
     return drawn
 
 
-def with_matplotlib(purpose: str) -> Any:
-    """Import the module of functions that draw datasets, and matplotlib with it.
+def kind_of(dataset: Any) -> str:
+    """Return the kind of a Dataset, "" for a Dataset of another origin."""
+    dims, attributes, variables = (getattr(dataset, name, ()) for name in ("dims", "attrs", "variables"))
+    if not hasattr(dataset, "data_vars"):
+        return ""
+    if "lyapunov_exponent" in variables and "t" in variables:
+        return MANY_DEVIATIONS if MEMBER in dims else DEVIATIONS
+    if "max_energy_error" in variables:
+        named = "integrator" in attributes
+        for holds, kind in (
+            ({"integrator", "tau_per_stage"} <= set(dims), CUBE), (named and "tau" in dims, PROFILE),
+            (named and MEMBER in dims, ENSEMBLE),
+        ):  # fmt: skip
+            if holds:
+                return kind
+    if "crossing" in dims and "surface" in variables:
+        return SECTION
+    if "rank" in dims and {"evaluations", "time"} <= set(variables):
+        return RANKING
+    return TRAJECTORY if "integrator" in attributes and {"t", "q", "p", "energy_error"} <= set(variables) else ""
 
-    Raises
-    ------
-    MissingPackageError
-        matplotlib is not installed.
-    """
+
+def check_measured(given: Sequence[xr.Dataset]) -> None:
+    """Raise SettingError if a Dataset has no measured energy errors."""
+    if any(one.attrs.get("energy") == "none" for one in given):
+        allowed = "there are no energy errors to draw; run with energy='every' or 'samples'"
+        raise bad_setting("datasets", "energy='none'", allowed)
+
+
+def with_matplotlib(module: str, purpose: str) -> Any:
+    """Import a module of functions that draw; a MissingPackageError says that matplotlib is not installed."""
     try:
-        return import_module("nearharmonic.plotting.datasets")
+        return import_module(f"nearharmonic.plotting.{module}")
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] != "matplotlib":
             raise
@@ -230,7 +220,7 @@ def animate(
     if not given or any(kind_of(one) != TRAJECTORY for one in given):
         raise bad_setting("runs", type(runs).__name__, "a Dataset of nearharmonic.integrate, or a list of them")
     check_measured(given)
-    film = with_matplotlib("a film")
+    film = with_matplotlib("film", "a film")
     if ending == ".gif":
         write_bytes(Path(str(path)), film.gif(given, frames, fps, title))
         return Path(str(path))

@@ -33,9 +33,9 @@ def packed(text: str) -> str:
 
 @cache
 def _packed_script() -> str:
-    from nearharmonic_paper.report.plots import models
+    from nearharmonic_paper.report import panels
 
-    return packed(models.script())
+    return packed(panels.script())
 
 
 def filled(name: str, values: Mapping[str, Any]) -> str:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic_paper.claims.claim import OPEN
 from nearharmonic_paper.claims.pages.summary import failures, of_the_paper, sums
-from nearharmonic_paper.report import assets
-from nearharmonic_paper.report.plots import models
+from nearharmonic_paper.report import assets, panels
 from nearharmonic_paper.report.shown.declared import pages_alone
 from nearharmonic_paper.report.shown.figures import ShownFigure, coefficients, entries, interactive, static
 from nearharmonic_paper.report.shown.links import Places
@@ -28,8 +26,7 @@ WORST_FIRST = ("fails", "erratum", "holds in part", "holds but for edges", "hold
 FIRST_SHOWN = "henon_heiles"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Section:
+class Section(NamedTuple):
     """Results of an experiment; empty if its target has not been made."""
 
     experiment: Experiment
@@ -47,41 +44,14 @@ class Section:
         return bool(self.figures or self.tables)
 
 
-def sections_of(results: ShownResults) -> list[Section]:
-    """Return the section of each experiment except the paper, with its results in ``results``."""
-    return [
-        Section(
-            experiment=one,
-            figures=list(static(results, one.figure_titles)),
-            tables=results.tables(one.table_patterns),
-        )
-        for one in beside_the_paper()
-    ]
-
-
 def page(folder: str | os.PathLike[str], leftovers: Sequence[str] = (), **_: Any) -> dict[str, str]:
-    """Make the page of the results in a folder.
+    """Return ``page``, the text of the page of the results in a folder, and the pages of single figures by output.
 
-    Parameters
-    ----------
-    folder : path
-        ``results/<name>``, with ``tables/claims.json``, ``tables/skipped.csv``, cubes and figures; other existing
-        results are shown too. Verdicts are shown if one of the paper's systems has a cube.
-    leftovers : sequence of str
-        Names of files in the folder that the config does not make: the last line names them, and nothing shows them.
-    **_
-        The integrators, which a rule names for their digests, and paths of its inputs, which are found in the folder.
-
-    Returns
-    -------
-    dict
-        ``page``, the text of the HTML file, and those of the pages of single figures under the names of
-        :func:`nearharmonic_paper.report.shown.declared.pages_alone`. The same results give the same text.
-
-    Raises
-    ------
-    ResultFileError
-        A cube or the table of claims is missing or damaged; the message names the command that makes it again.
+    The same results give the same text. The folder has ``tables/claims.json``, ``tables/skipped.csv``, cubes and
+    figures; other existing results are shown too, and verdicts if one of the paper's systems has a cube. The last line
+    names ``leftovers``, files that the config does not make, and nothing shows them. Further arguments are the
+    integrators, which a rule names for their digests, and paths of its inputs, which are found in the folder. A
+    ResultFileError says that a cube or the table of claims is missing or damaged.
     """
     results = ShownResults(Path(folder), leftovers)
     figures = list(interactive(results))
@@ -91,7 +61,10 @@ def page(folder: str | os.PathLike[str], leftovers: Sequence[str] = (), **_: Any
     plots = {name: plot for figure in figures for name, plot in figure.plots.items()}
     for name, plot in plots.items():
         plot.name = name  # the script of the page finds it by this id
-    sections = sections_of(results)
+    sections = [
+        Section(one, list(static(results, one.figure_titles)), results.tables(one.table_patterns))
+        for one in beside_the_paper()
+    ]
     every = [*figures, *(figure for section in sections for figure in section.figures)]
     places = Places(every, [*tables, *(table for section in sections for table in section.tables)])
     claims = [claim | {"pieces": places.pieces(claim)} for claim in results.claims]
@@ -137,7 +110,7 @@ def _alone(results: ShownResults, figures: Sequence[ShownFigure]) -> dict[str, s
 
 def _packed(plots: Mapping[str, Any]) -> str:
     """Return the compressed document of plots, "" without plots."""
-    return assets.packed(models.document(list(plots.values()))) if plots else ""
+    return assets.packed(panels.document(list(plots.values()))) if plots else ""
 
 
 def _small_enough(values: Mapping[str, Any]) -> str:

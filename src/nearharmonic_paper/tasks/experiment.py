@@ -16,6 +16,7 @@ from itertools import product
 from typing import Any
 
 from nearharmonic_paper.tasks.code.sources import ROOT
+from nearharmonic_paper.tasks.declarations import Figure
 
 #: Packages of experiments: the paper's, and those that go beyond it.
 ROOMS = ("nearharmonic_paper.experiments", "nearharmonic_studies")
@@ -53,8 +54,8 @@ class Experiment:
         Dimensions and contents of its cubes, by name.
     tables : tuple of str
         Names of its tables of three files.
-    figures : mapping of str to str
-        Titles of its figures, by name.
+    figures : mapping of str to Figure or str
+        Its figures, by name: those that the workflow draws of cubes, and the titles of those that other jobs draw.
     others : tuple of str
         All other files of its target, with folders and endings.
     runs : tuple of str
@@ -76,7 +77,7 @@ class Experiment:
     effect: str = ""
     cubes: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     tables: tuple[str, ...] = ()
-    figures: Mapping[str, str] = field(default_factory=dict)
+    figures: Mapping[str, Figure | str] = field(default_factory=dict)
     others: tuple[str, ...] = ()
     runs: tuple[str, ...] = ()
     measured: tuple[str, ...] = ()
@@ -141,7 +142,8 @@ class Experiment:
     @property
     def figure_titles(self) -> dict[str, str]:
         """Titles of its figures, by patterns of their names."""
-        return {_pattern(stem): title for stem, title in self.figures.items()}
+        titles = {stem: one if isinstance(one, str) else one.title for stem, one in self.figures.items()}
+        return {_pattern(stem): title for stem, title in titles.items()}
 
 
 def _filled(stem: str, values: Mapping[str, Iterable[str]]) -> Iterator[str]:

@@ -20,7 +20,6 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
 from nearharmonic.output.atomic import write_bytes, write_text
 from nearharmonic.output.dataset import Contents
-from nearharmonic.output.store import kept_for
 from nearharmonic.output.table import Table, save_document
 from nearharmonic.output.table import save as save_table
 from nearharmonic.systems import systems
@@ -38,8 +37,8 @@ def run(snakemake: Any) -> None:
     """Run the job of a rule whose ``params.task`` comes from :func:`nearharmonic_paper.tasks.provenance.task`.
 
     The function is called with its settings, and with the paths of the inputs of the rule under their names. Its
-    optional parameter ``threads`` is the number of threads of the job; ``earlier`` are files that this job may take
-    results from. It returns a mapping with a result for each named output, of the types of :func:`write`.
+    optional parameter ``threads`` is the number of threads of the job; ``earlier`` is made by the class in
+    ``params.earlier``. It returns a mapping with a result for each named output, of the types of :func:`write`.
 
     Raises
     ------
@@ -51,7 +50,7 @@ def run(snakemake: Any) -> None:
         function, origin = function_of(task), provenance(task)
         offered: dict[str, Callable[[], Any]] = {
             "threads": lambda: snakemake.threads,
-            "earlier": lambda: kept_for(folder_of(snakemake.log[0]), snakemake.output[0], origin),
+            "earlier": lambda: _earlier(snakemake, origin),
         }
         extra = {name: value() for name, value in offered.items() if name in signature(function).parameters}
         inputs = {name: _plain(value) for name, value in snakemake.input.items()}
@@ -89,15 +88,16 @@ def draw(snakemake: Any) -> None:
         drawn: dict[str, list[str]] = {}
         for stem, task in snakemake.params.tasks.items():
             places = list(getattr(snakemake.output, stem))
-            if task["function"] in drawn:
-                for made, place in zip(drawn[task["function"]], places, strict=True):
+            what = f"{task['function']} {task['settings']}"
+            if what in drawn:
+                for made, place in zip(drawn[what], places, strict=True):
                     write_bytes(place, Path(made).read_bytes())
             else:
                 with covered(task):
-                    figure = function_of(task)(*shown)
+                    figure = function_of(task)(*shown, **task["settings"])
                     figure.set_label(snakemake.params.captions[stem])
                     write(figure, places, provenance(task), transparent=_is_transparent(snakemake))
-            drawn[task["function"]] = places
+            drawn[what] = places
             receipt.add(places, task)
         receipt.write()
 
@@ -251,6 +251,12 @@ def _watch(leader: int) -> None:
         with suppress(psutil.NoSuchProcess):
             child.kill()
     os.kill(os.getpid(), SIGKILL)
+
+
+def _earlier(snakemake: Any, origin: Mapping[str, str]) -> Any:
+    """Return what may take results over from an earlier version of the first output."""
+    search = function_of({"function": snakemake.params.earlier})
+    return search(folder_of(snakemake.log[0]), snakemake.output[0], origin)
 
 
 def _plain(value: Any) -> str | list[str]:

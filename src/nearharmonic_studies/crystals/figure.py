@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from nearharmonic.plotting.style import log_scale, method_handles, new_figure, panel_letter, style_of
-from nearharmonic_paper.tasks.declarations import figure
+from nearharmonic.plotting.style import house_style, log_scale, method_handles, new_figure, panel_letter, style_of
 
 #: Methods whose curves are drawn, at most eight, and colours of the kinds of methods.
 DRAWN = (
@@ -31,15 +30,7 @@ AT = (26.0, 16.0)
 FORCES_LABEL = "forces in a period of the fastest phonon"
 
 
-@figure(
-    cube="crystals",
-    category="Beyond the paper",
-    caption=(
-        "Energy error on crystals against the number of forces in a period of the fastest phonon. Columns are "
-        "crystals, rows temperatures over that of the melting point. Medians over equilibrated starts of the maximum "
-        "error, in units of the mean kinetic energy; curves end where a run diverges."
-    ),
-)
+@house_style
 def crystals_error(cube: xr.Dataset) -> Figure:
     """Draw ``max_energy_error`` (median) of ``cube``: a panel for each crystal and three temperatures."""
     rows = _three(cube["temperature"].values)
@@ -69,16 +60,7 @@ def crystals_error(cube: xr.Dataset) -> Figure:
     return drawn
 
 
-@figure(
-    cube="crystals",
-    category="Beyond the paper",
-    caption=(
-        "The kind of method with the smallest maximum energy error, by temperature over that of the melting point and "
-        "by the number of forces in a period of the fastest phonon. Numbers and the depth of the colour are its lead "
-        "over the best method of another kind, in decades. White: no method keeps the error below a tenth of the mean "
-        "kinetic energy."
-    ),
-)
+@house_style
 def crystals_map(cube: xr.Dataset) -> Figure:
     """Draw ``leader`` and ``lead`` of ``cube`` over temperature and forces, a panel for each crystal."""
     count = cube.sizes["crystal"]
@@ -116,15 +98,7 @@ def _map(axes: Axes, one: xr.Dataset) -> None:
     axes.grid(visible=False)
 
 
-@figure(
-    cube="crystals",
-    category="Beyond the paper",
-    caption=(
-        "Above: density of phonons of each crystal at rest, over frequency divided by the highest. Below: the windows "
-        "of step sizes for which methods were trained, as frequency times step size per stage. The grey bands are the "
-        "upper half of the frequencies of a crystal, at a number of forces in a period of the fastest phonon."
-    ),
-)
+@house_style
 def crystals_phonons(cube: xr.Dataset) -> Figure:
     """Draw ``density`` of ``cube``, and the windows of trained methods."""
     drawn = new_figure(7.4, 6.2)
@@ -154,15 +128,7 @@ def crystals_phonons(cube: xr.Dataset) -> Figure:
     return drawn
 
 
-@figure(
-    cube="crystals",
-    category="Beyond the paper",
-    caption=(
-        "Gain of the best trained method over the best general one, in decades of the maximum energy error, against "
-        "the variation of the Hessian along the trajectory, for two numbers of forces in a period of the fastest "
-        "phonon. A point is a crystal at a temperature."
-    ),
-)
+@house_style
 def crystals_gain(cube: xr.Dataset) -> Figure:
     """Draw the ratio of errors of ``cube`` against ``delta``, a panel for each number of forces."""
     general, trained = (_best(cube, kind) for kind in ("general", "trained"))
@@ -191,16 +157,7 @@ def _best(cube: xr.Dataset, kind: str) -> xr.DataArray:
     return median.where(cube["kind"] == kind, np.inf).min("integrator")
 
 
-@figure(
-    cube="crystals",
-    category="Beyond the paper",
-    caption=(
-        "Above: change of the energy over a long run of a small crystal, in units of the mean kinetic energy, by a "
-        "straight line; a point is a start. Below: mean potential energy of a chain with friction and noise, over its "
-        "value for a harmonic crystal, at equal numbers of forces; bars are standard errors. Friction and noise act in "
-        "the middle of a step (B; leapfrog is then BAOAB) or at both ends (C)."
-    ),
-)
+@house_style
 def crystals_long_runs(cube: xr.Dataset) -> Figure:
     """Draw ``drift`` and ``potential`` of ``cube``."""
     drawn = new_figure(8.2, 6.4)

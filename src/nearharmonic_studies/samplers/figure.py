@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from nearharmonic.plotting.style import log_scale, method_handles, new_figure, panel_letter, style_of
-from nearharmonic_paper.tasks.declarations import figure
+from nearharmonic.plotting.style import house_style, log_scale, method_handles, new_figure, panel_letter, style_of
 
 #: Methods whose curves are drawn, at most eight.
 DRAWN = (
@@ -23,15 +22,7 @@ DRAWN = (
 ALONE, ALL = ("#9ecae1", "#5a9bd4", "#2f6fb0", "#0b3c8c"), (("#e86a10", "o"), ("#8b0000", "s"), ("#00785a", "^"))
 
 
-@figure(
-    cube="samplers",
-    category="Beyond the paper",
-    caption=(
-        "Hamiltonian Monte Carlo on Gaussians whose frequencies are log-uniform over a decade, exactly. (A) Gradients "
-        "over the least mean squared jump of all modes, in units of twice the variance, at the best step size and "
-        "length, against the dimension. (B) Gain over the first method."
-    ),
-)
+@house_style
 def samplers_gaussian(cube: xr.Dataset) -> Figure:
     """Draw ``gaussian_gradients`` and ``gaussian_gain`` of ``cube``."""
     names = _drawn(cube)
@@ -53,15 +44,7 @@ def samplers_gaussian(cube: xr.Dataset) -> Figure:
     return drawn
 
 
-@figure(
-    cube="samplers",
-    category="Beyond the paper",
-    caption=(
-        "Gain of methods over leapfrog in gradients per effective sample of the slowest observable, on targets that "
-        "are not Gaussian. Bars are 95 % intervals over chains. The step size and the length of the trajectories are "
-        "the best of a grid for each method, found by other chains."
-    ),
-)
+@house_style
 def samplers_targets(cube: xr.Dataset) -> Figure:
     """Draw ``gain`` of ``cube`` with its interval, a panel for each target."""
     names = list(map(str, cube["integrator"].values))[::-1]
@@ -94,16 +77,7 @@ def samplers_targets(cube: xr.Dataset) -> Figure:
     return drawn
 
 
-@figure(
-    cube="samplers",
-    category="Beyond the paper",
-    caption=(
-        "Gain of methods that were trained for Hamiltonian Monte Carlo over the best of the other methods, with 95 % "
-        "intervals. (A) Products of 1000 quartic oscillators of strength b, from starts that training did not use: "
-        "methods of four stages trained for one strength alone, and methods of three to five stages trained for the "
-        "strengths 0.1, 0.5 and 2 together. (B) The latter on the other targets, by chains."
-    ),
-)
+@house_style
 def samplers_trained(cube: xr.Dataset) -> Figure:
     """Draw ``special_gain`` and ``over_best`` of ``cube``."""
     drawn = new_figure(9.4, 4.4)

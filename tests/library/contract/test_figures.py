@@ -22,7 +22,7 @@ from nearharmonic.recommendation.measure import Solver
 from nearharmonic_paper.experiments.paper.figures.fig6_substeps import draw_panels
 from nearharmonic_paper.experiments.work_precision.figures.times import work_precision_figure
 from nearharmonic_paper.tasks.declarations import figures_of
-from nearharmonic_paper.tasks.experiment import ROOMS, experiments
+from nearharmonic_paper.tasks.experiment import experiments
 from nearharmonic_paper.tasks.provenance import function_of
 from support.cubes import figure_cubes as made
 from support.cubes.artists import NO_LINE, entries, look, look_of, luminance
@@ -40,12 +40,11 @@ TRAINED = [name for name in integrators if name.startswith("trained_")]
 TOGETHER = [*BENCHMARKED, "rnia12", "na7"]
 EXPERIMENTS = experiments()
 SHOWN = [stem for one in EXPERIMENTS.values() for stem in one.cubes]
-DECLARED = {one.stem: one for one in figures_of(ROOMS, ("henon_heiles", "kepler", "sho"), SHOWN)}
+DECLARED = {one.stem: one for one in figures_of(("henon_heiles", "kepler", "sho"), SHOWN)}
 # Those of the systems that the paper has a figure of are drawn by that figure; every other system is shown like this.
 OWN = {stem: DECLARED.pop(stem) for stem in ("sho_energy_error", "henon_heiles_energy_error", "kepler_energy_error")}
 (DECLARED["sho_energy_error"],) = (
-    replace(one, stem="sho_energy_error")
-    for one in figures_of(("nearharmonic_paper.experiments.paper.figures.energy_error",), ("other",))
+    replace(one, stem="sho_energy_error") for one in figures_of(("other",)) if one.profile
 )
 
 
@@ -60,7 +59,7 @@ def fast_for_the_paper(names):
 
 def drawing(name):
     """The function that draws the figure ``name``."""
-    return function_of({"function": DECLARED[name].function})
+    return function_of({"function": DECLARED[name].draw})
 
 
 @cache
@@ -98,17 +97,11 @@ def test_every_figure_has_an_example_cube():
     assert set(DECLARED) == {*CUBES, "fig6_substeps"}
 
 
-@pytest.mark.parametrize("experiment", EXPERIMENTS.values(), ids=lambda one: one.name)
-def test_every_figure_has_title_in_declaration_of_its_experiment(experiment):
-    drawn = {one.stem for one in DECLARED.values() if one.function.startswith(f"{experiment.room}.")}
-    assert drawn - {"sho_energy_error"} <= {*experiment.figures}
-
-
 def test_paper_system_figure_equals_paper_figure():
     for number, system in (("fig1", "sho"), ("fig3", "henon_heiles"), ("fig5", "kepler")):
         (papers,) = (one for one in DECLARED.values() if one.target == number)
         second = OWN[f"{system}_energy_error"]
-        assert (second.function, second.cube, second.caption) == (papers.function, system, papers.caption)
+        assert (second.draw, second.cube, second.caption) == (papers.draw, system, papers.caption)
         assert second.target == f"{system}_energy_error"
 
 

@@ -16,7 +16,7 @@ from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output import store
 from nearharmonic.output import store as writer
 from nearharmonic.output.dataset import Contents, flags
-from nearharmonic.output.store import PLACE, keep, name_of
+from nearharmonic.output.store import name_of
 from nearharmonic_paper.tasks import job
 from support.hostile.mutations import FOREIGN, make_foreign
 from support.results.result_folder import edited
@@ -391,18 +391,6 @@ def test_dataset_that_was_read_gets_name_of_its_new_file(tmp_path, variables):
 )
 def test_name_begins_below_the_folder_of_results(path, name):
     assert name_of(path) == name
-
-
-def test_damaged_file_is_not_kept_for_later_jobs(tmp_path, variables):
-    for shard in (0, 1):
-        store.write(tmp_path / f"runs/sho/ruth/{shard}.h5", variables, {})
-    damaged = tmp_path / "runs/sho/ruth/1.h5"
-    content = bytearray(damaged.read_bytes())
-    content[len(content) // 2] ^= 4
-    damaged.write_bytes(content)
-    keep(tmp_path, [tmp_path / "runs/sho/ruth/2.h5"])
-    (kept,) = (tmp_path / PLACE).rglob("*.h5")
-    assert kept.name.startswith("0-")
 
 
 def test_full_disk_is_one_sentence_and_no_crash_at_exit(tmp_path):

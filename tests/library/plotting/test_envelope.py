@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 import nearharmonic as nh
 from nearharmonic.plotting.energy_error import draw_profile
-from nearharmonic.plotting.levels import COLUMNS, envelope
+from nearharmonic.plotting.profile import COLUMNS, envelope
 
 
 def curve(points, errors):

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +13,9 @@ from matplotlib.figure import Figure
 
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
-from nearharmonic.plotting.datasets import POINTS, varying
+from nearharmonic.plotting.drawing import varying
 from nearharmonic.plotting.plot import MEMBER
+from nearharmonic.plotting.states import POINTS
 from support.cubes import figure_cubes as made
 from support.cubes.artists import line_of, look_of
 from support.methods.own_systems import spring
@@ -92,15 +91,6 @@ def test_a_trajectory_is_drawn_over_time_and_as_an_orbit(system, axes):
 def test_trajectories_of_one_method_are_told_apart_by_their_steps():
     runs = [nh.integrate("sho", "ruth", tau, t_end=20) for tau in (0.5, 0.25)]
     assert legend(nh.plot(runs)) == ["Ruth, τ = 0.5", "Ruth, τ = 0.25"]
-
-
-@pytest.mark.slow
-def test_a_notebook_shows_the_figure_without_pyplot():
-    assert nh.plot(nh.sweep("sho", "ruth", TAUS, t_end=20))._repr_png_().startswith(b"\x89PNG")
-    assert "matplotlib.pyplot" not in subprocess.run(
-        [sys.executable, "-c", "import sys, nearharmonic.plotting.datasets; print(*sys.modules)"],
-        capture_output=True, text=True, check=True,
-    ).stdout.split()  # fmt: skip
 
 
 @pytest.mark.parametrize(

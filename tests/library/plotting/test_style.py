@@ -104,20 +104,6 @@ def test_markers_of_curves_drawn_together_take_turns(methods, points, marks):
     assert [place.start for place in places] == [int(step * i / methods) for i in range(methods)]
 
 
-def test_all_points_of_a_short_curve_are_marked():
-    assert mark_every(9, 10, 3) == (0, 1)
-    assert mark_every(2, 3, 0) == (0, 1)
-    assert mark_every(0, 0, 100, 10) == (0, 10)
-
-
-@pytest.mark.parametrize(
-    ("directions", "scales"), [("x", ("log", "linear")), ("y", ("linear", "log")), ("xy", ("log", "log"))]
-)
-def test_only_the_axes_asked_for_become_logarithmic(directions, scales):
-    axes, _ = line_on_log_axes([1, 10], [2, 2000], directions)
-    assert (axes.get_xscale(), axes.get_yscale()) == scales
-
-
 @pytest.mark.slow
 def test_logarithmic_axes_have_ticks_and_labels_at_powers_of_ten():
     axes, _ = line_on_log_axes([1, 1000], [1e-5, 1e3])

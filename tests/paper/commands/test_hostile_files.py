@@ -22,7 +22,7 @@ from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.exchange.coefficient_file import read as read_coefficients
 from nearharmonic.output import store
 from nearharmonic.output.atomic import sealed_json_opened as opened
-from nearharmonic.plotting.energy_error import problem_of
+from nearharmonic.plotting.profile import problem_of
 from nearharmonic.recommendation.measure import read_parts
 from nearharmonic.registry.user_module import trusting_only
 from nearharmonic_paper.config.reading import read as read_config

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic_paper.report.page import page
-from support.cubes.page_results import CLAIMS, DRAWN, PLOTS, SYSTEMS, write_results
+from support.cubes.page_results import CLAIMS, DRAWN, PLOTS
 
 pytestmark = pytest.mark.browser
 ALL_FIGURES = [f"figure-{number}" for number in PLOTS]
@@ -34,23 +33,6 @@ def test_every_plot_is_drawn(wide):
         assert box["height"] > 200
 
 
-def pixels_of(page, name, colour):
-    """Number of pixels of a plot with a colour, to a few steps of each channel."""
-    channels = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
-    return page.evaluate(
-        """async ([name, channels]) => {
-          const canvas = await viewOf(name).export("png", true);
-          const drawn = (canvas.canvas ?? canvas);
-          const { data } = drawn.getContext("2d").getImageData(0, 0, drawn.width, drawn.height);
-          let count = 0;
-          for (let i = 0; i < data.length; i += 4)
-            if (channels.every((value, k) => Math.abs(data[i + k] - value) < 12)) count += 1;
-          return count;
-        }""",
-        [name, channels],
-    )
-
-
 @pytest.mark.parametrize("method", ["aba104", "babs7o7h"])
 def test_legend_button_hides_its_method_in_every_panel(wide, method):
     button = wide.locator(f"button[data-method={method}]")
@@ -67,20 +49,6 @@ def test_legend_button_hides_its_method_in_every_panel(wide, method):
     button.click()
     assert button.get_attribute("aria-pressed") == "true"
     assert wide.evaluate("(method) => drawnBy(method)", method) == before
-
-
-def test_hidden_method_leaves_no_pixel_and_all_return_together(wide):
-    green = "#00a070"
-    before = pixels_of(wide, "figure-3-panel-2", green)
-    assert before > 100
-    wide.locator("button[data-method=aba104]").click()
-    wide.locator("button[data-method=ruth]").click()
-    wide.settle()
-    assert pixels_of(wide, "figure-3-panel-2", green) == 0
-    wide.locator("button.all").click()
-    wide.settle()
-    assert pixels_of(wide, "figure-3-panel-2", green) == before
-    assert wide.locator("button.method[aria-pressed=false]").count() == 0
 
 
 def lonely(x, y):
@@ -148,12 +116,6 @@ def test_rectangle_in_one_panel_zooms_all_panels_of_its_figure(wide):
     np.testing.assert_allclose(ranges(wide, lower), before)
 
 
-def test_the_table_of_claims_has_as_many_rows_as_claims(wide):
-    assert wide.locator("table.claims tbody tr").count() == len(CLAIMS)
-    wide.locator("#statements").evaluate("(one) => { one.open = true; }")
-    assert wide.locator("table.claims tbody tr .verdict").all_inner_texts() == [claim[3] for claim in CLAIMS]
-
-
 def test_verdict_filter_shows_claims_and_link_restores_hidden_one(wide):
     rows = wide.locator("table.claims tbody tr")
     wide.locator("#statements").evaluate("(one) => { one.open = true; }")
@@ -193,83 +155,6 @@ def test_a_made_small_picture_looks_like_the_file(wide, results):
     dark, share = wide.evaluate(different, [whole, small])
     assert dark > 0.001
     assert share < 1e-5
-
-
-def test_a_link_from_a_claim_opens_its_table(wide):
-    table = wide.locator("#table-3")
-    assert table.get_attribute("open") is None
-    wide.locator("#statements").evaluate("(one) => { one.open = true; }")
-    wide.locator("#claim-three a").click()
-    wide.wait_for_selector("#table-3[open]")
-    assert "-0.9129" in table.inner_text()
-
-
-#: What is drawn in each element: the name of the plot, and of each visible line its method, column and points.
-DRAWN_IN = """() => Object.fromEntries([...document.querySelectorAll(".plot")].map((element) => {
-  const view = Bokeh.index.roots.find((view) => element.contains(view.el));
-  const lines = view.model.renderers.filter((one) => one.glyph.type === "Line" && one.glyph.line_alpha.value !== 0);
-  const points = ({ data_source, glyph }) => [glyph.x.field, glyph.y.field].map((at) => [...data_source.data[at]]);
-  return [element.id, [view.model.name, ...lines.map((one) => [one.tags[0], one.glyph.y.field, ...points(one)])]];
-}))"""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "systems",
-    [
-        ("well",),
-        pytest.param(("zeta", "Alpha"), marks=pytest.mark.long),
-        ("aardvark", "kepler", "sho"),
-        pytest.param(("f10", "f9", "f1_x"), marks=pytest.mark.long),
-        ("pendulum", "figure", "venus"),
-    ],
-)
-def test_each_heading_has_the_curves_of_its_own_cube(browser, tmp_path, systems):
-    folder = write_results(tmp_path / "own", systems=systems)
-    place = folder / "report.html"
-    place.write_text(page(folder=folder)["page"], encoding="utf-8")
-    shown = browser.new_page()
-    shown.goto(place.as_uri())
-    shown.wait_for_selector("html[data-ready]", state="attached")
-    drawn = shown.evaluate(DRAWN_IN)
-    assert {element: name for element, (name, *_) in drawn.items()} == dict(zip(drawn, drawn, strict=True))
-    for system in systems:
-        anchor = {"sho": "figure-1", "kepler": "figure-5"}.get(system, f"figure-{system}_energy_error")
-        assert SYSTEMS.get(system, system) in shown.locator(f"#{anchor} h3").inner_text()
-        with h5py.File(folder / "cubes" / f"{system}.h5") as cube:
-            tau, names = cube["tau_per_stage"][()], cube["integrator"].asstr()[()].tolist()
-            for panel, variable in enumerate(("max_energy_error", "mean_energy_error"), start=1):
-                _, *lines = drawn[f"{anchor}-panel-{panel}"]
-                values = cube[variable][()].reshape(-1, len(names), tau.size)
-                assert [method for method, *_ in lines] == names * len(values)
-                for (_, column, x, y), curve in zip(lines, values.reshape(-1, tau.size), strict=True):
-                    at = x.index(tau[5])
-                    assert (column, y[at]) == (variable, curve[5])
-    shown.close()
-
-
-@pytest.mark.parametrize("width", [1400, 400])
-def test_a_picture_and_the_thumbnails_come_before_one_reads(opened, width):
-    page = opened(viewport={"width": width, "height": 900})
-    box = page.locator(".hero img").bounding_box()
-    assert box["y"] + box["height"] < 900
-    assert page.locator(".thumbnails a").count() == len(PLOTS)
-
-
-def test_a_statement_beneath_its_figure_leads_to_its_row(wide):
-    wide.locator("#figure-3 details.statements summary").click()
-    wide.locator("#figure-3 details.statements a").first.click()
-    wide.wait_for_selector("#statements[open]")
-    assert wide.locator("#claim-two").is_visible()
-
-
-def test_link_to_a_figure_can_be_copied(opened):
-    page = opened()
-    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
-    page.locator("#figure-5 button.copy").click()
-    page.wait_for_function("document.querySelector('#figure-5 button.copy').textContent !== 'Copy link'")
-    assert page.evaluate("location.hash") == "#figure-5"
-    assert page.evaluate("navigator.clipboard.readText()").endswith("report.html#figure-5")
 
 
 STARTS = {"sho": ([1.0], [0.0]), "henon_heiles": ([0.3, 0.0], [0.0, 0.4])}

@@ -6,28 +6,12 @@ import re
 
 import pytest
 
-from nearharmonic_paper.experiments.paper.experiment import EXPERIMENT
 from nearharmonic_paper.report.page import page
-from support.cubes.page_reader import Reader
 from support.cubes.page_results import PLOTS
 from support.projects.workflow_project import ROOT
 
 TEXT = (ROOT / "docs/how_to/figure_in_a_page.md").read_text(encoding="utf-8")
 (HTML,) = re.findall(r"```html\n(.*?)```", TEXT, flags=re.DOTALL)
-
-
-def test_page_names_each_page_of_a_figure():
-    named = re.findall(r"^\| `(figure-\S+\.html)` \|", TEXT, flags=re.MULTILINE)
-    declared = [name.replace("{system}", "<system>") for name in EXPERIMENT.others if name.startswith("figure-")]
-    assert named == declared
-
-
-@pytest.mark.slow
-def test_figure_is_one_file_that_links_to_report_alone(results):
-    found = Reader(page(folder=results)["figure_3"])
-    assert {told["href"].partition("#")[0] for told, _ in found.all("a")} == {"report.html"}
-    sources = [told.get("src", "") for tag in ("img", "script", "link", "iframe") for told, _ in found.all(tag)]
-    assert all(source.startswith("data:") or not source for source in sources)
 
 
 @pytest.fixture
@@ -65,18 +49,3 @@ def test_figure_is_drawn_in_a_sandboxed_frame_without_requests(browser, embedded
     with pytest.raises(Exception, match=r"cross-origin|Blocked|SecurityError"):
         first.evaluate("parent.document.title")
     context.close()
-
-
-@pytest.mark.browser
-def test_narrow_frame_has_panels_one_below_the_other(browser, embedded):
-    tops = {}
-    for width in (500, 1280):
-        context = browser.new_context(viewport={"width": width, "height": 2400})
-        shown = context.new_page()
-        shown.goto(embedded.as_uri())
-        frame = shown.frames[1]
-        frame.wait_for_selector("html[data-ready]", state="attached")
-        tops[width] = [frame.locator(f"#figure-3-panel-{i} canvas").first.bounding_box()["y"] for i in (1, 2)]
-        context.close()
-    assert tops[500][1] > tops[500][0] + 100
-    assert tops[1280][1] == pytest.approx(tops[1280][0], abs=5)

@@ -12,7 +12,7 @@ from bokeh.document import Document
 from bokeh.models import Span
 
 import nearharmonic as nh
-from nearharmonic_paper.report.plots.energy_error import energy_error
+from nearharmonic_paper.report.plots import energy_error
 from support.cubes import figure_cubes as made
 from support.cubes.page_reader import written
 from support.cubes.page_results import PLOTS
@@ -132,9 +132,3 @@ def test_everything_a_method_draws_carries_its_name(plots):
     assert all(len(tags) <= 1 for tags in named)
     # Shades and contours of the Hamiltonian in four panels, slopes of orders 4 and 6 in six.
     assert sum(not tags for tags in named) == 2 * 4 + 6
-
-
-def test_ticks_of_logarithmic_axes_are_powers_of_ten(plots):
-    axes = [axis for plot in plots.values() for axis in (*plot.below, *plot.left) if type(axis).__name__ == "LogAxis"]
-    assert len(axes) == 2 * 6 + 1 + 2  # energy errors, kappa, perihelion
-    assert {(type(axis.formatter).__name__, axis.formatter.min_exponent) for axis in axes} == {("LogTickFormatter", 0)}

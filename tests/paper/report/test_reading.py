@@ -33,19 +33,6 @@ def test_tab_reaches_legend_and_space_toggles_it_with_visible_focus(opened):
     assert not any(any(visible) for _, visible in page.evaluate("drawnBy('ruth')"))
 
 
-def test_zoom_works_with_the_keyboard(wide):
-    button = wide.locator("#figure-5 button[data-zoom=in]")
-    before = ranges_of(wide, "figure-5-panel-2")
-    button.focus()
-    wide.keyboard.press("Enter")
-    (low, high), _ = ranges_of(wide, "figure-5-panel-2")
-    (x0, x1), _ = before
-    np.testing.assert_allclose([low, high], [x0 * (x1 / x0) ** 0.25, x0 * (x1 / x0) ** 0.75])
-    wide.locator("#figure-5 button[data-zoom=reset]").focus()
-    wide.keyboard.press("Space")
-    np.testing.assert_allclose(ranges_of(wide, "figure-5-panel-2"), before)
-
-
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_a_narrow_window_does_not_scroll_sideways(opened, scheme):
     page = opened(viewport={"width": 400, "height": 800}, color_scheme=scheme)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 import shutil
-from colorsys import rgb_to_hls
 
 import pytest
 
@@ -12,12 +10,10 @@ from nearharmonic.integrators import integrators
 from nearharmonic.plotting.palette import style_of
 from nearharmonic_paper.claims.results import power_of_ten, short
 from nearharmonic_paper.report import assets
-from nearharmonic_paper.report.plots.markers import MARKERS
-from nearharmonic_paper.report.plots.panels import span
+from nearharmonic_paper.report.panels import MARKERS, span
 from nearharmonic_paper.report.shown import wording
 from nearharmonic_paper.report.shown.figures import ShownFigure
 from nearharmonic_paper.report.shown.links import Places
-from nearharmonic_paper.report.shown.results import VERDICTS
 from nearharmonic_paper.report.shown.tables import ShownTable
 
 
@@ -118,26 +114,3 @@ def test_an_edit_of_template_style_or_script_changes_the_digest(tmp_path, monkey
     assert assets.digest() == before
     (tmp_path / name).write_text((tmp_path / name).read_text() + " ")
     assert assets.digest() != before
-
-
-@pytest.mark.parametrize(
-    ("verdict", "look", "sign", "hue"),
-    [
-        ("holds", "holds", "✓", "green"), ("holds but for edges", "edges", "✓", "green"),
-        ("holds in part", "part", "◐", "yellow"), ("fails", "fails", "✗", "red"), ("erratum", "erratum", "¶", "violet"),
-        ("not decided here", "open", "–", "grey"),
-    ],
-)  # fmt: skip
-def test_verdict_has_word_sign_and_colour_by_day_and_night(verdict, look, sign, hue):
-    assert VERDICTS[verdict] == look
-    style = (assets.FOLDER / "page.css").read_text(encoding="utf-8")
-    assert re.search(rf"^\.{look} \{{ --tone: var\(--(\w+)\); \}}$", style, re.MULTILINE)[1] == look
-    assert re.search(rf'^\.verdict\.{look}::before \{{ content: "(.)"; \}}$', style, re.MULTILINE)[1] == sign
-    hues = {"red": (0, 20), "yellow": (35, 65), "green": (75, 150), "violet": (250, 290)}
-    for colour in re.findall(rf"--{look}: #(\w+);", style):
-        red, green, blue = (int(colour[i : i + 2], 16) / 255 for i in (0, 2, 4))
-        angle, _, saturation = rgb_to_hls(red, green, blue)[0] * 360, None, rgb_to_hls(red, green, blue)[2]
-        low, high = hues.get(hue, (0, 360))
-        assert low <= angle <= high
-        assert (saturation < 0.2) == (hue == "grey")
-    assert len(re.findall(rf"--{look}: #", style)) == 2

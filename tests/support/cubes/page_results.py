@@ -79,10 +79,10 @@ def write_results(folder, systems=tuple(SYSTEMS), methods=made.METHODS):
     cubes = {system: cube(system, methods) for system in systems} | {"sho_terms": made.terms(methods)}
     for name, dataset in cubes.items():
         write_cube(folder / "cubes" / f"{name}.h5", dataset)
-    for one in figures_of(("nearharmonic_paper.experiments.paper",), systems, ["sho_terms"]):
+    for one in figures_of(systems, ["sho_terms"]):
         place = folder / "figures" / f"{one.stem}.svg"
         if one.stem == DRAWN:
-            save(function_of({"function": one.function})(cubes[one.cube]), [place])
+            save(function_of({"function": one.draw})(cubes[one.cube]), [place])
         else:
             place.write_text(SVG, encoding="utf-8")
     write_claims(folder)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from nearharmonic_paper.tasks.declarations import figures_of
-from nearharmonic_paper.tasks.experiment import ROOMS, experiments
+from nearharmonic_paper.tasks.experiment import experiments
 
 METHODS = ("ruth", "babs7o7h")
 #: Of figure 2.
@@ -42,9 +42,9 @@ _OF_EXPERIMENTS = {
 }
 
 _PAPER = _EXPERIMENTS["paper"]
-_DRAWN = figures_of(ROOMS, SYSTEMS, [stem for one in _EXPERIMENTS.values() for stem in one.cubes])
+_DRAWN = figures_of(SYSTEMS, [stem for one in _EXPERIMENTS.values() for stem in one.cubes])
 #: The paper's figures by target.
-FIGURES = {one.target: figures(one.stem) for one in _DRAWN if one.function.startswith(f"{_PAPER.room}.")}
+FIGURES = {one.target: figures(one.stem) for one in _DRAWN if one.experiment == "paper"}
 #: The pages of figures without a number.
 _ALONE = {f"figure-{system}_energy_error.html" for system in SYSTEMS if system not in ("sho", "henon_heiles", "kepler")}
 #: Target -> the files that it stands for.

@@ -10,26 +10,22 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from nearharmonic.plotting.energy_error import problem_of
-from nearharmonic.plotting.style import lettered, log_scale, method_handles, new_figure, panel_letter, style_of
-from nearharmonic_paper.tasks.declarations import figure
+from nearharmonic.plotting.profile import problem_of
+from nearharmonic.plotting.style import (
+    house_style,
+    lettered,
+    log_scale,
+    method_handles,
+    new_figure,
+    panel_letter,
+    style_of,
+)
 
 DASHES = (0, (4, 1.6))
 SHADE = "#e3e3e3"
 
 
-@figure(
-    cube="exact_oscillator",
-    category="Beyond the paper",
-    caption=(
-        "Energy error against amplitude at equal numbers of force evaluations, Henon-Heiles system, for step sizes per "
-        "stage as each panel says. Solid: the paper's methods, which split H into T and V. Dashed: methods "
-        "for near-integrable systems and trained ones, with the oscillator solved exactly by rotations and the cubic "
-        "terms in the kicks. Medians, over trajectories drawn from each energy surface, of the largest error at any "
-        "step. Thin vertical lines: where a dashed curve crosses the best of the solid ones; the "
-        "grey strips are their 95 % intervals. Left of its line, solving the oscillator exactly errs less."
-    ),
-)
+@house_style
 def exact_oscillator_error(cube: xr.Dataset) -> Figure:
     """Draw ``energy_error`` and ``exact_energy_error`` (median, charge 1) of ``cube`` against energy."""
     taus = cube["tau_per_stage"].values
@@ -94,17 +90,7 @@ def _legend(drawn: Figure, cube: xr.Dataset) -> None:
         )  # fmt: skip
 
 
-@figure(
-    cube="exact_oscillator",
-    category="Beyond the paper",
-    caption=(
-        "Amplitude up to which a method with the oscillator solved exactly errs less than the best of the paper's "
-        "methods with T and V, against what an evaluation with the exact oscillator costs, relative to one of T and V; "
-        "at a charge c its steps are c times as long. Bands are 95 % intervals. At charge 1 the two are "
-        "compared by evaluations, at the ratio of their measured times by time: that ratio is in the table of times. "
-        "A curve ends where the exact oscillator errs less at no amplitude."
-    ),
-)
+@house_style
 def exact_oscillator_charge(cube: xr.Dataset) -> Figure:
     """Draw ``best_crossing`` of ``cube`` as amplitudes against the charge, a panel for each step size."""
     taus = cube["tau_per_stage"].values

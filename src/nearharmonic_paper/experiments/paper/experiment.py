@@ -1,6 +1,123 @@
 """Declaration of the paper's experiment, which the default target makes."""
 
+from nearharmonic_paper.tasks.declarations import Figure
 from nearharmonic_paper.tasks.experiment import Experiment
+
+FIGURES = {
+    "fig1_sho": Figure(
+        draw="nearharmonic_paper.experiments.paper.figures.energy_error:energy_error",
+        title="Energy error of the oscillator",
+        cube="sho",
+        target="fig1",
+        profile=True,
+        caption=(
+            "Benchmark profile for the simple harmonic oscillator, t in [0, 500]: largest (A) and mean (B) relative "
+            "energy error over every step of a run, against step size per stage tau/s; each point is a whole run. "
+            "Solid lines with markers: double precision with compensated summation; dashed lines of the same colour: "
+            "extended precision (double-double), which goes on below the rounding floor of a double. Filled markers "
+            "are the methods of Nielsen (2015): their slope is 6, although their general order is 4. A curve ends "
+            "where the method becomes unstable."
+        ),
+    ),
+    "fig2_decomposition": Figure(
+        draw="nearharmonic_paper.experiments.paper.figures.fig2_decomposition:fig2_decomposition",
+        title="Error terms of the harmonic oscillator",
+        cube="sho_terms",
+        target="fig2",
+        caption=(
+            "Position error terms of one step for the simple harmonic oscillator (Nielsen 2015, Eq. 17, "
+            "dimensionless). A: kappa of order lambda, up to the highest order that a method's stages reach, for the "
+            "ABA composition (outer row drifts q; circles around the method's marker) and the BAB composition (outer "
+            "row kicks p; lines) of the same coefficients; circles and lines of one method meet at even orders. B: "
+            "the orders whose term vanishes, below 1e-30 in multiprecision, as circle (ABA) and bar (BAB); the row's "
+            "unbroken run from 1 reads the order of the position."
+        ),
+    ),
+    "fig3_henon_heiles": Figure(
+        draw="nearharmonic_paper.experiments.paper.figures.energy_error:energy_error",
+        title="Energy error of the Hénon-Heiles system",
+        cube="henon_heiles",
+        target="fig3",
+        profile=True,
+        caption=(
+            "Benchmark profile for the Hénon-Heiles system at H = 1/8, t in [0, 500]: largest (A) and mean (B) "
+            "relative energy error over every step of a run, against step size per stage tau/s; each point is a whole "
+            "run in double precision with compensated summation. Where the steps are large, methods solved for the "
+            "harmonic oscillator (filled markers) fall faster than their order 4, as the system is then close to an "
+            "oscillator. A curve ends where runs leave their energy surface."
+        ),
+    ),
+    "fig4_perihelion": Figure(
+        draw="nearharmonic_paper.experiments.paper.figures.fig4_perihelion:fig4_perihelion",
+        title="Advance of the perihelion against force evaluations per orbit",
+        cube="kepler",
+        target="fig4",
+        caption=(
+            "Spurious advance of Mercury's perihelion: absolute rate of rotation of the Laplace-Runge-Lenz vector, by "
+            "linear regression over the orbits of ten years, in radians per orbit (left) and arcseconds per century "
+            "(right), against force evaluations per orbit. A dot is a run, every few of them carry the method's "
+            "marker; bars show the 95 % interval of the fit where it exceeds the dot. Crosses are runs whose interval "
+            "includes zero. The dashed line is the advance that general relativity explains, 42.98 arcseconds per "
+            "century: a run above it errs by more than that."
+        ),
+    ),
+    "fig5_kepler": Figure(
+        draw="nearharmonic_paper.experiments.paper.figures.energy_error:energy_error",
+        title="Energy error of the Sun-Mercury system",
+        cube="kepler",
+        target="fig5",
+        profile=True,
+        caption=(
+            "Benchmark profile for the planar Sun-Mercury system over ten years (87 660 h): largest (A) and mean (B) "
+            "relative energy error over every step of a run, against step size per stage tau/s in hours; each point "
+            "is a whole run in double precision with compensated summation. The largest error comes at perihelion "
+            "passages, so the two panels rank the methods differently. A curve ends where runs leave their energy "
+            "surface."
+        ),
+    ),
+    "fig6_substeps": Figure(
+        draw="nearharmonic_paper.experiments.paper.figures.fig6_substeps:fig6_substeps",
+        title="Substeps in phase space",
+        cube=None,
+        target="fig6",
+        caption=(
+            "Substeps of two iterations in phase space (dimensionless) by Yosh s7o6 A (A, C) and BABs7o7H (B, D): the "
+            "harmonic oscillator from (q, p) = (0, 1) with tau = pi/4 (A, B) and the Hénon-Heiles system in the plane "
+            "q_x = p_x = 0 from (0.4, 0.4) with tau = 2 (C, D). Circles and crosses are the initial and final "
+            "position of each iteration; a dot is the state after a pair of drift and kick, its look says which "
+            "coefficients of the next pair are negative: none (blue), the drift c (red, horizontal bar), the kick d "
+            "(green, vertical bar), both (green within red). The thin line follows the drifts (horizontal) and kicks "
+            "(vertical). Shades are the Hamiltonian, the dashed contour passes through the start. Each panel states "
+            "the relative energy error after the two iterations, and the largest after any of 1000, or where the path "
+            "left its surface. D stays on it in the plane only: see fig6_displaced."
+        ),
+    ),
+    "fig6_displaced": Figure(
+        draw="nearharmonic_paper.experiments.paper.figures.fig6_displaced:fig6_displaced",
+        title="Panel (D) of Figure 6 beside its plane",
+        cube="substeps_displaced",
+        caption=(
+            "Panel D of Figure 6 beside its plane: BABs7o7H on the Hénon-Heiles system with tau = 2 from q_y = p_y = "
+            "0.4 and p_x = 0, with q_x = 0 and with four other values of q_x, over 100 000 iterations with "
+            "compensated (A) and plain sums (B). A curve is the largest relative energy error since its previous "
+            "point. Inside the plane q_x = 0 the error stays bounded (black). From every other start the path leaves "
+            "its energy surface (cross, at |dH/H0| = 1), even from 10^-12. Rounding decides at which iteration: the "
+            "crosses of A and B differ, and another order of the same operations moves them as well."
+        ),
+    ),
+    "{system}_energy_error": Figure(
+        draw="nearharmonic_paper.experiments.paper.figures.energy_error:energy_error",
+        title="Energy error",
+        cube="{system}",
+        profile=True,
+        caption=(
+            "Benchmark profile: largest (A) and mean (B) relative energy error over every step of a run, against step "
+            "size per stage tau/s; each point is a whole run. Dashed lines, if any, are in extended precision. A "
+            "curve ends where runs leave their energy surface. Filled markers are the methods of Nielsen (2015) and "
+            "those found here."
+        ),
+    ),
+}
 
 EXPERIMENT = Experiment(
     name="paper",
@@ -31,16 +148,7 @@ EXPERIMENT = Experiment(
         "table4_coefficients",
         "integrators",
     ),
-    figures={
-        "fig1_sho": "Energy error of the oscillator",
-        "fig2_decomposition": "Error terms of the harmonic oscillator",
-        "fig3_henon_heiles": "Energy error of the Hénon-Heiles system",
-        "fig4_perihelion": "Advance of the perihelion against force evaluations per orbit",
-        "fig5_kepler": "Energy error of the Sun-Mercury system",
-        "fig6_substeps": "Substeps in phase space",
-        "fig6_displaced": "Panel (D) of Figure 6 beside its plane",
-        "{system}_energy_error": "Energy error",
-    },
+    figures=FIGURES,
     others=(
         "tables/skipped.csv",
         "tables/claims.csv",

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -14,40 +15,30 @@ from nearharmonic.engine.settings import Sweep
 from nearharmonic.engine.solution import Problem
 from nearharmonic.output.dataset import Contents, Variable, Variables, coordinate, counted
 from nearharmonic.systems import systems
-from nearharmonic_paper.experiments.paper.grid.earlier import Earlier, EarlierFile, vacant
 from nearharmonic_paper.experiments.paper.grid.plan import Run, runs_of
 
 #: Auxiliary coordinates of a run file.
 COORDINATES = ("t",)
+#: The variables of runs; and what completes those of an earlier plan with what such a function returns for the others.
+Integration = Callable[[Run], Variables]
+Completion = Callable[[Run, Integration], Variables]
 
 
-def integrate(sweep: Sweep, integrator: str, shard: int, earlier: Sequence[EarlierFile] = ()) -> dict[str, Contents]:
-    """Integrate one shard, numbered from 0, of the step sizes of a method on a system.
+def integrate(sweep: Sweep, integrator: str, shard: int, earlier: Completion | None = None) -> dict[str, Contents]:
+    """Integrate one shard, numbered from 0, of the step sizes of a method on a system, as the contents ``run``.
 
-    Parameters
-    ----------
-    sweep, integrator, shard
-        The plan of the runs.
-    earlier : sequence of EarlierFile
-        Run files of the same code and coefficients, as an earlier config planned them: their runs are taken over.
-
-    Returns
-    -------
-    dict
-        ``run``: the runs in double precision in the root of a file, those in extended precision in a group. If there
-        are runs in double precision, the group has their step sizes and samples, so that ``xarray.open_datatree`` opens
-        both; runs that the plan omits have the status "skipped".
+    Runs in double precision are in the root of a file, those in extended precision in a group. If there are runs in
+    double precision, the group has their step sizes and samples, so that ``xarray.open_datatree`` opens both; runs that
+    the plan omits have the status "skipped". ``earlier`` takes runs over from the files of an earlier config.
     """
-    return {"run": contents(sweep, integrator, shard, Earlier(sweep, integrator, shard, earlier), integrate_run)}
+    return {"run": contents(sweep, integrator, shard, earlier, integrate_run)}
 
 
-def contents(
-    sweep: Sweep, integrator: str, shard: int, earlier: Earlier, function: Callable[[Run], Variables]
-) -> Contents:
-    """Return the contents of a run file: what ``function`` returns for the runs that ``earlier`` files do not hold."""
+def contents(sweep: Sweep, integrator: str, shard: int, earlier: Completion | None, function: Integration) -> Contents:
+    """Return the contents of a run file: what ``function`` returns for the runs that ``earlier`` does not hold."""
     planned = runs_of(sweep, integrator, shard)
     problems = {run.precision: problem_of(run) for run in planned}
-    parts = {run.precision: earlier.completed(run, function) for run in planned}
+    parts = {run.precision: earlier(run, function) if earlier else function(run) for run in planned}
     attributes: dict[str, object] = {
         "system": sweep.system,
         "integrator": integrator,
@@ -68,14 +59,10 @@ def _evaluations(variables: Variables) -> int:
 
 
 def integrate_run(run: Run) -> Variables:
-    """Integrate a planned run.
+    """Return trajectories over (tau_per_stage, sample, component), blocks over the first two, and counts of runs.
 
-    Returns
-    -------
-    Variables
-        Trajectories over (tau_per_stage, sample, component), blocks over (tau_per_stage, sample), and counts over
-        tau_per_stage. ``block_max_energy_error`` and ``block_mean_energy_error`` cover the ``block_steps`` steps since
-        the previous sample, so that they determine maximum and mean over all steps.
+    ``block_max_energy_error`` and ``block_mean_energy_error`` cover the ``block_steps`` steps since the previous
+    sample, so that they determine maximum and mean over all steps.
     """
     problem = problem_of(run)
     grid = coordinate("tau_per_stage", run.tau_per_stage, "step size per stage", problem.system.units["t"])
@@ -85,8 +72,9 @@ def integrate_run(run: Run) -> Variables:
 
 def problem_of(run: Run) -> Problem:
     """Return the system, method and settings of planned runs."""
-    system = systems[run.system]
-    return Problem(system, run.integrator, t_end=run.t_end, precision=run.precision, **run.shared_settings)
+    sweep = run.sweep
+    system = systems[sweep.system]
+    return Problem(system, run.integrator, t_end=sweep.t_end, precision=run.precision, **sweep.shared_settings)
 
 
 def _padded(part: Variables, whole: Mapping[str, Variable]) -> Variables:
@@ -103,3 +91,9 @@ def _padded(part: Variables, whole: Mapping[str, Variable]) -> Variables:
         filled[np.ix_(rows, *map(np.arange, values.shape[1:]))] = values
         found[name] = dims, filled, notes
     return found
+
+
+def vacant(name: str, values: Any, shape: Sequence[int]) -> Any:
+    """Return an array for a variable without runs: NaN, 0 or the word "skipped"."""
+    filler = "skipped" if name == "status" else np.nan if values.dtype.kind == "f" else 0
+    return np.full(shape, filler, values.dtype)

@@ -1,7 +1,78 @@
 """Declaration of the stress tests."""
 
 from nearharmonic_paper.experiments.stability.settings import StabilitySettings
+from nearharmonic_paper.tasks.declarations import Figure
 from nearharmonic_paper.tasks.experiment import Experiment
+
+FIGURES = {
+    "linear_stability": Figure(
+        draw="nearharmonic_paper.experiments.stability.linear.figure:linear_stability",
+        title="Linear stability",
+        cube="linear_stability",
+        category="Stability",
+        caption=(
+            "Half the trace of the step matrix of the harmonic oscillator, polynomials in tau known exactly, against "
+            "step size per stage tau/s; cos(tau), the exact one, is the thin line. A method is stable while the curve "
+            "stays between -1 and 1; red marks the gaps where it does not, ticks at the top those too narrow to be "
+            "seen. The first edge tau* and the largest growth per step in the first gap are written in each panel. "
+            "Past the last edge none is stable."
+        ),
+    ),
+    "henon_heiles_stability": Figure(
+        draw="nearharmonic_paper.experiments.stability.henon_heiles.figure:henon_heiles_stability",
+        title="Ensembles on energy surfaces of Hénon and Heiles",
+        cube="stability_henon_heiles",
+        category="Stability",
+        caption=(
+            "Henon-Heiles ensembles: for each method, four energy surfaces from H = 1/24 (top strip) to the energy of "
+            "escape, H = 1/6 (bottom strip), against the step size per stage. Colour is the median over the "
+            "trajectories of the largest energy error: the lighter the better. Grey: more than 1 % of the "
+            "trajectories left their energy surface. Dark streaks are step-size resonances; most lie below the first "
+            "linear limit (black line), where the first gap opens in which the harmonic oscillator is unstable, often "
+            "narrower than a column. Initial conditions are quasi-random in the microcanonical measure."
+        ),
+    ),
+    "kepler_stability": Figure(
+        draw="nearharmonic_paper.experiments.stability.kepler.figure:kepler_stability",
+        title="Kepler orbits by eccentricity",
+        cube="stability_kepler",
+        category="Stability",
+        caption=(
+            "Kepler orbits of eccentricity e from the apoapsis. A: largest energy error; B: spurious advance of the "
+            "perihelion in radians per orbit; each against force evaluations per orbit, one map a method, the lighter "
+            "the better. Grey: the orbit was lost (the energy error reached the energy itself, or the perihelion "
+            "turned by more than a quarter turn in an orbit). White line: energy error 1e-6. C: that line for all "
+            "methods. The eccentricity is spaced by the logarithm of the perihelion distance, 1 - e."
+        ),
+    ),
+    "rounding_growth": Figure(
+        draw="nearharmonic_paper.experiments.stability.rounding.figure:rounding_growth",
+        title="Growth of rounding errors",
+        cube="stability_rounding",
+        category="Stability",
+        caption=(
+            "Effect of rounding alone on Kepler orbits over a long time, as root mean square over an ensemble. A: "
+            "energy; B: lag along the track, as mean anomaly. Solid: plain summation; dashed: compensated; "
+            "dash-dotted: extended precision; dotted: the lag that coefficients rounded to double cause in exact "
+            "arithmetic, proportional to time, which no summation removes. Grey: Brouwer's law for independent "
+            "errors, t^1/2 and t^3/2. C, D: the exponents fitted, with 95 % intervals by the jackknife over orbits."
+        ),
+    ),
+    "kinetic_energy": Figure(
+        draw="nearharmonic_paper.experiments.stability.kinetic_energy.figure:kinetic_energy",
+        title="A kinetic energy that is not quadratic",
+        cube="kinetic_energy",
+        category="Stability",
+        caption=(
+            "Relativistic oscillator, H = sqrt(1 + p^2) - 1 + q^2/2, t in [0, 500], from q = A at rest. A, B: largest "
+            "energy error over every step against step size per stage, at a small and at a relativistic amplitude. C: "
+            "the same at tau/s = 0.05 against amplitude, over that of Ruth's method: the lead of the harmonic methods "
+            "shrinks as T departs from p^2/2. D: the same with the roles of T and V exchanged, which puts the "
+            "departure into V and leaves T quadratic; what C loses and D keeps is due to the shape of T alone. Filled "
+            "markers: Nielsen (2015)."
+        ),
+    ),
+}
 
 EXPERIMENT = Experiment(
     name="stability",
@@ -49,12 +120,6 @@ EXPERIMENT = Experiment(
         "structure",
         "kinetic_energy",
     ),
-    figures={
-        "linear_stability": "Linear stability",
-        "henon_heiles_stability": "Ensembles on energy surfaces of Hénon and Heiles",
-        "kepler_stability": "Kepler orbits by eccentricity",
-        "rounding_growth": "Growth of rounding errors",
-        "kinetic_energy": "A kinetic energy that is not quadratic",
-    },
+    figures=FIGURES,
     runs=("stability/{ensemble}/{integrator}", "stability/structure/{autonomous}", "stability/kinetic_energy"),
 )

@@ -11,20 +11,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from nearharmonic.integrators import integrators
 from nearharmonic.output.store import read
-from nearharmonic.plotting.levels import energy_error_label, energy_of
 from nearharmonic.plotting.palette import style_of
+from nearharmonic.plotting.profile import energy_error_label, energy_of
 from nearharmonic_paper.experiments.paper.orbits.substeps import paper_panels
-from nearharmonic_paper.report.plots.decomposition import decomposition
-from nearharmonic_paper.report.plots.energy_error import energy_error
-from nearharmonic_paper.report.plots.markers import MARKERS
-from nearharmonic_paper.report.plots.panels import Panel
-from nearharmonic_paper.report.plots.perihelion import perihelion
-from nearharmonic_paper.report.plots.phase_space import phase_space
-from nearharmonic_paper.report.shown.declared import OTHERS, PAPER, anchor_of, number_of
+from nearharmonic_paper.report.panels import MARKERS, Panel
+from nearharmonic_paper.report.plots import decomposition, energy_error, perihelion, phase_space
+from nearharmonic_paper.report.shown.declared import PAPER, anchor_of, number_of
 from nearharmonic_paper.report.shown.pictures import picture
 from nearharmonic_paper.report.shown.results import ShownResults
-from nearharmonic_paper.tasks.declarations import Declaration
-from nearharmonic_paper.tasks.experiment import experiments
+from nearharmonic_paper.tasks.declarations import Figure
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,34 +29,12 @@ _HINT = "A cross on the upper edge is the smallest step size at which a method l
 
 @dataclass(kw_only=True)
 class ShownFigure:
-    """A figure of the page.
+    """A figure of the page, with its files and the pictures of them as data URIs, "" if they are omitted.
 
-    Attributes
-    ----------
-    anchor : str
-        Id of its element, and name of the page of this figure alone.
-    title : str
-        Heading.
-    stem : str
-        Name of its files, without ending.
-    caption : str
-        Text below the static picture.
-    hint : str
-        One sentence on the additional content of the interactive panels.
-    cube : str or None
-        Name of the cube of the figure.
-    picture : str
-        Data URI of the static picture, "" if it is omitted.
-    thumbnail : str
-        Data URI of the small picture.
-    statements : list of dict
-        The statements of the paper that it decides or illustrates, the worst first.
-    panels : list of Panel
-        Interactive panels; empty for a static figure.
-    methods : dict of str to str
-        Labels of the methods in the panels, by name.
-    is_own : bool
-        True for the energy errors of a system that the paper does not have.
+    ``anchor`` is the id of its element, and the name of the page of this figure alone. ``hint`` is a sentence on what
+    the interactive panels have besides. ``statements`` are those of the paper that it decides or illustrates, the worst
+    first, and ``methods`` the labels in its panels by name. The energy errors of a system that the paper does not have
+    ``is_own``.
     """
 
     anchor: str
@@ -94,10 +67,23 @@ def interactive(results: ShownResults) -> Iterator[ShownFigure]:
     """Yield the existing figures of the paper, and the existing energy-error figures of other systems."""
     cubes = cache(lambda name: read(results.cube(name)))
     for one in results.figures:
-        if one.function.startswith(PAPER):
-            shown, methods, title, hint = _drawn(one, cubes)
-            caption = _caption(one.caption, cubes(one.cube)) if one.profile and one.cube else one.caption
-            yield _figure(replace(one, caption=caption), results, title, panels=shown, methods=methods, hint=hint)
+        if one.experiment == PAPER:
+            number, title, caption = number_of(one), one.title, one.caption
+            data: Any = cubes(one.cube) if one.cube else None
+            more: dict[str, Any] = {}
+            if one.profile and data is not None:
+                title = f"Energy error against step size: {data.attrs['system_label']}"
+                caption = _caption(caption, data)
+                more = {"panels": energy_error(data), "hint": _HINT}
+            elif one.stem in _DRAWN:
+                draw, hint = _DRAWN[one.stem]
+                data = paper_panels() if data is None else data
+                more = {"panels": draw(data), "hint": hint}
+            if more:
+                more["methods"] = _methods(data)
+            title = f"Figure {number}. {title}" if number else title
+            own = one.profile and number is None
+            yield _shown(results, one.stem, anchor_of(one), title, replace(one, caption=caption), is_own=own, **more)
 
 
 def static(results: ShownResults, titles: Mapping[str, str]) -> Iterator[ShownFigure]:
@@ -110,16 +96,15 @@ def static(results: ShownResults, titles: Mapping[str, str]) -> Iterator[ShownFi
         pattern = next(pattern for pattern in titles if fnmatch(stem, pattern))
         rest = stem.removeprefix(pattern.rstrip("*")) if "*" in pattern else ""
         title = titles[pattern] + (f": {labels.get(rest, rest)}" if rest else "")
-        one = declared.get(stem)
-        yield ShownFigure(
-            anchor=f"figure-{stem}",
-            title=title,
-            caption=one.caption if one else "",
-            stem=stem,
-            cube=one.cube if one else None,
-            picture=picture(results.svg(stem)),
-            thumbnail=results.thumbnail(stem),
-        )
+        yield _shown(results, stem, f"figure-{stem}", title, declared.get(stem))
+
+
+def _shown(results: ShownResults, stem: str, anchor: str, title: str, one: Figure | None, **more: Any) -> ShownFigure:
+    caption, cube = (one.caption, one.cube) if one else ("", None)
+    small, drawing = results.thumbnail(stem), picture(results.svg(stem))
+    return ShownFigure(
+        anchor=anchor, title=title, caption=caption, stem=stem, cube=cube, picture=drawing, thumbnail=small, **more
+    )
 
 
 def _caption(caption: str, cube: xr.Dataset) -> str:
@@ -131,46 +116,17 @@ def _caption(caption: str, cube: xr.Dataset) -> str:
     return f"{caption} The energy at the start is H₀ = {H0}." if (H0 := energy_of(cube.attrs)) else caption
 
 
-def _figure(one: Declaration, results: ShownResults, title: str, **more: Any) -> ShownFigure:
-    number = number_of(one)
-    return ShownFigure(
-        anchor=anchor_of(one),
-        title=f"Figure {number}. {title}" if number else title,
-        caption=one.caption,
-        stem=one.stem,
-        cube=one.cube,
-        picture=picture(results.svg(one.stem)),
-        thumbnail=results.thumbnail(one.stem),
-        is_own=one.profile and number is None,
-        **more,
-    )
-
-
-def _drawn(one: Declaration, cubes: Callable[[str], xr.Dataset]) -> tuple[list[Panel], dict[str, str], str, str]:
-    """Return panels, methods, title and hint of one figure; no panels if it has no interactive version."""
-    cube = cubes(one.cube) if one.cube else None
-    if one.profile and cube is not None:
-        title = f"Energy error against step size: {cube.attrs['system_label']}"
-        return energy_error(cube), _methods(cube), title, _HINT
-    title = experiments()["paper"].figures.get(one.stem, one.stem.replace("_", " ").capitalize())
-    if one.stem not in OTHERS:
-        return [], {}, title, ""
-    if one.stem == "fig6_substeps":
-        paths = paper_panels()
-        methods = {path.attrs["integrator"]: path.attrs["label"] for path in paths.values()}
-        return phase_space(paths), methods, title, ""
-    draw, hint = _OTHERS[one.stem]
-    return draw(cube), _methods(cube), title, hint
-
-
-#: Figures of other quantities than energy errors, by their file names: drawing function and hint.
-_OTHERS: dict[str, tuple[Callable[[Any], list[Panel]], str]] = {
+#: Interactive figures of other quantities than energy errors, by their file names: drawing function and hint.
+_DRAWN: dict[str, tuple[Callable[[Any], list[Panel]], str]] = {
     "fig2_decomposition": (decomposition, ""),
     "fig4_perihelion": (perihelion, "The interactive figure has arcseconds per century at each point."),
+    "fig6_substeps": (phase_space, ""),
 }
 
 
 def _methods(cube: Any) -> dict[str, str]:
+    if isinstance(cube, dict):  # paths of substeps
+        return {path.attrs["integrator"]: path.attrs["label"] for path in cube.values()}
     names, labels = (map(str, cube[name].values) for name in ("integrator", "label"))
     return dict(zip(names, labels, strict=True))
 

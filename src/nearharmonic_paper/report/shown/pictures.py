@@ -62,14 +62,9 @@ def thumbnail(png: Path) -> str:
 
 
 def few_colours(figure: str, colours: int) -> dict[str, bytes]:
-    """Return a PNG file of few colours, at most :data:`WIDEST` pixels wide, as ``picture``.
+    """Return the PNG file ``figure`` in few colours, at most :data:`WIDEST` pixels wide, as ``picture``.
 
-    Parameters
-    ----------
-    figure : str
-        PNG file of the figure.
-    colours : int
-        Number of colours: 20 are enough for lines, pale areas and shades need more.
+    20 colours are enough for lines; pale areas and shades need more.
     """
     from PIL import Image
 

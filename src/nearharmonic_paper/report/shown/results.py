@@ -19,8 +19,7 @@ from nearharmonic_paper.record.files.texts import Texts
 from nearharmonic_paper.report.shown.declared import in_order
 from nearharmonic_paper.report.shown.pictures import thumbnail
 from nearharmonic_paper.report.shown.tables import ShownTable, tables_of
-from nearharmonic_paper.tasks.declarations import Declaration, figures_of
-from nearharmonic_paper.tasks.experiment import ROOMS
+from nearharmonic_paper.tasks.declarations import Figure, figures_of
 
 #: Verdicts in the order of the page, each with the name of its style.
 VERDICTS = {
@@ -34,7 +33,10 @@ VERDICTS = {
 
 
 class ShownResults:
-    """A folder of results, ``results/<name>``, without files of these names, which are leftovers of another config."""
+    """A folder of results, ``results/<name>``, without files of these names, which are leftovers of another config.
+
+    A ResultFileError says that a file is missing or damaged, and has the command that makes it again.
+    """
 
     def __init__(self, folder: Path, leftovers: Sequence[str] = ()) -> None:
         self.folder = folder
@@ -43,13 +45,7 @@ class ShownResults:
 
     @cached_property
     def claims(self) -> list[dict[str, Any]]:
-        """The objects of ``tables/claims.json``; none without a system of the paper.
-
-        Raises
-        ------
-        ResultFileError
-            The file is missing or damaged; the message names the command that makes it again.
-        """
+        """The objects of ``tables/claims.json``; none without a system of the paper."""
         if not self.has_systems_of_the_paper:
             return []
         name = "tables/claims.json"
@@ -64,11 +60,11 @@ class ShownResults:
         return found
 
     @cached_property
-    def figures(self) -> list[Declaration]:
+    def figures(self) -> list[Figure]:
         """The existing declared figures, in the order of the page."""
         cubes = self.stems("cubes", ".h5")
         drawn = self.stems("figures", ".svg")
-        return in_order(one for one in figures_of(ROOMS, cubes, cubes) if one.stem in drawn)
+        return in_order(one for one in figures_of(cubes, cubes) if one.stem in drawn)
 
     @property
     def has_systems_of_the_paper(self) -> bool:
@@ -80,20 +76,9 @@ class ShownResults:
         """Names of the leftovers, each once for all its formats."""
         return sorted({name.partition(".")[0] for name in self._leftovers})
 
-    @staticmethod
-    def drawing(stem: str) -> str:
-        """Return the name of the SVG file of a figure."""
-        return f"figures/{stem}.svg"
-
     def svg(self, stem: str) -> str:
-        """Return the text of the SVG file of a figure.
-
-        Raises
-        ------
-        ResultFileError
-            The file is missing or damaged; the message names the command that makes it again.
-        """
-        return self._texts.read(self.drawing(stem))
+        """Return the text of the SVG file of a figure."""
+        return self._texts.read(f"figures/{stem}.svg")
 
     def thumbnail(self, stem: str) -> str:
         """Return the data URI of a small picture of a figure, "" without its PNG file."""
@@ -123,21 +108,15 @@ class ShownResults:
         return list(dict.fromkeys(stem for pattern in patterns for stem in found if fnmatch(stem, pattern)))
 
     def tables(self, patterns: Sequence[str], without: Sequence[str] = ()) -> list[ShownTable]:
-        """Read the tables whose file names match one of ``patterns`` and none of ``without``.
-
-        All anchors are different.
-        """
-        stems = [stem for stem in self.stems("tables", ".csv", patterns) if not any(fnmatch(stem, o) for o in without)]
-        found = [one for stem in stems for one in self._tables_of(stem)]
-        taken: set[str] = set()
-        for i, one in enumerate(found):
-            if one.anchor in taken:
-                found[i] = replace(one, anchor=f"{one.anchor}-{i}")
-            taken.add(found[i].anchor)
-        return found
-
-    def _tables_of(self, stem: str) -> list[ShownTable]:
-        return tables_of(self._texts, stem, has_markdown=(self.folder / "tables" / f"{stem}.md").is_file())
+        """Read the tables whose file names match one of ``patterns`` and none of ``without``; all anchors differ."""
+        found: dict[str, ShownTable] = {}
+        for stem in self.stems("tables", ".csv", patterns):
+            if not any(fnmatch(stem, pattern) for pattern in without):
+                has_markdown = (self.folder / "tables" / f"{stem}.md").is_file()
+                for one in tables_of(self._texts, stem, has_markdown=has_markdown):
+                    anchor = f"{one.anchor}-{len(found)}" if one.anchor in found else one.anchor
+                    found[anchor] = replace(one, anchor=anchor)
+        return list(found.values())
 
     @cached_property
     def saving(self) -> Totals:

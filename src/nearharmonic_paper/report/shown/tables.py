@@ -12,14 +12,9 @@ from nearharmonic_paper.report.shown import wording
 
 @dataclass(frozen=True, kw_only=True)
 class ShownTable(Table):
-    """A table of the page, with formatted cells.
+    """A table of the page, with formatted cells, the id of its element, and the file with all digits.
 
-    Attributes
-    ----------
-    anchor : str
-        Id of its element: "table-4" for the paper's Table 4.
-    file : str
-        File with all digits, relative to the folder of results.
+    The id of the paper's Table 4 is "table-4"; the name of the file is relative to the folder of results.
     """
 
     anchor: str
@@ -29,12 +24,8 @@ class ShownTable(Table):
 def tables_of(texts: Texts, stem: str, *, has_markdown: bool) -> list[ShownTable]:
     """Read the table ``tables/<stem>.csv``, with the caption above its Markdown.
 
-    Markdown with headings is a summary of a long table; its tables are then returned.
-
-    Raises
-    ------
-    ResultFileError
-        A file is missing, damaged or no table; the message names the command that makes it again.
+    Markdown with headings is a summary of a long table; its tables are then returned. A ResultFileError says that a
+    file is missing, damaged or no table.
     """
     file, anchor = f"tables/{stem}.csv", _anchor_of(stem)
     said = texts.read(f"tables/{stem}.md").splitlines() if has_markdown else []

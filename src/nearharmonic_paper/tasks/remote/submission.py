@@ -25,7 +25,7 @@ PYTHON = "NEARHARMONIC_NODE_PYTHON"
 #: The process that ends the jobs of this computer with itself has no meaning on another.
 _ENVIRONMENT = f"env -u {LEADER}"
 #: Parameters of rules that jobs read.
-PARAMS = ("task", "tasks", "captions")
+PARAMS = ("task", "tasks", "captions", "transparent", "earlier")
 #: Functions of the module job, by the scripts of the rules.
 _FUNCTIONS = {"task.py": "run", "draw.py": "draw"}
 #: Marks of outputs that need nothing on the node.
@@ -72,13 +72,7 @@ def frozen(job: Any, patience: float) -> FrozenJob:
         function=_FUNCTIONS[Path(job.rule.script).name],
         input=_files(job.input),
         output=_files(job.output),
-        params=SimpleNamespace(
-            **{
-                name: value
-                for name, value in job.params.items()
-                if name in {"task", "tasks", "captions", "transparent"}
-            }
-        ),
+        params=SimpleNamespace(**{name: value for name, value in job.params.items() if name in PARAMS}),
         log=[str(file) for file in job.log],
         threads=int(job.threads),
         patience=float(patience),

@@ -9,8 +9,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from nearharmonic.plotting.style import log_scale, new_figure, panel_letter
-from nearharmonic_paper.tasks.declarations import figure
+from nearharmonic.plotting.style import house_style, log_scale, new_figure, panel_letter
 
 #: Name, colour and marker of each idea.
 LOOKS = {
@@ -27,19 +26,7 @@ PANELS, FULL = 3, 0.8
 PALEST = 0.22
 
 
-@figure(
-    cube="trained_ideas",
-    category="Beyond the paper",
-    caption=(
-        "Which idea is best where: random potentials of two coordinates, from almost harmonic to strongly anharmonic, "
-        "all at equal cost. Above: gain of the best method of each idea over the best general method, in decades of "
-        "the mean energy error, against the variation of the Hessian along the orbits; bands are 95 % intervals over "
-        "the potentials. Below: the idea that is ahead at each anharmonicity and step size, among all, and among "
-        "those that split H into T and V; numbers and the depth of the colour are its lead over the second in "
-        "decades. An evaluation with the oscillator solved exactly is charged with the time that it takes longer. The "
-        "smallest errors, at small anharmonicities and step sizes, are rounding."
-    ),
-)
+@house_style
 def trained_ideas(cube: xr.Dataset) -> Figure:
     """Draw ``gain`` of ``cube`` against anharmonicity at three step sizes, and ``leader`` over both."""
     drawn = new_figure(9.2, 10.2)

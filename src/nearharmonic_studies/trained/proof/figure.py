@@ -15,8 +15,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, MultipleLocator
 
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.plotting.style import lettered, log_scale, new_figure, panel_letter, style_of
-from nearharmonic_paper.tasks.declarations import figure
+from nearharmonic.plotting.style import house_style, lettered, log_scale, new_figure, panel_letter, style_of
 from nearharmonic_studies.trained.proof.settings import ORBITS
 
 #: Range of the published methods, their best one, and the best trained one.
@@ -33,18 +32,7 @@ HIGHEST, TICKS = 0.02, (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 LABELLED = 1000
 
 
-@figure(
-    cube="trained",
-    category="Beyond the paper",
-    caption=(
-        "Energy error against the step size per evaluation of the force, in radians of the fastest small oscillation, "
-        "on problems that no method was trained on: means over the problems of an ensemble of the largest error at "
-        "any step. Grey: the range of all published methods of the registry. Blue: the best of them at each step size. "
-        "Orange: the best trained method at each step size, which the marker names. The area between the two is orange "
-        "where trained methods err less, blue where they lose. The strength of a random potential measures its "
-        "anharmonicity."
-    ),
-)
+@house_style
 def trained_error(cube: xr.Dataset) -> Figure:
     """Draw ``mean_log_error`` of ``cube`` against the step size, a panel for each ensemble."""
     count = cube["ensemble"].size
@@ -148,16 +136,7 @@ def _legend(cube: xr.Dataset) -> list[Line2D | Patch]:
     return handles
 
 
-@figure(
-    cube="trained",
-    category="Beyond the paper",
-    caption=(
-        "Gain of the best trained over the best published method, in decades of the mean energy error at equal cost, "
-        "against the step size per evaluation of the force in radians of the fastest small oscillation. Bands are 95 % "
-        "intervals by resampling the problems, with the best of each chosen anew. Above 0 a trained method is ahead, "
-        "below 0 a published one. The strength of a random potential measures its anharmonicity."
-    ),
-)
+@house_style
 def trained_gain(cube: xr.Dataset) -> Figure:
     """Draw ``gain`` and ``gain_interval`` of ``cube`` against the step size, ensembles of a kind in one panel."""
     panels = list(dict.fromkeys(map(str, cube["panel"].values)))

@@ -10,7 +10,7 @@ import pytest
 import nearharmonic as nh
 from nearharmonic_paper.experiments.paper.figures import fig2_decomposition
 from nearharmonic_paper.experiments.paper.tableaus import decompose
-from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, lines_of, look, look_of, looks, ticks
+from support.cubes.artists import NO_LINE, SOLID, drawn, line_of, lines_of, look, look_of, ticks
 from support.cubes.figure_cubes import METHODS, label, terms
 
 #: Orders that vanish in the cube, by the row that is outermost.
@@ -66,27 +66,6 @@ def test_rows_are_named_downwards_in_order_of_methods(cube):
     assert heights == sorted(heights, reverse=True)
     bottom, top = lower.get_ylim()
     assert top < 0 < len(METHODS) - 1 < bottom
-
-
-def test_legend_shows_methods_and_explains_circles_and_lines(cube):
-    (legend,) = fig2_decomposition.fig2_decomposition(cube).legends
-    found = looks(legend)
-    assert list(found) == [*map(label, METHODS), "ABA composition", "BAB composition"]
-    for name in METHODS:
-        assert found[label(name)] == look_of(name)
-    # ABA is drift first: circles. BAB is kick first: lines.
-    assert found["ABA composition"][1:] == ("o", "none", NO_LINE)
-    assert found["BAB composition"][1:] == (None, None, SOLID)
-    (circle,) = entries(legend)["ABA composition"]
-    upper, _ = fig2_decomposition.fig2_decomposition(cube).axes
-    assert circle.get_markersize() == lines_of(upper, ORDERS, remaining(cube, "ruth", "drift"))[0].get_markersize()
-
-
-def test_terms_that_all_vanish_leave_empty_panel_and_full_rows(cube):
-    cube["kappa"][:] = 0.0
-    upper, lower = fig2_decomposition.fig2_decomposition(cube).axes
-    assert not any(drawn(line).any() for line in upper.get_lines())
-    assert len(lines_of(lower, ORDERS, 0)) == 3
 
 
 def test_rounded_coefficients_of_twenty_digits_keep_the_vanishing_terms(monkeypatch):

@@ -9,7 +9,7 @@ from mpmath import mpf
 import nearharmonic as nh
 from nearharmonic.integrators import integrators
 from nearharmonic_paper.experiments.paper.orbits import displaced
-from nearharmonic_paper.experiments.paper.orbits.substeps import PAPER_PANELS, paper_panels
+from nearharmonic_paper.experiments.paper.orbits.substeps import paper_panels
 from support.oracles.multiprecision import energy_errors, trajectory
 
 ITERATIONS = 100_000
@@ -68,14 +68,6 @@ def test_only_the_path_inside_the_plane_stays_on_its_surface(cube):
     assert np.isinf(cube["max_energy_error"][1:]).all()
 
 
-def test_small_displacements_grow_alike_as_long_as_they_are_small(cube):
-    """Up to q_x = 1e-4 the growth is linear to 1e-4: starts of 1e-12 and 1e-6 keep their ratio."""
-    tiny, small = cube["q_x"][1], cube["q_x"][2]
-    linear = np.abs(small) < 1e-4
-    assert linear.sum() >= 40
-    np.testing.assert_allclose(tiny[linear] * 1e6, small[linear], rtol=1e-3)
-
-
 def test_samples_end_where_a_path_has_left_its_surface(cube):
     left_at = np.where(cube["left_at"] > 0, cube["left_at"], ITERATIONS + 1)
     kept = cube["iteration"] < left_at[..., None]
@@ -89,9 +81,3 @@ def test_evaluations_are_those_of_the_steps_made(contents, cube):
     """Seven a step, and one to begin each run with, for the kick comes first."""
     steps = np.where(cube["left_at"] > 0, cube["left_at"], ITERATIONS)
     assert contents.evaluations == 7 * steps.sum() + steps.size
-
-
-def test_the_method_is_that_of_the_panel(contents):
-    name, panel = PAPER_PANELS["D"]
-    assert contents.attributes["integrator"] == name == "babs7o7h"
-    assert contents.attributes["tau"] == panel["tau"] == 2.0

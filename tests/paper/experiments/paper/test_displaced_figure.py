@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from nearharmonic_paper.experiments.paper.figures import fig6_displaced
-from support.cubes.artists import NO_LINE, entries, line_of, lines_of, look
+from support.cubes.artists import NO_LINE, line_of, lines_of, look
 from support.cubes.figure_cubes import displaced
-
-NAMES = ("$q_x$ = 0 at the start", "$q_x$ = $10^{-9}$ at the start", "$q_x$ = $10^{-2}$ at the start")
 
 
 @pytest.fixture
@@ -41,23 +39,3 @@ def test_a_curve_ends_at_the_limit_where_the_path_leaves(cube, figure, summation
         for cross in crosses:
             assert look(cross)[1::2] == ("X", NO_LINE)
             assert cross.get_color() == line.get_color()
-
-
-@pytest.mark.parametrize("summation", [0, 1])
-def test_nothing_is_drawn_beside_curves_crosses_and_the_limit(figure, summation):
-    assert len(figure.axes[summation].get_lines()) == 3 + 2 + 1
-    (limit,) = [line for line in figure.axes[summation].get_lines() if line.is_dashed()]
-    assert list(limit.get_ydata()) == [1.5, 1.5]
-    (note,) = figure.axes[summation].texts
-    assert note.get_text() == r"surface left beyond $|\Delta H/H_0|$ = 1.5"
-
-
-def test_the_legend_names_each_start_by_its_colour(cube, figure):
-    (legend,) = figure.legends
-    found = entries(legend)
-    assert list(found) == [*NAMES, "leaves its energy surface"]
-    for run, name in enumerate(NAMES):
-        line = line_of(figure.axes[0], *curve(cube, 0, run))
-        assert found[name][0].get_color() == line.get_color()
-        assert found[name][0].get_linewidth() == line.get_linewidth()
-    assert look(found["leaves its energy surface"][0])[1::2] == ("X", NO_LINE)

@@ -7,9 +7,10 @@ from dataclasses import replace
 import pytest
 
 from nearharmonic.engine.settings import Sweep
-from nearharmonic.output.store import forget, keep, kept_for, write
+from nearharmonic.output.store import write
 from nearharmonic_paper.experiments.paper import run
 from nearharmonic_paper.experiments.paper.grid import reduced_run
+from nearharmonic_paper.experiments.paper.grid.earlier import PLACE, Earlier, forget, keep
 from nearharmonic_paper.experiments.paper.grid.plan import runs_of
 from nearharmonic_paper.experiments.paper.grid.shards import shards_of
 from nearharmonic_paper.tasks.provenance import provenance, task
@@ -47,7 +48,7 @@ def make(folder, asked, function=KEEPING):
         settings = {"sweep": asked, "integrator": "ruth", "shard": index}
         origin = provenance(task(f"nearharmonic_paper.experiments.paper.{function}", **settings))
         module, name = FUNCTIONS[function], function.partition(":")[2]
-        made = getattr(module, name)(**settings, earlier=kept_for(folder, place, origin))["run"]
+        made = getattr(module, name)(**settings, earlier=Earlier(folder, place, origin))["run"]
         place.parent.mkdir(parents=True, exist_ok=True)
         write(place, made.variables, {**made.attributes, **origin}, made.groups, coordinates=made.coordinates)
         contents[place.name] = place.read_bytes()
@@ -130,3 +131,14 @@ def test_damaged_earlier_file_gives_nothing(tmp_path, integrated):
     integrated.clear()
     assert make(tmp_path / "one", asked) == whole
     assert set(integrated) == planned(asked)
+
+
+def test_damaged_file_is_not_kept(tmp_path):
+    make(tmp_path, replace(SHO, points_per_decade=2, shards=2))
+    damaged = tmp_path / "runs/sho/ruth/1.h5"
+    content = bytearray(damaged.read_bytes())
+    content[len(content) // 2] ^= 4
+    damaged.write_bytes(content)
+    keep(tmp_path, [tmp_path / "runs/sho/ruth/2.h5"])
+    (kept,) = (tmp_path / PLACE).rglob("*.h5")
+    assert kept.name.startswith("0-")

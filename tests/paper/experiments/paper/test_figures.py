@@ -5,18 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nearharmonic_paper.experiments.paper.figures import energy_error
+from nearharmonic_paper.experiments.paper.figures.energy_error import energy_error
 from support.cubes.artists import SOLID, drawn, line_of, look, look_of, slope
 from support.cubes.figure_cubes import GAPS, METHODS, TAU, errors
 
-DRAWINGS = (energy_error.fig1_sho, energy_error.fig3_henon_heiles, energy_error.fig5_kepler)
 DASHED = (4, 2)
 
 
-@pytest.mark.parametrize("drawing", DRAWINGS)
-def test_the_upper_panel_shows_maxima_and_the_lower_one_means(drawing):
+def test_the_upper_panel_shows_maxima_and_the_lower_one_means():
     cube = errors()
-    upper, lower = drawing(cube).axes
+    upper, lower = energy_error(cube).axes
     for axes, variable, letter, title, ylabel in (
         (upper, "max_energy_error", "A", "maximum over all steps", r"$\max\,|\Delta H/H_0|$"),
         (lower, "mean_energy_error", "B", "mean over all steps", r"$\mathrm{mean}\,|\Delta H/H_0|$"),
@@ -33,7 +31,7 @@ def test_the_upper_panel_shows_maxima_and_the_lower_one_means(drawing):
 
 def test_double_precision_is_solid_and_extended_precision_dashed():
     cube = errors(precision=True)
-    for axes, variable in zip(energy_error.fig1_sho(cube).axes, ("max_energy_error", "mean_energy_error"), strict=True):
+    for axes, variable in zip(energy_error(cube).axes, ("max_energy_error", "mean_energy_error"), strict=True):
         for name in METHODS:
             solid, dashed = (
                 line_of(axes, TAU, cube[variable].sel(integrator=name, precision=precision))
@@ -47,16 +45,15 @@ def test_double_precision_is_solid_and_extended_precision_dashed():
 
 def test_nan_zero_and_infinity_leave_gaps_in_curve():
     cube = errors(precision=True)
-    for axes, variable in zip(energy_error.fig1_sho(cube).axes, ("max_energy_error", "mean_energy_error"), strict=True):
+    for axes, variable in zip(energy_error(cube).axes, ("max_energy_error", "mean_energy_error"), strict=True):
         for name in METHODS:
             for precision in ("double", "extended"):
                 curve = line_of(axes, TAU, cube[variable].sel(integrator=name, precision=precision))
                 np.testing.assert_array_equal(np.flatnonzero(~drawn(curve)), list(GAPS))
 
 
-@pytest.mark.parametrize("drawing", DRAWINGS)
-def test_guides_have_the_slopes_that_they_say(drawing):
-    for axes in drawing(errors()).axes:
+def test_guides_have_the_slopes_that_they_say():
+    for axes in energy_error(errors()).axes:
         said = {}
         for note in axes.texts:
             (guide,) = [line for line in axes.get_lines() if tuple(np.transpose(line.get_data())[-1]) == note.xy]
@@ -67,7 +64,7 @@ def test_guides_have_the_slopes_that_they_say(drawing):
 
 def test_both_panels_share_limits_that_hold_every_finite_point():
     cube = errors(precision=True)
-    upper, lower = energy_error.fig1_sho(cube).axes
+    upper, lower = energy_error(cube).axes
     assert upper.get_ylim() == lower.get_ylim()
     both = np.concatenate([cube.max_energy_error.values.ravel(), cube.mean_energy_error.values.ravel()])
     positive = both[np.isfinite(both) & (both > 0)]
@@ -79,11 +76,10 @@ def test_both_panels_share_limits_that_hold_every_finite_point():
 def test_an_error_of_many_energies_does_not_stretch_the_axis():
     cube = errors()
     cube["max_energy_error"][1, -2] = 1e6
-    assert energy_error.fig1_sho(cube).axes[0].get_ylim()[1] == 10
+    assert energy_error(cube).axes[0].get_ylim()[1] == 10
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("drawing", DRAWINGS)
 @pytest.mark.parametrize(("unit", "ending"), [("1", ""), ("h", "  (h)")])
-def test_the_unit_of_the_step_stands_on_the_axis(drawing, unit, ending):
-    assert drawing(errors(unit=unit)).axes[1].get_xlabel() == r"step size per stage, $\tau/s$" + ending
+def test_the_unit_of_the_step_stands_on_the_axis(unit, ending):
+    assert energy_error(errors(unit=unit)).axes[1].get_xlabel() == r"step size per stage, $\tau/s$" + ending

@@ -16,7 +16,6 @@ from nearharmonic_paper.experiments.paper.reduce import reduce
 from nearharmonic_paper.experiments.paper.run import integrate
 from nearharmonic_paper.experiments.paper.tableaus.decompose import decompose
 from nearharmonic_paper.experiments.paper.tableaus.overview import overview
-from support.projects.plans import planned_runs
 
 METHODS = ("ruth", "rowlands", "chin_4a", "trained_modified")
 GRID = {"lowest": 0.04, "highest": 0.4, "points_per_decade": 3}
@@ -58,14 +57,6 @@ def test_a_cube_has_the_errors_and_evaluations_of_single_runs(cubes, system, nam
         assert same.evaluations == one.evaluations
         # Blocks of a run have one step more or less; the mean of blocks is one over steps.
         assert float(same.mean_energy_error) == pytest.approx(float(one.mean_energy_error), rel=0.1)
-
-
-def test_a_plan_counts_a_modified_force_as_a_force():
-    config = load(CONFIG)
-    runs = [run for run in planned_runs(config.sweeps, METHODS) if run.integrator == "chin_4a"]
-    assert {run.precision for run in runs} == {"double", "extended"}
-    for run in runs:
-        assert run.steps == tuple(max(1, round(20 / (2 * tau))) for tau in run.tau_per_stage)
 
 
 def test_role_that_modified_kick_does_not_have_has_no_terms():
@@ -118,10 +109,3 @@ def test_what_measures_energy_at_every_step_leaves_processed_methods_out():
     assert config.methods == METHODS
     assert config.stepwise == ("ruth", "chin_4a", "trained_modified")
     assert "chin_4a" not in load(CONFIG | {"integrators": ["ruth"]}).compared
-
-
-def test_timings_have_modified_methods_beside_figures_unless_others_are_named():
-    every = load(CONFIG | {"integrators": ["ruth"]})
-    assert {"rowlands", "chin_4a", "trained_modified"} <= set(every.work_precision.methods(every.methods))
-    named = load(CONFIG | {"integrators": ["ruth"], "work_precision": {"integrators": ["chin_4a"]}})
-    assert named.work_precision.methods(named.methods) == ["ruth", "chin_4a"]

@@ -60,17 +60,3 @@ def test_a_file_that_is_damaged_is_made_again(folder, monkeypatch):
     assert overview.overview("ruth")[1] == before
     forbidden(monkeypatch)
     assert overview.overview("ruth")[1] == before
-
-
-def test_beyond_the_most_that_is_kept_only_new_rows_are(folder, monkeypatch):
-    monkeypatch.setattr(overview, "MOST_KEPT", 1)
-    overview.overview("ruth")
-    assert [row[0] for row in overview.overview("ruth", "leapfrog")[1]] == ["ruth", "leapfrog"]
-    forbidden(monkeypatch)
-    assert overview.overview("leapfrog")[1]
-    assert len(overview.KeptRows().rows) == 1
-
-
-def test_without_a_folder_rows_are_made_each_time(monkeypatch):
-    monkeypatch.setattr(overview.disk, "place_of", lambda key: None)
-    assert overview.overview("ruth") == overview.overview("ruth")

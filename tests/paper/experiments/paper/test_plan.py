@@ -52,10 +52,6 @@ def test_a_grid_stops_below_a_highest_between_its_points():
     assert tau_grid(1.0, 99.0, 1) == (1.0, 10.0)
 
 
-def test_a_grid_may_be_a_single_step_size():
-    assert tau_grid(0.3, 0.3, 40) == (0.3,)
-
-
 @pytest.mark.parametrize("count", [1, 2, 7, 161])
 def test_shards_share_the_grid_without_gap_or_overlap(count):
     asked = replace(SHO, shards=count)
@@ -103,20 +99,13 @@ def test_jobs_of_a_fine_grid_take_the_time_asked_for():
     assert costs == pytest.approx([5.0] * 3, rel=0.05)
 
 
-def test_one_shard_per_step_size_gives_its_runs_only():
-    fine = replace(HENON_HEILES, shards=1000)
-    count = shards_of(fine, "ruth")
-    assert count == 161
-    assert all(len(run.steps) == 1 for index in range(count) for run in runs_of(fine, "ruth", index))
-
-
 @pytest.mark.parametrize("name", ["ruth", "babps9o7h"])
 def test_steps_cover_the_interval_as_closely_as_whole_steps_can(name):
     stages = integrators[name].stages
     for index in (0, 1):
         (run,) = runs_of(HENON_HEILES, name, index)
         for tau, steps in zip(run.tau_per_stage, run.steps, strict=True):
-            off = abs(Fraction(run.t_end) - steps * Fraction(tau * stages))
+            off = abs(Fraction(run.sweep.t_end) - steps * Fraction(tau * stages))
             assert off <= Fraction(tau * stages) / 2
 
 
@@ -153,11 +142,6 @@ def test_extended_precision_alone_covers_the_whole_grid():
     )
 
 
-def test_shard_far_from_floor_has_no_extended_run():
-    coarse = replace(SHO, lowest=0.1)
-    assert [run.precision for run in runs_of(coarse, "ruth", 0)] == ["double"]
-
-
 def test_step_sizes_with_equal_steps_share_shard():
     short = replace(HENON_HEILES, t_end="5")  # one to five steps at the coarse end: many coincide
     seen = {}
@@ -187,11 +171,6 @@ def test_evaluations_count_the_kicks_that_are_left_when_neighbours_merge(name, s
     one_step = [tableau.first, other] * tableau.stages + [tableau.first]
     merged = [operator for i, operator in enumerate(one_step * steps) if i % len(one_step) or not i]
     assert tableau.evaluations(steps) == merged.count("kick")
-
-
-def test_kick_first_method_saves_reused_force():
-    (row,) = omitted(*config(replace(HENON_HEILES, lowest=0.1, highest=0.1, t_end="70"), methods=("babs7o7h",)))
-    assert (row.runs, row.evaluations) == (1, 99)  # 100 steps of 7 x 0.1: 800 kicks are made with 701 forces
 
 
 @pytest.mark.parametrize(

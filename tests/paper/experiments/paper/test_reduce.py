@@ -231,14 +231,6 @@ def test_observed_orders_are_those_of_double_precision(layered):
     np.testing.assert_allclose(layered.observed_order.sel(precision="double"), [2, 1], atol=1e-9)
 
 
-def test_precision_is_a_dimension_and_shards_are_ordered():
-    shards = [part(GRID[1::2], [2.0, 4.0]), part(GRID[::2], [1.0, 3.0])]
-    made = cube_of("henon_heiles", {"ruth": {"double": shards}})
-    assert made.tau_per_stage.values.tolist() == GRID
-    assert made.max_energy_error.values.tolist() == [[[1.0, 2.0, 3.0, 4.0]]]
-    assert made.max_energy_error.dims == ("precision", "integrator", "tau_per_stage")
-
-
 def test_cube_describes_its_system_and_no_single_shard(layered):
     start = {"q0": '["1"]', "p0": '["0"]', "parameters": "{}"}
     assert layered.attrs == {"system": "sho", "system_label": "simple harmonic oscillator", **start}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from nearharmonic.integrators import integrators
-from nearharmonic_paper.experiments.paper.orbits.substeps import FOLLOWED, PAPER_PANELS, paper_panels, substeps
+from nearharmonic_paper.experiments.paper.orbits.substeps import FOLLOWED, PAPER_PANELS, paper_panels
 
 EPSILON = 2.0**-52
 
@@ -52,32 +52,6 @@ def test_each_substep_on_the_oscillator_is_a_product_of_shears(panels, letter):
         state = maps[-1] @ state
 
 
-def test_babs7o7h_iterations_end_on_exact_eighth_of_turn(panels):
-    final = panels["B"].isel(substep=-1)
-    angle = np.array([1, 2]) * math.pi / 4
-    # Its first error term is kappa_8 = 4.6e-3 (q) over 8!, and seventh order in p: about 1e-7 at tau = pi/4.
-    np.testing.assert_allclose(final.q, np.sin(angle), rtol=0, atol=3e-7)
-    np.testing.assert_allclose(final.p, np.cos(angle), rtol=0, atol=3e-7)
-
-
-@pytest.mark.parametrize("letter", ["A", "B", "C", "D"])
-def test_way_back_from_reflected_end_leads_to_reflected_start(panels, letter):
-    name, settings = PAPER_PANELS[letter]
-    end = panels[letter].isel(iteration=-1, substep=-1)
-    reflected = settings | {"start": (float(end.q), -float(end.p))}
-    back = substeps(integrators[name], **reflected).isel(iteration=-1, substep=-1)
-    # Rounding of 16 pairs each way, amplified by coefficients times tau of up to 2.6.
-    assert float(back.q) == pytest.approx(settings["start"][0], abs=1e-12)
-    assert float(back.p) == pytest.approx(-settings["start"][1], abs=1e-12)
-
-
-def test_an_iteration_starts_where_the_one_before_ended(panels):
-    for panel in panels.values():
-        assert panel.q[1, 0] == panel.q[0, -1]
-        assert panel.p[1, 0] == panel.p[0, -1]
-        assert list(panel.kind.values) == ["initial", *["substep"] * 7, "final"]
-
-
 def test_the_signs_of_yoshida_are_those_of_its_weights(panels):
     # Yoshida (1990), Table 1, solution A: w3, w2, w1, w0; kicks are the weights, drifts the means of neighbours.
     half = [0.784513610477560, 0.235573213359357, -1.17767998417887, 1.31518632068391]
@@ -119,10 +93,3 @@ def test_yoshida_leaves_energy_surface_of_henon_heiles_and_babs7o7h_stays(panels
     assert int(panels["D"].left_at) == 0
     # "Preserve H indefinitely" (caption of Fig. 6): bounded far below the change of H that C makes.
     assert float(panels["D"].max_energy_error) < 0.1
-
-
-def test_overflowing_path_is_kept():
-    _, settings = PAPER_PANELS["D"]
-    path = substeps(integrators["ruth"], **(settings | {"tau": 300.0, "iterations": 20}))
-    assert int(path.left_at) == 1
-    assert not np.isfinite(path.q).all()

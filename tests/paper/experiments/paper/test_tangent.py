@@ -5,19 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import nearharmonic as nh
 from nearharmonic.engine.solution import Problem
 from nearharmonic.engine.variation import tangent_system
 from nearharmonic.systems import System, systems
-from nearharmonic_paper.experiments.paper.orbits.tangent import follow
+from nearharmonic_paper.experiments.paper.orbits.chaos import follow
 
 
 def inverted(q):
     return -q[0] * q[0] / 2
-
-
-def slow(p):
-    return p[0] * p[0] * p[0] * p[0] / 4
 
 
 def one_coordinate(name, **formulas):
@@ -42,39 +37,7 @@ def test_deviations_from_an_unstable_equilibrium_grow_as_the_hyperbola():
     np.testing.assert_allclose(found.cumsum(), np.log(np.cosh(2 * t)) / 2, rtol=0, atol=1e-8)
 
 
-@pytest.mark.parametrize("tau", [0.5, 0.1])
-def test_the_tangent_map_is_the_derivative_of_the_steps(tau):
-    """Central differences at 1e-5 err by 1e-10 of the third derivative and by rounding, 1e-16 over 1e-5."""
-    h, base = 1e-5, systems["henon_heiles"]
-    runs = [nh.integrate(base, "babps8o7h", tau, t_end=5, q0=(0.3 + s * h, 0.0), samples=2) for s in (1, -1)]
-    u, w = ((runs[0][name] - runs[1][name]).values[-1] / (2 * h) for name in "qp")
-    found = nh.problem(tangent_system(base), "babps8o7h", t_end=5, energy="none")(tau, (0.3, 0.0, 1.0, 0.0))
-    np.testing.assert_allclose(found.q[-1, 2:], u, rtol=0, atol=1e-8)
-    np.testing.assert_allclose(found.p[-1, :2], w, rtol=0, atol=1e-8)
-
-
-def test_a_tangent_system_follows_the_orbit_of_its_system():
-    base, runs = systems["henon_heiles"], 4
-    problem = Problem(tangent_system(base), "babps8o7h", t_end=5, energy="none")
-    states, _ = follow(problem, 0.5, (base.q0, base.p0), runs)
-    alone = nh.integrate(base, "babps8o7h", 0.5, t_end=5 * runs, samples=runs + 1)
-    # Some 300 roundings of 1e-16, which grow by a factor of two or so in this time.
-    np.testing.assert_allclose(states[:, 0], alone.q.values[1:], rtol=0, atol=1e-13)
-    np.testing.assert_allclose(states[:, 1], alone.p.values[1:], rtol=0, atol=1e-13)
-
-
 def test_scaling_a_deviation_does_not_change_its_growth():
     orbit = (systems["henon_heiles"].q0, systems["henon_heiles"].p0)
     often, once = (growth(systems["henon_heiles"], orbit=orbit, time=20 // n, runs=n).sum() for n in (10, 1))
     assert often == pytest.approx(once, abs=1e-12)
-
-
-def test_any_kinetic_energy_enters_the_tangent_map():
-    """T = p^4/4 at V = 0: u grows by 3 p^2 w t, so w = 1 and p = 1/2 give u = 3 t/4."""
-    problem = Problem(tangent_system(one_coordinate("slow", T=slow, V=zero)), "babps8o7h", t_end=8, energy="none")
-    end = problem(0.5, (0.0, 0.0), (1.0, 0.5))
-    assert end.q[-1].tolist() == pytest.approx([1.0, 6.0], rel=1e-14)
-
-
-def zero(q):
-    return 0 * q[0]

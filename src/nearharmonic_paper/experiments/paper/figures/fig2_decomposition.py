@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
-from nearharmonic.plotting.levels import SATISFIED_BELOW
 from nearharmonic.plotting.style import (
     Style,
+    house_style,
     log_scale,
     method_handles,
     new_figure,
@@ -20,7 +20,7 @@ from nearharmonic.plotting.style import (
     right_title,
     style_of,
 )
-from nearharmonic_paper.tasks.declarations import figure
+from nearharmonic_paper.experiments.paper.figures.shown import SATISFIED_BELOW
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -28,18 +28,7 @@ if TYPE_CHECKING:
 _CIRCLE: dict[str, Any] = {"marker": "o", "markersize": 8, "markerfacecolor": "none"}
 
 
-@figure(
-    cube="sho_terms",
-    target="fig2",
-    caption=(
-        "Position error terms of one step for the simple harmonic oscillator (Nielsen 2015, Eq. 17, dimensionless). "
-        "A: kappa of order lambda, up to the highest order that a method's stages reach, for the ABA composition "
-        "(outer row drifts q; circles around the method's marker) and the BAB composition (outer row kicks p; lines)"
-        " of the same coefficients; circles and lines of one method meet at even orders. B: the orders whose term "
-        "vanishes, below 1e-30 in multiprecision, as circle (ABA) and bar (BAB); the row's unbroken run from 1 reads"
-        " the order of the position."
-    ),
-)
+@house_style
 def fig2_decomposition(terms: xr.Dataset) -> Figure:
     """Draw ``kappa`` of ``terms``, dimensions (integrator, first, order), NaN beyond the highest order reached."""
     kappa = terms["kappa"]

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from nearharmonic.output.dataset import double_runs
-from nearharmonic.plotting.energy_error import problem_of
-from nearharmonic.plotting.levels import MERCURY_RELATIVISTIC_ADVANCE, arcseconds_per_century, envelope
+from nearharmonic.plotting.profile import problem_of
 from nearharmonic.plotting.style import (
+    house_style,
     log_scale,
     log_ticks,
     mark_every,
@@ -21,7 +21,12 @@ from nearharmonic.plotting.style import (
     style_of,
     write_beside,
 )
-from nearharmonic_paper.tasks.declarations import figure
+from nearharmonic_paper.experiments.paper.figures.shown import (
+    MERCURY_RELATIVISTIC_ADVANCE,
+    Advances,
+    advances,
+    arcseconds_per_century,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -30,18 +35,7 @@ if TYPE_CHECKING:
 COLUMNS = 100
 
 
-@figure(
-    cube="kepler",
-    target="fig4",
-    caption=(
-        "Spurious advance of Mercury's perihelion: absolute rate of rotation of the Laplace-Runge-Lenz vector, by "
-        "linear regression over the orbits of ten years, in radians per orbit (left) and arcseconds per century "
-        "(right), against force evaluations per orbit. A dot is a run, every few of them carry the method's marker; "
-        "bars show the 95 % interval of the fit where it exceeds the dot. Crosses are runs whose interval includes "
-        "zero. The dashed line is the advance that general relativity explains, 42.98 arcseconds per century: a run "
-        "above it errs by more than that."
-    ),
-)
+@house_style
 def fig4_perihelion(cube: xr.Dataset) -> Figure:
     """Draw |perihelion_advance| of ``cube``, dimensions (precision, integrator, tau_per_stage), in rad per orbit.
 
@@ -51,17 +45,15 @@ def fig4_perihelion(cube: xr.Dataset) -> Figure:
     drawn = new_figure(7, 6.4)
     drawn.subplots_adjust(left=0.105, right=0.895, top=0.865, bottom=0.08)
     axes = drawn.subplots()
-    names = [str(name) for name in cube["integrator"].values]
-    runs = double_runs(cube)
-    for position, name in enumerate(names):
-        _draw_method(axes, runs.sel(integrator=name), name, position, len(names))
+    for one in advances(cube, COLUMNS):
+        _draw_method(axes, one)
     axes.margins(x=0.03, y=0.04)
     log_scale(axes, "xy")
     axes.set_xlabel("force evaluations per orbit")
     right_title(axes, problem_of(cube, str(cube["tau_per_stage"].attrs.get("units", "1"))))
     axes.set_ylabel("|perihelion advance|  (rad per orbit)")
     _add_century_axis(axes, arcseconds_per_century(float(cube.attrs["orbital_period"])))
-    handles = method_handles(names, map(str, cube["label"].values))
+    handles = method_handles(map(str, cube["integrator"].values), map(str, cube["label"].values))
     handles.append(
         Line2D([], [], color="#404040", linestyle="none", marker="x", markersize=4, label="95 % interval includes 0")
     )
@@ -69,23 +61,13 @@ def fig4_perihelion(cube: xr.Dataset) -> Figure:
     return drawn
 
 
-def _draw_method(axes: Axes, runs: xr.Dataset, name: str, position: int, methods: int) -> None:
-    style = style_of(name)
-    runs = envelope(runs, ["perihelion_advance"], COLUMNS)
-    evaluations = runs["evaluations_per_orbit"].values
-    advance, interval = abs(runs["perihelion_advance"]), runs["perihelion_advance_interval"]
-    known = advance.where(interval < advance)
-    unknown = advance.where(interval >= advance)
-    bars = interval.where(interval < advance).values
-    axes.errorbar(evaluations, known.values, yerr=bars, fmt="none", ecolor=style.colour, elinewidth=0.8)
-    axes.plot(evaluations, known.values, color=style.colour, linewidth=0.5, marker=".", markersize=3.2)
-    axes.plot(
-        evaluations,
-        known.values,
-        markevery=mark_every(position, methods, int(known.count()), marks=8),
-        **style.points(),
-    )
-    axes.plot(evaluations, unknown.values, **style.points(marker="x", markersize=4, alpha=0.5))
+def _draw_method(axes: Axes, one: Advances) -> None:
+    style, x = style_of(one.line.integrator), one.evaluations
+    known, bars = np.where(one.known, one.size, np.nan), np.where(one.known, one.interval, np.nan)
+    axes.errorbar(x, known, yerr=bars, fmt="none", ecolor=style.colour, elinewidth=0.8)
+    axes.plot(x, known, color=style.colour, linewidth=0.5, marker=".", markersize=3.2)
+    axes.plot(x, known, markevery=mark_every(*one.line.turn, int(one.known.sum()), marks=8), **style.points())
+    axes.plot(x, np.where(one.unknown, one.size, np.nan), **style.points(marker="x", markersize=4, alpha=0.5))
 
 
 def _add_century_axis(axes: Axes, arcseconds: float) -> None:

@@ -9,8 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from nearharmonic.plotting.style import log_scale, new_figure, panel_letter, write_beside
-from nearharmonic_paper.tasks.declarations import figure
+from nearharmonic.plotting.style import house_style, log_scale, new_figure, panel_letter, write_beside
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,17 +20,7 @@ _COLOURS = ("#000000", "#0072b2", "#a03070", "#009e73", "#d55e00")
 _LEFT: dict[str, Any] = {"marker": "X", "markersize": 7, "markeredgecolor": "white", "markeredgewidth": 0.6}
 
 
-@figure(
-    cube="substeps_displaced",
-    caption=(
-        "Panel D of Figure 6 beside its plane: BABs7o7H on the Hénon-Heiles system with tau = 2 from q_y = p_y = 0.4 "
-        "and p_x = 0, with q_x = 0 and with four other values of q_x, over 100 000 iterations with compensated (A) and "
-        "plain sums (B). A curve is the largest relative energy error since its previous point. Inside the plane "
-        "q_x = 0 the error stays bounded (black). From every other start the path leaves its energy surface (cross, at "
-        "|dH/H0| = 1), even from 10^-12. Rounding decides at which iteration: the crosses of A and B differ, and "
-        "another order of the same operations moves them as well."
-    ),
-)
+@house_style
 def fig6_displaced(cube: xr.Dataset) -> Figure:
     """Draw ``block_max_energy_error`` of ``cube``, dimensions (displacement, summation, iteration), and ``left_at``."""
     drawn = new_figure(7, 6.2)

@@ -13,7 +13,6 @@ from matplotlib.lines import Line2D
 
 from nearharmonic.plotting.style import house_style, new_figure, panel_letter
 from nearharmonic_paper.experiments.paper.orbits.substeps import paper_panels
-from nearharmonic_paper.tasks.declarations import figure
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -44,21 +43,7 @@ _BOX: dict[str, Any] = {"boxstyle": "round,pad=0.3", "facecolor": "white", "edge
 _SURFACE: dict[str, Any] = {"colors": "#1f2d3d", "linewidths": 1.0, "linestyles": [(0, (5, 3))]}
 
 
-@figure(
-    cube=None,
-    target="fig6",
-    caption=(
-        "Substeps of two iterations in phase space (dimensionless) by Yosh s7o6 A (A, C) and BABs7o7H (B, D): the "
-        "harmonic oscillator from (q, p) = (0, 1) with tau = pi/4 (A, B) and the Hénon-Heiles system in the plane "
-        "q_x = p_x = 0 from (0.4, 0.4) with tau = 2 (C, D). Circles and crosses are the initial and final position "
-        "of each iteration; a dot is the state after a pair of drift and kick, its look says which coefficients of "
-        "the next pair are negative: none (blue), the drift c (red, horizontal bar), the kick d (green, vertical "
-        "bar), both (green within red). The thin line follows the drifts (horizontal) and kicks (vertical). Shades "
-        "are the Hamiltonian, the dashed contour passes through the start. Each panel states the relative energy "
-        "error after the two iterations, and the largest after any of 1000, or where the path left its surface. D "
-        "stays on it in the plane only: see fig6_displaced."
-    ),
-)
+@house_style
 def fig6_substeps() -> Figure:
     """Draw the four panels of the paper."""
     return draw_panels(paper_panels())

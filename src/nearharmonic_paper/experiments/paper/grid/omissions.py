@@ -69,13 +69,7 @@ class Totals(NamedTuple):
 
 
 def totals_in(text: str) -> Totals:
-    """Return the totals of the table whose CSV is ``text``.
-
-    Raises
-    ------
-    NearharmonicError
-        The text lacks a total, or a number.
-    """
+    """Return the totals of the table whose CSV is ``text``; a NearharmonicError says that it lacks one."""
     try:
         rows = {(row["what"], row["reason"]): row for row in from_csv(text).records() if row["system"] == ALL}
         done, full = rows[DONE, ""], rows[FULL, FULL_GRID]

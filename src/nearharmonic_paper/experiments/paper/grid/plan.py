@@ -13,7 +13,6 @@ from nearharmonic.engine.kernels import check_precision
 from nearharmonic.engine.settings import (
     EXACT_OSCILLATOR,
     KINETIC_POTENTIAL,
-    SharedSettings,
     Sweep,
     check_fit,
     exact_decimal,
@@ -41,17 +40,16 @@ NEAR_FLOOR = 100
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run(SharedSettings):
-    """One method on one system with some step sizes: the work of one call of the integration.
+class Run:
+    """One method with some step sizes of a sweep, in one precision: the work of one call of the integration.
 
     ``steps[i]`` belongs to ``tau_per_stage[i]``. Step sizes that round to the same number of steps are neighbours and
     share one computation.
     """
 
-    system: str
+    sweep: Sweep
     integrator: str
     precision: str
-    t_end: str
     tau_per_stage: tuple[float, ...]
     steps: tuple[int, ...]
     samples: int
@@ -70,13 +68,10 @@ class Omission(NamedTuple):
 
 
 def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
-    """Raise an error for too many steps, runs or too much memory; keys are named as in a config.
+    """Raise a SettingError, which names keys as in a config, for a sweep that cannot be run.
 
-    Raises
-    ------
-    SettingError
-        Too many steps in a run, step sizes in the grid, evaluations in total, or bytes in a job; a method that does not
-        fit the system; a system whose oscillators cannot be solved exactly.
+    Reasons are too many steps in a run, step sizes in the grid, evaluations in total, or bytes in a job; a method that
+    does not fit the system; a system whose oscillators cannot be solved exactly.
     """
     tableaus = [integrators[name] for name in methods]
     check_precision(systems[sweep.system], sweep.precision, f"systems.{sweep.system}.precision")
@@ -120,15 +115,9 @@ def _run(sweep: Sweep, integrator: str, precision: str, among: range) -> Run:
     taus = tau_range(sweep.lowest, sweep.points_per_decade, among.start, end)
     steps = steps_over(np.array(taus), sweep.t_end, tableau).tolist()
     return Run(
-        system=sweep.system,
-        integrator=integrator,
-        precision=precision,
-        t_end=sweep.t_end,
-        tau_per_stage=taus,
-        steps=tuple(steps),
+        sweep=sweep, integrator=integrator, precision=precision, tau_per_stage=taus, steps=tuple(steps),
         samples=sweep.samples,
-        **sweep.shared_settings,
-    )
+    )  # fmt: skip
 
 
 def _extended_points(sweep: Sweep, tableau: Tableau) -> int:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from nearharmonic.engine.settings import Sweep
-from nearharmonic.output.dataset import Contents, Variables, assembled
-from nearharmonic_paper.experiments.paper.grid.earlier import Earlier, EarlierFile
+from nearharmonic.output.dataset import Contents, Variables, assembled, variables_of
 from nearharmonic_paper.experiments.paper.grid.plan import Run
 from nearharmonic_paper.experiments.paper.reduce import STATES, joined, numbers
-from nearharmonic_paper.experiments.paper.run import COORDINATES, contents, integrate_run
+from nearharmonic_paper.experiments.paper.run import COORDINATES, Completion, contents, integrate_run
 from nearharmonic_paper.experiments.paper.settings import PAPER
 
 #: Samples of a run, from which its numbers are computed before it is dropped.
@@ -20,17 +18,10 @@ AT_ONCE = 1000
 
 
 def integrate_and_reduce(
-    sweep: Sweep, integrator: str, shard: int, earlier: Sequence[EarlierFile] = ()
+    sweep: Sweep, integrator: str, shard: int, earlier: Completion | None = None
 ) -> dict[str, Contents]:
-    """Integrate one shard with 500 samples, as the rule ``integrate`` does, and keep reduced numbers alone.
-
-    Returns
-    -------
-    dict
-        ``run``: numbers over tau_per_stage, those of double precision in the root of a file, those of extended
-        precision in a group.
-    """
-    return {"run": contents(sweep, integrator, shard, Earlier(sweep, integrator, shard, earlier), reduced_run)}
+    """Integrate one shard with 500 samples, as :func:`integrate` does, and keep numbers over tau_per_stage alone."""
+    return {"run": contents(sweep, integrator, shard, earlier, reduced_run)}
 
 
 def reduced_run(run: Run) -> Variables:
@@ -39,8 +30,7 @@ def reduced_run(run: Run) -> Variables:
     for begin in range(0, len(run.steps), AT_ONCE):
         among = slice(begin, begin + AT_ONCE)
         some = replace(run, tau_per_stage=run.tau_per_stage[among], steps=run.steps[among], samples=SAMPLES)
-        notes = {"system": run.system, "integrator": run.integrator}
+        notes = {"system": run.sweep.system, "integrator": run.integrator}
         trajectories = assembled(integrate_run(some), COORDINATES, notes)
-        parts.append(numbers(trajectories.drop_vars(STATES if run.system in PAPER else (), errors="ignore")))
-    made = joined(parts, "tau_per_stage")
-    return {str(name): (tuple(map(str, one.dims)), one.values, one.attrs) for name, one in made.variables.items()}
+        parts.append(numbers(trajectories.drop_vars(STATES if run.sweep.system in PAPER else (), errors="ignore")))
+    return variables_of(joined(parts, "tau_per_stage"))

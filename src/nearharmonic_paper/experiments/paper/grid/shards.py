@@ -72,13 +72,6 @@ def shard_range(sweep: Sweep, integrator: str, index: int) -> range:
     return range(begin, end)
 
 
-def ends_of(sweep: Sweep, integrator: str, index: int) -> tuple[float, float]:
-    """Return the smallest and the largest step size per stage of a shard; the second is the smaller if it is empty."""
-    mine = shard_range(sweep, integrator, index)
-    first, last = (tau_range(sweep.lowest, sweep.points_per_decade, i, i + 1)[0] for i in (mine.start, mine.stop - 1))
-    return first, last
-
-
 def _cut(sweep: Sweep, index: int, count: int) -> int:
     """Return the number of the step size at which shard ``index`` of ``count`` begins."""
     points = points_of(sweep)

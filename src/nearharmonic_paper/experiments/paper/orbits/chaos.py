@@ -9,11 +9,12 @@ import numpy as np
 from nearharmonic.engine.solution import Problem
 from nearharmonic.engine.variation import tangent_system
 from nearharmonic.integrators import integrators
+from nearharmonic.math import log
 from nearharmonic.numerics.portable import Floats, dot
 from nearharmonic.numerics.statistics import mean, student_975
 from nearharmonic.output.dataset import Contents, Variables, coordinate, variable
 from nearharmonic.systems import System, henon_heiles
-from nearharmonic_paper.experiments.paper.orbits.tangent import follow
+from nearharmonic.systems.quantities import Vector
 
 #: Initial q and p, decimal strings.
 Orbit = tuple[tuple[str, ...], tuple[str, ...]]
@@ -67,21 +68,10 @@ def chaos(integrator: str, t_end: int) -> dict[str, Contents]:
 
 
 def lyapunov_exponents(system: System, problem: Problem, scalings: int) -> Variables:
-    """Integrate each of :data:`ORBITS` with a deviation from it.
+    """Integrate each of :data:`ORBITS` with a deviation from it; the variables are those of :data:`MEANINGS`.
 
-    Parameters
-    ----------
-    system : System
-        System of the orbits, without parameters.
-    problem : Problem
-        Runs of its tangent system over the time between two rescalings.
-    scalings : int
-        Number of rescalings, a multiple of :data:`BLOCKS`.
-
-    Returns
-    -------
-    Variables
-        Over orbit and time, as :data:`MEANINGS` describes them.
+    A call of ``problem`` is a run of the tangent system of ``system``, which has no parameters, over the time between
+    two rescalings. Their number is a multiple of :data:`BLOCKS`.
     """
     every, unit = float(problem.end), system.units["t"]
     time = every * np.arange(1.0, scalings + 1)
@@ -113,3 +103,26 @@ def _of_orbit(system: System, problem: Problem, orbit: Orbit, time: Floats) -> d
         "lyapunov_exponent": np.cumsum(growth) / time,
         "lyapunov_exponent_interval": student_975(BLOCKS - 1) * sqrt(dot(spread, spread) / (BLOCKS - 1) / BLOCKS),
     }
+
+
+def follow(problem: Problem, tau: float, orbit: tuple[Vector, Vector], runs: int) -> tuple[Floats, Floats]:
+    """Chain n runs of a tangent system; the deviation is rescaled to length 1 after each run to avoid overflow.
+
+    A call of ``problem`` is a run of a tangent system of d coordinates, without energy, over the time between two
+    rescalings; the next begins with the doubles where it ends, without the carries. The files of the paper's orbit have
+    these bits, which :func:`nearharmonic.tangent` does not repeat: it keeps the carries of the orbit. ``orbit`` is
+    the initial q and p; the initial deviation is that of the tangent system. Returned are q and p at the end of each
+    run (n, 2, d), and the logarithms of the factors by which the deviation grows (n,).
+    """
+    d = problem.system.dimension // 2
+    u: Vector = problem.system.q0[d:]
+    w: Vector = problem.system.p0[:d]
+    q, p = orbit
+    states, growth = np.empty((runs, 2, d)), np.empty(runs)
+    for i in range(runs):
+        end = problem(tau, (*q, *u), (*w, *p))
+        q, u, w, p = (tuple(half) for row in (end.q[-1], end.p[-1]) for half in np.split(row, 2))
+        length = sqrt(dot(u, u) + dot(w, w))
+        states[i], growth[i] = (q, p), log(length)
+        u, w = (tuple(x / length for x in half) for half in (u, w))
+    return states, growth

@@ -26,11 +26,8 @@ PER_DECADE = 24
 def displaced(integrator: str, iterations: int) -> dict[str, Contents]:
     """Integrate panel D with each of :data:`DISPLACEMENTS` in place of q_x = 0, with both summations.
 
-    Returns
-    -------
-    dict
-        ``cube``: over (displacement, summation) ``left_at`` and ``max_energy_error``; and over iterations evenly spaced
-        in the logarithm ``block_max_energy_error`` and ``q_x``, NaN once the path has left its energy surface.
+    The ``cube`` has over (displacement, summation) ``left_at`` and ``max_energy_error``, and over iterations evenly
+    spaced in the logarithm ``block_max_energy_error`` and ``q_x``, NaN once the path has left its energy surface.
     """
     tableau, (_, panel) = integrators[integrator], PAPER_PANELS["D"]
     system = panel["system"]

@@ -57,28 +57,11 @@ def substeps(
     iterations: int = 2,
     component: int = 0,
 ) -> xr.Dataset:
-    """Return all substeps of some steps in doubles, for one degree of freedom.
+    """Return all substeps of some steps in doubles, for one degree of freedom: the dataset of :func:`_dataset`.
 
-    Parameters
-    ----------
-    tableau, system
-        The method and the system.
-    start : (float, float)
-        q and p of the moving coordinate, in the units of the system.
-    tau : float
-        Step size, in the unit of time of the system.
-    window : ((float, float), (float, float))
-        The part of the phase plane for the Hamiltonian.
-    iterations : int
-        Number of steps.
-    component : int
-        Index of the moving coordinate; the other coordinates and momenta are zero and stay zero.
-
-    Returns
-    -------
-    xr.Dataset
-        The dataset of :func:`_dataset`; ``max_energy_error`` over :data:`FOLLOWED` iterations, inf if the path
-        diverges; and ``left_at``, the number of the iteration at which it diverges, else 0.
+    ``start`` is q and p of the moving coordinate, whose index is ``component``; the others are zero and stay zero.
+    ``window`` is the part of the phase plane for the Hamiltonian. ``max_energy_error`` is over :data:`FOLLOWED`
+    iterations, inf if the path diverges, and ``left_at`` the iteration at which it diverges, else 0.
     """
     plane = _Plane(system, component)
     pairs = list(zip_longest(map(float, tableau.drift), map(float, tableau.kick), fillvalue=0.0))

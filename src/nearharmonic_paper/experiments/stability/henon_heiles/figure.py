@@ -15,10 +15,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 
-from nearharmonic.plotting.energy_error import problem_of
-from nearharmonic.plotting.style import new_figure
+from nearharmonic.plotting.profile import problem_of
+from nearharmonic.plotting.style import house_style, new_figure
 from nearharmonic_paper.experiments.stability.henon_heiles.reductions import TOLERATED
-from nearharmonic_paper.tasks.declarations import figure
 
 #: Range of energy errors of the colours; smaller and larger errors have the colours of the ends.
 SMALLEST, LARGEST = 1e-8, 1.0
@@ -30,18 +29,7 @@ LIMIT: dict[str, Any] = {
 }  # fmt: skip
 
 
-@figure(
-    cube="stability_henon_heiles",
-    category="Stability",
-    caption=(
-        "Henon-Heiles ensembles: for each method, four energy surfaces from H = 1/24 (top strip) to the energy of "
-        "escape, H = 1/6 (bottom strip), against the step size per stage. Colour is the median over the trajectories "
-        "of the largest energy error: the lighter the better. Grey: more than 1 % of the trajectories left their "
-        "energy surface. Dark streaks are step-size resonances; most lie below the first linear limit (black line), "
-        "where the first gap opens in which the harmonic oscillator is unstable, often narrower than a column. Initial "
-        "conditions are quasi-random in the microcanonical measure."
-    ),
-)
+@house_style
 def henon_heiles_stability(cube: xr.Dataset) -> Figure:
     """Draw ``energy_error`` (median) and ``escaped`` of ``cube``, dimensions (integrator, energy, tau_per_stage)."""
     names = [str(name) for name in cube["integrator"].values]

@@ -12,8 +12,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from nearharmonic.plotting.style import log_scale, method_handles, new_figure, panel_letter, style_of
-from nearharmonic_paper.tasks.declarations import figure
+from nearharmonic.plotting.style import house_style, log_scale, method_handles, new_figure, panel_letter, style_of
 
 COLUMNS = 5
 #: Grey, far from each colour of the maps for colour-blind readers too.
@@ -27,17 +26,7 @@ MAPS = (
 )
 
 
-@figure(
-    cube="stability_kepler",
-    category="Stability",
-    caption=(
-        "Kepler orbits of eccentricity e from the apoapsis. A: largest energy error; B: spurious advance of the "
-        "perihelion in radians per orbit; each against force evaluations per orbit, one map a method, the lighter the "
-        "better. Grey: the orbit was lost (the energy error reached the energy itself, or the perihelion turned by "
-        "more than a quarter turn in an orbit). White line: energy error 1e-6. C: that line for all methods. The "
-        "eccentricity is spaced by the logarithm of the perihelion distance, 1 - e."
-    ),
-)
+@house_style
 def kepler_stability(cube: xr.Dataset) -> Figure:
     """Draw ``energy_error``, ``perihelion_advance`` and ``evaluations_for_contour`` of ``cube``.
 

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from nearharmonic.plotting.style import (
+    house_style,
     log_scale,
     mark_every,
     method_handles,
@@ -15,24 +16,13 @@ from nearharmonic.plotting.style import (
     panel_letter,
     style_of,
 )
-from nearharmonic_paper.tasks.declarations import figure
 
 #: Amplitudes of the panels A and B.
 SMALL, RELATIVISTIC = 0.03, 1.0
 _LARGEST_ERROR = 10.0
 
 
-@figure(
-    cube="kinetic_energy",
-    category="Stability",
-    caption=(
-        "Relativistic oscillator, H = sqrt(1 + p^2) - 1 + q^2/2, t in [0, 500], from q = A at rest. A, B: largest "
-        "energy error over every step against step size per stage, at a small and at a relativistic amplitude. C: the "
-        "same at tau/s = 0.05 against amplitude, over that of Ruth's method: the lead of the harmonic methods shrinks "
-        "as T departs from p^2/2. D: the same with the roles of T and V exchanged, which puts the departure into V and "
-        "leaves T quadratic; what C loses and D keeps is due to the shape of T alone. Filled markers: Nielsen (2015)."
-    ),
-)
+@house_style
 def kinetic_energy(cube: xr.Dataset) -> Figure:
     """Draw ``max_energy_error`` (roles, amplitude, integrator, tau_per_stage) and ``relative_error`` of ``cube``."""
     drawn = new_figure(7, 7.4)

@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
-from nearharmonic.plotting.style import Style, new_figure, style_of
-from nearharmonic_paper.tasks.declarations import figure
+from nearharmonic.plotting.style import Style, house_style, new_figure, style_of
 
 COLUMNS = 2
 #: Limit of the axis: the trace is unbounded, but only its crossings of +-1 matter.
@@ -19,17 +18,7 @@ SHOWN = 1.6
 GAP = "#d62728"
 
 
-@figure(
-    cube="linear_stability",
-    category="Stability",
-    caption=(
-        "Half the trace of the step matrix of the harmonic oscillator, polynomials in tau known exactly, against step "
-        "size per stage tau/s; cos(tau), the exact one, is the thin line. A method is stable while the curve stays "
-        "between -1 and 1; red marks the gaps where it does not, ticks at the top those too narrow to be seen. The "
-        "first edge tau* and the largest growth per step in the first gap are written in each panel. Past the last "
-        "edge none is stable."
-    ),
-)
+@house_style
 def linear_stability(cube: xr.Dataset) -> Figure:
     """Draw ``half_trace`` (integrator, tau_per_stage) of ``cube`` and its gaps, from ``start`` to ``end``."""
     names = [str(name) for name in cube.integrator.values]

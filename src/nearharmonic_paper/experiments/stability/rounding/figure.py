@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from nearharmonic.plotting.style import log_scale, method_handles, new_figure, panel_letter, style_of
-from nearharmonic_paper.tasks.declarations import figure
+from nearharmonic.plotting.style import house_style, log_scale, method_handles, new_figure, panel_letter, style_of
 
 _LINES: dict[str, Any] = {
     "plain": "-",
@@ -27,17 +26,7 @@ PANELS = (
 )
 
 
-@figure(
-    cube="stability_rounding",
-    category="Stability",
-    caption=(
-        "Effect of rounding alone on Kepler orbits over a long time, as root mean square over an ensemble. A: energy; "
-        "B: lag along the track, as mean anomaly. Solid: plain summation; dashed: compensated; dash-dotted: extended "
-        "precision; dotted: the lag that coefficients rounded to double cause in exact arithmetic, proportional to "
-        "time, which no summation removes. Grey: Brouwer's law for independent errors, t^1/2 and t^3/2. C, D: the "
-        "exponents fitted, with 95 % intervals by the jackknife over orbits."
-    ),
-)
+@house_style
 def rounding_growth(cube: xr.Dataset) -> Figure:
     """Draw ``energy_error`` and ``lag`` of ``cube`` over (integrator, source, sample): rms, exponents and intervals."""
     names = [str(name) for name in cube["integrator"].values]

@@ -2,6 +2,7 @@
 
 from nearharmonic_paper.experiments.added.settings import AddedSettings
 
+from nearharmonic_paper.tasks.declarations import Figure
 from nearharmonic_paper.tasks.experiment import Experiment
 
 EXPERIMENT = Experiment(
@@ -13,6 +14,13 @@ EXPERIMENT = Experiment(
     effect="Steps that `added` takes",
     cubes={"added": ("integrator, tau", "`energy_error` after one step from q = 0, p = 1")},
     tables=("added",),
-    figures={"one_step": "Energy error after one step"},
+    figures={
+        "one_step": Figure(
+            draw="nearharmonic_paper.experiments.added.figure:one_step",
+            title="Energy error after one step",
+            cube="added",
+            caption="Energy error of the oscillator after one step. Against the step size, each method.",
+        )
+    },
     runs=("added/steps",),
 )

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from nearharmonic.plotting.style import method_handles, new_figure, style_of
-from nearharmonic_paper.tasks.declarations import figure
+from nearharmonic.plotting.style import house_style, method_handles, new_figure, style_of
 
 
-@figure(cube="added", caption="Energy error of the oscillator after one step. Against the step size, each method.")
+@house_style
 def one_step(cube: Any) -> Any:
     """Draw the errors."""
     drawn = new_figure(4, 3)

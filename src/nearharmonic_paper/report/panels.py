@@ -1,23 +1,28 @@
 """Panels of the interactive figures: axes, zoom, hover, and the lines and markers of the static figures.
 
-Every renderer has the name of its method as a tag; the legend of the page uses it to show and hide the method.
+Every renderer has the name of its method as a tag; the legend of the page uses it to show and hide the method. A page
+holds the plots as a document of bokeh, and the script that shows them.
 """
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from math import pi
+from pathlib import Path
+from typing import Any, NamedTuple
 
+import bokeh as library
 import numpy as np
 from bokeh import models as bokeh
+from bokeh.core.serialization import Serializer
+from bokeh.document import Document
 from bokeh.models import ColumnDataSource as Source
 from bokeh.models import GlyphRenderer as Renderer
 from bokeh.models import Plot
 
 from nearharmonic.plotting.palette import style_of
-from nearharmonic_paper.report.plots.markers import MARKERS
 
 #: Width in pixels: a hover finds curves within half of it.
 _REACH = 12
@@ -43,19 +48,42 @@ _AXIS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Panel:
-    """A panel of a figure.
+class Marker(NamedTuple):
+    """A marker of the house style: bokeh's name, rotation in radians, and SVG path within [-1, 1] for the legend."""
 
-    Attributes
-    ----------
-    title : str
-        Letter, if there is one, and content of the panel.
-    plot : Plot
-        The plot; its title is in HTML, which wraps long titles.
-    note : str
-        Text below the plot.
-    """
+    shape: str
+    angle: float
+    outline: str
+
+
+_HEXAGON = "M0-1L.87-.5V.5L0 1-.87 .5V-.5z"
+_CIRCLE = "M-.9 0a.9.9 0 1 0 1.8 0a.9.9 0 1 0-1.8 0z"
+_STAR = "M0-1L.25-.3H.95L.38.14.59.8 0 .4-.59.8-.38.14-.95-.3H-.25z"
+_PLUS = "M-.35-1h.7v.65h.65v.7h-.65v.65h-.7v-.65h-.65v-.7h.65z"
+_CROSS = "M-.95-.45L-.45-.95 0-.5 .45-.95 .95-.45 .5 0 .95 .45 .45 .95 0 .5-.45 .95-.95 .45-.5 0z"
+
+#: Markers by their matplotlib names. Bokeh has no pentagon and no octagon; they become a hexagon, and a circle with a
+#: dot.
+MARKERS = {
+    "o": Marker("circle", 0.0, _CIRCLE),
+    "s": Marker("square", 0.0, "M-.85-.85h1.7v1.7h-1.7z"),
+    "^": Marker("triangle", 0.0, "M0-.95L.95 .8H-.95z"),
+    "v": Marker("inverted_triangle", 0.0, "M0 .95L.95-.8H-.95z"),
+    "<": Marker("triangle", pi / 2, "M-.95 0L.8-.95V.95z"),
+    ">": Marker("triangle", -pi / 2, "M.95 0L-.8-.95V.95z"),
+    "D": Marker("diamond", 0.0, "M0-1L1 0 0 1-1 0z"),
+    "d": Marker("diamond_dot", 0.0, "M0-1L.6 0 0 1-.6 0z"),
+    "p": Marker("hex", 0.0, _HEXAGON),
+    "h": Marker("hex_dot", 0.0, _HEXAGON),
+    "8": Marker("circle_dot", 0.0, _CIRCLE),
+    "*": Marker("star", 0.0, _STAR),
+    "P": Marker("plus", 0.0, _PLUS),
+    "X": Marker("plus", pi / 4, _CROSS),
+}
+
+
+class Panel(NamedTuple):
+    """A panel of a figure: its title, which HTML wraps where it is long, its plot, and a text below the plot."""
 
     title: str
     plot: Plot
@@ -221,3 +249,21 @@ def add_hover(plot: Plot, renderers: Sequence[Renderer], rows: Sequence[tuple[st
             attachment="horizontal",
         )
     )
+
+
+def script() -> str:
+    """Return the installed script of bokeh: the core without extensions."""
+    return Path(library.__file__).parent.joinpath("server/static/js/bokeh.min.js").read_text(encoding="utf-8")
+
+
+def document(roots: Sequence[Plot]) -> str:
+    """Return a document with the plots ``roots`` as JSON.
+
+    Models are numbered in the order of writing, so that equal plots give equal texts.
+    """
+    # Document.add_root searches all plots again at each call, which would double the total time.
+    told = Document(title="nearharmonic").to_json(deferred=False)
+    told["roots"] = Serializer(deferred=False).serialize(list(roots)).content
+    text = json.dumps(told, separators=(",", ":"), allow_nan=False)
+    ids: dict[str, str] = {}
+    return re.sub(r'"id":"(\w+)"', lambda found: f'"id":"{ids.setdefault(found[1], f"m{len(ids)}")}"', text)
