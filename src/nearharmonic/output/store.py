@@ -547,14 +547,11 @@ PLACE = "logs/earlier"
 
 
 def keep(folder: Path, outputs: Iterable[str | os.PathLike[str]]) -> None:
-    """Keep all sound result files in the folders of ``outputs``, which jobs are about to write, in a folder of results.
-
-    The HDF5 library may crash on a damaged file, so that none is kept.
-    """
+    """Keep all result files in the folders of ``outputs``, which jobs may write, in a folder of results."""
     for place in sorted({Path(output).parent for output in outputs}):
         for path in place.glob("*.h5"):
             kept = folder / PLACE / place.relative_to(folder) / f"{path.stem}-{path.stat().st_mtime_ns}.h5"
-            if not kept.exists() and not complaint(path):
+            if not kept.exists():
                 kept.parent.mkdir(parents=True, exist_ok=True)
                 _link(path, kept)
 
@@ -613,6 +610,8 @@ def kept_for(folder: Path, output: str | os.PathLike[str], origin: Mapping[str, 
     found = []
     for path in sorted(place.glob("*.h5")):
         try:
+            if complaint(path):  # the HDF5 library may crash on a damaged file
+                continue
             said = claimed_attributes(path)
             settings = json.loads(said["settings"])
             same = all(said[key] == origin[key] for key in ("code_digest", "coefficients_digest"))

@@ -26,5 +26,6 @@ EXPERIMENT = Experiment(
         "crystals_gain": "Gain of trained methods against anharmonicity",
         "crystals_long_runs": "Drift of the energy, and averages with a thermostat",
     },
+    values=lambda config: {"crystal": config.crystals.crystals},
     runs=("crystals/errors_{crystal}", "crystals/drift_{crystal}", "crystals/averages"),
 )

@@ -24,5 +24,6 @@ EXPERIMENT = Experiment(
         "samplers_targets": "Hamiltonian Monte Carlo on other targets",
         "samplers_trained": "Gains of methods trained for Hamiltonian Monte Carlo",
     },
+    values=lambda config: {"family": config.samplers.families, "target": config.samplers.targets},
     runs=("samplers/trained_{family}", "samplers/limits", "samplers/gaussians", "samplers/chains_{target}"),
 )
