@@ -2,23 +2,25 @@
 
 import atexit
 import gc
-
-# While this file is read, no object becomes garbage: collections would waste time.
-gc.disable()
+import os
+import sys
 
 from snakemake.utils import min_version
 
-from nearharmonic_paper.config.refusal import refuse_unreadable
+from nearharmonic_paper.config.files import CONFIGS, checked_configs
 from nearharmonic_paper.experiments.paper.grid.omissions import summary_line
+from nearharmonic_paper.record.running.workflow_run import WorkflowRun
 
 min_version("9.0")
+# Collections of garbage take a fifth of a dry run: what is loaded while this file is read stays.
+gc.disable()
 
 
 # Snakemake merges configs, so systems of the default config would appear in another: a given config is used alone.
-if not workflow.overwrite_configfiles:
-    refuse_unreadable(Path("config").glob("config.yaml"))
+CONFIGFILES = checked_configs(sys.argv[1:], config)
+if CONFIGFILES == CONFIGS:
 
-    configfile: "config/config.yaml"
+    configfile: CONFIGS[0]
 
 
 include: "workflow/rules/common.smk"
@@ -59,10 +61,12 @@ rule everything:  # but the searches for trained methods: what they found is reg
         [getattr(rules, one.cubes_target).input for one in EXPERIMENTS.values()],
 
 
-check_first(workflow, makeable_files, refuse)
+THIS_RUN = WorkflowRun(RESULTS, CONFIG, makeable(), [os.path.relpath(path) for path in CONFIGFILES])
+# Damaged results are no longer there when Snakemake looks at the files, so that it makes them again.
+if not (IS_JOB or IS_TOUCHED):
+    THIS_RUN.prepare(is_dry=IS_DRY)
 
 
-# The garbage collector skips all modules and rules loaded so far: scanning them takes a fifth of a dry run.
 gc.freeze()
 gc.enable()
 

@@ -70,20 +70,10 @@ def setting(
 ) -> Any:
     """Declare a member of a dataclass of settings.
 
-    Parameters
-    ----------
-    description : str
-        Meaning of the member, for the documentation.
-    allowed : str
-        Allowed values, as text for errors; not needed for a section, because errors name its keys.
-    unit : str
-        Unit of a number.
-    default : object
-        Value of a missing key; a class for a section whose keys all have defaults.
-    each : str
-        Allowed entries of a list, as text for errors.
-    **limits
-        ``ge``, ``le``, ``gt``, ``lt`` and ``min_length``, as in ``pydantic.Field``.
+    The ``description`` and the ``unit`` are for the documentation. Errors say what is ``allowed``, and for ``each``
+    entry of a list; a section needs neither, because errors name its keys. The ``default`` is the value of a missing
+    key, a class for a section whose keys all have defaults. Limits are ``ge``, ``le``, ``gt``, ``lt``, ``min_length``
+    and ``max_length`` of ``pydantic.Field``.
     """
     told = {"allowed": allowed, "unit": unit, "each": each}
     metadata = {"description": description, "json_schema_extra": {k: v for k, v in told.items() if v}, **limits}

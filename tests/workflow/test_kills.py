@@ -87,9 +87,9 @@ def test_second_run_in_a_folder_names_the_first(project):
 HOLDER = """
 import platform, sys
 from pathlib import Path
-from nearharmonic_paper.record.running.lock import locked
+from nearharmonic_paper.record.running.lock import lock
 
-with locked(Path(sys.argv[1])):
-    print(platform.node(), flush=True)
-    sys.stdin.read()
+lock(Path(sys.argv[1]))
+print(platform.node(), flush=True)
+sys.stdin.read()
 """

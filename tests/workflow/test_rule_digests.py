@@ -8,8 +8,6 @@ import shutil
 import subprocess
 import sys
 from contextlib import contextmanager
-from functools import cache
-from modulefinder import ModuleFinder
 from pathlib import Path
 
 import pytest
@@ -109,22 +107,6 @@ def test_rule_digest_covers_everything_that_comes_with_function(package, covered
     )
     for task, modules in json.loads(done.stdout).items():
         assert set(modules) <= covered[task], task
-
-
-@pytest.mark.slow
-def test_what_no_line_of_its_code_imports_is_not_covered(package, covered, monkeypatch):
-    # Each module is compiled and read once, not for each task.
-    opcodes = cache(lambda code, read=ModuleFinder.scan_opcodes: list(read(None, code)))
-    monkeypatch.setattr("modulefinder.compile", cache(compile), raising=False)
-    monkeypatch.setattr(ModuleFinder, "scan_opcodes", lambda self, code: opcodes(code))
-    for task, modules in covered.items():
-        finder = ModuleFinder(path=[str(package.parent)])
-        path = sources.path_of(task, package)
-        script = package.parent / "script.py"
-        script.write_text(f"import {task}\n")
-        finder.run_script(str(script))
-        assert path.is_file()
-        assert modules <= {name for name in finder.modules if name.startswith("nearharmonic.")}, task
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from support.projects.workflow_project import Project
 pytestmark = [pytest.mark.slurm, pytest.mark.skipif(bool(missing()), reason=missing())]
 
 SMOKE = ("--configfile", "config/smoke.yaml")
-SLURM = ("--workflow-profile", "profiles/slurm", "--slurm-init-seconds-before-status-checks", "2")
+SLURM = ("--workflow-profile", "profiles/slurm", "--nearharmonic-init-seconds-before-status-checks", "2")
 CUBE = "results/smoke/cubes/sho.h5"
 FOLDERS = ("runs", "cubes", "figures", "tables")
 

@@ -8,7 +8,6 @@ import shutil
 import zipfile
 
 import h5py
-import numpy as np
 import pytest
 import yaml
 
@@ -98,31 +97,6 @@ def test_cube_has_numbers_of_same_run_from_python(made):
     assert again.tobytes() == found.tobytes()
 
 
-def test_the_drift_of_an_invariant_is_that_of_the_samples(made):
-    with h5py.File(made.folder / RESULTS / "cubes/well.h5") as cube:
-        drift = cube["angular_momentum_drift"]
-        assert b"|I - I0|/|I0|" in np.bytes_(drift.attrs["long_name"])
-        found = drift[0, 0, :]
-    with h5py.File(made.folder / RESULTS / "runs/well/ruth/0.h5") as run:
-        (x, y), (u, v) = np.moveaxis(run["q"][:], -1, 0), np.moveaxis(run["p"][:], -1, 0)
-    momentum = x * v - y * u
-    np.testing.assert_allclose(found, np.nanmax(abs(momentum / 0.5 - 1), axis=1), rtol=1e-12, atol=1e-30)
-    # Each substep of a splitting method keeps the angular momentum of a central force: rounding alone is left.
-    assert (found < 1e-13).all()
-    with h5py.File(made.folder / RESULTS / "cubes/venus.h5") as cube:
-        assert cube["eccentricity_vector_drift"].shape == cube["perihelion_advance"].shape == (1, 2, 3)
-
-
-def test_runs_and_cube_of_potential_of_numba_name_its_floor(made):
-    floors = set()
-    for name in ("runs/gap/ruth/0.h5", "runs/gap/five_leapfrogs/0.h5", "cubes/gap.h5"):
-        with h5py.File(made.folder / RESULTS / name) as file:
-            floors |= set(np.ravel(file.attrs["energy_floor"]).tolist())
-    # A few units in the last place of an energy of size 1.
-    assert len(floors) == 1
-    assert 1e-17 < floors.pop() < 1e-14
-
-
 def test_edit_of_integrator_reruns_only_its_dependents(made):
     jobs = edited(made, "fourth_order.py", "five leapfrogs", "leapfrogs, five of them")
     drawn = {f"draw_{name}": 1 for name in ("well", "wide", "venus", "gap", "sho_terms")}
@@ -185,19 +159,6 @@ def test_the_record_holds_the_digest_of_the_files(made):
     assert told["integrators"]["five_leapfrogs"]["file"] == "own/fourth_order.py"
 
 
-def test_shown_run_is_made_again_by_its_lines_of_python(made, tmp_path):
-    for key, method in (("well", "ruth"), ("wide", "five_leapfrogs"), ("venus", "five_leapfrogs")):
-        tau = {"venus": "100"}.get(key, "0.5")
-        shown = made.nearharmonic("show", "mine", key, method, tau, "--format", "json")
-        assert shown.returncode == 0, shown.stderr
-        document = json.loads(shown.stdout)
-        script = tmp_path / "again.py"
-        script.write_text(document["python"])
-        made_again = made.python(str(script))
-        assert made_again.returncode == 0, made_again.stderr
-        assert float(made_again.stdout) == document["run"]["max_energy_error"]
-
-
 def test_archive_holds_files_and_its_config_runs_from_them(made, tmp_path):
     place = tmp_path / "mine.zip"
     done = made.nearharmonic("archive", "mine", "-o", str(place))
@@ -241,15 +202,3 @@ def test_results_are_adopted_by_copy_of_project_that_has_files(made, tmp_path):
     done = copy.nearharmonic("adopt", "mine", *TRUST)
     assert done.returncode == 2
     assert "own/quartic_well.py is not the file that made results/mine" in done.stderr
-
-
-def test_recommend_knows_the_systems_and_the_integrators_of_a_config(made):
-    done = made.nearharmonic("recommend", "wide", "--error", "1e-3", "--config", "own/mine.yaml", "--format", "json")
-    assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert (told["system"], told["t_end"]) == ("wide", "5")
-    assert "five_leapfrogs" in {choice["method"] for choice in told["choices"]}
-    assert "snakemake work_precision makes it" in told["basis"]
-    without = made.nearharmonic("recommend", "wide", "--error", "1e-3")
-    assert without.returncode == 2
-    assert "unknown system 'wide'" in without.stderr

@@ -2,39 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import json
-import re
 
 import h5py
 import pytest
-import yaml
-
-from nearharmonic.errors import NearharmonicError
-from nearharmonic_paper.config.reading import load
-from support.projects.workflow_project import ROOT
 
 SMOKE = ("--configfile", "config/smoke.yaml")
 SYSTEMS = ("sho", "henon_heiles", "kepler")
-
-
-@pytest.mark.slow
-def test_it_is_a_target_of_its_own(project):
-    assert not {name for name in project.jobs(*SMOKE) if name.startswith("work_precision")}
-    assert project.jobs("work_precision", *SMOKE) == {
-        "work_precision_times": 1,
-        "work_precision_figure": 3,
-        "work_precision_table": 3,
-        "library_times_figures": 1,
-        "library_times_table": 1,
-        "work_precision": 1,
-    }
-
-
-@pytest.mark.slow
-def test_figure_of_regularised_systems_is_drawn_where_config_has_them(drawn):
-    jobs = drawn.jobs("work_precision", "--configfile", "config/regularised.yaml")
-    assert (jobs["regularised_times_figure"], jobs["work_precision_figure"]) == (1, 4)
 
 
 @pytest.mark.slow
@@ -68,29 +42,3 @@ def test_the_file_names_the_machine_and_the_settings(everything):
         assert set(file) == {*SYSTEMS, *(name for name in file if name.endswith("_position"))}
         times = file["kepler/time_trajectory"][:]
         assert (times[..., 0] <= times[..., 2]).sum() == (times[..., 0] > 0).sum() > 0
-
-
-@pytest.mark.slow
-def test_figures_and_tables_say_that_they_are_timings(everything):
-    results = everything.folder / "results/tiny"
-    assert "Measured 20" in (results / "tables/work_precision_sho.md").read_text()
-    with (results / "tables/work_precision_sho.csv").open(newline="") as file:
-        table = list(csv.DictReader(file))
-    assert {row["measure"] for row in table} == {"max", "mean", "position"}
-    assert {row["kind"] for row in table} == {"splitting", "peer"}
-
-
-BAD = (
-    ({"integrators": ["leapfrg"]}, "work_precision.integrators: unknown integrator 'leapfrg'"),
-    ({"peers": ["heyok"]}, "work_precision.peers[0] = 'heyok' is not allowed"),
-    ({"longest": 0}, "work_precision.longest = 0 is not allowed: a finite number above 0"),
-    ({"evaluations": 3}, "work_precision.evaluations = 3 is not allowed: an integer from 100"),
-    ({"point_per_decade": 3}, "'point_per_decade'. Did you mean 'points_per_decade'?"),
-)
-
-
-@pytest.mark.parametrize(("change", "says"), BAD)
-def test_a_bad_section_is_refused_with_what_is_allowed(change, says):
-    config = yaml.safe_load((ROOT / "config/smoke.yaml").read_text(encoding="utf-8"))
-    with pytest.raises(NearharmonicError, match=re.escape(says)):
-        load(config | {"work_precision": change})

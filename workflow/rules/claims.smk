@@ -4,6 +4,16 @@ from nearharmonic.integrators import plain_integrators
 from nearharmonic_paper.claims.own import digest as digest_of_own
 
 
+def claims_task(wildcards=None):
+    """Return the task of the rule decide_claims."""
+    return task(
+        "nearharmonic_paper.claims.table:decided",
+        folder=RESULTS,
+        integrators=plain_integrators.registered,
+        leftovers=leftovers(),
+    )
+
+
 rule decide_claims:
     input:
         # Unnamed inputs: the job finds them, and those of other targets, in the folder.
@@ -16,12 +26,7 @@ rule decide_claims:
         LOG("tables/claims"),
     params:
         own=digest_of_own(),  # statements that the code digest of the task does not cover
-        task=lambda wildcards: task(
-            "nearharmonic_paper.claims.table:decided",
-            folder=RESULTS,
-            integrators=plain_integrators.registered,
-            leftovers=leftovers(),
-        ),
+        task=claims_task,
     script:
         "../scripts/task.py"
 

@@ -5,24 +5,35 @@ installed in, whose versions ``constraints.txt`` pins and every result file reco
 """
 
 import os
+import re
 
-from snakemake.exceptions import WorkflowError
+from snakemake_interface_common.exceptions import WorkflowError
 
+from nearharmonic_paper.config.files import refuse, warn_of_name
 from nearharmonic_paper.config.reading import load
-from nearharmonic_paper.config.refusal import refuse, warn_of_name
 from nearharmonic.errors import NearharmonicError
+from nearharmonic_paper.record.adopt import ADOPTING, noting
 from nearharmonic_paper.experiments.paper.grid.shards import REDUCED_AT_ONCE, shards_of
 from nearharmonic_paper.experiments.paper.settings import ORBITS
 from nearharmonic_paper.tasks.declarations import figures_of
 from nearharmonic_paper.tasks.experiment import experiments
 from nearharmonic_paper.tasks.provenance import task
+from nearharmonic_paper.tasks.receipts import RUN as RUN_ID
+
+if ADOPTING in os.environ:
+    task, TASKS = noting(task)
+
+#: True in a process that Snakemake starts for a job; of the command: a dry run, or one that computes nothing.
+IS_JOB = RUN_ID in os.environ
+IS_DRY = any(word in ("--dry-run", "--dryrun") or re.fullmatch("-[a-zA-Z]*n[a-zA-Z]*", word) for word in sys.argv)
+IS_TOUCHED = not {"-t", "--touch"}.isdisjoint(sys.argv)
 
 try:
-    CONFIG = load(config, files=workflow.configfiles)
+    CONFIG = load(config, files=CONFIGFILES)
 except NearharmonicError as error:
     refuse(error)
-if workflow.is_main_process:
-    warn_of_name(CONFIG.name, workflow.configfiles)
+if not IS_JOB:
+    warn_of_name(CONFIG.name, CONFIGFILES)
 
 RESULTS = f"results/{CONFIG.name}"
 SWEEPS = {sweep.system: sweep for sweep in CONFIG.sweeps}
@@ -33,7 +44,19 @@ CUBES = [
     stem for one in EXPERIMENTS.values() for stem in one.cubes if CONFIG.has_systems_of_the_paper or stem not in ORBITS
 ]
 FIGURES = figures_of(CONFIG.systems, CUBES)
-RUNS, KINDS, TWO_STEPS = [], {}, {}  # each experiment adds its files
+#: Values of the placeholders in names of files, by experiment.
+VALUES = {name: {"system": CONFIG.systems, **one.values(CONFIG)} for name, one in EXPERIMENTS.items()}
+#: Run files of all experiments but the paper's, whose shards differ by method, and one file of each kind.
+RUNS = [
+    f"{RESULTS}/{run}" for name, one in EXPERIMENTS.items() if name != "paper" for run in one.run_files(**VALUES[name])
+]
+KINDS = {
+    kind: f"{RESULTS}/{run}"
+    for name, one in EXPERIMENTS.items()
+    if name != "paper"
+    for kind, run in one.kinds_of_runs(**VALUES[name]).items()
+}
+TWO_STEPS = {}  # each experiment adds its jobs
 
 try:
     ALL_CORES = workflow.cores
@@ -78,19 +101,19 @@ def shown(stem, category, label):
 
 
 def FILES(experiment, **values):
-    """Return the files of an experiment's target; values are those of placeholders except {system}."""
-    return [f"{RESULTS}/{name}" for name in EXPERIMENTS[experiment].files(system=CONFIG.systems, **values)]
+    """Return the files of an experiment's target, with other values of some placeholders."""
+    names = EXPERIMENTS[experiment].files(**VALUES[experiment] | values)
+    return [f"{RESULTS}/{name}" for name in names]
+
+
+def SHOWN(target):
+    """Return the mark of the job that shows the files of a target on the page of results, if there is one."""
+    return f"{RESULTS}/logs/shown/{target}.done"
 
 
 def LOG(stem):
     """Return the log file of a job."""
     return f"{RESULTS}/logs/{stem}.log"
-
-
-def add_runs(experiment, **values):
-    """Add the run files of an experiment to those that jobs of this config make, and one of each kind."""
-    RUNS.extend(f"{RESULTS}/{name}" for name in EXPERIMENTS[experiment].run_files(**values))
-    KINDS.update({kind: f"{RESULTS}/{name}" for kind, name in EXPERIMENTS[experiment].kinds_of_runs(**values).items()})
 
 
 def run_files(system):

@@ -3,7 +3,6 @@
 from nearharmonic_studies.crystals.settings import AVERAGED, DRIFTING
 
 _CRYSTALS = CONFIG.crystals.crystals
-add_runs("crystals", crystal=_CRYSTALS)
 
 
 rule crystals_errors:
@@ -76,3 +75,4 @@ rule crystals_cube:
 rule crystals:
     input:
         FILES("crystals"),
+        SHOWN("crystals"),

@@ -17,3 +17,4 @@ rule derive_coefficients:
 rule derive:
     input:
         FILES("derivation"),
+        SHOWN("derive"),

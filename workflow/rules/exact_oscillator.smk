@@ -1,6 +1,5 @@
 """Henon-Heiles with an exactly solved oscillator compared with T + V: errors, crossings, and cost on this machine."""
 
-add_runs("exact_oscillator")
 EXACT_OSCILLATOR = {
     "split": CONFIG.stepwise,
     "exact": CONFIG.exact_oscillator.methods,
@@ -36,3 +35,4 @@ rule exact_oscillator_times:
 rule exact_oscillator:
     input:
         FILES("exact_oscillator"),
+        SHOWN("exact_oscillator"),

@@ -1,65 +1,27 @@
 """The record of this run: history.jsonl and manifest.json. They are no outputs: every target changes them."""
 
+import functools
 import itertools
 import os
 import sys
-from types import SimpleNamespace
+import threading
+import warnings
 
 from nearharmonic_paper.experiments.paper.grid.earlier import forget, keep
-from nearharmonic_paper.tasks.job import run
-from nearharmonic_paper.config.targets import check_first
-from nearharmonic_paper.record.adopt import ADOPTING, check_jobs
-from nearharmonic_paper.record.running.guard import guard
-from nearharmonic_paper.record.running.workflow_run import WorkflowRun
-from nearharmonic_paper.tasks.remote.submission import submit_frozen
+from nearharmonic_paper.record.adopt import check_tasks
 
 CLAIMS = "tables/claims.json"
-THIS_RUN = WorkflowRun(RESULTS, CONFIG, sources=workflow.basedir)
+#: Former names of targets, which warn, and their present names.
+FORMER = {"beyond": "sixth_order"}
 
 
-def record_start():
-    """Write a marker, and pass the id of the run to its jobs."""
-    if workflow.touch and ADOPTING in os.environ:
-        check_jobs(Path(RESULTS), workflow.dag.jobs)
-    if not workflow.touch:
-        keep(Path(RESULTS), (job.output.run for job in workflow.dag.needrun_jobs() if job.rule.name == "integrate"))
-        THIS_RUN.begin(sys.argv, sorted(workflow.dag_settings.targets) or ["all"], ALL_CORES)
-        submit_frozen(workflow)
-        if workflow.local_exec:
-            # It adds a thread and a round of scheduling to each round, a quarter of the time of this process.
-            workflow.scheduler.job_rate_limiter = None
-
-
-def record_end(exit_status):
-    """Update the page, then write the manifest and the line of the history."""
-    if not workflow.touch:
-        working = {job for job in workflow.dag.jobs if not job.is_norun}
-        needed = set(workflow.dag.needrun_jobs(exclude_finished=False))
-        ended = working & needed & set(workflow.dag.finished_jobs)
-        counts = {"jobs_run": len(ended), "jobs_reused": len(working - needed)}
-        if not exit_status:
-            forget(Path(RESULTS))
-        THIS_RUN.end(exit_status, **counts, refresh=refresh, makeable=makeable(), configfiles=configfiles())
-
-
-def complete_record():
-    """Complete the record of a run that was killed, and that left no job to run."""
-    if THIS_RUN.is_incomplete:
-        forget(Path(RESULTS))
-        THIS_RUN.complete(refresh, makeable(), configfiles())
-        THIS_RUN.save_state(makeable())
-
-
+@functools.cache
 def makeable():
     """Return the names of all files that jobs of this config make, in the folder of results."""
-    return {path.removeprefix(f"{RESULTS}/") for path in makeable_files()}
-
-
-def makeable_files():
-    """Return the paths of these files."""
     targets = [getattr(rules, one.target).input for one in EXPERIMENTS.values()]
     asked_by_name = rules.claims.input, map(CUBE, PAPER.cubes)
-    return {str(path) for path in (*itertools.chain.from_iterable((*targets, *asked_by_name)), *RUNS)}
+    paths = itertools.chain(*targets, *asked_by_name, RUNS)
+    return {str(path).removeprefix(f"{RESULTS}/") for path in paths if not str(path).endswith(".done")}
 
 
 def leftovers():
@@ -69,28 +31,67 @@ def leftovers():
     return sorted({*there} - makeable())
 
 
-def configfiles():
-    """Return the paths of the config."""
-    return [os.path.relpath(path) for path in workflow.configfiles]
+def document(rule, log):
+    """Return the files of a rule for the rule refresh."""
+    outputs = {name: [made] if isinstance(made, str) else [*made] for name, made in rule.output.items()}
+    return {"input": [*map(str, rule.input)], "output": outputs, "log": log}
 
 
-def refresh():
-    """Make claims and page again if this run made newer results, of other targets."""
-    from nearharmonic_paper.claims.own import own_claims
-    from nearharmonic_paper.claims.table import FILES
+rule refresh:  # claims and page again, if they are there and older than the files of a target
+    input:
+        lambda wildcards: [path for path in getattr(rules, wildcards.target).input if path != SHOWN(wildcards.target)],
+    output:
+        touch(SHOWN("{target}")),
+    log:
+        LOG("shown/{target}"),
+    wildcard_constraints:
+        target="|".join({target for one in EXPERIMENTS.values() for target in (one.target, one.cubes_target)}),
+    priority: -1  # they show what other jobs make
+    threads: ALL_CORES
+    params:
+        # In this order: the page shows the claims.
+        documents=lambda wildcards: [
+            document(rules.decide_claims, LOG("tables/claims")) | {"task": claims_task()},
+            document(rules.page, LOG("report")) | {"task": page_task()},
+        ],
+    script:
+        "../scripts/refresh.py"
 
-    shown = {*FILES, *(name for one in own_claims() for name in (*one.needs, *one.also))}
-    if THIS_RUN.outdates(CLAIMS, shown=shown):
-        again(rules.decide_claims, LOG("tables/claims"))
-    if THIS_RUN.outdates("report.html"):
-        again(rules.page, LOG("report"))
+
+localrules:
+    refresh,
 
 
-def again(rule, log):
-    """Run the job of a rule in this process."""
-    described = rule.params.task
-    params = SimpleNamespace(task=described(None))
-    run(SimpleNamespace(input=rule.input, output=rule.output, params=params, log=[log], threads=1))
+def is_target(word):
+    """Return True if a word of a command is the name of a rule or of a result."""
+    try:
+        return word.startswith(f"{RESULTS}/") or bool(getattr(rules, word))
+    except WorkflowError:
+        return False
+
+
+def record_start():
+    """Write a marker, and pass the id of the run to its jobs."""
+    if ADOPTING in os.environ:
+        check_tasks(Path(RESULTS), TASKS)
+    if IS_TOUCHED:
+        return
+    targets = [word for word in sys.argv[1:] if is_target(word)]
+    for name in FORMER.keys() & targets:
+        warnings.warn(f"the target {name} is now {FORMER[name]}", FutureWarning, stacklevel=1)
+    THIS_RUN.begin(sys.argv, sorted(targets) or ["all"], ALL_CORES)
+    keep(Path(RESULTS), [run for system in SWEEPS for files in run_files(system).values() for run in files])
+
+
+def record_end(exit_status):
+    """Write the manifest and the line of the history."""
+    for thread in threading.enumerate():
+        if isinstance(thread, threading.Timer):
+            thread.cancel()  # of the limit to the rate of jobs: the process would wait a second for it
+    if not IS_TOUCHED:
+        if not exit_status:
+            forget(Path(RESULTS))
+        THIS_RUN.end(exit_status)
 
 
 def verdicts(document):
@@ -99,6 +100,3 @@ def verdicts(document):
     from nearharmonic.output.store import workflow_command
 
     return verdicts_line(document, workflow_command(document))
-
-
-guard(workflow, Path(RESULTS), THIS_RUN, makeable, complete_record)

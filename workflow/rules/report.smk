@@ -4,6 +4,16 @@ from nearharmonic_paper.report.assets import digest
 from nearharmonic_paper.report.shown.declared import pages_alone
 
 
+def page_task(wildcards=None):
+    """Return the task of the rule page; figure 6 in motion has the coefficients of these integrators."""
+    return task(
+        "nearharmonic_paper.report.page:page",
+        folder=RESULTS,
+        integrators=tuple(dict.fromkeys((*CONFIG.methods, *CONFIG.decomposed))),
+        leftovers=leftovers(),
+    )
+
+
 rule page:
     input:
         cubes=map(CUBE, [*SWEEPS, "sho_terms"]),
@@ -17,13 +27,7 @@ rule page:
         LOG("report"),
     params:
         assets=digest(),  # the code digest does not cover template, style and script
-        # Figure 6 in motion has their coefficients.
-        task=lambda wildcards: task(
-            "nearharmonic_paper.report.page:page",
-            folder=RESULTS,
-            integrators=tuple(dict.fromkeys((*CONFIG.methods, *CONFIG.decomposed))),
-            leftovers=leftovers(),
-        ),
+        task=page_task,
     script:
         "../scripts/task.py"
 

@@ -2,7 +2,6 @@
 
 _SAMPLED = CONFIG.samplers.targets
 _SEARCHES = [RUN(f"samplers/trained_{family}") for family in CONFIG.samplers.families]
-add_runs("samplers", family=CONFIG.samplers.families, target=_SAMPLED)
 
 
 rule samplers_search:
@@ -84,3 +83,4 @@ rule samplers_cube:
 rule samplers:
     input:
         FILES("samplers"),
+        SHOWN("samplers"),

@@ -18,8 +18,9 @@ rule search_sixth_order:
 rule sixth_order:
     input:
         FILES("sixth_order"),
+        SHOWN("sixth_order"),
 
 
-rule beyond:  # the former name of the target, which warns: reproduction.config.targets
+rule beyond:  # the former name of the target, which warns: record.smk
     input:
         rules.sixth_order.input,

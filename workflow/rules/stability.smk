@@ -1,8 +1,7 @@
 """Stress tests of the methods: three ensembles, each with one job per method and then a cube; and three other cubes."""
 
-ENSEMBLES = ("henon_heiles", "kepler", "rounding")
+from nearharmonic_paper.experiments.stability.experiment import ENSEMBLES
 
-add_runs("stability", ensemble=ENSEMBLES, integrator=CONFIG.stepwise, autonomous=STRUCTURE_T_END)
 TWO_STEPS["kinetic_energy"] = {
     "run": RUN("stability/kinetic_energy"),
     "results": {"cube": CUBE("kinetic_energy"), "table": TABLE("kinetic_energy")},
@@ -82,3 +81,4 @@ rule linear_stability_cube:
 rule stability:
     input:
         FILES("stability"),
+        SHOWN("stability"),

@@ -1,15 +1,8 @@
 """Symplecticity, reversibility and drift of the energy, measured on every autonomous system."""
 
-from nearharmonic.systems import systems
+from nearharmonic_paper.experiments.stability.experiment import intervals
 
-# The interval is that of the config, or else that of the system.
-# A regularised system is integrated in another phase space than that of its states.
-STRUCTURE_T_END = {
-    name: system.t_end
-    for name, system in systems.items()
-    if not system.time_dependent and system.regularisation is None
-}
-STRUCTURE_T_END |= {sweep.system: sweep.t_end for sweep in CONFIG.sweeps if sweep.system in STRUCTURE_T_END}
+STRUCTURE_T_END = intervals(CONFIG)
 
 
 wildcard_constraints:

@@ -7,7 +7,6 @@ from nearharmonic_studies.trained.comparison.contestants import (
 )
 
 CONTESTANTS = contestants()
-add_runs("trained")
 PROOF = {"methods": CONTESTANTS, "settings": CONFIG.trained.proof}
 LONG = PROOF | {"methods": [name for name in CONTESTANTS if kind_of(name) == "trained"], "beside": "babps8o7h"}
 IDEAS = PROOF | {"exact": exact_contestants(CONFIG.exact_oscillator.methods)}
@@ -55,8 +54,10 @@ rule trained_times_table:
 rule trained_proof:
     input:
         [name for name in FILES("trained", purpose=()) if not name.startswith(f"{RESULTS}/derived/")],
+        SHOWN("trained_proof"),
 
 
 rule trained:
     input:
-        FILES("trained", purpose=CONFIG.trained.purposes),
+        FILES("trained"),
+        SHOWN("trained"),

@@ -111,3 +111,4 @@ _LEFT_OUT = [] if _IS_DRAWN else FIGURE("regularised_times")
 rule work_precision:
     input:
         [name for name in FILES("work_precision") if name not in _LEFT_OUT],
+        SHOWN("work_precision"),

@@ -29,13 +29,14 @@ def answer(chosen: argparse.Namespace) -> Answer:
     Raises
     ------
     SettingError
-        The number of jobs is no number, the config does not exist, the folder has another Snakefile, or the package
+        The number of jobs is no number, the config cannot be read, the folder has another Snakefile, or the package
         has come without the workflow.
     """
     import subprocess
 
     from nearharmonic.engine.settings import whole_number
     from nearharmonic.errors import bad_setting
+    from nearharmonic_paper.config.files import read_mapping
     from nearharmonic_paper.record.archive.description import workflow_root
 
     jobs = whole_number(chosen.jobs, "-j")
@@ -44,6 +45,8 @@ def answer(chosen: argparse.Namespace) -> Answer:
     if chosen.config is not None and not any((root / chosen.config).is_file() for root in (Path(), workflow_root())):
         raise bad_setting("config", chosen.config, "a file that exists, or one of the workflow: config/smoke.yaml")
     put_into(Path())
+    if chosen.config is not None:  # Snakemake would run the Python of a template
+        read_mapping(chosen.config)
     config = [] if chosen.config is None else ["--configfile", chosen.config]
     # Targets stand behind --, as --configfile would take them for further configs.
     words = [sys.executable, "-m", "snakemake", f"-j{jobs}", *config, "--", *chosen.targets]

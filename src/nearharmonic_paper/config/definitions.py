@@ -39,14 +39,8 @@ _OWN = ("file", "system", "label", "q0", "p0", "energy", "parameters", "split")
 def define(asked: Mapping[str, SystemSettings], methods: Mapping[str, Sequence[str]], folders: Sequence[Path]) -> None:
     """Define the systems and integrators of a config in the registries, in place of those of any previous config.
 
-    Parameters
-    ----------
-    asked : mapping
-        Section of each system, by its name in the config.
-    methods : mapping
-        Lists of integrators (names and paths of files), by their keys in the config.
-    folders : sequence of Path
-        Folders in which files are searched for, in this order.
+    ``asked`` has the section of each system by its name, ``methods`` the lists of integrators, names and paths of
+    files, by their keys. Files are searched for in ``folders``, in this order.
 
     Raises
     ------
@@ -64,15 +58,7 @@ def define(asked: Mapping[str, SystemSettings], methods: Mapping[str, Sequence[s
 
 
 def _check_formulas(system: System) -> None:
-    """Evaluate all formulas of a user's system once, so that errors occur before any job.
-
-    Raises
-    ------
-    SystemDefinitionError
-        A formula fails or uses unsupported operations, or a gradient contradicts its potential.
-    SettingError
-        The energy at the start is not finite.
-    """
+    """Evaluate all formulas of a user's system once, so that errors occur before any job."""
     from nearharmonic.engine.invariants import energy_at_start, invariant_values
 
     energy_at_start(system)
@@ -123,13 +109,7 @@ def _definition(name: str, asked: SystemSettings, folders: Sequence[Path]) -> Sy
 
 
 def check_name(key: str, name: str) -> None:
-    """Raise an error for an invalid name of a user's system or integrator.
-
-    Raises
-    ------
-    SettingError
-        The value of ``key`` is no valid name, or a reserved name.
-    """
+    """Raise SettingError if a user's system or integrator cannot have the ``name``, the value of ``key``."""
     if not _NAME.fullmatch(name) or keyword.iskeyword(name):
         allowed = f"a letter, then letters, digits and '_', at most {LONGEST} characters, no keyword of Python"
     elif name in TAKEN | RESERVED | _names_of_files():
@@ -170,12 +150,7 @@ def _tableaus(methods: Mapping[str, Sequence[str]], folders: Sequence[Path]) -> 
 def found(key: str, written: str, folders: Sequence[Path]) -> str:
     """Return the path of a user's file, relative to the working directory if it is in there.
 
-    It is ``written`` in the config under ``key``, and searched for in ``folders``.
-
-    Raises
-    ------
-    SettingError
-        There is no such file.
+    It is ``written`` in the config under ``key``, and searched for in ``folders``; none is a SettingError.
     """
     for folder in folders:
         place = folder / written

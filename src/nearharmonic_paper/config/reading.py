@@ -15,9 +15,8 @@ from nearharmonic.numerics.written import integer_of
 from nearharmonic.systems import systems
 from nearharmonic_paper.config.config import NUMBERS, Config, adapter, sections
 from nearharmonic_paper.config.definitions import define, folders_of, named
-from nearharmonic_paper.config.refusal import refuse_template
+from nearharmonic_paper.config.files import MOST_ENTRIES, MOST_LEVELS, read_mapping
 from nearharmonic_paper.config.schema import schema
-from nearharmonic_paper.config.text import MOST_ENTRIES, MOST_LEVELS, read_mapping
 from nearharmonic_paper.experiments.paper.grid.plan import check_sweep
 
 
@@ -31,8 +30,8 @@ def load(mapping: Mapping[str, Any], files: Iterable[Path | str] = ()) -> Config
     mapping : mapping
         The keys, as read from YAML.
     files : iterable of path
-        The YAML files of the keys; a key may occur only once in a mapping. Files of systems and integrators that are
-        not in the working directory are searched for in the folders of these files.
+        The files of the keys. Files of systems and integrators that are not in the working directory are searched for
+        in their folders.
 
     Raises
     ------
@@ -40,8 +39,6 @@ def load(mapping: Mapping[str, Any], files: Iterable[Path | str] = ()) -> Config
         The first error in the order of the keys, with key, value, allowed values and the nearest match.
     """
     places = list(files)
-    for path in places:
-        refuse_template(path)
     config = _typed(mapping)
     for key, value, allowed in _repetitions(config, mapping):
         raise bad_setting(key, value, allowed)

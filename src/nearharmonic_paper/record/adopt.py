@@ -6,21 +6,20 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from nearharmonic.errors import RefusedError, SettingError
 from nearharmonic.output.store import DEFAULT_CONFIG, usable_configs
-from nearharmonic_paper.config.refusal import refuse_template
-from nearharmonic_paper.config.text import read_mapping
+from nearharmonic_paper.config.files import read_mapping
 from nearharmonic_paper.record.files import manifest
 from nearharmonic_paper.record.files.trusted import check_files_of
 from nearharmonic_paper.record.verify import faults
 from nearharmonic_paper.tasks.provenance import settings_digest
-from nearharmonic_paper.tasks.receipts import BESIDE, forget
+from nearharmonic_paper.tasks.receipts import forget
 
-#: Environment variable that tells the workflow to compare its jobs with the manifest before it touches a file.
+#: Environment variable that tells the workflow to compare its tasks with the manifest before it touches a file.
 ADOPTING = "NEARHARMONIC_ADOPTING"
 
 
@@ -53,7 +52,7 @@ def adopt(folder: Path, configfile: str | None = None) -> int:
     check_files_of(names.values())
     option = _config_option(folder.name, recorded["configfiles"], configfile)
     for place in option[1:] or [DEFAULT_CONFIG]:
-        refuse_template(place)
+        read_mapping(place)
     command = [sys.executable, "-m", "snakemake", "--touch", "--forceall", "-j1", "--quiet", "rules"]
     files = [f"results/{folder.name}/{name}" for name in names]
     command += [*option, "--", *files]
@@ -87,28 +86,33 @@ def _name_in(place: Path) -> object:
         return None
 
 
-def check_jobs(folder: Path, jobs: Iterable[Any]) -> None:
-    """Compare the jobs of a workflow with the manifest of ``folder``, before their files are touched.
+def noting(describe: Callable[..., dict[str, Any]]) -> tuple[Callable[..., dict[str, Any]], list[dict[str, Any]]]:
+    """Return a function that describes tasks as ``describe`` does, and the list that it adds each of them to."""
+    noted: list[dict[str, Any]] = []
 
-    A job of Snakemake has ``output``, and ``params.task`` or ``params.tasks``. A file that it makes and that was made
-    with other settings, code or coefficients is a RefusedError.
+    def described(function: str, **settings: Any) -> dict[str, Any]:
+        noted.append(describe(function, **settings))
+        return noted[-1]
+
+    return described, noted
+
+
+def check_tasks(folder: Path, tasks: Iterable[Mapping[str, Any]]) -> None:
+    """Compare the manifest of ``folder`` with the tasks of the workflow, before files are touched.
+
+    Snakemake has described the tasks of all requested files by then.
+
+    Raises
+    ------
+    RefusedError
+        A file was made with other settings, code or coefficients than any task has.
     """
-    entries = manifest.read(folder)["files"]
-    for path, task in (pair for job in jobs for pair in _made_by(job)):
-        name = Path(path).relative_to(folder).as_posix()
-        entry = entries.get(name)
-        here = {"settings": settings_digest(task), "code": task["code"], "coefficients": task["coefficients"]}
-        differs = ["file"] if entry is None else [what for what in here if here[what] != entry[what]]
-        if differs:
-            says = "is not among the results" if entry is None else f"was made with other {' and '.join(differs)}"
-            raise RefusedError(f"{path} {says}; a run of the workflow brings it up to date")
-
-
-def _made_by(job: Any) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Yield each result that a job makes, and its task."""
-    params = dict(job.params.items())
-    for name, made in job.output.items():
-        task = params["tasks"][name] if "tasks" in params else params.get("task")
-        for path in [made] if isinstance(made, str) else made:
-            if task is not None and not {*BESIDE} & {*Path(path).parts}:
-                yield str(path), task
+    keys = ("settings", "code", "coefficients")
+    here = {(one["function"], settings_digest(one), one["code"], one["coefficients"]) for one in tasks}
+    for name, entry in manifest.read(folder)["files"].items():
+        if (entry["function"], *(entry[key] for key in keys)) in here:
+            continue
+        alike = [one[1:] for one in here if one[0] == entry["function"]]
+        differs = [key for i, key in enumerate(keys) if all(one[i] != entry[key] for one in alike)] or ["settings"]
+        message = f"{folder / name} was made with other {' and '.join(differs)}"
+        raise RefusedError(f"{message}; a run of the workflow brings it up to date")

@@ -7,7 +7,7 @@ of experiments. No job imports these modules, so that a new title invalidates no
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from functools import cache
@@ -60,6 +60,8 @@ class Experiment:
         All other files of its target, with folders and endings.
     runs : tuple of str
         Names of its run files, which are intermediate files.
+    values : callable
+        Function of the config that returns the values of placeholders except ``{system}``.
     measured : tuple of str
         Beginnings of the names of files with measured times.
     """
@@ -80,6 +82,7 @@ class Experiment:
     figures: Mapping[str, Figure | str] = field(default_factory=dict)
     others: tuple[str, ...] = ()
     runs: tuple[str, ...] = ()
+    values: Callable[[Any], Mapping[str, Iterable[str]]] = field(default=lambda config: {}, repr=False)
     measured: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

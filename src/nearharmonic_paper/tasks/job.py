@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import platform
+import sys
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
@@ -14,6 +15,7 @@ from pathlib import Path
 from select import select
 from signal import SIGKILL
 from threading import Thread
+from types import SimpleNamespace
 from typing import Any
 
 from nearharmonic.errors import NearharmonicError
@@ -26,6 +28,7 @@ from nearharmonic.systems import systems
 from nearharmonic_paper.tasks.definitions import defined, files_in
 from nearharmonic_paper.tasks.provenance import digests, function_of, named_in, provenance
 from nearharmonic_paper.tasks.receipts import WHOLE, Receipt, folder_of
+from nearharmonic_paper.tasks.remote.plan import Files
 
 Places = Sequence[str]
 
@@ -68,17 +71,7 @@ def draw(snakemake: Any) -> None:
     """Draw the figures of one cube, each with the package function in ``params.tasks`` under its stem.
 
     A function gets the cube, which is read once, if the rule has the input ``cube``; it returns a matplotlib
-    ``Figure``. A figure with two names is drawn once.
-
-    Parameters
-    ----------
-    snakemake : object
-        Object that Snakemake passes to a script; its outputs are the files of each figure, by stem.
-
-    Raises
-    ------
-    SystemExit
-        Any error, with status 1 and one message.
+    ``Figure``. A figure with two names is drawn once. Errors are those of :func:`run`.
     """
     from nearharmonic.output.store import read
 
@@ -100,6 +93,27 @@ def draw(snakemake: Any) -> None:
             drawn[what] = places
             receipt.add(places, task)
         receipt.write()
+
+
+def refresh(snakemake: Any) -> None:
+    """Make documents again that show other results, if they are there and older than an input of this job.
+
+    The parameter ``documents`` has the task, the input, the output and the log of the job of each document. One that
+    cannot be made is a warning.
+    """
+    with logged(snakemake.log[0]):
+        newest = max(Path(path).stat().st_mtime_ns for path in snakemake.input)
+        for one in snakemake.params.documents:
+            first = Path(next(iter(one["output"].values()))[0])
+            if first.is_file() and first.stat().st_mtime_ns < newest:
+                params, named = SimpleNamespace(task=one["task"]), Files(one["input"], {})
+                job = SimpleNamespace(input=named, output=one["output"], params=params, log=[one["log"]], threads=1)
+                try:
+                    run(job)
+                except SystemExit as error:
+                    text = f"nearharmonic: warning: the page of results may be old: {error}"
+                    print(text, file=sys.__stderr__, flush=True)
+                newest = max(newest, first.stat().st_mtime_ns)
 
 
 def _remarks(function: Any, result: Any) -> dict[str, Any]:
@@ -157,20 +171,11 @@ def _is_transparent(snakemake: Any) -> bool:
 
 
 def write(result: Any, places: Places, origin: Mapping[str, str], *, transparent: bool = False) -> None:
-    """Write one result of a task to its files.
+    """Write one result of a task to its files, with its ``origin``, the provenance, if they can hold it.
 
-    Parameters
-    ----------
-    result : object
-        A :class:`~nearharmonic.output.dataset.Contents` or an ``xarray.Dataset`` goes to an HDF5 file, a
-        :class:`~nearharmonic.output.table.Table` to CSV, Markdown and LaTeX, a matplotlib ``Figure`` to PDF, SVG and
-        PNG, a dict to TOML, and a string or bytes to a file as they are.
-    places : sequence of str
-        The files; files of one table or figure differ only in their endings.
-    origin : mapping
-        Provenance, as attributes of HDF5 files and as a section of TOML files.
-    transparent : bool
-        SVG files of figures have no background.
+    A :class:`~nearharmonic.output.dataset.Contents` or an ``xarray.Dataset`` goes to an HDF5 file, a
+    :class:`~nearharmonic.output.table.Table` to CSV, Markdown and LaTeX, a matplotlib ``Figure`` to PDF, SVG (without
+    a background if ``transparent``) and PNG, a dict to TOML, and a string or bytes to a file as they are.
     """
     from nearharmonic.output import store
 

@@ -82,5 +82,6 @@ EXPERIMENT = Experiment(
     },
     tables=("crystals",),
     figures=FIGURES,
+    values=lambda config: {"crystal": config.crystals.crystals},
     runs=("crystals/errors_{crystal}", "crystals/drift_{crystal}", "crystals/averages"),
 )

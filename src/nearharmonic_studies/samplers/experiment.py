@@ -58,5 +58,6 @@ EXPERIMENT = Experiment(
     },
     tables=("samplers",),
     figures=FIGURES,
+    values=lambda config: {"family": config.samplers.families, "target": config.samplers.targets},
     runs=("samplers/trained_{family}", "samplers/limits", "samplers/gaussians", "samplers/chains_{target}"),
 )

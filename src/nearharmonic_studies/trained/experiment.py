@@ -86,6 +86,7 @@ EXPERIMENT = Experiment(
         "derived/trained_exact.py",
         "derived/trained_polynomial.py",
     ),
+    values=lambda config: {"purpose": config.trained.purposes},
     runs=("trained/proof", "trained/ideas", "trained/long"),
     measured=("tables/trained_times",),
 )

@@ -13,7 +13,7 @@ from nearharmonic.cli import main
 from nearharmonic.errors import SettingError, UntrustedFileError
 from nearharmonic.output.store import NAME_KEY
 from nearharmonic.registry.user_module import trusting_only
-from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config.reading import load, read
 from nearharmonic_paper.record.adopt import adopt
 from nearharmonic_paper.record.rerun import rerun
 from nearharmonic_paper.tasks.code.user_sources import digest_of
@@ -208,5 +208,5 @@ def test_template_in_place_of_config_is_refused_before_snakemake(project, text, 
     with pytest.raises(SettingError, match=r"^__use_yte__ = True is not allowed: a config is data"):
         adopt(project, "own.yaml")
     with pytest.raises(SettingError, match=r"^__use_yte__ = True is not allowed: a config is data"):
-        load({"name": "paper"}, ["own.yaml"])
+        read(Path("own.yaml"))
     assert not Path("ran").exists()

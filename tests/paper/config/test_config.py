@@ -13,8 +13,8 @@ from jsonschema import Draft202012Validator
 from snakemake.cli import parse_config
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic_paper.config.reading import load
-from nearharmonic_paper.config.refusal import warn_of_name
+from nearharmonic_paper.config.files import warn_of_name
+from nearharmonic_paper.config.reading import load, read
 from nearharmonic_paper.config.schema import key_table, schema
 
 ROOT = Path(__file__).parents[3]
@@ -194,13 +194,13 @@ def test_duplicate_key_is_refused_with_both_lines(tmp_path):
     path = tmp_path / "twice.yaml"
     path.write_text("name: small\nsystems:\n  sho:\n    t_end: 5\n    t_end: 50\n")
     with pytest.raises(NearharmonicError, match=r"twice\.yaml: the key 't_end' is in lines 4 and 5$"):
-        load(SMALL, files=[path])
+        read(path)
     path.write_text(yaml.safe_dump(SMALL))
-    assert load(SMALL, files=[path]) == load(SMALL)
+    assert read(path) == load(SMALL)
 
 
 @pytest.mark.parametrize(
-    ("written", "read"),
+    ("written", "misread"),
     [
         ("010", "8"), ("1:30", "90"), ("0x1F", "31"), ("0b11", "3"), ("1_000", "1000"), ("1_0.5", "10.5"),
         (".inf", "inf"), ("2026-01-01", "2026-01-01"), ("190:20:30.15", "685230.15"), ("!!int '010'", "8"),
@@ -209,16 +209,15 @@ def test_duplicate_key_is_refused_with_both_lines(tmp_path):
         ("'1.00000000000000001'", None),
     ],
 )  # fmt: skip
-def test_number_of_a_file_is_its_decimal_digits_or_refused(tmp_path, written, read):
+def test_number_of_a_file_is_its_decimal_digits_or_refused(tmp_path, written, misread):
     path, digits = tmp_path / "mine.yaml", re.sub(r"!!\w+ |'", "", written)
     path.write_text(yaml.safe_dump(changed("systems.sho.t_end", "END")).replace("END", written))
-    mapping = yaml.safe_load(path.read_text())  # as Snakemake reads it
-    if read is None:
-        assert Decimal(load(mapping, files=[path]).systems["sho"].t_end) == Decimal(digits)
+    if misread is None:
+        assert Decimal(read(path).systems["sho"].t_end) == Decimal(digits)
         return
-    says = rf"has {re.escape(digits)}, which YAML reads as the \w+ {re.escape(read)}: numbers have decimal digits"
-    with pytest.raises(NearharmonicError, match=rf"{says}|t_end = {read} is not allowed: a finite number above 0"):
-        load(mapping, files=[path])
+    says = rf"has {re.escape(digits)}, which YAML reads as the \w+ {re.escape(misread)}: numbers have decimal digits"
+    with pytest.raises(NearharmonicError, match=rf"{says}|t_end = {misread} is not allowed: a finite number above 0"):
+        read(path)
 
 
 def test_number_of_command_line_is_its_decimal_digits_or_refused():

@@ -1,4 +1,4 @@
-"""The record of a run: failures are warnings, and newer files invalidate pages."""
+"""The record of a run: failures are warnings, and damaged files are set aside."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def run(tmp_path, monkeypatch):
     monkeypatch.setenv("NEARHARMONIC_RUN", "another")
     monkeypatch.setenv("NEARHARMONIC_LEADER", "elsewhere:1")
     (tmp_path / "results/smoke/logs").mkdir(parents=True)
-    begun = WorkflowRun("results/smoke", load(yaml.safe_load(SMOKE.read_text(encoding="utf-8"))), sources=tmp_path)
+    begun = WorkflowRun("results/smoke", load(yaml.safe_load(SMOKE.read_text(encoding="utf-8"))), MADE)
     begun.begin(["/somewhere/bin/snakemake", "-j2"], ["all"], cores=2)
     return begun
 
@@ -56,9 +56,9 @@ def test_run_leaves_marker_and_its_id_for_its_jobs(run):
 def test_its_end_is_a_line_of_the_history(run, exit_status, status, capsys):
     make("cubes/a.h5", "a")
     make("cubes/b.h5", "b")
-    run.end(exit_status, jobs_run=2, jobs_reused=7, refresh=lambda: None, makeable=MADE)
+    run.end(exit_status)
     (line,) = history.runs_of(Path("results/smoke"))
-    assert (line["status"], line["exit_status"], line["jobs_run"], line["jobs_reused"]) == (status, exit_status, 2, 7)
+    assert (line["status"], line["exit_status"], line["jobs_run"], line["jobs_reused"]) == (status, exit_status, 2, 0)
     assert (line["evaluations"], line["evaluations_skipped"]) == (10, None)
     assert line["duration"] >= 0
     assert history.running_in(Path("results/smoke")) == []
@@ -72,19 +72,16 @@ def history_faults():
 
 def test_flipped_receipt_with_its_old_time_is_healed(run, capsys):
     make("cubes/a.h5", "a")
-    run.end(0, jobs_run=1, jobs_reused=0, refresh=lambda: None, makeable=MADE)
+    run.end(0)
     place = Path("results/smoke/logs/a.json")
     before, content = place.stat(), place.read_bytes()
     place.write_bytes(content[:100] + bytes([content[100] ^ 4]) + content[101:])
     os.utime(place, ns=(before.st_atime_ns, before.st_mtime_ns))
     config = load(yaml.safe_load(SMOKE.read_text(encoding="utf-8")))
-    again, last = (WorkflowRun("results/smoke", config, sources=".") for _ in range(2))
-    assert again.is_incomplete
-    again.recover()
-    again.complete(lambda: None, MADE, ())
-    again.save_state(MADE)
-    assert "1 receipts are not as their jobs wrote them, and are removed" in capsys.readouterr().err
-    assert not last.is_incomplete
+    for says in ("1 receipts are not as their jobs wrote them, and are removed", ""):
+        WorkflowRun("results/smoke", config, MADE).prepare()
+        assert says in capsys.readouterr().err
+    assert state.differing(Path("results/smoke")) == set()
     assert [fault.says for fault in faults(Path("results/smoke")) if "receipt" in fault.says] == []
 
 
@@ -92,13 +89,13 @@ def test_flipped_receipt_with_its_old_time_is_healed(run, capsys):
 def test_lost_last_line_is_told_until_next_run_records_it(run, left):
     folder, place = Path("results/smoke"), Path("results/smoke/history.jsonl")
     for _ in range(2):
-        run.end(0, jobs_run=0, jobs_reused=0, refresh=lambda: None, makeable=MADE)
+        run.end(0)
     assert history_faults() == []
     lines = place.read_text().splitlines(keepends=True)
     place.write_text("".join(lines[:left]))
     state.save(folder, MADE)  # a start that has nothing to do
     assert history_faults() == [f"has lost the last line that was written, or more; it has {left}"]
-    run.end(0, jobs_run=0, jobs_reused=0, refresh=lambda: None, makeable=MADE)
+    run.end(0)
     assert history_faults() == []
     assert sha256(lines[-1].strip().encode()).hexdigest() in place.read_text()
 
@@ -107,48 +104,15 @@ def test_files_of_earlier_runs_do_not_count_as_made(run, monkeypatch):
     make("cubes/b.h5", "b")
     monkeypatch.setenv("NEARHARMONIC_RUN", "earlier")
     make("cubes/a.h5", "a")
+    run.end(0)
     assert run.made("cubes/b.h5")
     assert not run.made("cubes/a.h5")
     assert not run.made("cubes/c.h5")
 
 
-def test_page_is_outdated_by_what_this_run_made_after_it(run, monkeypatch):
-    make("cubes/a.h5", "a")
-    page = make("report.html", "page")
-    os.utime(page, ns=(1, page.stat().st_mtime_ns + 1))
-    assert not run.outdates("report.html")
-    later = make("cubes/b.h5", "b")
-    os.utime(later, ns=(1, page.stat().st_mtime_ns + 1))
-    make_receipt_again("cubes/b.h5", "b")
-    assert run.outdates("report.html")
-    assert run.outdates("report.html", shown=["cubes/b.h5"])
-    assert not run.outdates("report.html", shown=["cubes/a.h5", "report.html"])
-    assert not run.outdates("tables/claims.json")
-    monkeypatch.setenv("NEARHARMONIC_RUN", "earlier")
-    make_receipt_again("cubes/b.h5", "b")
-    assert not run.outdates("report.html")
-
-
-def make_receipt_again(name, log):
-    receipt = Receipt(f"results/smoke/logs/{log}.log")
-    receipt.add([f"results/smoke/{name}"], TASK)
-    receipt.write()
-
-
-def test_a_page_that_cannot_be_made_again_is_a_warning(run, capsys):
-    def refresh():
-        raise SystemExit("cubes/a.h5 is damaged")
-
-    run.end(0, 1, 0, refresh, makeable=MADE)
-    assert capsys.readouterr().err == (
-        "nearharmonic: warning: the page of results may be old: SystemExit: cubes/a.h5 is damaged\n"
-    )
-    assert len(history.runs_of(Path("results/smoke"))) == 1
-
-
 def test_a_table_that_cannot_be_read_is_a_warning(run, capsys):
     make("tables/skipped.csv", "skipped")
-    run.end(0, 1, 0, refresh=lambda: None, makeable=MADE)
+    run.end(0)
     assert capsys.readouterr().err.startswith("nearharmonic: warning: the evaluations are not recorded: ")
     (line,) = history.runs_of(Path("results/smoke"))
     assert line["evaluations"] is None
@@ -162,9 +126,9 @@ def test_unknown_machine_is_one_warning_and_rest_is_kept(tmp_path, monkeypatch, 
     monkeypatch.setenv("NEARHARMONIC_RUN", "another")
     monkeypatch.setenv("NEARHARMONIC_LEADER", "elsewhere:1")
     monkeypatch.setattr("nearharmonic_paper.record.running.workflow_run.fingerprint", fail)
-    begun = WorkflowRun("results/smoke", load(yaml.safe_load(SMOKE.read_text(encoding="utf-8"))), sources=tmp_path)
+    begun = WorkflowRun("results/smoke", load(yaml.safe_load(SMOKE.read_text(encoding="utf-8"))), MADE)
     begun.begin(["snakemake"], ["all"], cores=None)
-    begun.end(0, 0, 0, refresh=lambda: None, makeable=MADE)
+    begun.end(0)
     assert capsys.readouterr().err == (
         "nearharmonic: warning: the run is not recorded in full: OSError: no such machine\n"
     )
@@ -175,7 +139,29 @@ def test_unknown_machine_is_one_warning_and_rest_is_kept(tmp_path, monkeypatch, 
 
 def test_changed_files_are_told(run, capsys):
     make("cubes/a.h5", "a").write_text("something else")
-    run.end(0, 1, 0, refresh=lambda: None, makeable=MADE)
+    run.end(0)
     assert capsys.readouterr().err == (
         "nearharmonic: warning: changed since their jobs wrote them: cubes/a.h5 in results/smoke\n"
     )
+
+
+def test_damaged_file_and_what_is_made_from_it_are_aside_until_the_end(run):
+    folder = Path("results/smoke")
+    for name, inputs in (("cubes/a.h5", []), ("cubes/b.h5", ["results/smoke/cubes/a.h5"])):
+        place = folder / name
+        place.parent.mkdir(exist_ok=True)
+        place.write_text(name)
+        receipt = Receipt(f"results/smoke/logs/{name[6]}.log", inputs)
+        receipt.add([str(place)], TASK)
+        receipt.write()
+    run.end(0)
+    (folder / "cubes/a.h5").write_text("damaged")
+    config = load(yaml.safe_load(SMOKE.read_text(encoding="utf-8")))
+    for is_dry in (True, False):  # the second start is after a kill of the first
+        WorkflowRun(folder, config, MADE).prepare(is_dry=is_dry)
+        assert not list((folder / "cubes").iterdir())
+    (folder / "cubes/b.h5").write_text("made again")
+    run.end(0)
+    assert (folder / "cubes/a.h5").read_text() == "damaged"
+    assert (folder / "cubes/b.h5").read_text() == "made again"
+    assert not (folder / "logs/aside").exists()

@@ -7,10 +7,10 @@ import sys
 
 from planned_jobs import planned
 
-from nearharmonic_paper.tasks.remote.submission import frozen, is_plain
+from nearharmonic_paper.tasks.remote.plan import frozen
 
 if __name__ == "__main__":
     config, target, folder = sys.argv[1:]
     for job in planned(config, target):
-        place = str(frozen(job, patience=0).write(folder)) if is_plain(job) else None
+        place = str(frozen(job).write(folder)) if "task" in job.params or "tasks" in job.params else None
         print(json.dumps({"rule": job.rule.name, "output": list(job.output), "norun": job.is_norun, "place": place}))

@@ -17,6 +17,7 @@ CORES = 5
 
 def planned(config: str, *targets: str) -> list[Any]:
     """Return the jobs of Snakemake for ``targets``, whatever is there already."""
+    sys.argv = ["snakemake", "--configfile", config]  # as the Snakefile expects
     with SnakemakeApi(OutputSettings(quiet={Quietness.ALL})) as api:
         workflow = api.workflow(
             resource_settings=ResourceSettings(cores=CORES),

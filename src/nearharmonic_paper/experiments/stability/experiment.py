@@ -1,5 +1,8 @@
 """Declaration of the stress tests."""
 
+from typing import Any
+
+from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.stability.settings import StabilitySettings
 from nearharmonic_paper.tasks.declarations import Figure
 from nearharmonic_paper.tasks.experiment import Experiment
@@ -73,6 +76,17 @@ FIGURES = {
         ),
     ),
 }
+ENSEMBLES = ("henon_heiles", "kepler", "rounding")
+
+
+def intervals(config: Any) -> dict[str, str]:
+    """Return the end of the interval of each autonomous system: that of the config, or else that of the system.
+
+    A regularised system is integrated in another phase space than that of its states, and left out.
+    """
+    own = {n: one.t_end for n, one in systems.items() if not one.time_dependent and one.regularisation is None}
+    return own | {sweep.system: sweep.t_end for sweep in config.sweeps if sweep.system in own}
+
 
 EXPERIMENT = Experiment(
     name="stability",
@@ -121,5 +135,10 @@ EXPERIMENT = Experiment(
         "kinetic_energy",
     ),
     figures=FIGURES,
+    values=lambda config: {
+        "ensemble": ENSEMBLES,
+        "integrator": config.stepwise,
+        "autonomous": intervals(config),
+    },
     runs=("stability/{ensemble}/{integrator}", "stability/structure/{autonomous}", "stability/kinetic_energy"),
 )

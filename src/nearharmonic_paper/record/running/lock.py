@@ -6,8 +6,6 @@ import fcntl
 import os
 import platform
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from nearharmonic.errors import RefusedError
@@ -16,51 +14,35 @@ from nearharmonic.errors import RefusedError
 LOCK = Path("logs", "lock")
 
 
-@contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Hold the lock of ``folder`` inside the block.
+def lock(folder: Path) -> None:
+    """Hold the lock of ``folder`` until this process ends.
 
-    In a folder without locks, for example a read-only one, the block runs after a warning.
+    In a folder without locks, for example a read-only one, there is a warning and no lock.
 
     Raises
     ------
     RefusedError
         Another run holds the lock; the message names its host and process.
     """
-    file = _opened(folder / LOCK)
-    if file is None:
-        yield
-        return
-    try:
-        _acquire(file, folder)
-        yield
-    finally:
-        os.close(file)
-
-
-def _opened(place: Path) -> int | None:
+    place = folder / LOCK
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
-        return os.open(place, os.O_RDWR | os.O_CREAT, 0o666)
-    except OSError as error:
-        _warn(place, error)
-        return None
-
-
-def _acquire(file: int, folder: Path) -> None:
-    try:
+        file = os.open(place, os.O_RDWR | os.O_CREAT, 0o666)
         fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # unlike flock, no child process holds it too
     except (BlockingIOError, PermissionError):
-        host, _, number = os.pread(file, 300, 0).decode(errors="replace").strip().rpartition(" ")
+        if not os.access(place, os.R_OK | os.W_OK):
+            _warn(place, "Permission denied")
+            return
+        host, _, number = place.read_text(errors="replace").strip().rpartition(" ")
         holder = f"process {number} on {host}" if host else "another process"
         message = f"{folder} is in use: the workflow runs there as {holder}; wait for its end, or stop it"
         raise RefusedError(message) from None
     except OSError as error:
-        _warn(folder / LOCK, error)
+        _warn(place, str(error.strerror))
     else:
         os.ftruncate(file, 0)
         os.pwrite(file, f"{platform.node()} {os.getpid()}\n".encode(), 0)
 
 
-def _warn(place: Path, error: OSError) -> None:
-    print(f"nearharmonic: warning: two runs at once are not prevented: {place}: {error.strerror}", file=sys.stderr)
+def _warn(place: Path, reason: str) -> None:
+    print(f"nearharmonic: warning: two runs at once are not prevented: {place}: {reason}", file=sys.stderr)

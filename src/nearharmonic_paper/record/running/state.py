@@ -93,6 +93,15 @@ def files_to_remake(folder: Path, makeable: Collection[str], different: Collecti
     return [name for name in there if name not in entries or manifest.is_changed(folder / name, entries[name])]
 
 
+def with_results_of(folder: Path, makeable: Collection[str], damaged: Collection[str]) -> list[str]:
+    """Return ``damaged`` files and all present files that jobs have made from them, directly or not, sorted."""
+    inputs = {name: set(entry.get("inputs", ())) for name, entry in manifest.entries_of(folder).items()}
+    found = set(damaged)
+    while more := {name for name in makeable if found & inputs.get(name, set())} - found:
+        found |= more
+    return sorted(name for name in found if os.path.lexists(folder / name))
+
+
 def _saved(folder: Path) -> dict[str, Any]:
     """Return the saved state; empty if there is none or it is damaged."""
     try:

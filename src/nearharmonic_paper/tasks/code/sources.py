@@ -50,18 +50,7 @@ def closure(*modules: str, root: Path | None = None) -> tuple[str, ...]:
     NearharmonicError
         The package has no such module.
     """
-    return _of_running(modules) if root is None else _closure(_files(root), modules)
-
-
-def _closure(files: _Files, modules: tuple[str, ...]) -> tuple[str, ...]:
-    found = reached(modules, lambda name: [] if name in PACKAGES else [name.rpartition(".")[0], *files.imported(name)])
-    return tuple(sorted(found - {*PACKAGES}))
-
-
-@cache
-def _of_running(modules: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the closure in the running package: thousands of jobs ask for the same."""
-    return _closure(_running(), modules)
+    return _files(root).closure(modules)
 
 
 def reached(starts: Iterable[Node], following: Callable[[Node], Iterable[Node]]) -> set[Node]:
@@ -96,7 +85,7 @@ def read_source(path: Path) -> Source:
 
 def module_of(name: str) -> str | None:
     """Return the module of the running package that a dotted name denotes or belongs to; None if there is none."""
-    for module in (name, name.rpartition(".")[0]):
+    for module in (name, above(name)):
         if module and path_of(module, ROOT).is_file():
             return module
     return None
@@ -109,12 +98,16 @@ def path_of(module: str, root: Path) -> Path:
 
 
 class _Files:
-    """The modules of a package, each read once."""
+    """The modules of a package, each read once: thousands of jobs ask for the same."""
 
     def __init__(self, root: Path, parse: Callable[[bytes], Source]) -> None:
         self._root, self.parse = root, parse
-        self.source, self.imported = cache(self._source), cache(self._imported)
+        self.source, self.closure, self._imported = cache(self._source), cache(self._closure), cache(self._imports)
         self._is_module = cache(lambda name: path_of(name, root).is_file())
+
+    def _closure(self, modules: tuple[str, ...]) -> tuple[str, ...]:
+        found = reached(modules, lambda name: [] if name in PACKAGES else [above(name), *self._imported(name)])
+        return tuple(sorted(found - {*PACKAGES}))
 
     def _source(self, module: str) -> Source:
         path = path_of(module, self._root)
@@ -123,22 +116,24 @@ class _Files:
             raise NearharmonicError(message)
         return self.parse(path.read_bytes())
 
-    def _imported(self, module: str) -> list[str]:
-        """Return the modules among the imported names of ``module``; names may also be functions or classes."""
-        names = (place for name in self._absolute(module) for place in (name, name.rpartition(".")[0]))
-        return [place for place in names if place and self._is_module(place)]
-
-    def _absolute(self, module: str) -> Iterator[str]:
-        """Return the dotted names within the package that ``module`` imports."""
-        inside = path_of(module, self._root).name == "__init__.py"
-        package = (module if inside else module.rpartition(".")[0]).split(".")
+    def _imports(self, module: str) -> list[str]:
+        """Return the modules of the package that ``module`` imports; an imported name may be that of a function."""
+        is_package = path_of(module, self._root).name == "__init__.py"
+        folders = (module if is_package else above(module)).split(".")
+        found = []
         for written in self.source(module).imports:
             name = written.lstrip(".")
             level = len(written) - len(name)
             if level:
-                name = ".".join([*package[: len(package) - level + 1], *([name] if name else [])])
+                name = ".".join([*folders[: len(folders) - level + 1], *([name] if name else [])])
             if name.split(".")[0] in PACKAGES:
-                yield name
+                found += [place for place in (name, above(name)) if place and self._is_module(place)]
+        return found
+
+
+def above(name: str) -> str:
+    """Return a dotted name without its last part."""
+    return name.rpartition(".")[0]
 
 
 def _files(root: Path | None) -> _Files:

@@ -100,8 +100,6 @@ class Receipt:
 
     def write(self) -> None:
         """Write the receipt beside the log; a failure is a warning in the log."""
-        if not self._files:
-            return
         try:
             write_text(self._place, json.dumps(sealed({"files": self._files}), indent=1) + "\n")
         except OSError as error:

@@ -29,7 +29,7 @@ def main(place: str) -> None:
         prepare(frozen)
     except NearharmonicError as error:
         raise SystemExit(str(error)) from None
-    getattr(job, frozen.function)(frozen)
+    (job.draw if hasattr(frozen.params, "tasks") else job.run)(frozen)
 
 
 def check_code(frozen: FrozenJob) -> None:
@@ -67,9 +67,10 @@ def wait_for(files: Iterable[str], patience: float) -> None:
 
 
 def prepare(frozen: FrozenJob) -> None:
-    """Remove the earlier outputs of a job, and create the folders of its outputs and of its log."""
+    """Remove the earlier outputs of a job but pages, which it updates; create the folders of outputs and log."""
     for file in map(Path, [*frozen.output, *frozen.log]):
-        file.unlink(missing_ok=True)
+        if "docs" not in file.parts:
+            file.unlink(missing_ok=True)
         file.parent.mkdir(parents=True, exist_ok=True)
 
 

@@ -5,7 +5,11 @@ The module is separate because a job on a node imports it, and nothing of Snakem
 
 from __future__ import annotations
 
+import os
 import pickle
+import re
+import shlex
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from hashlib import sha256
@@ -17,6 +21,14 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.atomic import read_bytes, write_bytes
 
 SUFFIX = ".job"
+#: Command that runs Python on the nodes, for example in a container; by default the present interpreter.
+PYTHON = "NEARHARMONIC_NODE_PYTHON"
+#: The process that ends the jobs of this computer with itself (``job.LEADER``) has no meaning on another.
+ENVIRONMENT = "env -u NEARHARMONIC_LEADER"
+#: Parameters of rules that jobs read.
+PARAMS = ("task", "tasks", "captions", "transparent", "documents")
+#: Seconds for which a job waits for inputs that another node wrote.
+PATIENCE = 60.0
 
 
 class Files(list[str]):
@@ -37,12 +49,10 @@ class FrozenJob:
 
     Attributes
     ----------
-    function : str
-        Function of that module: ``run`` or ``draw``.
     input, output : Files
         Paths, relative to the working folder.
     params : SimpleNamespace
-        Its member is ``task``, or ``tasks`` and ``captions`` by the names of the outputs; and ``transparent``, if set.
+        The parameters of the rule among :data:`PARAMS`.
     log : list of str
         Its log file.
     threads : int
@@ -51,18 +61,18 @@ class FrozenJob:
         Seconds to wait for inputs that another node wrote.
     """
 
-    function: str
     input: Files
     output: Files
     params: SimpleNamespace
     log: list[str]
     threads: int
-    patience: float
+    patience: float = PATIENCE
 
     @property
     def tasks(self) -> list[dict[str, Any]]:
         """Its tasks, as :func:`nearharmonic_paper.tasks.provenance.task` describes them."""
-        return [self.params.task] if self.function == "run" else [*self.params.tasks.values()]
+        several = getattr(self.params, "tasks", None)
+        return [self.params.task] if several is None else [*several.values()]
 
     def write(self, folder: str | Path) -> Path:
         """Write the job to a file in ``folder`` and return its path."""
@@ -70,6 +80,33 @@ class FrozenJob:
         place = Path(folder, sha256(content).hexdigest()).with_suffix(SUFFIX)
         write_bytes(place, content)
         return place
+
+
+def frozen(job: Any) -> FrozenJob:
+    """Return the frozen form of a job of Snakemake."""
+    return FrozenJob(
+        input=_files(job.input),
+        output=_files(job.output),
+        params=SimpleNamespace(**{name: value for name, value in job.params.items() if name in PARAMS}),
+        log=[str(file) for file in job.log],
+        threads=int(job.threads),
+    )
+
+
+def _files(files: Any) -> Files:
+    named = {name: str(one) if isinstance(one, str) else [*map(str, one)] for name, one in files.items()}
+    return Files(map(str, files), named)
+
+
+def command_of(job: Any, folder: str | Path) -> str:
+    """Return the shell command that runs a job of Snakemake on a node; its frozen form is a file in ``folder``."""
+    python = os.environ.get(PYTHON) or shlex.quote(sys.executable)
+    return f"{ENVIRONMENT} {python} -m {__package__} {shlex.quote(str(frozen(job).write(folder)))}"
+
+
+def is_in_array(job: Any, arrays: str | None) -> bool:
+    """Return True if a job is submitted in an array, by the setting ``array_jobs`` of the plugin for SLURM."""
+    return not {"all", job.name}.isdisjoint(re.split(r"[,;\s]+", arrays or ""))
 
 
 def read(place: str | Path) -> FrozenJob:

@@ -13,8 +13,8 @@ import pytest
 from nearharmonic.errors import NearharmonicError
 from nearharmonic_paper.tasks.provenance import task
 from nearharmonic_paper.tasks.remote.__main__ import main
-from nearharmonic_paper.tasks.remote.plan import SUFFIX, Files, FrozenJob, read
-from nearharmonic_paper.tasks.remote.submission import PYTHON, submit_frozen
+from nearharmonic_paper.tasks.remote.plan import PYTHON, SUFFIX, Files, FrozenJob, command_of, is_in_array, read
+from snakemake_executor_plugin_nearharmonic import has_accounting
 
 
 @pytest.fixture
@@ -23,7 +23,6 @@ def warming(tmp_path):
     given = tmp_path / "given"
     given.touch()
     return FrozenJob(
-        function="run",
         input=Files([str(given)], {}),
         output=Files([], {}),
         params=SimpleNamespace(
@@ -94,84 +93,38 @@ def test_a_job_costs_less_than_a_second_and_no_snakemake(warming, tmp_path):
     assert not loaded & {"snakemake", "pydantic", "numba", "xarray", "matplotlib", "pandas"}
 
 
-class _Executor:
-    """The members of an executor for other computers that submission uses."""
-
-    tmpdir = "jobs"
-
-    def __init__(self, **settings):
-        self.executor_settings = SimpleNamespace(**settings)
-        self.workflow = SimpleNamespace(execution_settings=SimpleNamespace(latency_wait=5))
-
-    def format_job_exec(self, job):
-        return f"snakemake of {job.rule.name}"
-
-
 def _job(**changes):
-    """A job of Snakemake, as far as submission looks."""
-    plain = {
-        "is_group": lambda: False, "rule": SimpleNamespace(name="reduce", script="../scripts/task.py"), "output": [],
-        "input": Files([], {}), "log": ["x.log"], "threads": 1, "params": {"task": {"definitions": {}}, "own": 1},
-        "benchmark": None, "conda_env_spec": None, "container_img_url": None, "env_modules": None, "is_shadow": False,
-    }  # fmt: skip
-    return SimpleNamespace(**{**plain, "output": Files([], {}), **changes})
+    """A job of Snakemake, as far as its frozen form needs it."""
+    plain = {"log": ["x.log"], "threads": 1, "params": {"task": {"definitions": {}}, "own": 1}}
+    files = {"input": Files([], {}), "output": Files([], {"a": "x", "b": ["y", "z"]})}
+    return SimpleNamespace(**plain | files | changes)
 
 
-def _submitting(executor):
-    scheduler = SimpleNamespace(get_executor=lambda _: executor)
-    submit_frozen(SimpleNamespace(local_exec=False, scheduler=scheduler))
-    return executor
-
-
-def test_the_command_of_a_job_names_its_file(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    environment, _, command = _submitting(_Executor()).format_job_exec(_job()).partition(f" {sys.executable} ")
+def test_the_command_of_a_job_names_its_file(tmp_path):
+    environment, _, command = command_of(_job(), tmp_path).partition(f" {sys.executable} ")
     assert environment == "env -u NEARHARMONIC_LEADER"
-    place = command.removeprefix("-m nearharmonic_paper.tasks.remote ")
-    frozen = read(place)
-    assert (frozen.function, frozen.patience, vars(frozen.params)) == ("run", 5, {"task": {"definitions": {}}})
+    frozen = read(command.removeprefix("-m nearharmonic_paper.tasks.remote "))
+    assert vars(frozen.params) == {"task": {"definitions": {}}}
+    assert [*frozen.output.items()] == [("a", "x"), ("b", ["y", "z"])]
 
 
 def test_jobs_may_run_in_a_container(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv(PYTHON, "apptainer exec image.sif python")
-    assert " apptainer exec image.sif python -m " in _submitting(_Executor()).format_job_exec(_job())
+    assert " apptainer exec image.sif python -m " in command_of(_job(), tmp_path)
 
 
 @pytest.mark.parametrize(
-    "changes",
-    [
-        {"is_group": lambda: True},
-        {"rule": SimpleNamespace(name="reduce", script=None)},
-        {"container_img_url": "docker://x"},
-        {"output": [SimpleNamespace(flags={"update": True})]},
-    ],
-    ids=["group", "no script", "container", "updated output"],
+    ("arrays", "name", "told"),
+    [("all", "a", True), ("b, a", "a", True), ("b;a", "a", True), ("b", "a", False), (None, "a", False)],
 )
-def test_special_jobs_keep_the_command_of_snakemake(changes):
-    command = _submitting(_Executor()).format_job_exec(_job(**changes))
-    assert command == "env -u NEARHARMONIC_LEADER snakemake of reduce"
+def test_arrays_keep_the_command_of_snakemake(arrays, name, told):
+    assert is_in_array(SimpleNamespace(name=name), arrays) is told
 
 
-@pytest.mark.parametrize("rules", ["all", "integrate, reduce", "reduce;integrate"])
-def test_arrays_keep_the_command_of_snakemake(rules):
-    command = _submitting(_Executor(array_jobs=rules)).format_job_exec(_job())
-    assert command.endswith("snakemake of reduce")
-
-
-def test_rules_beside_those_of_arrays_are_frozen(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert SUFFIX in _submitting(_Executor(array_jobs="integrate")).format_job_exec(_job())
-
-
-@pytest.mark.parametrize(("status", "asked"), [(0, "sacct"), (1, "squeue"), (None, "squeue")])
-def test_states_of_jobs_come_from_what_the_site_has(tmp_path, monkeypatch, status, asked):
+@pytest.mark.parametrize(("status", "has"), [(0, True), (1, False), (None, False)])
+def test_states_of_jobs_come_from_what_the_site_has(tmp_path, monkeypatch, status, has):
     if status is not None:
         (tmp_path / "sacct").write_text(f"#!/bin/sh\nexit {status}\n")
         (tmp_path / "sacct").chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert _submitting(_Executor(status_command="sacct")).executor_settings.status_command == asked
-
-
-def test_jobs_of_this_computer_are_left_alone():
-    submit_frozen(SimpleNamespace(local_exec=True))
+    assert has_accounting() is has

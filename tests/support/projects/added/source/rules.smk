@@ -1,7 +1,6 @@
 """The experiment that a test adds."""
 
 _ADDED = {"methods": CONFIG.methods, "settings": CONFIG.added}
-add_runs("added")
 TWO_STEPS["added"] = {
     "run": RUN("added/steps"),
     "results": {"cube": CUBE("added"), "table": TABLE("added")},
@@ -14,3 +13,4 @@ TWO_STEPS["added"] = {
 rule added:
     input:
         FILES("added"),
+        SHOWN("added"),

@@ -1,0 +1,61 @@
+"""Names of Snakemake in our sources: its documentation has each of them, so that a release may not take them away."""
+
+from __future__ import annotations
+
+import re
+
+from support.projects.workflow_project import ROOT
+
+RULES, HANDLERS, CLI = "snakefiles/rules.rst", "snakefiles/rules.rst, onstart", "executing/cli.rst"
+PLUGIN = "the README of snakemake-interface-executor-plugins"
+#: Names, as our sources write them, and the page of the documentation of Snakemake that has them.
+DOCUMENTED = {
+    "workflow.cores": RULES,
+    "rules.input": RULES,
+    "rules.output": RULES,
+    "snakemake.input": RULES,
+    "snakemake.output": RULES,
+    "snakemake.params": RULES,
+    "snakemake.log": RULES,
+    "snakemake.threads": RULES,
+    "snakemake.utils import min_version": "snakefiles/writing_snakefiles.rst",
+    "snakemake_interface_common.exceptions import WorkflowError": PLUGIN,
+    "snakemake_interface_executor_plugins.executors.remote import RemoteExecutor": PLUGIN,
+    "snakemake_interface_executor_plugins.settings import CommonSettings, ExecutorSettingsBase": PLUGIN,
+    "self.workflow": PLUGIN,
+    "self.tmpdir": PLUGIN,
+    "workflow.executor_settings": PLUGIN,
+    "job.is_group": PLUGIN,
+    "job.name": PLUGIN,
+    # Of a job, as of the object of a script, and in the properties that a jobscript gets.
+    "job.input": RULES,
+    "job.output": RULES,
+    "job.params": RULES,
+    "job.log": RULES,
+    "job.threads": RULES,
+}
+#: Sources whose ``job`` and ``self`` are Snakemake's.
+OF_JOBS = (
+    "src/snakemake_executor_plugin_nearharmonic.py",
+    "src/nearharmonic_paper/tasks/remote/plan.py",
+)
+
+
+def names_in(text, *objects):
+    """Attributes of Snakemake's objects, and imports from Snakemake, in a source."""
+    code = re.sub(r'(?s:""".*?""")|#.*$', "", text, flags=re.MULTILINE)
+    code = re.sub(r"\brules\.\w+(?!\.)", "", re.sub(r"\brules\.\w+\.|getattr\(rules, [\w.]+\)\.", "rules..", code))
+    yield from re.findall(r"^ *from (snakemake(?!_executor)\w*(?:\.\w+)* import .+)$", code, re.MULTILINE)
+    yield from (f"{one}.{name}" for one, name in re.findall(rf"(?<![./])\b({'|'.join(objects)})\.+(\w+)", code))
+    yield from (f"workflow.{name}" for name in re.findall(r"\.workflow\.(\w+)", code))
+
+
+def test_every_name_of_snakemake_is_documented():
+    found = set()
+    for path in (ROOT / "Snakefile", *ROOT.glob("workflow/**/*.smk")):
+        found |= {*names_in(path.read_text(encoding="utf-8"), "workflow", "rules")}
+    for path in (*ROOT.glob("src/**/*.py"), *ROOT.glob("workflow/**/*.py")):
+        own = ("job", "self") if str(path.relative_to(ROOT)) in OF_JOBS else ()
+        names = {*names_in(path.read_text(encoding="utf-8"), "snakemake", *own)}
+        found |= {name for name in names if not name.startswith("self.") or name in DOCUMENTED}
+    assert found == DOCUMENTED.keys()

@@ -1,0 +1,3 @@
+from nearharmonic_paper.tasks.job import refresh
+
+refresh(snakemake)
