@@ -44,13 +44,13 @@ def bodies():
     """Name -> (rows of arguments, body) of each function, in double and in double-double."""
     yield "division", 2, lambda x, y: [x / y]
     yield "sqrt", 1, lambda x: [x.sqrt()]
-    for name, count in FUNCTIONS.items():
-        yield name, count, lambda *x, name=name: [double.FUNCTIONS[name](*x)]
+    for name, slopes in FUNCTIONS.items():
+        yield name, len(slopes), lambda *x, name=name: [double.FUNCTIONS[name](*x)]
     yield "division, double-double", 4, lambda *x: arithmetic.dd_div(x[:2], x[2:])
     yield "sqrt, double-double", 2, lambda *x: arithmetic.dd_sqrt(x)
-    for name, count in FUNCTIONS.items():
+    for name, slopes in FUNCTIONS.items():
         yield (
-            f"{name}, double-double", 2 * count,
+            f"{name}, double-double", 2 * len(slopes),
             lambda *x, name=name: extended.FUNCTIONS[name](*zip(x[::2], x[1::2], strict=True)),
         )  # fmt: skip
 

@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 Scalar = Literal["int64", "float64", "bool"]
 
 #: Entries of the tally behind the 4 d rows of the state, in this order.
@@ -270,72 +269,38 @@ Vector = tuple[Number, ...]
 
 @dataclass(frozen=True)
 class StageTable:
-    """Coefficients of a method of s stages.
+    """Coefficients of a method of s stages."""
 
-    Attributes
-    ----------
-    nodes, rest, weights : tuple of s pairs
-        c_i, 1 - c_i and b_i.
-    position, momentum, guess : tuple of s tuples of s pairs
-        alpha_ij; mu_ij; and the matrix that extrapolates forces to the stages of the next step.
-    """
-
-    nodes: Vector
-    rest: Vector
-    weights: Vector
-    position: tuple[Vector, ...]
-    momentum: tuple[Vector, ...]
-    guess: tuple[Vector, ...]
+    nodes: Vector  # c_i
+    rest: Vector  # 1 - c_i
+    weights: Vector  # b_i
+    position: tuple[Vector, ...]  # alpha_ij
+    momentum: tuple[Vector, ...]  # mu_ij
+    guess: tuple[Vector, ...]  # extrapolates forces to the stages of the next step
 
     @property
     def stages(self) -> int:
-        """Number of stages."""
         return len(self.nodes)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Form:
-    """Arithmetic and order of a step.
+    """Arithmetic and order of a step."""
 
-    Attributes
-    ----------
-    extended, compensated : bool
-        ``extended``: states are double-doubles. ``compensated``: sums are compensated.
-    ahead : bool
-        True if the position is ready one operation after the force.
-    modified : bool
-        True if kicks use a modified potential.
-    turning : bool
-        True if an oscillator is solved exactly.
-    resting : bool
-        True if some coordinates never move; they are not updated.
-    quick : bool
-        True if energies are measured in double wherever that is accurate enough.
-    large : bool
-        True if states are in memory.
-    unit_masses : bool
-        True if T = p.p / 2, for states in memory.
-    stages : bool
-        True for a collocation method, one move of which is a step.
-    timed : bool
-        True if a coordinate is the time, and other sums are plain: that of the time is compensated.
-    """
-
-    extended: bool = False
-    compensated: bool = False
-    ahead: bool = False
-    modified: bool = False
-    turning: bool = False
-    resting: bool = False
-    quick: bool = False
-    large: bool = False
-    unit_masses: bool = False
-    stages: bool = False
-    timed: bool = False
+    extended: bool = False  # states are double-doubles
+    compensated: bool = False  # sums are compensated
+    ahead: bool = False  # the position is ready one operation after the force
+    modified: bool = False  # kicks use a modified potential
+    turning: bool = False  # an oscillator is solved exactly
+    resting: bool = False  # some coordinates never move; they are not updated
+    quick: bool = False  # energies are measured in double wherever that is accurate enough
+    large: bool = False  # states are in memory
+    unit_masses: bool = False  # T = p.p / 2, for states in memory
+    stages: bool = False  # a collocation method, one move of which is a step
+    timed: bool = False  # a coordinate is the time, whose sum is compensated, and other sums are plain
 
     @property
     def parts(self) -> int:
-        """Number of doubles of a number."""
         return 2 if self.extended else 1
 
 

@@ -34,7 +34,6 @@ _moved, _timed = linked("moved", POINT), linked("timed", POINT)
 
 
 def _rates(form: Form) -> Any:
-    """Type of forces and velocities."""
     return types.UniTuple(POINT, 2) if form.extended else POINT
 
 
@@ -90,13 +89,7 @@ def _move(form: Form) -> Any:
         rotated = rotation.rotated(form)
         return compiled(lambda state, row, f, parameters: rotated(state, row, f))
     rates = _rates(form)
-    velocity, acceleration = linked("velocity", rates), linked("acceleration", rates)
-    if not form.ahead:
-        move = step.momentum_first(velocity, step.update_of(form))
-    elif form.compensated:
-        move = step.ahead_compensated(velocity, acceleration)
-    else:
-        move = step.ahead_plain(velocity, acceleration)
+    move = step.move_of(form, linked("velocity", rates), linked("acceleration", rates))
     if form.modified:
         move = step.modified(form, move)
     resting, timed = form.resting, form.timed

@@ -104,6 +104,13 @@ def momentum_first(velocity: Any, update: Any) -> Move:
     return move
 
 
+def move_of(form: Form, velocity: Any, acceleration: Any) -> Move:
+    """Return the move of a form: one of the three above."""
+    if not form.ahead:
+        return momentum_first(velocity, update_of(form))
+    return (ahead_compensated if form.compensated else ahead_plain)(velocity, acceleration)
+
+
 def modified(form: Form, move: Move) -> Move:
     """A move with the force k V' + m grad |V'|^2 of a modified potential, in double rounded once per component.
 
@@ -123,7 +130,6 @@ def modified(form: Form, move: Move) -> Move:
 
 @compiled
 def rotated_compensated(state, row, f):  # type: ignore[no-untyped-def]
-    """Kick and rotation with compensated sums."""
     q, q_low, p, p_low, late = state
     kick, b, S, product, linear_product, rest, linear_rest, _ = row
     ahead = fma(S, p, fma(linear_product, q, late)) + q_low
@@ -135,7 +141,6 @@ def rotated_compensated(state, row, f):  # type: ignore[no-untyped-def]
 
 @compiled
 def rotated_plain(state, row, f):  # type: ignore[no-untyped-def]
-    """Kick and rotation with plain sums."""
     q, q_low, p, p_low, late = state
     kick, b, S, product, linear_product, _, _, _ = row
     ahead = fma(S, p, fma(linear_product, q, q))
@@ -145,7 +150,6 @@ def rotated_plain(state, row, f):  # type: ignore[no-untyped-def]
 
 @compiled
 def rotated_double_double(state, row, f):  # type: ignore[no-untyped-def]
-    """Kick and rotation in double-double."""
     q, q_low, p, p_low, late = state
     kick, b, S, _ = row
     p, p_low = double_double(p, p_low, kick, f)

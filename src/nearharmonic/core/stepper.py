@@ -85,17 +85,10 @@ KINDS = 3
 
 
 def table_of(rows: Sequence[Sequence[Fraction]], powers: Sequence[int]) -> Floats:
-    """Return coefficients (doubles, KINDS, rows) as sums of doubles, enough to decide every rounding.
+    """Return coefficients of moves, KINDS each, as sums of doubles (doubles, KINDS, rows): enough for all roundings.
 
-    k tau^n and a number half-way between two doubles are equal, or their relative difference exceeds 2^-b, where b is
-    the larger of 54 + log2(denominator of k) and 53 n + log2(numerator of k).
-
-    Parameters
-    ----------
-    rows : sequence of KINDS Fraction each
-        Coefficients of the moves.
-    powers : (KINDS,) sequence of int
-        Power n of tau for each column.
+    With the power n of tau of a column, k tau^n and a number half-way between two doubles are equal, or their relative
+    difference exceeds 2^-b, where b is the larger of 54 + log2(denominator of k) and 53 n + log2(numerator of k).
     """
     bits = max(
         max(BITS + 1 + k.denominator.bit_length(), BITS * n + abs(k.numerator).bit_length())
@@ -188,21 +181,10 @@ def _settle(table: Floats, n: int, tau: float, moves: Floats) -> None:
 
 @jit
 def fill(table: Floats, flags: Floats, n: int, tau: float, moves: Floats) -> None:
-    """Fill in the moves of a step: COLUMNS doubles for each row of :func:`table_of`.
+    """Fill in the ``moves`` of a step of size tau: COLUMNS doubles for each row of a table of :func:`table_of`.
 
-    Parameters
-    ----------
-    table : (doubles, KINDS, rows) array of float
-        Coefficients.
-    flags : (rows,) array of float
-        Last column of the moves, for kicks of a modified potential.
-    n : {2, 3}
-        Power of tau in the third column: 2 for the product of kick and drift, which REST follows, 3 for the coefficient
-        of the square.
-    tau : float
-        Step size.
-    moves : (rows COLUMNS,) array of float
-        Output.
+    The third column has tau^n: n = 2 for the product of kick and drift, which REST follows, 3 for the coefficient of
+    the square. ``flags`` (rows,) are then the last column, for kicks of a modified potential.
     """
     high, low = _power(tau, n)
     rows, doubtful = table.shape[2], False
@@ -300,14 +282,9 @@ def _written(typing, slots, at, counter):  # type: ignore[no-untyped-def]
 
 @jit
 def recall(slots: Floats, table: Floats, flags: Floats, n: int, tau: float, moves: Floats) -> None:
-    """Fill in the moves of a step, from a slot if it holds them: see :func:`nearharmonic.core.stepper.fill`.
+    """Fill in the moves of a step as :func:`nearharmonic.core.stepper.fill`, from a slot if it holds them.
 
-    Parameters
-    ----------
-    slots : pointer to doubles
-        Slots of :func:`empty_slots`, used for this table only.
-    table, flags, n, tau, moves
-        As for :func:`nearharmonic.core.stepper.fill`.
+    ``slots`` is the address of :func:`empty_slots`, used for this table only.
     """
     key, count = _bits(tau), len(moves)
     at = np.int64((key * np.uint64(GOLDEN)) >> np.uint64(64 - SLOTS_BITS)) * (HEAD + count)
@@ -335,44 +312,21 @@ _KEPT: list[Floats] = []
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """A step of one method on one system.
+    """A step of one method on one system."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the system, for errors.
-    address : int
-        Address of machine code for :data:`~nearharmonic.core.layout.STEP` or :data:`~nearharmonic.core.layout.ADVANCE`.
-    signature : Signature
-        STEP or ADVANCE.
-    dimension : int
-        Number of coordinates d.
-    room : int
-        Number of doubles behind the rows of ADVANCE.
-    stages : int
-        Stages of a collocation method, whose forces are in these rows; 0 for a splitting method.
-    compensated : bool
-        True if sums are compensated: arrays then have carries.
-    kick_first : bool
-        True if a step begins with a kick.
-    table, flags, power
-        Coefficients of the moves: see :func:`nearharmonic.core.stepper.fill`.
-    parameters : (2 P,) array of float
-        Parameters as pairs.
-    """
-
-    name: str
-    address: int
-    signature: Signature
-    dimension: int
-    room: int
-    stages: int
-    compensated: bool
+    name: str  # of the system, for errors
+    address: int  # of machine code
+    signature: Signature  # of that code: STEP or ADVANCE of :mod:`nearharmonic.core.layout`
+    dimension: int  # number of coordinates d
+    room: int  # doubles behind the rows of ADVANCE
+    stages: int  # of a collocation method, whose forces are in these rows; 0 for a splitting method
+    compensated: bool  # arrays then have carries
     kick_first: bool
+    #: Coefficients of the moves: see :func:`nearharmonic.core.stepper.fill`.
     table: Floats
     flags: Floats
     power: int
-    parameters: Floats
+    parameters: Floats  # as pairs
 
 
 class Stepper:

@@ -83,7 +83,7 @@ def stepper(
 
 def step_of(problem: Setup, parameters: Mapping[str, Any] | None = None) -> Step:
     """Return the machine code and the coefficients of a step of ``problem``."""
-    from nearharmonic.core.loops.kernel import build_step, room, stages_of
+    from nearharmonic.core.loops.kernel import build_step, room
     from nearharmonic.core.stepper import Step
 
     system, tableau = problem.system, problem.tableau
@@ -102,7 +102,7 @@ def step_of(problem: Setup, parameters: Mapping[str, Any] | None = None) -> Step
         signature=ADVANCE if in_memory else STEP,
         dimension=physics.dimension,
         room=room(physics, extended=False),
-        stages=stages_of(physics),
+        stages=physics.stage_count,
         compensated=numerics.compensated,
         kick_first=tableau.first_same_as_last,
         table=table,

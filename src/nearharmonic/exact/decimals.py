@@ -28,14 +28,9 @@ def as_fraction(number: BigFloat) -> Fraction:
 
 
 def fixed_point(number: BigFloat, places: int) -> str:
-    """``number`` rounded to ``places`` decimals, ties to even, with trailing zeros; "inf" for infinity.
+    """``number`` rounded to ``places`` >= 1 decimals, ties to even, with trailing zeros; "inf" for infinity.
 
-    Parameters
-    ----------
-    number : mpf, Fraction, int, float or decimal string
-        The number. All bits of an mpf are used, for any current precision of mpmath.
-    places : int
-        Number of decimals, at least 1.
+    All bits of an mpf are used, for any current precision of mpmath.
     """
     if number == inf:
         return "inf"
@@ -52,15 +47,7 @@ def significant(number: BigFloat, digits: int) -> str:
 
 
 def decimals_in_common(printed: str, other: str, most: int | None = None) -> int:
-    """Number of decimals to which two numbers differ by less than one unit, independently of their rounding.
-
-    Parameters
-    ----------
-    printed, other : str
-        Two decimal numbers.
-    most : int, optional
-        Largest number of decimals to compare; by default that of ``printed``.
-    """
+    """Number of decimals, at most ``most`` or those ``printed``, to which two numbers differ by less than one unit."""
     places = -int(Decimal(printed).as_tuple().exponent) if most is None else most
     difference = abs(Fraction(printed) - Fraction(other))
     return next((n for n in range(places, 0, -1) if difference < Fraction(1, 10**n)), 0)

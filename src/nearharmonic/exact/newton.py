@@ -50,18 +50,8 @@ def newton(
     """The zero of ``function`` near ``start``.
 
     If there are more free unknowns than values, each step is the shortest solution of the linearised equations. The
-    iteration has converged when a step and the residual are below 10^-``digits``.
-
-    Parameters
-    ----------
-    function, jacobian : callable
-        Values and derivatives at a point, in the current precision of mpmath.
-    start : sequence of numbers
-        One per unknown.
-    digits : int
-        Number of correct decimals of the solution.
-    fixed : sequence of int
-        Indices of the unknowns that keep their values.
+    iteration has converged when a step and the residual are below 10^-``digits``. The unknowns of the indices ``fixed``
+    keep their values.
     """
     with mp.workdps(digits + GUARD):
         x = list(map(as_mpf, start))
@@ -146,16 +136,8 @@ def prove(
     If K = m - Y F(m) + (1 - Y J(X)) (X - m) is in the interior of X, then X contains exactly one zero. Y is the inverse
     of the Jacobian at m, and F and J are evaluated in outward rounded intervals. A singular Jacobian proves nothing.
 
-    Parameters
-    ----------
-    function, jacobian : callable
-        Values, and derivatives (one row per value, one column per unknown), as functions of mpmath's intervals.
-    point : sequence of int, Fraction or mpf
-        The centre of the box, one number per unknown.
-    radius : str
-        Half width of the box, a decimal number.
-    fixed : sequence of int
-        Indices of the unknowns that have exactly the value of the point.
+    ``function`` and ``jacobian`` (one row per value, one column per unknown) are of mpmath's intervals; the unknowns of
+    the indices ``fixed`` have exactly the value of the point.
     """
     moving = [j for j in range(len(point)) if j not in set(fixed)]
     digits = KRAWCZYK_GUARD + max(0, -int(mp.floor(mp.log10(mpf(radius)))))

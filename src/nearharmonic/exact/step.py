@@ -55,16 +55,9 @@ class StepPolynomials(NamedTuple):
 def composed(
     first: Literal["drift", "kick"], kicks: Iterable[Any], drifts: Iterable[Any], squares: Iterable[Any] = ()
 ) -> Step:
-    """Return the step that applies kicks and drifts in turns.
+    """Return the step that applies kicks and drifts in turns: coefficients of B and A.
 
-    Parameters
-    ----------
-    first : {"drift", "kick"}
-        Operator that comes first.
-    kicks, drifts : iterables of numbers
-        Coefficients of B and A.
-    squares : iterable of numbers
-        Coefficients of C, each behind its kick; None for a kick without C.
+    ``squares`` are coefficients of C, each behind its kick; None for a kick without C.
     """
     kicked = [[("B", k)] if m is None else [("B", k), ("C", m)] for k, m in zip_longest(kicks, squares)]
     drifted = [[("A", c)] for c in drifts]
@@ -133,21 +126,9 @@ def states(step: Sequence[Factor], highest: int) -> list[tuple[Powers, Powers]]:
 
 
 def slopes(step: Sequence[Factor], highest: int, of: tuple[int, int]) -> list[Powers]:
-    """Return the derivatives of a combination of the last of :func:`states`.
+    """Return the derivatives of the last of :func:`states`, by flow, whose number is varied, and by power of tau.
 
-    Parameters
-    ----------
-    step : sequence of (letter, number)
-        Drifts and kicks.
-    highest : int
-        Last power of tau.
-    of : (int, int)
-        :data:`POSITION` or :data:`MOMENTUM`: weights of q and p.
-
-    Returns
-    -------
-    list of list of numbers
-        By flow, whose number is varied, and by power of tau.
+    The step has drifts and kicks only; ``of`` are weights of q and p, :data:`POSITION` or :data:`MOMENTUM`.
     """
     before, zero = states(step, highest), step[0][1] * 0
     # The combination is alpha q + beta p of any intermediate state: followed backwards.

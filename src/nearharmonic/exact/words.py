@@ -53,13 +53,7 @@ def words(length: int, kicks: int | None = None) -> list[str]:
 def word_sums(step: Sequence[Factor], needed: Iterable[str]) -> dict[str, Any]:
     """Return the coefficients of a step on the words ``needed`` and on their beginnings.
 
-    Parameters
-    ----------
-    step : sequence of F (str, number)
-        The operators from left to right, each with what it is multiplied by: rational numbers, floats, arrays of one
-        shape, or mpmath numbers.
-    needed : iterable of str
-        Words.
+    The numbers of its F factors, from left to right, are rational, floats, arrays of one shape, or mpmath numbers.
     """
     if not is_exact(step):
         return _last(_sums(step, tuple(needed)))
@@ -72,12 +66,7 @@ def word_slopes(step: Sequence[Factor], needed: Iterable[str]) -> tuple[dict[str
     """Return what :func:`word_sums` does, and the derivatives (F, ...) on the words ``needed`` by each number.
 
     The derivative of exp(c X) is X exp(c X). On a word w it gives the sum over all w = u X v of the coefficient on u of
-    the factors in front, times that on v of the others.
-
-    Parameters
-    ----------
-    step, needed
-        As for :func:`word_sums`, but for rational numbers, whose derivatives would be doubles.
+    the factors in front, times that on v of the others. Numbers are not rational, as derivatives would be doubles.
     """
     needed, places = tuple(needed), _places(step)
     before = _sums(step, needed)

@@ -19,11 +19,7 @@ QUARTILES = ("min", "q1", "median", "q3")
 
 @dataclass(frozen=True, kw_only=True)
 class Patience:
-    """Number of repetitions of a call.
-
-    A call is repeated ``most`` times, fewer times if that takes over ``seconds``, but at least ``least`` times. If
-    these take over ``longest`` seconds, it is made twice.
-    """
+    """Repetitions of a call: ``most``, fewer if they take over ``seconds``, but ``least``; two if over ``longest``."""
 
     least: int = 3
     most: int = 9

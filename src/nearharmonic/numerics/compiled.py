@@ -8,17 +8,16 @@ from __future__ import annotations
 from math import factorial, frexp
 from typing import Any
 
-import numba
 import numpy as np
 from llvmlite import ir
 from numba.core import types as numba_types
 from numba.extending import intrinsic
 
+from nearharmonic.core.machine.reals import jit_compiled as compiled
 from nearharmonic.math import cos, log
 from nearharmonic.numerics.portable import Floats
 
-#: A run that diverges has infinite energies: a division by zero is no error.
-compiled: Any = numba.njit(error_model="numpy")
+__all__ = ["Normal", "compiled", "exponential", "logarithm", "types"]
 
 #: ln 2 in two parts; a multiple below 2^20 of the first is exact. With the second number a sum is rounded to a whole
 #: number, whose bits are the last of the sum.

@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nearharmonic.core.layout import Floats
 from nearharmonic.math import log
 
 #: Digits of the arithmetic: a double rounded from them is correctly rounded, except for one in 10^20.
@@ -53,7 +54,8 @@ def _decimal(x: float) -> Decimal:
     return Decimal(repr(float(x)))
 
 
-Floats = NDArray[np.float64]
+__all__ = ["Bools", "Floats", "Integers"]
+
 Integers = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 

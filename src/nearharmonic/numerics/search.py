@@ -25,53 +25,33 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from nearharmonic.core.machine.reals import generic, jit
+from nearharmonic.core.machine.reals import jit
+from nearharmonic.core.machine.reals import jit_compiled as compiled
 from nearharmonic.errors import bad_setting
 from nearharmonic.numerics.portable import Floats
 
 
 class Damping(NamedTuple):
-    """Settings of an iteration. By default it takes steps of Newton's method while they lower the residuals.
+    """Settings of an iteration. By default it takes steps of Newton's method while they lower the residuals."""
 
-    Attributes
-    ----------
-    iterations : int
-        Maximum number of steps.
-    enough, lost : float
-        The iteration ends at residuals of at most size ``enough``, or of ``lost`` or more.
-    solved : float
-        The end is a solution if the size of the residuals is below ``solved``,
-    rest, undamped : float
-        or after a step with a damping below ``undamped`` that moved no unknown by more than ``rest`` times the larger
-        of 1 and the largest unknown. Such a step ends the iteration.
-    first, most : float
-        Damping at the start; a damping above ``most`` ends the iteration.
-    fall, rise : pair of float and float
-        Factor of the damping after an accepted step, as a fraction; factor after a rejected step.
-    lowest : pair of float
-        Smallest damping after an accepted step, and after a rejected step.
-    by_residual : bool
-        True to multiply the damping of a step by the size of the residuals, if this is below 1.
-    bounded : bool
-        True to end the iteration outside the bound.
-    monotone : bool
-        True to accept only steps that lower the residuals.
-    """
-
-    iterations: int
+    iterations: int  # maximum number of steps
+    #: The iteration ends at residuals of at most size ``enough``, or of ``lost`` or more.
     enough: float = -1.0
-    solved: float = 0.0
     lost: float = inf
+    #: The end is a solution if the size of the residuals is below ``solved``, or after a step with a damping below
+    #: ``undamped`` that moved no unknown by more than ``rest`` times the larger of 1 and the largest unknown. Such a
+    #: step ends the iteration.
+    solved: float = 0.0
     rest: float = 0.0
     undamped: float = 0.0
-    first: float = 0.0
-    fall: tuple[float, float] = (1.0, 1.0)
-    rise: float = 1.0
-    lowest: tuple[float, float] = (0.0, 0.0)
-    most: float = inf
-    by_residual: bool = False
-    bounded: bool = False
-    monotone: bool = True
+    first: float = 0.0  # damping at the start
+    most: float = inf  # a damping above it ends the iteration
+    fall: tuple[float, float] = (1.0, 1.0)  # factor of the damping after an accepted step, as a fraction
+    rise: float = 1.0  # factor after a rejected step
+    lowest: tuple[float, float] = (0.0, 0.0)  # smallest damping after an accepted step, and after a rejected one
+    by_residual: bool = False  # the damping is multiplied by the size of the residuals, if this is below 1
+    bounded: bool = False  # the iteration ends outside the bound
+    monotone: bool = True  # only steps that lower the residuals are accepted
 
 
 def iteration(residuals: Any, slopes: Any, step_of: Any) -> Callable[[Any, Floats, float, Damping], bool]:
@@ -81,16 +61,16 @@ def iteration(residuals: Any, slopes: Any, step_of: Any) -> Callable[[Any, Float
     end is a solution in [-bound, bound].
     """
 
-    @generic
+    @compiled
     def iterate(problem: Any, x: Floats, bound: float, damping: Damping) -> bool:
         F, size, found = residuals(problem, x)
-        J, matrix = np.empty((len(F), len(x))), np.empty((len(F), len(F) + 1))
+        J, matrix = np.empty((len(F), len(x))), np.empty((len(F) + 1, len(F) + 1))
         step, moved = np.empty(len(x)), np.empty(len(x))
         amount, moves, at_rest = damping.first, True, False
         for _ in range(damping.iterations):
             if at_rest or not damping.enough < size < damping.lost or amount > damping.most:
                 break
-            if damping.bounded and not within(x, bound):
+            if damping.bounded and not _within(x, bound):
                 break
             if moves:
                 J = slopes(problem, x, found)
@@ -106,20 +86,19 @@ def iteration(residuals: Any, slopes: Any, step_of: Any) -> Callable[[Any, Float
             at_rest = length <= damping.rest * max(1.0, farthest) and amount < damping.undamped
             moves = trial_size < size or at_rest or not damping.monotone
             if moves:
-                for u in range(len(x)):
-                    x[u] = moved[u]
+                x[:] = moved
                 F, size, found = trial_F, trial_size, trial_found
                 amount = max(amount * damping.fall[0] / damping.fall[1], damping.lowest[0])
             else:
                 amount = max(amount * damping.rise, damping.lowest[1])
-        return (at_rest or size < damping.solved) and within(x, bound)
+        return (at_rest or size < damping.solved) and _within(x, bound)
 
-    return iterate
+    made: Callable[[Any, Floats, float, Damping], bool] = iterate
+    return made
 
 
 @jit
-def within(x: Floats, bound: float) -> bool:
-    """Tell whether ``x`` is in [-bound, bound]."""
+def _within(x: Floats, bound: float) -> bool:
     inside = True
     for u in range(len(x)):
         inside = inside and abs(x[u]) <= bound
@@ -127,43 +106,36 @@ def within(x: Floats, bound: float) -> bool:
 
 
 @jit
-def levenberg_step(residuals: Floats, jacobian: Floats, damping: float, matrix: Floats, step: Floats) -> bool:
+def levenberg_step(F: Floats, J: Floats, damping: float, matrix: Floats, step: Floats) -> bool:
     """J^T (J J^T + damping)^-1 F by Cholesky factorization, into ``step``; NaN if the inverse does not exist.
 
-    ``matrix`` (equation, equation + 1) is overwritten. Always True: a step of NaN lowers no residuals.
+    ``matrix`` (equation + 1, equation + 1) is overwritten. Always True: a step of NaN lowers no residuals.
     """
-    m = len(residuals)
-    _normal_equations(residuals, jacobian, matrix)
+    m = len(F)
+    _normal_equations(F, J, matrix)
     for i in range(m):
         matrix[i, i] += damping
     for j in range(m):
-        for k in range(j):
-            matrix[j, j] -= matrix[j, k] * matrix[j, k]
-        matrix[j, j] = np.sqrt(matrix[j, j]) if matrix[j, j] > 0.0 else np.nan
-        for i in range(j + 1, m):
+        for i in range(j, m + 1):
             for k in range(j):
                 matrix[i, j] -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] /= matrix[j, j]
-    for i in range(m):
-        for k in range(i):
-            matrix[i, m] -= matrix[i, k] * matrix[k, m]
-        matrix[i, m] /= matrix[i, i]
+            if i > j:
+                matrix[i, j] /= matrix[j, j]
+            else:
+                matrix[j, j] = np.sqrt(matrix[j, j]) if matrix[j, j] > 0.0 else np.nan
     for i in range(m - 1, -1, -1):
         for k in range(i + 1, m):
-            matrix[i, m] -= matrix[k, i] * matrix[k, m]
-        matrix[i, m] /= matrix[i, i]
-    _combined_rows(jacobian, matrix, step)
+            matrix[m, i] -= matrix[k, i] * matrix[m, k]
+        matrix[m, i] /= matrix[i, i]
+    _combined_rows(J, matrix[m], step)
     return True
 
 
 @jit
-def marquardt_step(residuals: Floats, jacobian: Floats, damping: float, matrix: Floats, step: Floats) -> bool:
-    """J^T (J J^T + damping diag(J J^T))^-1 F by pivoting, into ``step``; False if singular.
-
-    ``matrix`` (equation, equation + 1) is overwritten.
-    """
-    m = len(residuals)
-    _normal_equations(residuals, jacobian, matrix)
+def marquardt_step(F: Floats, J: Floats, damping: float, matrix: Floats, step: Floats) -> bool:
+    """J^T (J J^T + damping diag(J J^T))^-1 F by pivoting, into ``step``; False if singular. ``matrix``: as above."""
+    m = len(F)
+    _normal_equations(F, J, matrix)
     for i in range(m):
         matrix[i, i] *= 1.0 + damping
     for i in range(m):
@@ -183,46 +155,36 @@ def marquardt_step(residuals: Floats, jacobian: Floats, damping: float, matrix: 
         for k in range(i + 1, m):
             matrix[i, m] -= matrix[i, k] * matrix[k, m]
         matrix[i, m] /= matrix[i, i]
-    _combined_rows(jacobian, matrix, step)
+    _combined_rows(J, matrix[:, m], step)
     return True
 
 
 @jit
-def _normal_equations(residuals: Floats, jacobian: Floats, matrix: Floats) -> None:
-    """J J^T, followed by the right-hand side F as the last column."""
-    m, n = jacobian.shape
-    for i in range(m):
+def _normal_equations(F: Floats, J: Floats, matrix: Floats) -> None:
+    """J J^T, with F as the last row and as the last column."""
+    for i in range(len(F)):
         for j in range(i + 1):
             total = 0.0
-            for k in range(n):
-                total += jacobian[i, k] * jacobian[j, k]
+            for k in range(J.shape[1]):
+                total += J[i, k] * J[j, k]
             matrix[i, j] = matrix[j, i] = total
-        matrix[i, m] = residuals[i]
+        matrix[i, -1] = matrix[-1, i] = F[i]
 
 
 @jit
-def _combined_rows(jacobian: Floats, matrix: Floats, step: Floats) -> None:
-    """J^T y, with y the last column of ``matrix``."""
-    m, n = jacobian.shape
-    for k in range(n):
-        step[k] = 0.0
-        for i in range(m):
-            step[k] += jacobian[i, k] * matrix[i, m]
+def _combined_rows(J: Floats, y: Floats, step: Floats) -> None:
+    """J^T y."""
+    for u in range(len(step)):
+        step[u] = 0.0
+        for i in range(len(J)):
+            step[u] += J[i, u] * y[i]
 
 
 def distinct(points: Floats, closest: float, *, relative: bool = False, most: float = inf) -> tuple[Floats, list[int]]:
-    """Return the points that are far from all the ones before, and how many are near each, itself included.
+    """Return those of ``points`` (R, n) that are far from all before, at most ``most``, and the number near each.
 
-    Parameters
-    ----------
-    points : (R, n) array of float
-        The points; of near ones the first stands for all.
-    closest : float
-        Points are near if no unknown differs by more than this.
-    relative : bool
-        True to multiply ``closest`` by the size of the largest unknown of a point, if this is above 1.
-    most : int, optional
-        Number of points beyond which no more are kept.
+    Points are near if no unknown differs by more than ``closest``, which is ``relative`` to the largest unknown of a
+    point if that is above 1.
     """
     kept: list[Floats] = []
     hits: list[int] = []
@@ -242,32 +204,14 @@ def distinct(points: Floats, closest: float, *, relative: bool = False, most: fl
 
 @dataclass(frozen=True)
 class RandomStarts:
-    """Random points that a search begins from, and which of its ends count.
+    """Random points that a search begins from, and which of its ends count."""
 
-    Attributes
-    ----------
-    count : int
-        Number of points.
-    seed : int or tuple of int
-        The same seed gives the same points.
-    box : float
-        Unknowns, which are pure numbers, start uniformly in [-box, box].
-    bound : float
-        Solutions with an unknown beyond it in absolute value are dropped.
-    same : float
-        Solutions whose unknowns differ by less are one. Newton's method leaves about 1e-12, and distinct isolated
-        solutions lie 1e-2 apart.
-
-    Raises
-    ------
-    SettingError
-        ``count`` is no integer >= 1.
-    """
-
-    count: int
-    seed: int | tuple[int, ...]
-    box: float = 1.0
-    bound: float = 10.0
+    count: int  # number of points, at least 1
+    seed: int | tuple[int, ...]  # the same seed gives the same points
+    box: float = 1.0  # unknowns, which are pure numbers, start uniformly in [-box, box]
+    bound: float = 10.0  # solutions with an unknown beyond it in absolute value are dropped
+    #: Solutions whose unknowns differ by less are one. Newton's method leaves about 1e-12, and distinct isolated
+    #: solutions lie 1e-2 apart.
     same: float = 1e-6
 
     def __post_init__(self) -> None:

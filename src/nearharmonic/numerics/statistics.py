@@ -39,22 +39,9 @@ _CORNISH_FISHER = (
 
 
 def observed_order(tau: xr.DataArray, error: xr.DataArray, dimension: str = "tau_per_stage") -> xr.DataArray:
-    """Return the slope of log(error) against log(tau) over the smallest truncation errors above round-off.
+    """Return the slope of log(error) against log(tau) over the points of :func:`truncation`, along their ``dimension``.
 
-    The fit excludes the plateau, which are all points up to the largest step size whose error is within a factor of 100
-    of the lowest error of the curve. It also excludes errors above 1e-4.
-
-    Parameters
-    ----------
-    tau, error : xarray.DataArray
-        Step sizes and errors, with the points in any order.
-    dimension : str
-        Dimension of the points.
-
-    Returns
-    -------
-    xarray.DataArray
-        Without ``dimension``; NaN with fewer than three points left.
+    It is NaN with fewer than three points left.
     """
     import xarray as xr
 
@@ -83,34 +70,16 @@ def truncation(tau: Floats, error: Floats) -> NDArray[np.intp]:
 
 
 def power_law(x: Floats, y: Floats) -> tuple[float, float]:
-    """Return the slope of log(y) against log(x) by ordinary least squares, and the half width of its 95 % interval.
-
-    Parameters
-    ----------
-    x, y : array of shape (n,)
-        Numbers above 0, n > 2.
-    """
+    """Return the slope of log(y) against log(x), as :func:`line_fit` does for x and y above 0, both (n,)."""
     abscissas = log(x)
     return line_fit(abscissas - mean(abscissas), log(y))
 
 
 def linear_trend(t: Any, angle: Any) -> tuple[float, float]:
-    """Return the slope of the unwrapped ``angle`` against ``t``, and the half width of its 95 % interval.
+    """Return the slope of an unwrapped angle (n,) in rad against ``t`` (n,), and half the width of its 95 % interval.
 
-    The residuals are periodic rather than independent, so over complete orbits the interval is too wide rather than too
-    narrow.
-
-    Parameters
-    ----------
-    t : array of shape (n,)
-        Times; points with a time or an angle that is not finite are excluded.
-    angle : array of shape (n,)
-        Angles in rad, modulo 2 pi.
-
-    Returns
-    -------
-    tuple of float
-        Slope and half width in rad per unit of ``t``, NaN with fewer than three points.
+    Points that are not finite are excluded; both are NaN with fewer than three points. The residuals are periodic
+    rather than independent, so over complete orbits the interval is too wide rather than too narrow.
     """
     x, y = _unwrapped(t, angle)
     if x.size < 3:
@@ -119,19 +88,10 @@ def linear_trend(t: Any, angle: Any) -> tuple[float, float]:
 
 
 def trend_linearity(t: Any, angle: Any) -> tuple[float, float]:
-    """Return two measures of the linearity of the unwrapped ``angle`` in ``t``.
+    """Return R^2 of the fit of :func:`linear_trend`, and the slope of the second half of the points over the first's.
 
-    Parameters
-    ----------
-    t, angle : array of shape (n,)
-        As for :func:`linear_trend`.
-
-    Returns
-    -------
-    tuple of float
-        Coefficient of determination R^2 of the fit of :func:`linear_trend`, and the slope fitted to the second half of
-        the points divided by the slope fitted to the first half; for an odd number of points, both halves contain the
-        middle one. NaN with fewer than three points, or if a denominator is zero.
+    For an odd number of points, both halves contain the middle one. NaN with fewer than three points, or if a
+    denominator is zero.
     """
     x, y = _unwrapped(t, angle)
     if x.size < 3:
@@ -158,14 +118,9 @@ def line_slope(x: Floats, y: Floats) -> float:
 
 
 def line_fit(x: Floats, y: Floats) -> tuple[float, float]:
-    """Return the slope of ``y`` against ``x`` by ordinary least squares, and the half width of its 95 % interval.
+    """Return the slope of ``y`` against ``x``, both (n,), by least squares, and half the width of its 95 % interval.
 
-    Parameters
-    ----------
-    x : array of shape (n,)
-        Abscissas of mean 0; the caller centres them.
-    y : array of shape (n,)
-        Ordinates, n > 2. The interval assumes independent residuals.
+    The mean of x is 0, and n > 2. The interval assumes independent residuals.
     """
     spread = dot(x, x)
     slope = dot(x, y) / spread
@@ -180,12 +135,9 @@ def mean(x: Floats) -> float:
 
 
 def jackknife_interval(without: Floats) -> float:
-    """Return the half width of the 95 % interval of an estimate from n samples, by the jackknife.
+    """Return half the width of the 95 % interval of an estimate from n samples, by the jackknife.
 
-    Parameters
-    ----------
-    without : array of shape (n,)
-        The estimates from all samples but one, for each of the samples.
+    ``without`` (n,) are the estimates from all samples but one, for each of the samples.
     """
     n = len(without)
     distance = without - mean(without)

@@ -27,13 +27,7 @@ _INTEGER = re.compile(r"[+-]?\d{1,400}", re.ASCII)
 
 
 def any_decimal_of(text: str) -> Decimal:
-    """Return the value of a decimal of any exponent: to be compared only, since its fraction may fill the memory.
-
-    Raises
-    ------
-    ValueError
-        No finite decimal, or one of more than :data:`LONGEST` characters.
-    """
+    """Return the value of a decimal of any exponent: to be compared only, since its fraction may fill the memory."""
     if len(text) > LONGEST or _DECIMAL.fullmatch(text.strip()) is None:
         raise ValueError
     return Decimal(text.strip()) or Decimal(0)  # the fraction of 0e999999999 is as slow as that of 1e999999999
@@ -42,11 +36,7 @@ def any_decimal_of(text: str) -> Decimal:
 def decimal_of(text: str) -> Decimal:
     """Return the value of a decimal such as "0.1" or "-1e-3", with spaces around it or without.
 
-    Raises
-    ------
-    ValueError
-        No finite decimal, one of more than :data:`LONGEST` characters, or one with an exponent above
-        :data:`LARGEST_EXPONENT` or below its negative.
+    Others, of more than :data:`LONGEST` characters or of exponents beyond :data:`LARGEST_EXPONENT`, are a ValueError.
     """
     number = any_decimal_of(text)
     if is_extreme(number):
@@ -75,12 +65,8 @@ def is_real(value: Any) -> bool:
 def exact_value(value: object) -> Fraction:
     """Return the exact value of a number of any type, or of text such as "0.1", "1e-3" or "1/3".
 
-    Raises
-    ------
-    TypeError
-        No real number.
-    ValueError
-        Text or a decimal outside the limits of decimals, or a number that is no finite double.
+    It raises a TypeError for no real number, a ValueError for text or a decimal outside the limits of decimals and for
+    a number that is no finite double.
     """
     if isinstance(value, str | Decimal):
         return fraction_of(str(value))
@@ -125,14 +111,9 @@ def decimal(value: Any) -> Any:
 
 
 def exact_number(value: object) -> Fraction:
-    """Return the exact value of text, an integer, a decimal or a fraction; a double is exact in its binary digits only.
+    """Return the exact value of text, an integer, a decimal or a fraction; errors are those of :func:`exact_value`.
 
-    Raises
-    ------
-    TypeError
-        A float, a truth value, or no number.
-    ValueError
-        Text or a decimal outside the limits of decimals.
+    A float is a TypeError too: it is exact in its binary digits only.
     """
     if not isinstance(value, str | Decimal | Rational):
         raise TypeError
@@ -140,15 +121,7 @@ def exact_number(value: object) -> Fraction:
 
 
 def integer_of(value: object) -> int:
-    """Return the integer of 10, 10.0, "10", "10.0" or "1e1".
-
-    Raises
-    ------
-    TypeError
-        Neither a number nor text, or a truth value.
-    ValueError
-        No integer, or text outside the limits of decimals.
-    """
+    """Return the integer of 10, 10.0, "10", "10.0" or "1e1"; errors are those of :func:`exact_value`."""
     number = exact_value(value)
     if number.denominator != 1:
         raise ValueError

@@ -10,8 +10,6 @@ The rest has exact constants, so that the quadratic terms of V cancel as express
 Equations of motion as the text of a Python function, for libraries that compile or differentiate it.
 
 The gradient of the square of a force, for kicks of a modified potential.
-
-Values and slopes of the functions of formulas as decimals, computed by MPFR.
 """
 
 from __future__ import annotations
@@ -29,8 +27,9 @@ from typing import Any, NamedTuple
 from nearharmonic.core.arithmetic import sqrt
 from nearharmonic.core.formulas.expression import Expression, Graph, Value, check_size, operations, value_of
 from nearharmonic.core.formulas.expression import gradient as derived
-from nearharmonic.core.formulas.number import FUNCTIONS, Constant, Number, call, scalar, vector
-from nearharmonic.core.formulas.program import Program, shortest_program
+from nearharmonic.core.formulas.number import FUNCTIONS, Constant, Number, call, in_mpfr, scalar, vector
+from nearharmonic.core.formulas.program import Program, program, shortest_program
+from nearharmonic.core.formulas.tracing import Conditioned
 from nearharmonic.errors import SystemDefinitionError, bad_setting
 from nearharmonic.systems.declaration import written_frequencies
 from nearharmonic.systems.energy import (
@@ -65,16 +64,12 @@ _VALUES = Context(prec=DIGITS, Emax=MAX_EMAX, Emin=MIN_EMIN, traps=[DivisionByZe
 _SIZES = Context(prec=9, Emax=MAX_EMAX, Emin=MIN_EMIN, traps=[DivisionByZero, InvalidOperation, Overflow])
 
 
-class Multiprecision(Number):
-    """A number of :data:`DIGITS` digits with the condition of the formula that computes it.
+class Multiprecision(Conditioned):
+    """A number of :data:`DIGITS` digits, where that is the precision of the context, with its condition."""
 
-    ``size`` x u bounds, to first order in u, the change of ``value`` when every operand and result of the formula
-    changes by a relative u (running error analysis: Higham, Accuracy and Stability of Numerical Algorithms, 3.3).
-    """
+    __slots__ = ()
 
-    __slots__ = ("size", "value")
-
-    def __init__(self, value: Decimal, inherited: Decimal = Decimal(0)) -> None:
+    def __init__(self, value: Decimal, inherited: Decimal | int = 0) -> None:
         self.value, self.size = value, _SIZES.add(_SIZES.abs(value), inherited)
 
     @classmethod
@@ -82,47 +77,32 @@ class Multiprecision(Number):
         """Return an exact number, rounded to :data:`DIGITS` digits."""
         return cls(_VALUES.divide(Decimal(number.numerator), Decimal(number.denominator)))
 
-    def _add(self, other: Multiprecision | Constant) -> Multiprecision:
-        other = self._lift(other)
-        return Multiprecision(_VALUES.add(self.value, other.value), _SIZES.add(self.size, other.size))
-
-    def _multiply(self, other: Multiprecision | Constant) -> Multiprecision:
-        other = self._lift(other)
-        sizes = [_SIZES.multiply(a.size, _SIZES.abs(b.value)) for a, b in ((self, other), (other, self))]
-        return Multiprecision(_VALUES.multiply(self.value, other.value), _SIZES.add(*sizes))
-
-    def _divide(self, other: Multiprecision | Constant) -> Multiprecision:
-        other = self._lift(other)
-        value = _VALUES.divide(self.value, other.value)
-        sizes = _SIZES.fma(_SIZES.abs(value), other.size, self.size)
-        return Multiprecision(value, _SIZES.divide(sizes, _SIZES.abs(other.value)))
-
-    def __neg__(self) -> Multiprecision:
-        return self._with(_VALUES.minus(self.value))
-
-    def __abs__(self) -> Multiprecision:
-        return self._with(_VALUES.abs(self.value))
-
-    def _with(self, value: Decimal) -> Multiprecision:
-        result = Multiprecision(value)
-        result.size = self.size
-        return result
-
-    def sqrt(self) -> Multiprecision:
-        value = _VALUES.sqrt(self.value)
-        return Multiprecision(value, _SIZES.divide(self.size, _SIZES.add(value, value)))
+    sign = Number.sign
 
     def lifted(self, number: Constant) -> Multiprecision:
-        return Multiprecision.of(number)
+        return self.of(number)
 
-    def apply(self, function: str, *others: Multiprecision | Constant) -> Multiprecision:
+    @staticmethod
+    def _evaluated(function: str, values: Sequence[Decimal]) -> tuple[Decimal, Sequence[Decimal]]:
+        import gmpy2
 
-        operands = [self, *map(self._lift, others)]
-        value, slopes = evaluated(function, [x.value for x in operands], DIGITS)
-        inherited = Decimal(0)
-        for slope, x in zip(slopes, operands, strict=True):
-            inherited = _SIZES.fma(_SIZES.abs(slope), x.size, inherited)
-        return Multiprecision(value, inherited)
+        with gmpy2.context(precision=int(3.33 * DIGITS) + 40):
+            numbers = [gmpy2.mpfr(str(x)) for x in values]
+            value, *slopes = _value_and_slopes(function).run(
+                numbers, lambda c: gmpy2.mpfr(c.numerator) / c.denominator, in_mpfr
+            )
+            if not all(map(gmpy2.is_finite, (value, *slopes))):
+                shown = ", ".join(f"{x:.6e}" for x in values)
+                raise ArithmeticError(f"{function} has no finite value and slope at {shown}")
+            return _VALUES.create_decimal(f"{value:.{DIGITS + 5}e}"), [Decimal(f"{slope:.9e}") for slope in slopes]
+
+
+@cache
+def _value_and_slopes(function: str) -> Program:
+    graph = Graph()
+    operands = graph.variables(len(FUNCTIONS[function]))
+    value = value_of(operands[0].apply(function, *operands[1:]))
+    return program(graph, [value, *derived(graph, value, [x.value for x in operands])])
 
 
 class _Slope(NamedTuple):
@@ -199,11 +179,11 @@ def check_gradients(system: System) -> None:
     """
     formulas, constants = system.formulas(), system.constants(Constant)
     q0, p0 = system.extended_start(Decimal)
-    for energy, gradient in zip(system.energies, (system.grad_V, system.grad_T), strict=True):
+    for energy, slope in zip(system.energies, (system.grad_V, system.grad_T), strict=True):
         try:
             energy.trace()
         except SystemDefinitionError as error:
-            if isinstance(gradient, DerivedGradient) or not isinstance(error.__cause__, ArithmeticError):
+            if isinstance(slope, DerivedGradient) or not isinstance(error.__cause__, ArithmeticError):
                 raise
     numba = numba_potential(system)
     if numba is not None:
@@ -487,41 +467,3 @@ class SquareGradient:
 
 #: The function of a system, made once.
 square_gradient = cache(SquareGradient)
-
-
-@cache
-def slopes() -> dict[str, Callable[..., tuple[Any, ...]]]:
-    """Return, by function, the first derivatives for each argument, as functions of the arguments and the value."""
-    import gmpy2  # as slow to load as numpy, and the registry imports every module of this folder
-
-    return {
-        "sin": lambda x, v: (gmpy2.cos(x),),
-        "cos": lambda x, v: (gmpy2.sin(x),),
-        "tan": lambda x, v: (1 + v * v,),
-        "exp": lambda x, v: (v,),
-        "log": lambda x, v: (1 / x,),
-        "cbrt": lambda x, v: (1 / (3 * v * v),),
-        "pow": lambda x, y, v: (y * v / x, gmpy2.log(abs(x)) * v),
-        "atan2": lambda y, x, v: (x / (x * x + y * y), y / (x * x + y * y)),
-        "tanh": lambda x, v: (1 - v * v,),
-        "sinh": lambda x, v: (gmpy2.cosh(x),),
-        "cosh": lambda x, v: (gmpy2.sinh(x),),
-        "erf": lambda x, v: (2 * gmpy2.exp(-x * x) / gmpy2.sqrt(gmpy2.const_pi()),),
-        "hypot": lambda x, y, v: (x / v, y / v),
-    }
-
-
-def evaluated(function: str, arguments: Sequence[Decimal], digits: int) -> tuple[Decimal, list[Decimal]]:
-    """Return the value of a function to ``digits`` digits, and the sizes of its slopes; all are finite, or an error."""
-    import gmpy2
-
-    with gmpy2.context(precision=int(3.33 * digits) + 40):
-        numbers = [gmpy2.mpfr(str(x)) for x in arguments]
-        value = numbers[0] ** numbers[1] if function == "pow" else getattr(gmpy2, function)(*numbers)
-        derivatives = slopes()[function](*numbers, value)
-        if not all(map(gmpy2.is_finite, (value, *derivatives))):
-            raise ArithmeticError(
-                f"{function} has no finite value and slope at {', '.join(map('{:.6e}'.format, arguments))}"
-            )
-        short = Context(prec=digits)
-        return short.create_decimal(f"{value:.{digits + 5}e}"), [Decimal(f"{slope:.9e}") for slope in derivatives]

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nearharmonic.core.layout import Flags
 from nearharmonic.core.machine.reals import jit
+from nearharmonic.numerics.portable import Bools
 from nearharmonic.numerics.search import Damping, iteration, levenberg_step
 from nearharmonic_studies.sixth_order.conditions import NYSTROM_ORDER, Doubles, Integers
 from nearharmonic_studies.sixth_order.criterion import (
@@ -47,7 +47,7 @@ class Walk(NamedTuple):
 
 
 @jit
-def solve(system: System, starts: Doubles, bound: float) -> tuple[Doubles, Flags]:
+def solve(system: System, starts: Doubles, bound: float) -> tuple[Doubles, Bools]:
     """Iterate from ``starts`` (start, unknown); return the ends, and the mask of solutions in [-bound, bound]."""
     ends, solved = starts.copy(), np.zeros(len(starts), np.bool_)
     for start in range(len(starts)):

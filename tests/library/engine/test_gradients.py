@@ -248,7 +248,7 @@ def test_natural_formulas_integrate_to_double_doubles_precision():
 @pytest.mark.parametrize("name", sorted(FUNCTIONS))
 def test_multiprecision_has_200_digits_and_the_condition_of_its_slopes(name):
     """Slopes by mpmath's differences; 9 digits of the condition are kept."""
-    operands = [Multiprecision.of(Constant(k + 3, 7)) for k in range(FUNCTIONS[name])]
+    operands = [Multiprecision.of(Constant(k + 3, 7)) for k in range(len(FUNCTIONS[name]))]
     result = getattr(nearharmonic.math, name)(*operands)
     with mpmath.workdps(230):
         function = mpmaths(name)

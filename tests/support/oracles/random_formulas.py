@@ -41,8 +41,8 @@ OPERATIONS = (
     ),
 )
 EVERY = OPERATIONS
-for _name, _arity in FUNCTIONS.items():
-    EVERY = ("+", EVERY, ("*", ("sin", 1), (_name, *(("+", ("**", i, 2), THREE) for i in range(_arity)))))
+for _name, _slopes in FUNCTIONS.items():
+    EVERY = ("+", EVERY, ("*", ("sin", 1), (_name, *(("+", ("**", i, 2), THREE) for i in range(len(_slopes))))))
 
 randomly = settings(
     max_examples=50, deadline=None, suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow]
@@ -52,7 +52,7 @@ randomly = settings(
 def trees(literals=LITERALS, variables=2, functions=True):
     """Formulas of up to seven leaves, constants apart, so that each operand but those is a value."""
     constants = st.sampled_from(literals).map(lambda pair: ("constant", *pair))
-    two = [name for name, arity in FUNCTIONS.items() if arity == 2]
+    two = [name for name, slopes in FUNCTIONS.items() if len(slopes) == 2]
 
     def extended(inner):
         either = st.one_of(st.tuples(inner, inner), st.tuples(inner, constants), st.tuples(constants, inner))

@@ -17,17 +17,14 @@ from nearharmonic.core.formulas.tracing import Entries, Rules
 from nearharmonic.core.layout import Vector, collocation_columns
 from nearharmonic.core.machine.values import (
     INDEX,
-    PREFIX,
     Kinds,
     LLVMValue,
-    declare,
     folded,
     in_every_lane,
     loaded,
-    packed,
     shuffled,
     stage,
-    values_of,
+    write_function,
 )
 
 #: Function of the builder and of the entries of each argument.
@@ -45,7 +42,7 @@ def write(module: ir.Module, rules: Rules, kinds: Kinds, needed: Container[str])
 
     def define(name: str, letters: str, result: ir.Type, body: Body) -> None:
         if name in needed:
-            _define(module, name, [kinds.of(letter) for letter in letters], result, body)
+            write_function(module, name, [kinds.of(letter) for letter in letters], result, body)
 
     def of_stages(formula: Callable[[Entries, Entries], Entries]) -> Body:
         """A formula at positions or momenta of the stages; in extended precision low halves follow the high ones."""
@@ -88,18 +85,6 @@ def write(module: ir.Module, rules: Rules, kinds: Kinds, needed: Container[str])
         define("summed_pairs", "SS", ir.ArrayType(point, 2), lambda builder, x, low: _pairs(
             [_sum_of_pairs(builder, pair, kinds) for pair in zip(x, low, strict=True)]
         ))  # fmt: skip
-
-
-def _define(module: ir.Module, name: str, given: Sequence[ir.Type], result: ir.Type, body: Body) -> None:
-    function = declare(module, f"{PREFIX}{name}", given, result)
-    builder = ir.IRBuilder(function.append_basic_block())
-    entries = [
-        [LLVMValue(builder, builder.extract_value(x, i)) for i in range(len(x.type.elements))]
-        if isinstance(x.type, ir.BaseStructType)
-        else x
-        for x in function.args
-    ]
-    builder.ret(packed(builder, values_of(body(builder, *entries)), result))
 
 
 def _write_oscillators(define: Callable[..., None], kinds: Kinds, turning: Sequence[int]) -> None:
@@ -168,13 +153,11 @@ def _of_every_stage(builder: ir.IRBuilder, x: LLVMValue, kinds: Kinds) -> LLVMVa
 
 
 def _from_stage(x: LLVMValue, j: int, kinds: Kinds) -> LLVMValue:
-    """The number of stage ``j`` in every stage."""
     places = [j * kinds.lanes + i % kinds.lanes for i in range(kinds.stages * kinds.lanes)]
     return LLVMValue(x.builder, shuffled(x.builder, x.value, places))
 
 
 def _product(matrix: Matrix, x: LLVMValue, kinds: Kinds) -> LLVMValue:
-    """A matrix times the numbers of the stages."""
     return _combined([_constant(x.builder, _column(matrix, j), kinds) for j in range(kinds.stages)], x, kinds)
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from nearharmonic.core.arithmetic import fma
 from nearharmonic.core.collocation.motion import MOST_ITERATIONS, continuing, counted, missing
+from nearharmonic.core.large.state import load_rows, save_rows
 from nearharmonic.core.layout import FAILED, ITERATIONS, READY, Form, Motion
 from nearharmonic.core.machine.reals import (
     REAL,
@@ -60,7 +61,6 @@ def _to_stage(rows, source, stages, j):  # type: ignore[no-untyped-def]
 
 @compiled
 def _put(rows, k, q, q_low, p, p_low):  # type: ignore[no-untyped-def]
-    """Store a coordinate of the running state."""
     at, d = _running() + k, _dimension()
     store(rows, at, q)
     store(rows, at + d, q_low)
@@ -211,10 +211,6 @@ def motion(form: Form) -> Motion:
         return rows
 
     @compiled
-    def load(rows, moves, parameters):  # type: ignore[no-untyped-def]
-        return rows, rows
-
-    @compiled
     def first(rows, moves, parameters):  # type: ignore[no-untyped-def]
         return 0
 
@@ -232,8 +228,4 @@ def motion(form: Form) -> Motion:
             _copy(rows, _running() + part * _dimension(), part * _dimension())
         return rows
 
-    @compiled
-    def save(rows, state, seen):  # type: ignore[no-untyped-def]
-        pass
-
-    return Motion(load, first, move, behind, last, closed, save)
+    return Motion(load_rows, first, move, behind, last, closed, save_rows)

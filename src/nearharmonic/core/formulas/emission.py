@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from functools import lru_cache
 from hashlib import sha256
 from typing import Any
@@ -14,17 +14,7 @@ from nearharmonic.core.formulas.tracing import DoubleDouble, Entries, LLVMValue,
 from nearharmonic.core.large.memory import LoopWriter
 from nearharmonic.core.large.terms import BLOCK
 from nearharmonic.core.layout import COUNTERS, TALLY, TURN, TURNS, parameter_rows, running_at, running_rows
-from nearharmonic.core.machine.values import (
-    DOUBLE,
-    INDEX,
-    PREFIX,
-    Kinds,
-    declare,
-    packed,
-    values_of,
-    write_load,
-    write_numbers,
-)
+from nearharmonic.core.machine.values import DOUBLE, INDEX, Kinds, loaded, write_function, write_numbers
 
 #: Formulas that a system may lack, with the functions that they are made of.
 _OPTIONAL = {"square": "modified", "acceleration": "acceleration"}
@@ -79,105 +69,91 @@ def module_of(rules: Rules, lanes: int, needed: Container[str]) -> ir.Module:
         from nearharmonic.core.large import emission as functions
 
         return functions.module_of(rules, kinds_of(rules, lanes), needed)
-    written = _Formulas(rules, kinds_of(rules, lanes), needed)
-    running = running_at(d, physics.parameters)
-    write_numbers(written.module, {
+    kinds, running = kinds_of(rules, lanes), running_at(d, physics.parameters)
+    module = _module({
         "dimension": d, "columns": rules.columns, "tally": 4 * d, "parameters": 4 * d + TALLY, "running": running,
     })  # fmt: skip
-    written.write()
+    _write_formulas(module, rules, kinds, needed)
     if physics.stages is not None:
         from nearharmonic.core.collocation import formulas
 
-        counters = running + running_rows(d, physics.stages.stages) - COUNTERS
-        write_numbers(written.module, {"counters": counters, "lanes": lanes})
-        formulas.write(written.module, rules, written.kinds, needed)
+        counters = running + running_rows(d, physics.stage_count) - COUNTERS
+        write_numbers(module, {"counters": counters, "lanes": lanes})
+        formulas.write(module, rules, kinds, needed)
     if physics.turning is not None:
         for column in range(6 if rules.extended else TURNS):
             if f"turn{column}" in needed:
-                written.coefficient(column)
-    return written.module
+                _write_coefficient(module, rules, kinds, column)
+    return module
+
+
+def _module(numbers: Mapping[str, int]) -> ir.Module:
+    """Return a module with functions that return integers."""
+    # The context is new: a module lists all types of its context, and numba's context has more in some processes.
+    module = ir.Module("formulas", ir.Context())
+    write_numbers(module, numbers)
+    return module
 
 
 def kinds_of(rules: Rules, lanes: int) -> Kinds:
-    """Types of the numbers of a kernel."""
     block = 0 if rules.physics.loops is None else BLOCK
-    stages = 1 if rules.physics.stages is None else rules.physics.stages.stages
+    stages = max(1, rules.physics.stage_count)
     return Kinds(rules.physics.dimension, parameter_rows(rules.physics.parameters), lanes, block, stages)
 
 
-class _Formulas:
-    """Functions of one module."""
+def _write_formulas(module: ir.Module, rules: Rules, kinds: Kinds, needed: Container[str]) -> None:
+    """Write the formulas of a system that are ``needed``: functions of points and, but for two, of the parameters."""
+    physics, d, real, point = rules.physics, rules.physics.dimension, kinds.of("R"), kinds.of("P")
+    rates = ir.ArrayType(point, 2) if rules.extended else point
 
-    def __init__(self, rules: Rules, kinds: Kinds, needed: Container[str]) -> None:
-        # The context is new: a module lists all types of its context, and numba's context has more in some processes.
-        self.module, self.rules, self.kinds, self.needed = ir.Module("formulas", ir.Context()), rules, kinds, needed
-        self.real, self.point = kinds.of("R"), kinds.of("P")
-
-    def write(self) -> None:
-        """The formulas of the system."""
-        rules, d, real, point = self.rules, self.rules.physics.dimension, self.real, self.point
-        rates = ir.ArrayType(point, 2) if rules.extended else point
-
-        def halves(entries: Entries) -> Any:
-            return [entries[:d], entries[d:]] if rules.extended else entries
-
-        def velocity(p: Entries, low: Entries, c: Entries) -> Any:
-            return halves(rules.flat(rules.velocity(p + low, c), p[0]))
-
-        self.define("force", rates, "PP", lambda q, low, c: halves(rules.force(q + low, c)))
-        if rules.looks_ahead:
-            self.define("velocity", rates, "P", lambda p, c: velocity(p, p, c))
-            self.define("acceleration", point, "P", rules.acceleration)
-        else:
-            self.define("velocity", rates, "PP", velocity)
-        self.define("square", rates, "PP", lambda q, low, c: halves(rules.square(q + low, c)))
-        self.define("energy", ir.ArrayType(real, 2), "PPPP", lambda *x: _each(rules.energies(_joined(x), x[-1])[:2]))
-        self.define("energies", ir.ArrayType(real, 4), "PPPP", lambda *x: _each(rules.energies(_joined(x), x[-1])))
-        if rules.quick_energy:
-            found = ir.LiteralStructType([point, real])
-            self.define(
-                "force_and_potential", found, "PP", lambda q, low, c: _split(rules.force_and_potential(q + low, c))
-            )
-            self.define("potential", real, "PP", lambda q, low, c: rules.potential(q + low, c))
-            self.define("kinetic", real, "P", lambda p, c: rules.kinetic(p + p, c))
-            self.define("rounding", ir.ArrayType(real, 2), "PPPP", lambda *x: _each(rules.rounding(_joined(x), x[-1])))
-        if not all(moves := moving(rules)):
-            self.define("moved", point, "PP", lambda new, old: [
-                x if moves[i] else y for i, (x, y) in enumerate(zip(new, old, strict=True))
-            ], given=False)  # fmt: skip
-        if any(times := clocks(rules)):
-            self.define("timed", point, "PP", lambda time, others: [
-                x if times[i] else y for i, (x, y) in enumerate(zip(time, others, strict=True))
-            ], given=False)  # fmt: skip
-
-    def define(self, name: str, result: ir.Type, letters: str, body: Callable[..., Any], *, given: bool = True) -> None:
-        """Write a function of points and, if they are ``given``, of the parameters."""
-        if name not in self.needed or getattr(self.rules.physics, _OPTIONAL.get(name, "V")) is None:
+    def define(name: str, result: ir.Type, letters: str, body: Callable[..., Any], *, given: bool = True) -> None:
+        if name not in needed or getattr(physics, _OPTIONAL.get(name, "V")) is None:
             return
-        kinds = [self.kinds.of(letter) for letter in (f"{letters}C" if given else letters)]
-        function = declare(self.module, f"{PREFIX}{name}", kinds, result)
-        if name == "energy" and self.rules.quick_energy:  # a call of long code that runs rarely: it takes no registers
-            function.attributes.discard("alwaysinline")
-            function.attributes.add("noinline")
-        builder = ir.IRBuilder(function.append_basic_block())
-        found = body(
-            *(
-                [LLVMValue(builder, builder.extract_value(x, i)) for i in range(len(x.type.elements))]
-                for x in function.args
-            )
-        )
-        builder.ret(packed(builder, values_of(found), result))
+        arguments = [kinds.of(letter) for letter in (f"{letters}C" if given else letters)]
+        rare = name == "energy" and rules.quick_energy  # a call of long code takes no registers from the rest
+        write_function(module, name, arguments, result, lambda _, *x: body(*x), inlined=not rare)
 
-    def coefficient(self, column: int) -> None:
-        """A function that loads one coefficient for each coordinate, for an oscillator that is solved exactly."""
-        turning = self.rules.physics.turning
-        assert turning is not None
-        size, first = (6, 2 * TURN) if self.rules.extended else (TURNS, TURN)
-        function = declare(self.module, f"{PREFIX}turn{column}", [DOUBLE.as_pointer(), INDEX], self.point)
-        builder = ir.IRBuilder(function.append_basic_block())
-        rows = [first + size * place + column for place in turning]
-        array, row = function.args
-        write_load(builder, array, row, self.kinds, self.point, rows)
+    def halves(entries: Entries) -> Any:
+        return [entries[:d], entries[d:]] if rules.extended else entries
+
+    def velocity(p: Entries, low: Entries, c: Entries) -> Any:
+        return halves(rules.flat(rules.velocity(p + low, c), p[0]))
+
+    define("force", rates, "PP", lambda q, low, c: halves(rules.force(q + low, c)))
+    if rules.looks_ahead:
+        define("velocity", rates, "P", lambda p, c: velocity(p, p, c))
+        define("acceleration", point, "P", rules.acceleration)
+    else:
+        define("velocity", rates, "PP", velocity)
+    define("square", rates, "PP", lambda q, low, c: halves(rules.square(q + low, c)))
+    define("energy", ir.ArrayType(real, 2), "PPPP", lambda *x: _each(rules.energies(_joined(x), x[-1])[:2]))
+    define("energies", ir.ArrayType(real, 4), "PPPP", lambda *x: _each(rules.energies(_joined(x), x[-1])))
+    if rules.quick_energy:
+        found = ir.LiteralStructType([point, real])
+        define("force_and_potential", found, "PP", lambda q, low, c: _split(rules.force_and_potential(q + low, c)))
+        define("potential", real, "PP", lambda q, low, c: rules.potential(q + low, c))
+        define("kinetic", real, "P", lambda p, c: rules.kinetic(p + p, c))
+        define("rounding", ir.ArrayType(real, 2), "PPPP", lambda *x: _each(rules.rounding(_joined(x), x[-1])))
+    if not all(moves := moving(rules)):
+        define("moved", point, "PP", lambda new, old: [
+            x if moves[i] else y for i, (x, y) in enumerate(zip(new, old, strict=True))
+        ], given=False)  # fmt: skip
+    if any(times := clocks(rules)):
+        define("timed", point, "PP", lambda time, others: [
+            x if times[i] else y for i, (x, y) in enumerate(zip(time, others, strict=True))
+        ], given=False)  # fmt: skip
+
+
+def _write_coefficient(module: ir.Module, rules: Rules, kinds: Kinds, column: int) -> None:
+    """A function that loads one coefficient for each coordinate, for an oscillator that is solved exactly."""
+    size, first = (6, 2 * TURN) if rules.extended else (TURNS, TURN)
+    rows = [first + size * place + column for place in rules.physics.turning or ()]
+
+    def load(builder: ir.IRBuilder, array: ir.Value, row: ir.Value) -> list[LLVMValue]:
+        places = (builder.add(row, INDEX(behind)) for behind in rows)
+        return [LLVMValue(builder, loaded(builder, array, at, kinds, kinds.real)) for at in places]
+
+    write_function(module, f"turn{column}", [DOUBLE.as_pointer(), INDEX], kinds.of("P"), load)
 
 
 def _joined(numbers: Sequence[Entries]) -> Entries:
@@ -196,19 +172,14 @@ def _split(entries: Entries) -> list[Entries]:
 def maps_module(rules: Rules, maps: Any) -> ir.Module:
     """Return a module with the functions that :func:`nearharmonic.core.loops.landing.land` calls.
 
-    Parameters
-    ----------
-    rules : Rules
-        The regularised system, of D coordinates.
-    maps : object
-        ``from_physical(q, p, *parameters)``, ``to_physical(x, y)``, ``inverse_axis(x, *parameters)`` and
-        ``largest_radius(x, y, *parameters)``, formulas of numbers; ``dimension`` d of physical space.
+    ``rules`` are those of the regularised system, of D coordinates. ``maps`` has the formulas ``from_physical(q, p,
+    *parameters)``, ``to_physical(x, y)``, ``inverse_axis(x, *parameters)`` and ``largest_radius(x, y, *parameters)``,
+    and the ``dimension`` d of physical space.
     """
     physics, d, D = rules.physics, maps.dimension, rules.physics.dimension
-    written = _Formulas(rules, kinds_of(rules, 1), ())
-    running, stages = running_at(D, physics.parameters), 0 if physics.stages is None else physics.stages.stages
-    counters = running + running_rows(D, stages) - COUNTERS
-    write_numbers(written.module, {"dimension": D, "running": running, "counters": counters})
+    running = running_at(D, physics.parameters)
+    counters = running + running_rows(D, physics.stage_count) - COUNTERS
+    module = _module({"dimension": D, "running": running, "counters": counters})
 
     def departed(writer: LoopWriter, start: ir.Value, first: ir.Value, rows: ir.Value, to: ir.Value) -> None:
         pairs = (_pairs(writer, rows, 4 * D + TALLY + 2 * k, 1)[0] for k in range(physics.parameters))
@@ -224,11 +195,10 @@ def maps_module(rules: Rules, maps: Any) -> ir.Module:
 
     pointer = DOUBLE.as_pointer()
     for body, kinds in ((departed, [pointer, INDEX, pointer, pointer]), (physical, [pointer, pointer, INDEX])):
-        function = declare(written.module, f"{PREFIX}{body.__name__}", kinds, ir.VoidType())
-        builder = ir.IRBuilder(function.append_basic_block())
-        body(LoopWriter(builder), *function.args)
-        builder.ret_void()
-    return written.module
+        write_function(
+            module, body.__name__, kinds, ir.VoidType(), lambda builder, *x, f=body: f(LoopWriter(builder), *x)
+        )
+    return module
 
 
 def _pairs(writer: LoopWriter, array: ir.Value, at: int, count: int) -> tuple[DoubleDouble, ...]:

@@ -17,12 +17,11 @@ Size of expressions in operations: the limit above which they become loops, and 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
-from functools import cache
 from typing import Any, NamedTuple
 
-from nearharmonic.core.formulas.number import FUNCTIONS, ROOT_BITS, Constant, FormulaError, Number
+from nearharmonic.core.formulas.number import FUNCTIONS, Constant, FormulaError, Number
 
 #: An exact number. Integers are of type ``int``, whose arithmetic is faster than that of ``Fraction``.
 Exact = int | Fraction
@@ -34,7 +33,6 @@ def exact(value: Fraction | int) -> Exact:
 
 
 def modulus(value: Exact) -> Exact:
-    """Return |value|."""
     return value if value >= 0 else -value
 
 
@@ -84,7 +82,6 @@ ZERO, ONE = Value(0, None), Value(1, None)
 
 
 def children(node: Node) -> Iterable[int]:
-    """Return the nodes that ``node`` refers to."""
     if isinstance(node, Sum):
         return (child for child, _ in node.terms)
     if isinstance(node, Product):
@@ -106,17 +103,10 @@ class Graph:
         self._places: dict[tuple[Any, ...], int] = {}
 
     def variables(self, count: int) -> tuple[Expression, ...]:
-        """Return the first ``count`` arguments of a formula."""
         return tuple(Expression(self, Value(1, self.place(Variable(i)))) for i in range(count))
 
     def place(self, node: Node) -> int:
-        """Return the index of ``node``, which is appended if no node is equal to it.
-
-        Raises
-        ------
-        FormulaError
-            The graph has :data:`MOST_NODES` nodes already.
-        """
+        """Return the index of ``node``, which is appended if no node is equal to it and there is room."""
         key = (type(node), *node)
         found = self._places.get(key)
         if found is None:
@@ -254,7 +244,6 @@ class Graph:
         return self.times(scale, self.product_of({node: exponent}))
 
     def apply(self, function: str, *operands: Value) -> Value:
-        """Return a function of values."""
         if function == "pow" and operands[1].node is None and operands[1].coefficient.denominator <= 2:
             return self.power(operands[0], operands[1].coefficient) if operands[1].coefficient else ONE
         return Value(1, self.place(Application(function, tuple(map(self.node_of, operands)))))
@@ -329,8 +318,9 @@ class Expression(Number):
         return self._made(self.graph.power(self.value, Fraction(1, 2)))
 
     def apply(self, function: str, *others: Any) -> Any:
-        if len(others) + 1 != FUNCTIONS[function]:
-            raise FormulaError(f"calls {function} with {len(others) + 1} arguments, expected {FUNCTIONS[function]}")
+        given, expected = len(others) + 1, len(FUNCTIONS[function])
+        if given != expected:
+            raise FormulaError(f"calls {function} with {given} arguments, expected {expected}")
         return self._made(self.graph.apply(function, self.value, *map(value_of, others)))
 
 
@@ -379,12 +369,19 @@ def _partials(graph: Graph, node: int) -> list[tuple[int, Value]]:
         return [(child, Value(c, None)) for child, c in found.terms]
     if isinstance(found, Product):
         return [(child, _lowered(graph, dict(found.factors), child, e)) for child, e in found.factors]
-    if isinstance(found, Application):
-        operands = [_operand(graph, child) for child in found.operands]
-        partials = DERIVATIVES[found.function](graph, Value(1, node), *operands)
-        # A function of the same node twice, such as hypot(x, x), has two partial derivatives for it.
-        return list(zip(found.operands, partials, strict=True))
-    return []
+    if not isinstance(found, Application):
+        return []
+    if found.function in ("abs", "sign"):
+        (child,) = found.operands
+        return [(child, graph.apply("sign", Value(1, child)) if found.function == "abs" else ZERO)]
+    value, *operands = (_number(graph, one) for one in (node, *found.operands))
+    slopes = zip(found.operands, FUNCTIONS[found.function], strict=True)
+    # A function of the same node twice, such as hypot(x, x), has two partial derivatives for it.
+    return [
+        (child, value_of(slope(value, *operands)))
+        for child, slope in slopes
+        if not isinstance(graph.nodes[child], Literal)
+    ]
 
 
 def _lowered(graph: Graph, factors: dict[int, Exact], child: int, e: Exact) -> Value:
@@ -392,59 +389,10 @@ def _lowered(graph: Graph, factors: dict[int, Exact], child: int, e: Exact) -> V
     return graph.times(e, graph.product_of(factors))
 
 
-def _operand(graph: Graph, node: int) -> Value:
+def _number(graph: Graph, node: int) -> Expression:
     found = graph.nodes[node]
-    return Value(found.value, None) if isinstance(found, Literal) else graph.times(1, Value(1, node))
-
-
-def _pow(graph: Graph, value: Value, x: Value, y: Value) -> tuple[Value, ...]:
-    """y x^(y-1), which is finite at 0 where y >= 1, and x^y log x."""
-    slope = graph.multiply(y, graph.apply("pow", x, graph.add(y, Value(-1, None))))
-    # The derivative for a constant x is not needed, and the logarithm of a negative x does not exist.
-    return slope, (ZERO if y.node is None else graph.multiply(value, graph.apply("log", x)))
-
-
-def _atan2(graph: Graph, _: Value, y: Value, x: Value) -> tuple[Value, ...]:
-    square = graph.power(graph.add(graph.multiply(x, x), graph.multiply(y, y)), -1)
-    return graph.multiply(x, square), graph.times(-1, graph.multiply(y, square))
-
-
-def _hypot(graph: Graph, value: Value, x: Value, y: Value) -> tuple[Value, ...]:
-    inverse = graph.power(value, -1)
-    return graph.multiply(x, inverse), graph.multiply(y, inverse)
-
-
-def _erf(graph: Graph, _: Value, x: Value) -> tuple[Value, ...]:
-    """2 exp(-x^2) / sqrt(pi)."""
-    return (graph.times(_two_over_root_pi(), graph.apply("exp", graph.times(-1, graph.multiply(x, x)))),)
-
-
-#: The derivatives of f(x, ...) with respect to its operands, as functions of the graph, of its value and of the
-#: operands.
-DERIVATIVES: dict[str, Callable[..., tuple[Value, ...]]] = {
-    "sin": lambda graph, f, x: (graph.apply("cos", x),),
-    "cos": lambda graph, f, x: (graph.times(-1, graph.apply("sin", x)),),
-    "tan": lambda graph, f, x: (graph.add(ONE, graph.power(f, 2)),),
-    "exp": lambda graph, f, x: (f,),
-    "log": lambda graph, f, x: (graph.power(x, -1),),
-    "cbrt": lambda graph, f, x: (graph.times(Fraction(1, 3), graph.power(f, -2)),),
-    "tanh": lambda graph, f, x: (graph.add(ONE, graph.times(-1, graph.power(f, 2))),),
-    "sinh": lambda graph, f, x: (graph.apply("cosh", x),),
-    "cosh": lambda graph, f, x: (graph.apply("sinh", x),),
-    "abs": lambda graph, f, x: (graph.apply("sign", x),),
-    "sign": lambda graph, f, x: (ZERO,),
-    "pow": _pow, "atan2": _atan2, "erf": _erf, "hypot": _hypot,
-}  # fmt: skip
-
-
-@cache
-def _two_over_root_pi() -> Fraction:
-    """2 / sqrt(pi), rounded to :data:`~nearharmonic.core.formulas.number.ROOT_BITS` bits."""
-    from mpmath import mp, mpf, pi, workprec
-
-    with workprec(ROOT_BITS + 16):
-        value = mpf(2) / mp.sqrt(pi)
-        return Fraction(int(mp.floor(value * mpf(2) ** ROOT_BITS)), 1 << ROOT_BITS)
+    value = Value(found.value, None) if isinstance(found, Literal) else graph.times(1, Value(1, node))
+    return Expression(graph, value)
 
 
 #: Coordinates and operations up to which a kernel has no loops over coordinates. It takes 5 to 20 ms per operation to
@@ -457,7 +405,6 @@ OPERATIONS_OF_A_FUNCTION = 10
 
 
 def operations(graph: Graph, roots: Sequence[Value]) -> int:
-    """Return the number of operations that the values take."""
     return sum(_operations(graph.nodes[node]) for node in graph.reachable(roots))
 
 
@@ -472,13 +419,7 @@ def becomes_loops(dimension: int, operations: int) -> bool:
 
 
 def check_size(operations: int) -> None:
-    """Refuse formulas that take too long to compile.
-
-    Raises
-    ------
-    FormulaError
-        The formulas take more than :data:`MOST_OPERATIONS`.
-    """
+    """Raise a FormulaError for formulas of more than :data:`MOST_OPERATIONS`."""
     if operations > MOST_OPERATIONS:
         raise FormulaError(
             f"takes {operations} operations, a function counted as {OPERATIONS_OF_A_FUNCTION} and terms of one form "

@@ -27,11 +27,6 @@ from nearharmonic.errors import SystemDefinitionError
 
 #: Operations of a formula, as errors list them.
 OPERATIONS = "formulas use + - * / **, abs and the functions of nearharmonic.math"
-#: The functions of :mod:`nearharmonic.math` that a number has besides its operators, with their numbers of arguments.
-FUNCTIONS = {
-    "sin": 1, "cos": 1, "tan": 1, "exp": 1, "log": 1, "cbrt": 1, "pow": 2, "atan2": 2, "tanh": 1, "sinh": 1, "cosh": 1,
-    "erf": 1, "hypot": 2,
-}  # fmt: skip
 #: Largest integer power that is computed as a product; larger powers need nearharmonic.math.pow.
 LARGEST_POWER = 1024
 #: Bits of the largest constants.
@@ -53,12 +48,8 @@ class Value:
 def constant(value: Any) -> Constant | None:
     """Return the exact number that a constant in a formula means, or None if ``value`` is not a real number.
 
-    Integers and fractions are exact. A float of Python or numpy means the shortest decimal that it prints as.
-
-    Raises
-    ------
-    FormulaError
-        ``value`` is infinite or NaN.
+    Integers and fractions are exact. A float of Python or numpy means the shortest decimal that it prints as; infinity
+    and NaN raise a FormulaError.
     """
     if isinstance(value, Constant):
         return value
@@ -76,12 +67,8 @@ def constant(value: Any) -> Constant | None:
 def power(base: Any, exponent: Any) -> Any:
     """Return ``base`` (a :class:`Value` or :class:`Constant`) to a power.
 
-    Integer and half-integer powers are products and roots; other powers are the function pow.
-
-    Raises
-    ------
-    FormulaError
-        The exponent is not a number of formulas, or an integer or half-integer beyond :data:`LARGEST_POWER`.
+    Integer and half-integer powers, up to :data:`LARGEST_POWER`, are products and roots; other powers are the function
+    pow.
     """
     if isinstance(exponent, Value):
         return applied("pow", base, exponent)
@@ -104,13 +91,7 @@ def power(base: Any, exponent: Any) -> Any:
 
 
 def applied(function: str, *operands: Any) -> Any:
-    """Return a function of :data:`FUNCTIONS` of operands that are numbers or constants of formulas.
-
-    Raises
-    ------
-    FormulaError
-        An operand is neither a number nor a constant, or numbers have different types.
-    """
+    """Return a function of :data:`FUNCTIONS` of operands that are constants, or numbers of one type."""
     numbers: list[Any] = [x for x in operands if isinstance(x, Value)]
     values: list[Any] = [x if isinstance(x, Value) else constant(x) for x in operands]
     if any(x is None for x in values) or len({type(x) for x in numbers}) > 1:
@@ -118,6 +99,14 @@ def applied(function: str, *operands: Any) -> Any:
         raise FormulaError(f"calls {function} with operands of the types {shown}: {OPERATIONS}")
     first, *others = values
     return (numbers[0].lifted(first) if numbers and isinstance(first, Constant) else first).apply(function, *others)
+
+
+def in_mpfr(function: str, *operands: Any) -> Any:
+    """Return a function of :data:`FUNCTIONS` or a root of numbers of MPFR, in the present precision of gmpy2."""
+    import gmpy2
+
+    found = {"pow": operator.pow, "root": gmpy2.sqrt}.get(function) or getattr(gmpy2, function)
+    return found(*operands)
 
 
 _OPERATORS: dict[str, Callable[..., Any]] = {
@@ -186,23 +175,18 @@ class Constant(Fraction):
     def apply(self, function: str, *others: Constant) -> Constant:
         """Return the value of a function of :data:`FUNCTIONS`, rounded to :data:`ROOT_BITS` bits.
 
-        Raises
-        ------
-        ArithmeticError
-            The function has no value there, or its modulus is above 2^1048576 or below the inverse of that.
+        It raises an ArithmeticError where there is none, or none with a modulus from 2^-1048576 to 2^1048576.
         """
         import gmpy2
 
         with gmpy2.context(precision=ROOT_BITS, emax=LARGEST_CONSTANT, emin=-LARGEST_CONSTANT):
-            operands = [gmpy2.mpfr(x.numerator) / x.denominator for x in (self, *others)]
-            value = operands[0] ** operands[1] if function == "pow" else getattr(gmpy2, function)(*operands)
+            value = in_mpfr(function, *(gmpy2.mpfr(x.numerator) / x.denominator for x in (self, *others)))
         if not gmpy2.is_finite(value) or (function in ("exp", "pow", "cosh") and not value and self):
             shown = ", ".join(f"{float(x):g}" for x in (self, *others))
             raise ArithmeticError(f"{function} of the constant {shown} is not a finite number")
         return Constant(*map(int, value.as_integer_ratio()))
 
     def whole_power(self, exponent: int) -> Constant:
-        """Return the ``exponent``-th power, ``exponent`` >= 1."""
         return Constant(self.numerator**exponent, self.denominator**exponent)
 
     def sqrt(self) -> Constant:
@@ -220,10 +204,29 @@ class Constant(Fraction):
 #: pi to more bits than any precision in which formulas are evaluated.
 PI = Constant(whole_pi(1100), 1 << 1100)
 
+#: The functions of :mod:`nearharmonic.math` that a number has besides its operators, each with its partial derivatives
+#: by its arguments, as formulas of its value and of the arguments.
+FUNCTIONS: dict[str, tuple[Callable[..., Any], ...]] = {
+    "sin": (lambda f, x: x.apply("cos"),),
+    "cos": (lambda f, x: -x.apply("sin"),),
+    "tan": (lambda f, x: 1 + f**2,),
+    "exp": (lambda f, x: f,),
+    "log": (lambda f, x: 1 / x,),
+    "cbrt": (lambda f, x: f**-2 / 3,),
+    # The first is finite at 0 where y >= 1.
+    "pow": (lambda f, x, y: y * x.apply("pow", y - 1), lambda f, x, y: f * x.apply("log")),
+    "atan2": (lambda f, y, x: x / (x * x + y * y), lambda f, y, x: -(y / (x * x + y * y))),
+    "tanh": (lambda f, x: 1 - f**2,),
+    "sinh": (lambda f, x: x.apply("cosh"),),
+    "cosh": (lambda f, x: x.apply("sinh"),),
+    "erf": (lambda f, x: Constant(2) / PI.sqrt() * (-(x * x)).apply("exp"),),
+    "hypot": (lambda f, x, y: x / f, lambda f, x, y: y / f),
+}
+
 
 __all__ = [
     "FUNCTIONS", "OPERATIONS", "PI", "ROOT_BITS", "Constant", "FormulaError", "Formulas", "Number", "applied", "call",
-    "constant", "power", "scalar", "vector",
+    "constant", "in_mpfr", "power", "scalar", "vector",
 ]  # fmt: skip
 
 #: The largest double.
@@ -250,32 +253,19 @@ class Number(Value):
     #: arrays.
     __array_priority__ = -1.0
 
-    def _add(self, other: Any) -> Any:
-        raise NotImplementedError
-
-    def _multiply(self, other: Any) -> Any:
-        raise NotImplementedError
-
-    def _divide(self, other: Any) -> Any:
-        raise NotImplementedError
-
-    def __neg__(self) -> Any:
-        raise NotImplementedError
-
-    def __abs__(self) -> Any:
-        raise NotImplementedError
-
-    def sqrt(self) -> Any:
-        """Return the square root."""
-        raise NotImplementedError
+    _add: Callable[..., Any]
+    _multiply: Callable[..., Any]
+    _divide: Callable[..., Any]
+    __neg__: Any
+    __abs__: Any
+    sqrt: Callable[[], Any]
+    lifted: Callable[[Constant], Any]
+    #: ``apply(function, *others)``: a function of :data:`FUNCTIONS`; further operands have this type or are constants.
+    apply: Callable[..., Any]
 
     def sign(self) -> Any:
         """Return -1 for a negative value, else 1."""
         return self / abs(self)
-
-    def apply(self, function: str, *others: Any) -> Any:
-        """Return the value of a function of :data:`FUNCTIONS`; further operands have this type or are constants."""
-        raise NotImplementedError
 
     def _refused(self, *others: Any) -> NoReturn:
         raise FormulaError("calls a function of numpy, such as numpy.exp: from nearharmonic.math import exp")
@@ -289,10 +279,6 @@ class Number(Value):
     # numpy calls the method of the object with the name of the function, and hides all other errors
     sin = cos = tan = exp = log = cbrt = arctan2 = tanh = sinh = cosh = hypot = _refused
     arcsin = arccos = arctan = arcsinh = arccosh = arctanh = exp2 = expm1 = log2 = log10 = log1p = _refused
-
-    def lifted(self, number: Constant) -> Any:
-        """Return ``number`` as a number of this type."""
-        raise NotImplementedError
 
     def _lift(self, operand: Self | Constant) -> Self:
         number: Self = self.lifted(operand) if isinstance(operand, Constant) else operand
@@ -382,10 +368,7 @@ class Formulas(Protocol):
 def call(system: Formulas, formula: str, function: Callable[..., Any], *arguments: Any) -> Any:
     """Call ``function``, part of the formula named ``formula`` ("V", "grad_V", "T" or "grad_T") of ``system``.
 
-    Raises
-    ------
-    SystemDefinitionError
-        The function raises an exception, which is the cause of this one.
+    An exception becomes the cause of a SystemDefinitionError.
     """
     try:
         return function(*arguments)
@@ -411,7 +394,6 @@ def _hint(system: Formulas, formula: str, error: Exception) -> str:
 
 
 def components(name: str, count: int) -> str:
-    """Return the number of components of a tuple, for error messages."""
     return f"{name} has {count} component{'' if count == 1 else 's'}"
 
 
@@ -424,13 +406,7 @@ def _forgotten(result: Any) -> str:
 
 
 def scalar(system: Formulas, formula: str, *arguments: Any) -> Any:
-    """Return the value of V or T as a :class:`Number` or a :class:`Constant`.
-
-    Raises
-    ------
-    SystemDefinitionError
-        The formula raises an exception, or does not return one number.
-    """
+    """Return the value of V or T, one :class:`Number` or :class:`Constant`."""
     result = call(system, formula, getattr(system, formula), *arguments)
     value = result if isinstance(result, Number) else call(system, formula, _constant, result)
     if value is None:
@@ -449,13 +425,7 @@ def _constant(result: Any) -> Constant | None:
 
 
 def vector(system: Formulas, formula: str, *arguments: Any) -> tuple[Any, ...]:
-    """Return the components of grad_V or grad_T, each a :class:`Number` or a :class:`Constant`.
-
-    Raises
-    ------
-    SystemDefinitionError
-        The formula raises an exception, or does not return one number per coordinate.
-    """
+    """Return the components of grad_V or grad_T, one :class:`Number` or :class:`Constant` per coordinate."""
     result = call(system, formula, getattr(system, formula), *arguments)
     expected = f"expected a tuple of {system.dimension}, one number per coordinate"
     if not hasattr(result, "__iter__"):

@@ -46,16 +46,9 @@ Operation = tuple[Any, ...]
 class Program:
     """Operations that turn arguments into results.
 
-    Attributes
-    ----------
-    operations : list of tuple
-        Names with the places of the operands; an operation's result has the place of the operation.
-    results : list of int
-        Places of the results.
-    chain : int
-        Cycles of the longest chain of operations.
-    work : int
-        Sum over the operations of the time for which each occupies the processor, in half cycles.
+    ``operations`` are names with the places of the operands, and a result has the place of its operation; ``results``
+    are places. ``chain`` is the longest chain of operations in cycles, ``work`` the sum over the operations of the time
+    for which each occupies the processor, in half cycles.
     """
 
     def __init__(self, operations: list[Operation], results: list[int], chain: int) -> None:
@@ -81,16 +74,10 @@ class Program:
     def run(
         self, arguments: Sequence[Any], constant: Callable[[Constant], Any], function: Callable[..., Any]
     ) -> tuple[Any, ...]:
-        """Return the results for ``arguments``.
+        """Return the results for ``arguments``, of one type with + - * / and abs.
 
-        Parameters
-        ----------
-        arguments : sequence of numbers
-            The variables, all of one type with + - * / and abs.
-        constant : callable
-            Converts an exact constant to a number of that type.
-        function : callable
-            ``function(name, x, ...)`` is the value of a function of formulas, of "root" or of "sign".
+        ``constant`` converts an exact constant to that type; ``function(name, x, ...)`` is the value of a function of
+        formulas, of "root" or of "sign".
         """
         values: list[Any] = []
         for name, *operands in self.operations:
@@ -152,23 +139,14 @@ def _moved(operation: Operation, moved: dict[int, int]) -> Operation:
 
 #: Cycles from an operand to a result on current processors; a function is counted as a polynomial of degree ten.
 LATENCY = {
-    "add": 3,
-    "subtract": 3,
-    "multiply": 4,
-    "fused": 4,
-    "divide": 13,
-    "root": 18,
-    "negate": 1,
-    "abs": 1,
-    "sign": 2,
-}
+    "add": 3, "subtract": 3, "multiply": 4, "fused": 4, "divide": 13, "root": 18, "negate": 1, "abs": 1, "sign": 2,
+}  # fmt: skip
 FUNCTION = 50
 #: Number of terms from which on a sum is added in groups, and number of terms of a group.
 LONG_SUM, GROUP = 12, 4
 
 
 def program(graph: Graph, roots: Sequence[Value]) -> Program:
-    """Return the operations that compute ``roots``."""
     writer = _Writer(graph, roots)
     for node in graph.reachable(roots):
         if node not in writer.joined:
@@ -243,7 +221,6 @@ class _Writer:
         return self.constant(root.coefficient) if root.node is None else self.value(root.coefficient, root.node)
 
     def value(self, c: Exact, node: int) -> int:
-        """Return the place of ``c`` times a node."""
         place = self._values.get((c, node))
         if place is None:
             found = self.graph.nodes[node]

@@ -7,22 +7,22 @@ are exact. A formula cannot branch on a value.
 
 Hamiltonian of a kernel, as functions of numbers of any type.
 
-Numbers with a bound of their rounding error in double precision, by which kernels choose a precision.
+Numbers with a bound of their rounding error: kernels choose a precision by it, and gradients are compared within it.
 
-``size`` x u bounds, to first order in u = 2^-53, the change of ``value`` when every operand and result of the formula
-changes by a relative u (running error analysis: Higham, Accuracy and Stability of Numerical Algorithms, 3.3).
+``size`` x u bounds, to first order in u, the change of ``value`` when every operand and result of the formula changes
+by a relative u (running error analysis: Higham, Accuracy and Stability of Numerical Algorithms, 3.3).
 
 The formulas of a system in the arithmetic of a kernel, written as plain Python on traced numbers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.formulas.number import Constant, Number, call, constant, scalar, vector
+from nearharmonic.core.formulas.number import FUNCTIONS, Constant, Number, call, constant, scalar, vector
 from nearharmonic.core.layout import collocation_columns, columns, modified_columns
 from nearharmonic.core.machine.values import LLVMValue
 
@@ -47,9 +47,20 @@ class Double(Number):
     """
 
     __slots__ = ("_carrier", "_factors")
+    #: Carriers of a number, which are in planes of their own in memory.
+    parts = 1
 
     def __init__(self, carrier: Any, factors: tuple[Any, Any] | None = None) -> None:
         self._carrier, self._factors = carrier, factors
+
+    @classmethod
+    def of_state(cls, high: Any, low: Any) -> Double:
+        """A coordinate and its carry, or the halves of a parameter, as one number."""
+        return cls(high)
+
+    @property
+    def carriers(self) -> list[Any]:
+        return [self.carrier]
 
     @classmethod
     def of(cls, number: Constant, like: Any) -> Double:
@@ -116,9 +127,18 @@ class DoubleDouble(Number):
     """An unevaluated sum high + low of about 32 digits; :mod:`nearharmonic.core.arithmetic` has the error bounds."""
 
     __slots__ = ("high", "low")
+    parts = 2
 
     def __init__(self, high: Any, low: Any) -> None:
         self.high, self.low = high, low
+
+    @classmethod
+    def of_state(cls, high: Any, low: Any) -> DoubleDouble:
+        return cls(high, low)
+
+    @property
+    def carriers(self) -> list[Any]:
+        return [self.high, self.low]
 
     @classmethod
     def of(cls, number: Constant, like: Any) -> DoubleDouble:
@@ -180,148 +200,104 @@ class DoubleDouble(Number):
 
 @dataclass(frozen=True, kw_only=True)
 class Hamiltonian:
-    """A separable Hamiltonian of an autonomous system.
+    """A separable Hamiltonian of an autonomous system: formulas ``f(q, *parameters)`` or ``f(p, *parameters)``."""
 
-    Attributes
-    ----------
-    name : str
-        Name of the system, for errors.
-    dimension : int
-        Number of coordinates d.
-    V, T : callable
-        Formulas ``f(q, *parameters)`` and ``f(p, *parameters)``, which return a scalar.
-    grad_V, grad_T : callable
-        Their gradients, which return a tuple of d components.
-    grad_V_and_V : callable
-        The components of grad_V, followed by V; both share operations.
-    balanced_T : callable
-        T in an order of operations with short chains.
-    acceleration : callable, or None
-        ``f(force, *parameters)``, dT/dp minus its value at p = 0, which does not depend on p if T is quadratic.
-    """
-
-    name: str
-    dimension: int
+    name: str  # of the system, for errors
+    dimension: int  # number of coordinates d
     V: Callable[..., Any]
-    grad_V: Callable[..., Any]
+    grad_V: Callable[..., Any]  # a tuple of d components
     T: Callable[..., Any]
     grad_T: Callable[..., Any]
-    grad_V_and_V: Callable[..., Any]
-    balanced_T: Callable[..., Any]
+    grad_V_and_V: Callable[..., Any]  # the components of grad_V, followed by V; both share operations
+    balanced_T: Callable[..., Any]  # T in an order of operations with short chains
+    #: ``f(force, *parameters)``, dT/dp minus its value at p = 0, which does not depend on p if T is quadratic.
     acceleration: Callable[..., Any] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Physics(Hamiltonian):
-    """A Hamiltonian as the kernel needs it; ``acceleration`` is None unless T is quadratic.
+    """A Hamiltonian as the kernel needs it; ``acceleration`` is None unless T is quadratic."""
 
-    Attributes
-    ----------
-    parameters : int
-        Number of parameters of a run, which are in the rows behind its tally.
-    constants : tuple of Constant
-        Parameters that are compiled in because a formula needs their values; ``parameters`` is then 0.
-    measured : callable, or None
-        ``f(q, p, *parameters)``, the kinetic and the potential energy that are measured instead of T and V.
-    loops : tuple of LoopedEnergy, or None
-        V and T as loops, for many coordinates; the formulas above are then not compiled.
-    unit_masses : bool
-        True if T = p.p / 2.
-    turning : tuple of int, or None
-        For T and an oscillator that are solved exactly together: the index of the frequency of each coordinate among
-        the distinct frequencies. ``grad_V`` is then the gradient of the rest of V, which kicks use.
-    modified : callable, or None
-        ``f(q, *parameters)``, the gradient of the square of grad_V, if kicks use a modified potential.
-    numba : NumbaCode, or None
-        Code of V and grad_V that are functions of numba, for one lane.
-    stages : StageTable, or None
-        Coefficients of a collocation method, whose stages are solved together.
-    timed : bool
-        True if the last coordinate of ``loops`` is the time.
-    """
-
-    parameters: int
+    parameters: int  # number of parameters of a run, which are in the rows behind its tally
+    #: Parameters that are compiled in because a formula needs their values; ``parameters`` is then 0.
     constants: tuple[Constant, ...]
+    #: ``f(q, p, *parameters)``, the kinetic and the potential energy that are measured instead of T and V.
     measured: Callable[..., Any] | None = None
+    #: V and T as loops, for many coordinates; the formulas above are then not compiled.
     loops: tuple[LoopedEnergy, LoopedEnergy] | None = None
-    unit_masses: bool = False
+    unit_masses: bool = False  # T = p.p / 2
+    #: For T and an oscillator that are solved exactly together: the index of the frequency of each coordinate among the
+    #: distinct frequencies. ``grad_V`` is then the gradient of the rest of V, which kicks use.
     turning: tuple[int, ...] | None = None
-    modified: Callable[..., Any] | None = None
-    numba: NumbaCode | None = None
-    stages: StageTable | None = None
-    timed: bool = False
+    modified: Callable[..., Any] | None = None  # the gradient of the square of grad_V, for modified potentials
+    numba: NumbaCode | None = None  # V and grad_V that are functions of numba, for one lane
+    stages: StageTable | None = None  # a collocation method, whose stages are solved together
+    timed: bool = False  # the last coordinate of ``loops`` is the time
 
+    @property
+    def stage_count(self) -> int:
+        """Stages of a collocation method that are solved together; 0 for any other method."""
+        return 0 if self.stages is None else self.stages.stages
 
-#: Change of a function of one argument x: from its value f, from x, and from the size s of x.
-_INHERITED: Mapping[str, Callable[[Any, Any, Any], Any]] = {
-    "sin": lambda f, x, s: s,
-    "cos": lambda f, x, s: s,
-    "tan": lambda f, x, s: (1 + f * f) * s,
-    "exp": lambda f, x, s: f * s,
-    "log": lambda f, x, s: s / abs(x),
-    "cbrt": lambda f, x, s: abs(f / x) * s / 3,
-    "tanh": lambda f, x, s: s,
-    "sinh": lambda f, x, s: (1 + abs(f)) * s,
-    "cosh": lambda f, x, s: f * s,
-    "erf": lambda f, x, s: s * 2,
-}
+    @property
+    def frequencies(self) -> int:
+        """Number of distinct frequencies of oscillators that are solved exactly."""
+        return 0 if self.turning is None else 1 + max(self.turning)
 
 
 class Conditioned(Number):
-    """A traced double with the condition of the formula that computes it."""
+    """A number with the condition of the formula that computes it; ``value`` is a traced double, or of a subclass."""
 
     __slots__ = ("size", "value")
 
-    def __init__(self, value: Double, inherited: Any = 0) -> None:
+    def __init__(self, value: Any, inherited: Any = 0) -> None:
         self.value, self.size = value, abs(value) + inherited
 
-    def _add(self, other: Conditioned | Constant) -> Conditioned:
-        other = self._lift(other)
-        return Conditioned(self.value + other.value, self.size + other.size)
-
-    def _multiply(self, other: Conditioned | Constant) -> Conditioned:
-        other = self._lift(other)
-        inherited = self.size * abs(other.value) + other.size * abs(self.value)
-        return Conditioned(self.value * other.value, inherited)
-
-    def _divide(self, other: Conditioned | Constant) -> Conditioned:
-        other = self._lift(other)
-        value = self.value / other.value
-        return Conditioned(value, (self.size + abs(value) * other.size) / abs(other.value))
-
-    def _with(self, value: Double) -> Conditioned:
-        result = Conditioned(value)
-        result.size = self.size
+    def _with(self, value: Any, size: Any) -> Self:
+        result = type(self)(value)
+        result.size = size
         return result
 
-    def __neg__(self) -> Conditioned:
-        return self._with(-self.value)
+    def _add(self, other: Self | Constant) -> Self:
+        other = self._lift(other)
+        return type(self)(self.value + other.value, self.size + other.size)
 
-    def __abs__(self) -> Conditioned:
-        return self._with(abs(self.value))
+    def _multiply(self, other: Self | Constant) -> Self:
+        other = self._lift(other)
+        inherited = self.size * abs(other.value) + other.size * abs(self.value)
+        return type(self)(self.value * other.value, inherited)
 
-    def sign(self) -> Conditioned:
-        return Conditioned(self.value.sign())
+    def _divide(self, other: Self | Constant) -> Self:
+        other = self._lift(other)
+        value = self.value / other.value
+        return type(self)(value, (self.size + abs(value) * other.size) / abs(other.value))
 
-    def sqrt(self) -> Conditioned:
+    def __neg__(self) -> Self:
+        return self._with(-self.value, self.size)
+
+    def __abs__(self) -> Self:
+        return self._with(abs(self.value), self.size)
+
+    def sign(self) -> Self:
+        return type(self)(self.value.sign())
+
+    def sqrt(self) -> Self:
         value = self.value.sqrt()
-        return Conditioned(value, self.size / (value + value))
+        return type(self)(value, self.size / (value + value))
 
-    def lifted(self, number: Constant) -> Conditioned:
-        return Conditioned(self.value.lifted(number))
+    def lifted(self, number: Constant) -> Self:
+        return type(self)(self.value.lifted(number))
 
-    def apply(self, function: str, *others: Conditioned | Constant) -> Conditioned:
-        operands = [self._lift(x) for x in others]
-        value = self.value.apply(function, *(x.value for x in operands))
-        if not operands:
-            return Conditioned(value, _INHERITED[function](value, self.value, self.size))
-        (second,) = operands
-        if function == "pow":
-            relative = self.size / abs(self.value) * abs(second.value) + abs(abs(self.value).apply("log")) * second.size
-            return Conditioned(value, abs(value) * relative)
-        crossed = self.size * abs(second.value) + second.size * abs(self.value)
-        squares = self.value * self.value + second.value * second.value
-        return Conditioned(value, crossed / squares if function == "atan2" else self.size + second.size)
+    def apply(self, function: str, *others: Self | Constant) -> Self:
+        operands = [self, *map(self._lift, others)]
+        value, slopes = self._evaluated(function, [x.value for x in operands])
+        return type(self)(value, sum(abs(slope) * x.size for slope, x in zip(slopes, operands, strict=True)))
+
+    @staticmethod
+    def _evaluated(function: str, values: Sequence[Any]) -> tuple[Any, Sequence[Any]]:
+        """The value of a function, and its partial derivatives."""
+        value = values[0].apply(function, *values[1:])
+        return value, [slope(value, *values) for slope in FUNCTIONS[function]]
 
 
 Entries = list[LLVMValue]
@@ -366,27 +342,27 @@ class Rules:
         if self.physics.modified is not None:
             return modified_columns(self.parts)
         if self.physics.stages is not None:
-            frequencies = 0 if self.physics.turning is None else 1 + max(self.physics.turning)
-            return collocation_columns(self.physics.stages.stages, frequencies)
-        return columns(0 if self.physics.turning is None else 1 + max(self.physics.turning))
+            return collocation_columns(self.physics.stage_count, self.physics.frequencies)
+        return columns(self.physics.frequencies)
+
+    @property
+    def kind(self) -> type[Double] | type[DoubleDouble]:
+        return DoubleDouble if self.extended else Double
 
     @property
     def parts(self) -> int:
         """Doubles per coefficient and per rate."""
-        return 2 if self.extended else 1
+        return self.kind.parts
 
     def _numbers(self, entries: Entries, count: int) -> tuple[Any, ...]:
         """The first ``count`` entries of a list and their low halves, as numbers."""
         pairs = zip(entries[:count], entries[count : 2 * count], strict=True)
-        return tuple(DoubleDouble(*pair) if self.extended else Double(pair[0]) for pair in pairs)
+        return tuple(self.kind.of_state(*pair) for pair in pairs)
 
     def flat(self, components: tuple[Any, ...], like: LLVMValue) -> Entries:
         """The components of a vector as carriers, one or two each; a constant becomes a carrier like ``like``."""
-        kind = DoubleDouble if self.extended else Double
-        numbers: list[Any] = [kind.of(x, like) if isinstance(x, Constant) else x for x in components]
-        if self.extended:
-            return [n.high for n in numbers] + [n.low for n in numbers]
-        return [n.carrier for n in numbers]
+        numbers = [(self.kind.of(x, like) if isinstance(x, Constant) else x).carriers for x in components]
+        return [number[part] for part in range(self.parts) for number in numbers]
 
     def constants(self, parameters: Entries) -> tuple[Any, ...]:
         """The parameters in the precision of the state."""
@@ -394,12 +370,10 @@ class Rules:
         return self.physics.constants or self._numbers(halves, self.physics.parameters)
 
     def exact_constants(self, parameters: Entries) -> tuple[Any, ...]:
-        """The parameters in double-double."""
         pairs = zip(parameters[::2], parameters[1::2], strict=False)
         return self.physics.constants or tuple(DoubleDouble(*pair) for pair in pairs)
 
     def force(self, position: Entries, parameters: Entries) -> Entries:
-        """dV/dq."""
         together = self.physics.dimension > FEW_COORDINATES and self.physics.numba is None
         if together:  # bitwise identical with and without a measurement of the energy
             return self.force_and_potential(position, parameters)[: self.parts * self.physics.dimension]
@@ -418,7 +392,6 @@ class Rules:
         return self.flat(tuple(x if isinstance(x, Number) else constant(x) for x in found), position[0])
 
     def velocity(self, momentum: Entries, parameters: Entries) -> tuple[Any, ...]:
-        """dT/dp."""
         p = self._numbers(momentum, self.physics.dimension)
         return vector(self.physics, "grad_T", p, *self.constants(parameters))
 
@@ -435,11 +408,9 @@ class Rules:
         return self.flat(tuple(gradient), position[0]) + self.flat((V,), position[0])
 
     def potential(self, position: Entries, parameters: Entries) -> Entries:
-        """V in double."""
         return self.force_and_potential(position, parameters)[-1:]
 
     def kinetic(self, momentum: Entries, parameters: Entries) -> Entries:
-        """T in double."""
         p = self._numbers(momentum, self.physics.dimension)
         return self.flat((scalar(self.physics, "balanced_T", p, *self.constants(parameters)),), momentum[0])
 

@@ -28,58 +28,27 @@ def elementwise(body: Body, rows: int, width: int, symbol: str = "elementwise") 
 
     ``body`` of ``rows`` values is emitted for ``width`` lanes, and for single numbers: the remainder of an array.
     """
-    module, word, pointer = ir.Module(), INDEX, DOUBLE.as_pointer()
-    signature = ir.FunctionType(ir.VoidType(), [pointer, word, word] * 2)
-    function = ir.Function(module, signature, symbol)
-    source, _, count, target, _, _ = function.args
-    builder = ir.IRBuilder(function.append_basic_block())
-    whole = builder.and_(count, ir.Constant(word, -width)) if width > 1 else count
-    builder = _stretch(builder, body, rows, width, (source, target), (ir.Constant(word, 0), whole, count))
-    if width > 1:
-        builder = _stretch(builder, body, rows, 1, (source, target), (whole, count, count))
-    builder.ret_void()
+    from nearharmonic.core.large.memory import Index, LoopWriter
+
+    module, pointer = ir.Module(), DOUBLE.as_pointer()
+    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [pointer, INDEX, INDEX] * 2), symbol)
+    source, _, length, target, _, _ = function.args
+    writer = LoopWriter(ir.IRBuilder(function.append_basic_block()))
+    count = Index(writer.builder, length)
+    whole = count & -width
+    stretches: list[tuple[int | Index, Index, int]] = [(0, whole, width), (whole, count, 1)]
+    for begin, end, lanes in stretches if width > 1 else stretches[:1]:
+        with writer.repeated(end, begin, lanes) as i:
+            values = [writer.load(writer.place(source, count * row + i), lanes) for row in range(rows)]
+            for row, result in enumerate(body(*values)):
+                writer.store(result, writer.place(target, count * row + i))
+    writer.builder.ret_void()
     return symbol, object_code(binding.parse_assembly(str(module)))
-
-
-def _stretch(
-    builder: ir.IRBuilder,
-    body: Body,
-    rows: int,
-    width: int,
-    arrays: tuple[ir.Value, ir.Value],
-    bounds: tuple[ir.Value, ir.Value, ir.Value],
-) -> ir.IRBuilder:
-    """Write the loop from bounds[0] to bounds[1] over rows of length bounds[2]."""
-    word, kind = INDEX, DOUBLE if width == 1 else ir.VectorType(DOUBLE, width)
-    function, before = builder.function, builder.block
-    head, inside, end = (function.append_basic_block() for _ in range(3))
-    builder.branch(head)
-    builder.position_at_end(head)
-    place = builder.phi(word)
-    place.add_incoming(bounds[0], before)
-    builder.cbranch(builder.icmp_unsigned("<", place, bounds[1]), inside, end)
-    builder.position_at_end(inside)
-
-    def at(array: ir.Value, row: int) -> ir.Value:
-        index = builder.add(place, builder.mul(ir.Constant(word, row), bounds[2]))
-        return builder.bitcast(builder.gep(array, [index]), kind.as_pointer())
-
-    values = []
-    for row in range(rows):
-        loaded = builder.load(at(arrays[0], row))
-        loaded.align = 8
-        values.append(LLVMValue(builder, loaded))
-    for row, result in enumerate(body(*values)):
-        builder.store(result.value, at(arrays[1], row)).align = 8
-    place.add_incoming(builder.add(place, ir.Constant(word, width)), builder.block)
-    builder.branch(head)
-    builder.position_at_end(end)
-    return builder
 
 
 def of_numbers(name: str) -> Callable[..., float]:
     """The function ``name`` of floats, from the cache of compiled code or compiled into it."""
-    count = FUNCTIONS[name]
+    count = len(FUNCTIONS[name])
     signature = Signature(tuple(floats(f"x{i}") for i in range(count)), "float64")
 
     def make() -> tuple[str, bytes]:
@@ -102,7 +71,7 @@ def _of_arrays(name: str) -> Callable[..., None]:
     def make() -> tuple[str, bytes]:
         from nearharmonic.core.functions import double  # slower to load than the cached machine code
 
-        return elementwise(lambda *x: [double.FUNCTIONS[name](*x)], FUNCTIONS[name], LANES, name_in_c(f"{name}s"))
+        return elementwise(lambda *x: [double.FUNCTIONS[name](*x)], len(FUNCTIONS[name]), LANES, name_in_c(f"{name}s"))
 
     return native(f"array-{name}-{code_key()}", ELEMENTWISE, make)
 

@@ -270,16 +270,6 @@ def erf(high: LLVMValue, low: LLVMValue) -> Pair:
     return choose(high.equals(0.0), (high, low), value)
 
 
-def _sin(high: LLVMValue, low: LLVMValue) -> Pair:
-    values = called("sincos_extended", sincos, high, low)
-    return values[0], values[1]
-
-
-def _cos(high: LLVMValue, low: LLVMValue) -> Pair:
-    values = called("sincos_extended", sincos, high, low)
-    return values[2], values[3]
-
-
 def _as_call(name: str, body: Callable[..., Pair]) -> Callable[..., Pair]:
     def function(*pairs: Pair) -> Pair:
         high, low = called(
@@ -291,8 +281,8 @@ def _as_call(name: str, body: Callable[..., Pair]) -> Callable[..., Pair]:
 
 
 FUNCTIONS: dict[str, Callable[..., Pair]] = {
-    "sin": lambda x: finite(_sin(*x)),
-    "cos": lambda x: finite(_cos(*x)),
+    "sin": lambda x: finite(called("sincos_extended", sincos, *x)[:2]),
+    "cos": lambda x: finite(called("sincos_extended", sincos, *x)[2:]),
     **{f.__name__: _as_call(f.__name__, f) for f in (tan, exp, log, pow, sinh, cosh, tanh, atan2, erf)},
     "cbrt": _as_call("cbrt", cbrt_extended),
     "hypot": _as_call("hypot", hypot_extended),

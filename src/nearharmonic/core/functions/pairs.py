@@ -165,7 +165,7 @@ def scaled_pair(a: Pair, n: LLVMBits) -> Pair:
     return quick_two_sum(high, high.absolute().less(inf).choose(scaled(a[1], n), 0.0))
 
 
-def finite(value: Pair) -> Pair:
+def finite(value: Sequence[LLVMValue]) -> Pair:
     """The pair; if it is not finite its low half is 0, in place of the NaN that renormalisation gives."""
     regular = value[0].absolute().less(inf)
     return value[0], regular.choose(value[1], 0.0)

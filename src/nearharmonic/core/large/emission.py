@@ -18,12 +18,11 @@ from nearharmonic.core import arithmetic
 from nearharmonic.core.collocation import formulas as stages
 from nearharmonic.core.formulas.number import Constant, applied
 from nearharmonic.core.formulas.program import Program
-from nearharmonic.core.formulas.tracing import LLVMValue, Physics, Rules, rounding_of
+from nearharmonic.core.formulas.tracing import DoubleDouble, LLVMValue, Physics, Rules, rounding_of
 from nearharmonic.core.large.memory import (
-    ConditionedDoubles,
-    DoubleDoubles,
-    Doubles,
+    ConditionedDouble,
     Index,
+    Kind,
     LoopWriter,
     Planes,
     Variable,
@@ -32,7 +31,7 @@ from nearharmonic.core.large.memory import (
 )
 from nearharmonic.core.large.terms import BLOCK, COORDINATES, LoopedEnergy, Places, Totals, Work
 from nearharmonic.core.layout import COUNTERS, TALLY, running_at, running_rows
-from nearharmonic.core.machine.values import DOUBLE, INDEX, PREFIX, Kinds, declare, packed, write_numbers
+from nearharmonic.core.machine.values import DOUBLE, INDEX, Kinds, write_function, write_numbers
 
 #: Computes a block of numbers from the index of its first number and its number of lanes; loads one from an address.
 Computed = Callable[[Index, int], Any]
@@ -47,27 +46,16 @@ MANY_TERMS = 32
 class Emission:
     """Writes the loops of an energy at the end of a function.
 
-    Parameters
-    ----------
-    writer : LoopWriter
-        Writer of the function.
-    energy : LoopedEnergy
-        The energy.
-    kind : Doubles
-        Type of the numbers.
-    state : Planes
-        The coordinates: planes of values and of carries.
-    kept : Planes
-        Memory for the intermediate results of the loops.
-    parameters : sequence of LLVMValue
-        High and low halves of the parameters, interleaved, as scalars.
+    ``kind`` is the type of the numbers, ``state`` the planes of the coordinates and of their carries, ``kept`` memory
+    for intermediate results; high and low halves of the parameters are interleaved, as scalars.
     """
 
     def __init__(
-        self, writer: LoopWriter, energy: LoopedEnergy, kind: Doubles, state: Planes, kept: Planes,
+        self, writer: LoopWriter, energy: LoopedEnergy, kind: Kind, state: Planes, kept: Planes,
         parameters: Sequence[LLVMValue],
     ) -> None:  # fmt: skip
         self.writer, self.energy, self.kind = writer, energy, kind
+        self._read: Callable[..., Any] = kind.read if kind is ConditionedDouble else kind
         self.state, self.kept = state, kept
         self.parameters = list(zip(parameters[::2], parameters[1::2], strict=False))[: energy.parameters]
 
@@ -114,7 +102,7 @@ class Emission:
         last, count = level == len(self.energy.levels), work.loop.count
         program = work.both if with_derivatives else work.value
         read = self._operands(work, level)
-        totals = [self.writer.variable(self.writer.zero(_width(count))) for _ in range(self.kind.planes)]
+        totals = [Variable(self.writer.builder, self.writer.zero(_width(count))) for _ in range(self.kind.parts)]
         for first, width, again in self.writer.blocks(count):
             arguments = read(first, width, with_derivatives)
             results = [self._number(x, width) for x in _run(program, arguments)]
@@ -128,7 +116,7 @@ class Emission:
         return self._joined(totals) if last else None
 
     def _number(self, value: Any, width: int) -> Any:
-        return self.kind.constant(value, self.writer.zero(width)) if isinstance(value, Constant) else value
+        return self.kind.of(value, self.writer.zero(width)) if isinstance(value, Constant) else value
 
     def _operands(self, work: Work, level: int) -> Callable[[Index, int, bool], list[Any]]:
         """Return a function that reads the arguments of a block; tables are written once, before the loop."""
@@ -152,10 +140,10 @@ class Emission:
             addresses = [self.state.address, self.writer.place(self.state.address, self.state.stride)]
             return lambda first, width: self.kind.of_state(*(load(address, first, width) for address in addresses))
         kept = self._planes(self.energy.offsets["gradient" if gradient else "value", array, 0])
-        return lambda first, width: self.kind.read([load(address, first, width) for address in kept])
+        return lambda first, width: self._read(*[load(address, first, width) for address in kept])
 
     def _planes(self, offset: int) -> list[ir.Value]:
-        return [self.writer.place(self.kept.address, offset + k * self.kept.stride) for k in range(self.kind.planes)]
+        return [self.writer.place(self.kept.address, offset + k * self.kept.stride) for k in range(self.kind.parts)]
 
     def _loader(self, places: Places) -> Loader:
         """Return a function that loads the doubles at ``places`` behind an address."""
@@ -181,23 +169,23 @@ class Emission:
         )
 
     def _keep(self, number: Any, offset: int, first: Index) -> None:
-        for value, address in zip(self.kind.written(number), self._planes(offset), strict=True):
+        for value, address in zip(number.carriers, self._planes(offset), strict=True):
             self.writer.store(value, self.writer.place(address, first))
 
     def _accumulate(self, totals: Sequence[Variable], number: Any, again: int) -> None:
         """Add a block to running sums, without those first results that the previous block has added."""
         if again:
             new = self.writer.last_lanes(again)
-            number = self.kind.read([new.choose(plane, 0.0) for plane in self.kind.written(number)])
+            number = self._read(*[new.choose(plane, 0.0) for plane in number.carriers])
         before = [room.value for room in totals]
-        total = self.kind.read(before) + number
-        for value, room in zip(self.kind.written(total), totals, strict=True):
+        total = self._read(*before) + number
+        for value, room in zip(total.carriers, totals, strict=True):
             room.value = value
 
     def _joined(self, totals: Sequence[Variable]) -> Any:
         """The sum over the lanes of a running sum."""
         planes = [room.value.lanes() for room in totals]
-        return _pairwise([self.kind.read(lane) for lane in zip(*planes, strict=True)])
+        return _pairwise([self._read(*lane) for lane in zip(*planes, strict=True)])
 
     def _totals(self, totals: Totals, offset: int) -> None:
         """Write the sums of stored results."""
@@ -218,7 +206,7 @@ class Emission:
         table = None if is_consecutive(targets) or len(targets) == 1 else self.writer.table(targets)
         addresses = self._planes(offset if table is not None else offset + int(targets[0]))
         for first, width, _ in self.writer.blocks(len(targets)):
-            planes = self.kind.written(computed(first, width))
+            planes = computed(first, width).carriers
             places = self.writer.looked_up(table, first, width) if table is not None else []
             for value, address in zip(planes, addresses, strict=True):
                 if table is None:
@@ -226,12 +214,12 @@ class Emission:
                 for lane, place in zip(value.lanes(), places, strict=False):
                     self.writer.store(lane, self.writer.place(address, place))
 
-    def _read(self, load: Loader, first: Index, width: int) -> Any:
-        return self.kind.read([load(address, first, width) for address in self._planes(0)])
+    def _loaded(self, load: Loader, first: Index, width: int) -> Any:
+        return self._read(*[load(address, first, width) for address in self._planes(0)])
 
     def _in_turn(self, loaders: Sequence[Loader]) -> Computed:
         """Sums of few terms, one after the other."""
-        return lambda first, width: self._total([self._read(load, first, width) for load in loaders])
+        return lambda first, width: self._total([self._loaded(load, first, width) for load in loaders])
 
     def _across(self, sources: Places) -> Computed:
         """Sums of many terms, one sum in each lane of a block."""
@@ -242,21 +230,21 @@ class Emission:
             def term(i: Index) -> Any:
                 at = i * count + first
                 places = self.writer.looked_up(table, at, width)
-                return self.kind.read([self.writer.gather(address, places) for address in self._planes(0)])
+                return self._read(*[self.writer.gather(address, places) for address in self._planes(0)])
 
-            totals = [self.writer.variable(x) for x in self.kind.written(term(self.writer.index(0)))]
+            totals = [Variable(self.writer.builder, x) for x in term(self.writer.index(0)).carriers]
             with self.writer.repeated(terms - 1) as i:
                 self._accumulate(totals, term(i + 1), 0)
-            return self.kind.read([room.value for room in totals])
+            return self._read(*[room.value for room in totals])
 
         return computed
 
     def _along(self, sources: Places) -> Any:
         """One sum of many terms, with a partial sum in each lane of a block."""
         load, terms = self._loader(sources), len(sources)
-        totals = [self.writer.variable(self.writer.zero(BLOCK)) for _ in range(self.kind.planes)]
+        totals = [Variable(self.writer.builder, self.writer.zero(BLOCK)) for _ in range(self.kind.parts)]
         for first, width, again in self.writer.blocks(terms):
-            self._accumulate(totals, self._read(load, first, width), again)
+            self._accumulate(totals, self._loaded(load, first, width), again)
         return self._joined(totals)
 
 
@@ -286,8 +274,7 @@ def room(physics: Physics, extended: bool) -> int:
     """Return the number of doubles behind the running state that the loops of a kernel store results in."""
     assert physics.loops is not None
     V, T = physics.loops
-    stages = 0 if physics.stages is None else physics.stages.stages
-    scratch = physics.dimension * (stages + 2) + BLOCK if stages else 0
+    scratch = physics.dimension * (physics.stage_count + 2) + BLOCK if physics.stages else 0
     return BLOCK + _planes(V, T, extended) * (V.room + T.room) + scratch
 
 
@@ -308,7 +295,7 @@ def module_of(rules: Rules, kinds: Kinds, needed: Container[str]) -> ir.Module:
     written.write()
     if rules.physics.stages is not None:
         write_numbers(written.module, {
-            "counters": written.end - COUNTERS, "scratch": written.scratch, "stages": written.stages,
+            "counters": written.end - COUNTERS, "scratch": written.scratch, "stages": rules.physics.stage_count,
         })  # fmt: skip
         stages.write(written.module, rules, kinds, needed)
     return written.module
@@ -322,38 +309,34 @@ class _Functions:
         assert physics.loops is not None
         self.rules, self.kinds, self.needed, (self.V, self.T) = rules, kinds, needed, physics.loops
         self.running = running_at(d, physics.parameters)
-        self.stages = 0 if physics.stages is None else physics.stages.stages
-        self.end = self.running + running_rows(d, self.stages)
+        self.end = self.running + running_rows(d, physics.stage_count)
         planes = _planes(self.V, self.T, rules.extended)
         self.force_at = -(-self.end // BLOCK) * BLOCK
         self.velocity_at = self.force_at + planes * self.V.room
         self.scratch = -(-(self.velocity_at + planes * self.T.room) // BLOCK) * BLOCK
-        self.number: Doubles = DoubleDoubles() if rules.extended else Doubles()
         self.module = ir.Module("formulas")
 
     def write(self) -> None:
         """Write the formulas of the system, for the running state or for the output state."""
         real, nothing = self.kinds.of("R"), ir.VoidType()
-        number, exact = self.number, DoubleDoubles()
+        number = self.rules.kind
 
         def energies(writer: LoopWriter, rows: ir.Value) -> list[Any]:
-            T, V = (self._emission(writer, rows, energy, exact).value() for energy in (self.T, self.V))
-            return [*(T + V).pair, T.high, T.high.constant(0.0)]
+            T, V = (self._emission(writer, rows, energy, DoubleDouble).value() for energy in (self.T, self.V))
+            return [[x] for x in (*(T + V).pair, T.high, T.high.constant(0.0))]
 
         def rounding(writer: LoopWriter, rows: ir.Value) -> list[Any]:
-            conditioned = ConditionedDoubles()
-            return rounding_of(
-                *(self._emission(writer, rows, energy, conditioned).value() for energy in (self.T, self.V))
-            )
+            T, V = (self._emission(writer, rows, energy, ConditionedDouble).value() for energy in (self.T, self.V))
+            return [[x] for x in rounding_of(T, V)]
 
         def gradient(writer: LoopWriter, rows: ir.Value) -> Any:
-            return number.written(self._emission(writer, rows, self.V, number, self.running).gradient())[0]
+            return self._emission(writer, rows, self.V, number, self.running).gradient().carriers[:1]
 
         def velocities(writer: LoopWriter, rows: ir.Value, state: ir.Value) -> None:
             self._emission(writer, rows, self.T, number, Index(writer.builder, state)).gradient()
 
         def value(energy: LoopedEnergy) -> Callable[..., Any]:
-            return lambda writer, rows: number.written(self._emission(writer, rows, energy, number).value())[0]
+            return lambda writer, rows: self._emission(writer, rows, energy, number).value().carriers[:1]
 
         self._define("force", nothing, gradient)
         self._define("force_and_potential", real, gradient)
@@ -367,22 +350,14 @@ class _Functions:
 
     def _define(self, name: str, result: ir.Type, body: Callable[..., Any], *more: ir.Type) -> None:
         """Write a function of the rows; it is long, and therefore not inlined."""
-        if name not in self.needed:
-            return
-        function = declare(self.module, f"{PREFIX}{name}", [DOUBLE.as_pointer(), *more], result)
-        function.attributes.discard("alwaysinline")
-        function.attributes.add("noinline")
-        writer = LoopWriter(ir.IRBuilder(function.append_basic_block()))
-        found = body(writer, *function.args)
-        if isinstance(result, ir.VoidType):
-            writer.builder.ret_void()
-            return
-        numbers = [x.value for x in found] if isinstance(found, list) else [found.value]
-        reals = [[x] for x in numbers] if isinstance(result, ir.ArrayType) else numbers
-        writer.builder.ret(packed(writer.builder, reals, result))
+        if name in self.needed:
+            kinds = [DOUBLE.as_pointer(), *more]
+            write_function(
+                self.module, name, kinds, result, lambda builder, *x: body(LoopWriter(builder), *x), inlined=False
+            )
 
     def _emission(
-        self, writer: LoopWriter, rows: ir.Value, energy: LoopedEnergy, kind: Doubles, state: Any = 0
+        self, writer: LoopWriter, rows: ir.Value, energy: LoopedEnergy, kind: Kind, state: Any = 0
     ) -> Emission:
         """Return the writer of an energy for the state in the rows from ``state`` on."""
         physics, d = self.rules.physics, self.rules.physics.dimension

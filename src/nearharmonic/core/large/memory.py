@@ -19,64 +19,34 @@ from nearharmonic.core.machine.values import DOUBLE, INDEX, LLVMBits, LLVMMask
 PLACE = ir.IntType(32)
 
 
-class Doubles:
-    """Doubles, one plane in memory."""
+class ConditionedDouble(Conditioned):
+    """A double with its condition, which are two planes in memory."""
 
-    planes = 1
+    __slots__ = ()
+    parts = 2
 
-    def read(self, planes: Sequence[LLVMValue]) -> Any:
-        """The number whose planes in memory are given."""
-        return Double(planes[0])
-
-    def of_state(self, high: LLVMValue, low: LLVMValue) -> Any:
-        """A coordinate and its carry as one number."""
-        return Double(high)
-
-    def written(self, number: Any) -> list[LLVMValue]:
-        """The planes of a number."""
-        return [number.carrier]
-
-    def constant(self, number: Constant, like: LLVMValue) -> Any:
-        """An exact number."""
-        return Double.of(number, like)
-
-
-class DoubleDoubles(Doubles):
-    """Double-doubles: a plane of the high halves and one of the low ones."""
-
-    planes = 2
-
-    def read(self, planes: Sequence[LLVMValue]) -> Any:
-        return DoubleDouble(*planes)
-
-    def of_state(self, high: LLVMValue, low: LLVMValue) -> Any:
-        return DoubleDouble(high, low)
-
-    def written(self, number: Any) -> list[LLVMValue]:
-        return [number.high, number.low]
-
-    def constant(self, number: Constant, like: LLVMValue) -> Any:
-        return DoubleDouble.of(number, like)
-
-
-class ConditionedDoubles(Doubles):
-    """Doubles with the condition of the formula that computes them: a plane of values and one of sizes."""
-
-    planes = 2
-
-    def read(self, planes: Sequence[LLVMValue]) -> Any:
-        number = Conditioned(Double(planes[0]))
-        number.size = Double(planes[1])
+    @classmethod
+    def read(cls, value: LLVMValue, size: LLVMValue) -> ConditionedDouble:
+        """The number of these carriers."""
+        number = cls(Double(value))
+        number.size = Double(size)
         return number
 
-    def of_state(self, high: LLVMValue, low: LLVMValue) -> Any:
-        return Conditioned(Double(high))
+    @classmethod
+    def of(cls, number: Constant, like: LLVMValue) -> ConditionedDouble:
+        return cls(Double.of(number, like))
 
-    def written(self, number: Any) -> list[LLVMValue]:
-        return [number.value.carrier, number.size.carrier]
+    @classmethod
+    def of_state(cls, high: LLVMValue, low: LLVMValue) -> ConditionedDouble:
+        return cls(Double(high))
 
-    def constant(self, number: Constant, like: LLVMValue) -> Any:
-        return Conditioned(Double.of(number, like))
+    @property
+    def carriers(self) -> list[LLVMValue]:
+        return [self.value.carrier, self.size.carrier]
+
+
+#: Types of the numbers of loops.
+Kind = type[Double] | type[DoubleDouble] | type[ConditionedDouble]
 
 
 @dataclass(frozen=True)
@@ -102,7 +72,6 @@ class Variable:
 
     @property
     def value(self) -> LLVMValue:
-        """The present value."""
         return LLVMValue(self._builder, self._builder.load(self._room))
 
     @value.setter
@@ -117,32 +86,27 @@ class LoopWriter:
         self.builder = builder
 
     def index(self, number: int) -> Index:
-        """A constant."""
         return Index(self.builder, INDEX(number))
 
-    def variable(self, initial: LLVMValue) -> Variable:
-        """A variable with an initial value."""
-        return Variable(self.builder, initial)
-
     @contextmanager
-    def repeated(self, count: int) -> Iterator[Index]:
-        """Write the body of a loop over 0, ..., ``count`` - 1."""
+    def repeated(self, count: int | Index, begin: int | Index = 0, step: int = 1) -> Iterator[Index]:
+        """Write the body of a loop over ``begin``, ``begin`` + ``step``, ... below ``count``."""
         builder = self.builder
+        end, start = (self.index(x).value if isinstance(x, int) else x.value for x in (count, begin))
         before, head = builder.block, builder.append_basic_block("repeated")
         body, behind = builder.append_basic_block("body"), builder.append_basic_block("behind")
         builder.branch(head)
         builder.position_at_end(head)
         i = builder.phi(INDEX)
-        i.add_incoming(INDEX(0), before)
-        builder.cbranch(builder.icmp_signed("<", i, INDEX(count)), body, behind)
+        i.add_incoming(start, before)
+        builder.cbranch(builder.icmp_signed("<", i, end), body, behind)
         builder.position_at_end(body)
         yield Index(builder, i)
-        i.add_incoming(builder.add(i, INDEX(1)), builder.block)
+        i.add_incoming(builder.add(i, INDEX(step)), builder.block)
         builder.branch(head)
         builder.position_at_end(behind)
 
     def zero(self, width: int) -> LLVMValue:
-        """0 in each of ``width`` lanes."""
         kind = DOUBLE if width == 1 else ir.VectorType(DOUBLE, width)
         return LLVMValue(self.builder, ir.Constant(kind, 0.0 if width == 1 else [0.0] * width))
 

@@ -56,13 +56,9 @@ def _kept(at: Any, plane: Any, *, extended: bool) -> Any:
 
 def _move_of_unit_masses(form: Form) -> Any:
     """``moved(rows, row, to)``: a move from the running state to the rows from ``to`` on."""
-    if form.ahead:
-        same = compiled(lambda x, parameters: x)
-        move = (step.ahead_compensated if form.compensated else step.ahead_plain)(same, same)
-    else:
-        extended = form.extended
-        velocity = compiled(lambda p, low, parameters: (p, low) if extended else p)
-        move = step.momentum_first(velocity, step.update_of(form))
+    same, extended = compiled(lambda x, parameters: x), form.extended
+    velocity = same if form.ahead else compiled(lambda p, low, parameters: (p, low) if extended else p)
+    move = step.move_of(form, velocity, same)
     force = _kept(_force_at, _force_plane, extended=form.extended)
     late_by = form.compensated and form.ahead
 
@@ -113,15 +109,22 @@ def _move_of_masses(form: Form) -> Any:
     return moved
 
 
+@compiled
+def load_rows(rows, moves, parameters):  # type: ignore[no-untyped-def]
+    """The running state and the output state, which are both in the rows."""
+    return rows, rows
+
+
+@compiled
+def save_rows(rows, state, seen):  # type: ignore[no-untyped-def]
+    pass
+
+
 def motion(form: Form) -> Motion:
     """Return the functions that :func:`nearharmonic.core.loops.advance.advance` calls, for states in memory."""
     moved = _move_of_unit_masses(form) if form.unit_masses else _move_of_masses(form)
     force, force_and_potential = linked("force", types.void), linked("force_and_potential", REAL)
     parts = form.parts
-
-    @compiled
-    def load(rows, moves, parameters):  # type: ignore[no-untyped-def]
-        return rows, rows
 
     @compiled
     def first(rows, moves, parameters):  # type: ignore[no-untyped-def]
@@ -152,11 +155,7 @@ def motion(form: Form) -> Motion:
         moved(rows, row, 0)
         return rows
 
-    @compiled
-    def save(rows, state, seen):  # type: ignore[no-untyped-def]
-        pass
-
-    return Motion(load, first, move, behind, last, closed, save)
+    return Motion(load_rows, first, move, behind, last, closed, save_rows)
 
 
 def measured() -> Measured:

@@ -65,24 +65,12 @@ class Entry(NamedTuple):
 
 @dataclass(frozen=True)
 class Term:
-    """A term of a long sum.
+    """A term of a long sum."""
 
-    Attributes
-    ----------
-    key : tuple
-        Equal for terms that differ only in the places of their operands and in their data.
-    nodes : dict
-        Children of the nodes of the term, by the index of the node in the graph; ``None`` is the term itself.
-    operands : tuple of int
-        Nodes of the coordinates and long sums that the term uses.
-    data : tuple of exact numbers
-        Moduli of the constants of the term other than 0, 1 and -1.
-    """
-
-    key: tuple[object, ...]
-    nodes: dict[int | None, tuple[Entry, ...]]
-    operands: tuple[int, ...]
-    data: tuple[Exact, ...]
+    key: tuple[object, ...]  # equal for terms that differ only in the places of their operands and in their data
+    nodes: dict[int | None, tuple[Entry, ...]]  # children by the index of a node; ``None`` is the term itself
+    operands: tuple[int, ...]  # nodes of the coordinates and long sums that the term uses
+    data: tuple[Exact, ...]  # moduli of the constants of the term other than 0, 1 and -1
 
 
 class LongSums:
@@ -306,28 +294,14 @@ class Operand:
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """A pattern with its repetitions.
-
-    Attributes
-    ----------
-    graph, value
-        The pattern. Its variables are the operands, the data and the parameters, in this order.
-    operands : tuple of Operand
-        Coordinates and sums.
-    data : tuple of tuples of exact numbers
-        Positive constants that differ between repetitions, each (count,).
-    parameters : int
-        Number of parameters.
-    sums : array of int, (count,)
-        Indices, in their level, of the sums to which the repetitions belong.
-    """
+    """A pattern with its repetitions; its variables are the operands, the data and the parameters, in this order."""
 
     graph: Graph
     value: Value
-    operands: tuple[Operand, ...]
-    data: tuple[tuple[Exact, ...], ...]
-    parameters: int
-    sums: Places
+    operands: tuple[Operand, ...]  # coordinates and sums
+    data: tuple[tuple[Exact, ...], ...]  # positive constants that differ between repetitions, each (count,)
+    parameters: int  # number of parameters
+    sums: Places  # (count,) indices, in their level, of the sums to which the repetitions belong
 
     @property
     def count(self) -> int:
@@ -346,12 +320,8 @@ class Level:
 def levels(graph: Graph, root: Value, dimension: int, parameters: int) -> tuple[Level, ...]:
     """Return the loops that compute the energy ``root``, the only sum of the last level.
 
-    The variables of the graph are the coordinates and the parameters, in this order.
-
-    Raises
-    ------
-    FormulaError
-        The terms have so many patterns that they take too long to compile.
+    The variables of the graph are the coordinates and the parameters, in this order. Patterns that take too long to
+    compile raise a FormulaError.
     """
     sums = LongSums(graph, root, dimension)
     return tuple(_level(sums, sums.terms(level), parameters) for level in range(1, sums.levels + 2))
@@ -433,20 +403,13 @@ def _nodes(graph: Graph, term: Term) -> set[int]:
 
 @dataclass(frozen=True, eq=False)
 class Work:
-    """A loop with its programs: ``value``, and ``both``, which returns the stored derivatives and then the value.
-
-    Attributes
-    ----------
-    kept : tuple of (int, Places)
-        For each derivative in ``both``, the array of its gradient, and its places in that array.
-    scaled : int or None
-        Level whose adjoints multiply the derivatives, as the last variable of ``both``. None in the last level.
-    """
+    """A loop with its programs: ``value``, and ``both``, which returns the stored derivatives and then the value."""
 
     loop: Loop
     value: Program
     both: Program
-    kept: tuple[tuple[int, Places], ...]
+    kept: tuple[tuple[int, Places], ...]  # of each derivative in ``both``: the array of its gradient, and its places
+    #: Level whose adjoints multiply the derivatives, as the last variable of ``both``. None in the last level.
     scaled: int | None
 
 

@@ -55,36 +55,23 @@ class Kernel:
 
 
 def build(physics: Physics, *, extended: bool, compensated: bool, width: int, energy: str = "every") -> Kernel:
-    """Load the kernel from the cache, or compile it into the cache.
+    """Load the kernel of ``width`` SIMD lanes from the cache, or compile it into the cache.
 
-    Parameters
-    ----------
-    physics : Physics
-        The system.
-    extended, compensated : bool
-        ``extended``: states are double-doubles. ``compensated``: sums are compensated.
-    width : int
-        Number of SIMD lanes.
-    energy : {"every", "samples", "none"}
-        Measurement of the energy at every step, at the end of each stretch of steps, or never.
+    ``extended``: states are double-doubles; ``compensated``: sums are compensated. The energy is measured at "every"
+    step, at the "samples", which are the ends of stretches of steps, or never ("none").
     """
     rules = Rules(physics, extended, compensated)
 
     def make() -> tuple[str, bytes]:
         from nearharmonic.core.machine import native as link
 
-        def compiled() -> tuple[str, bytes]:
-            from nearharmonic.core.loops import scheduler
-
-            return link.loops(scheduler.run, RUN)
-
-        return link.alone(*link.kept("run", "", compiled))
+        return link.alone(*_loops("run"))
 
     def space(stages: int) -> tuple[NDArray[Any], ...]:
         more = room(physics, extended=extended)
         return workspace(
             physics.dimension, stages, parameters=physics.parameters, width=width, room=more, columns=rules.columns,
-            stages=stages_of(physics),
+            stages=physics.stage_count,
         )  # fmt: skip
 
     advance, begin = _advance(rules, width, energy), _begin(rules, width, energy)
@@ -99,20 +86,10 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
 def build_landing(
     physics: Physics, maps: Any, *, extended: bool, compensated: bool, energy: str
 ) -> Callable[..., PreparedCall]:
-    """Load the function that integrates runs of a regularised system from the cache, or compile it into the cache.
+    """Load the function that integrates runs of a regularised system, like :func:`build`; ``maps`` are to its states.
 
-    Parameters
-    ----------
-    physics, extended, compensated, energy
-        As for :func:`build`.
-    maps : RegularisedFormulas
-        The maps from and to physical states.
-
-    Returns
-    -------
-    callable
-        Returns a prepared call. Its arguments are :data:`nearharmonic.core.layout.LAND` without the three addresses at
-        the beginning and the arrays of one state at the end.
+    It returns a prepared call for the arguments of :data:`nearharmonic.core.layout.LAND` but for the three addresses at
+    the beginning and the arrays of one state at the end.
     """
     from nearharmonic.core.formulas import emission as formulas
 
@@ -124,12 +101,7 @@ def build_landing(
     def make() -> tuple[str, bytes]:
         from nearharmonic.core.machine import native as link
 
-        def compiled() -> tuple[str, bytes]:
-            from nearharmonic.core.loops import landing
-
-            return link.loops(landing.land(extended=extended, compensated=compensated), LAND)
-
-        loops = link.kept("land", f"{extended} {compensated}", compiled)
+        loops = _loops("land", extended=extended, compensated=compensated)
         return link.linked(*loops, module, formulas.kinds_of(rules, 1))
 
     # The formulas of the steps do not determine the maps, so the key covers the code of the maps.
@@ -137,7 +109,7 @@ def build_landing(
 
     def prepared(*given: Any) -> PreparedCall:
         rows, trial, lanes, *_ = workspace(
-            physics.dimension, given[place - 3], parameters=physics.parameters, width=1, stages=stages_of(physics)
+            physics.dimension, given[place - 3], parameters=physics.parameters, width=1, stages=physics.stage_count
         )
         return land.prepared(main, look, begin, *given, rows, lanes, trial, lanes.copy())
 
@@ -147,9 +119,7 @@ def build_landing(
 def build_step(physics: Physics, *, compensated: bool) -> NativeFunction:
     """Load the function of a single step in double precision, without loops over coordinates, or compile it."""
     rules = Rules(physics, False, compensated)
-    return native(
-        f"step-{_key(rules, 1)}", STEP, lambda: _linked("step", STEP, {"form": _form(rules, "none")}, rules, 1)
-    )
+    return native(f"step-{_key(rules, 1)}", STEP, lambda: _linked("step", {"form": _form(rules, "none")}, rules, 1))
 
 
 def _place_of_stages(signature: Signature) -> int:
@@ -163,11 +133,6 @@ def room(physics: Physics, *, extended: bool) -> int:
     from nearharmonic.core.large import emission as functions
 
     return functions.room(physics, extended=extended)
-
-
-def stages_of(physics: Physics) -> int:
-    """Return the stages of a collocation method that are solved together; 0 for any other method."""
-    return 0 if physics.stages is None else physics.stages.stages
 
 
 def cost(physics: Physics, *, extended: bool) -> int:
@@ -187,7 +152,7 @@ def _key(rules: Rules, width: int, *more: str) -> str:
 
 def _advance(rules: Rules, width: int, energy: str) -> NativeFunction:
     def make() -> tuple[str, bytes]:
-        return _linked("advance", ADVANCE, {"form": _form(rules, energy)}, rules, width, energy)
+        return _linked("advance", {"form": _form(rules, energy)}, rules, width, energy)
 
     return native(f"advance-{_key(rules, width, energy)}", ADVANCE, make)
 
@@ -197,7 +162,7 @@ def _begin(rules: Rules, width: int, energy: str) -> NativeFunction | int:
     if energy == "none":
         return 0
     choice = {"large": rules.physics.loops is not None, "quick": rules.quick_energy}
-    return native(f"begin-{_key(rules, width)}", BEGIN, lambda: _linked("begin", BEGIN, choice, rules, width))
+    return native(f"begin-{_key(rules, width)}", BEGIN, lambda: _linked("begin", choice, rules, width))
 
 
 def _form(rules: Rules, energy: str) -> Form:
@@ -215,26 +180,31 @@ def _form(rules: Rules, energy: str) -> Form:
     )  # fmt: skip
 
 
-def _linked(
-    entry: str, signature: Signature, choice: dict[str, Any], rules: Rules, width: int, energy: str = "every"
-) -> tuple[str, bytes]:
-    """Name and object code of a function that numba compiles for some options, with the formulas of a system."""
+def _loops(entry: str, **choice: Any) -> tuple[str, bytes]:
+    """Name and text of a function that numba compiles for some options, from the cache or compiled into it."""
+    from nearharmonic.core.machine import native as link
+
+    def compiled() -> tuple[str, bytes]:
+        from nearharmonic.core import stepper as single_step
+        from nearharmonic.core.loops import advance, landing, scheduler
+
+        made: dict[str, tuple[Signature, Callable[..., Any]]] = {
+            "advance": (ADVANCE, advance.advance), "begin": (BEGIN, advance.begin), "land": (LAND, landing.land),
+            "run": (RUN, lambda: scheduler.run), "step": (STEP, single_step.step),
+        }  # fmt: skip
+        signature, function = made[entry]
+        return link.loops(function(**choice), signature)
+
+    return link.link_kept(entry, repr(choice), compiled)
+
+
+def _linked(entry: str, choice: dict[str, Any], rules: Rules, width: int, energy: str = "every") -> tuple[str, bytes]:
+    """Name and object code of a function of loops with the formulas of a system."""
     from nearharmonic.core.formulas import emission as formulas
     from nearharmonic.core.machine import native as link
     from nearharmonic.core.machine import values as operations
 
-    def compiled() -> tuple[str, bytes]:
-        from nearharmonic.core import stepper as single_step
-        from nearharmonic.core.loops import advance
-
-        made: dict[str, Callable[..., Any]] = {
-            "advance": advance.advance,
-            "begin": advance.begin,
-            "step": single_step.step,
-        }
-        return link.loops(made[entry](**choice), signature)
-
-    loops = link.kept(entry, repr(choice), compiled)
+    loops = _loops(entry, **choice)
     given = "" if rules.physics.numba is None else rules.physics.numba.text
     needed = link.needed(loops[1])
     written = formulas.module_of(rules, width, needed - {"energy"} if energy == "none" else needed)

@@ -87,7 +87,6 @@ def record_errors(rows, lane, width, size, at, latest, energy_error, worst, tota
 
 @compiled
 def _record(rows, lane, width, size, at, states, energy_error, worst, total):  # type: ignore[no-untyped-def]
-    """Record a sample."""
     for k in range(size):
         states[at * size + k] = rows[k * width + lane]
     latest = rows[(size + LATEST) * width + lane]

@@ -31,10 +31,7 @@ _WRITTEN: set[Path] = set()
 def cache_folder() -> Path:
     """Return the folder of compiled code: ``NEARHARMONIC_CACHE_DIR`` if set, else a folder in the user's cache folder.
 
-    Raises
-    ------
-    RuntimeError
-        The user has no home folder, and the variable is not set.
+    A user without a home folder gets a RuntimeError.
     """
     chosen = os.environ.get("NEARHARMONIC_CACHE_DIR")
     if chosen:

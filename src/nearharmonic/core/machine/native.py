@@ -22,7 +22,7 @@ from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from llvmlite import binding, ir
@@ -42,49 +42,49 @@ _KINDS: dict[Scalar, tuple[Any, np.dtype[Any]]] = {
 _PERMANENT: set[NativeFunction] = set()
 
 
+Found = TypeVar("Found")
+
+
 def native(key: str, signature: Signature, make: Callable[[], tuple[str, bytes]]) -> NativeFunction:
     """Load the C function kept under a key; make and keep it if it is absent or cannot be loaded.
 
-    Parameters
-    ----------
-    key : str
-        Name of its file, without suffix. It must cover everything that the machine code depends on.
-    make : callable
-        Compiles the function; returns the name of its symbol and an object file.
-
-    Raises
-    ------
-    CompiledCodeError
-        New code cannot be loaded.
+    The key, the name of its file without suffix, must cover everything that the machine code depends on. ``make``
+    returns the name of the symbol and an object file. New code that cannot be loaded raises a CompiledCodeError.
     """
+
+    def announced() -> tuple[str, bytes]:
+        with _announced():
+            return make()
+
+    return kept(key, announced, lambda name, code: loaded(name, code, signature))
+
+
+def kept(key: str, make: Callable[[], tuple[str, bytes]], load: Callable[[str, bytes], Found]) -> Found:
+    """Return what is loaded from the name and the code kept under a key, which are made and kept if need be."""
     place = disk.place_of(key)
-    found = _kept(place, signature)
+    found = _found(place, load)
     if found is None:
         with disk.claimed(place):
             # Of many processes that start together, one compiles and the others wait.
-            found = _kept(place, signature) or _made(place, signature, make)
+            found = _found(place, load)
+            if found is None:
+                name, code = make()
+                found = load(name, code)
+                if place:
+                    disk.write(place, name, code)
     return found
 
 
-def _kept(place: Path | None, signature: Signature) -> NativeFunction | None:
-    """Load the function in the file ``place``; None if it is absent or cannot be loaded, and then it is deleted."""
-    kept = disk.read(place) if place else None
-    if not place or not kept:
+def _found(place: Path | None, load: Callable[[str, bytes], Found]) -> Found | None:
+    """Load from the file ``place``; None if it is absent or cannot be loaded, and then it is deleted."""
+    content = disk.read(place) if place else None
+    if not place or not content:
         return None
     try:
-        return loaded(*kept, signature)
+        return load(*content)
     except CompiledCodeError:
         disk.discard(place)
         return None
-
-
-def _made(place: Path | None, signature: Signature, make: Callable[[], tuple[str, bytes]]) -> NativeFunction:
-    with _announced():
-        name, code = make()
-    function = loaded(name, code, signature)
-    if place:
-        disk.write(place, name, code)
-    return function
 
 
 @contextmanager
@@ -105,14 +105,19 @@ def _announced() -> Iterator[None]:
 
 
 def loaded(name: str, code: bytes, signature: Signature) -> NativeFunction:
-    """Load the function of this symbol from object code, without writing it to disk.
-
-    Raises
-    ------
-    CompiledCodeError
-        The code cannot be loaded.
-    """
-    address, engine = _loaded(name, code)
+    """Load the function of this symbol from object code, without writing it to disk."""
+    try:
+        engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target_machine())
+        file = binding.ObjectFileRef.from_data(code)
+        if not file:  # LLVM crashes on such a file
+            raise CompiledCodeError(f"no object file of {len(code)} bytes")
+        engine.add_object_file(file)
+        engine.finalize_object()
+        address = int(engine.get_function_address(name))
+    except RuntimeError as error:
+        raise CompiledCodeError(f"LLVM cannot load {name!r}: {error}") from error
+    if not address:
+        raise CompiledCodeError(f"no symbol {name!r} in the object file")
     return NativeFunction(address, signature, engine)
 
 
@@ -162,11 +167,21 @@ def target_machine() -> Any:
 
 
 def run_passes(module: Any, *names: str) -> None:
-    """Run the named passes of LLVM on a module."""
     passes = binding.create_new_module_pass_manager()
     for name in names:
         getattr(passes, f"add_{name}_pass")()
     passes.run(module, binding.create_pass_builder(target_machine(), binding.create_pipeline_tuning_options()))
+
+
+def join(module: Any, *texts: str) -> Any:
+    """Link texts of LLVM to a module, which takes the target of the first if it has none, and return the module."""
+    for text in texts:
+        other = binding.parse_assembly(text)
+        if not module.triple:
+            module.triple, module.data_layout = other.triple, other.data_layout
+        other.triple, other.data_layout = module.triple, module.data_layout
+        module.link_in(other)
+    return module
 
 
 def object_code(module: Any) -> bytes:
@@ -182,23 +197,6 @@ def object_code(module: Any) -> bytes:
     builder.getModulePassManager().run(module, builder)
     code: bytes = machine.emit_object(module)
     return code
-
-
-def _loaded(name: str, code: bytes) -> tuple[int, Any]:
-    """The address of a symbol, and the engine whose memory it is in."""
-    try:
-        engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target_machine())
-        file = binding.ObjectFileRef.from_data(code)
-        if not file:  # LLVM crashes on such a file
-            raise CompiledCodeError(f"no object file of {len(code)} bytes")
-        engine.add_object_file(file)
-        engine.finalize_object()
-        address = int(engine.get_function_address(name))
-    except RuntimeError as error:
-        raise CompiledCodeError(f"LLVM cannot load {name!r}: {error}") from error
-    if not address:
-        raise CompiledCodeError(f"no symbol {name!r} in the object file")
-    return address, engine
 
 
 class NativeFunction:
@@ -225,25 +223,13 @@ class NativeFunction:
         return self.place
 
     def __call__(self, *given: Any) -> Any:
-        """Call the function.
-
-        Raises
-        ------
-        TypeError
-            An array has another type or number of dimensions, or is not contiguous.
-        """
+        """Call the function; an array of another type or number of dimensions, or not contiguous, is a TypeError."""
         if self._packed:
             return self.prepared(*given)()
         return self._function(*_converted(zip(self._arguments, given, strict=True)))
 
     def prepared(self, *given: Any) -> PreparedCall:
-        """Return a repeatable call of a packed function with these arguments.
-
-        Raises
-        ------
-        TypeError
-            As for a call of this object.
-        """
+        """Return a repeatable call of a packed function with these arguments, checked as those of a call."""
         return PreparedCall(self._function, _converted(zip(self._arguments, given, strict=True)), (self, *given))
 
 
@@ -301,22 +287,18 @@ _FORMULA = re.compile(rf"^declare .* @{re.escape(PREFIX)}(\w+)\(", re.MULTILINE)
 _MADE: dict[str, tuple[str, bytes]] = {}
 
 
-def kept(name: str, choice: str, make: Callable[[], tuple[str, bytes]]) -> tuple[str, bytes]:
+def link_kept(name: str, choice: str, make: Callable[[], tuple[str, bytes]]) -> tuple[str, bytes]:
     """Return the loops of a name and of options from the cache, or call ``make`` and put its result there.
 
     If nothing can be kept on disk, each process makes them once.
     """
     key = f"loops-{source_key(name, choice)}"
-    place = disk.place_of(key)
-    found = disk.read(place) if place else None
-    if found is None:
-        with disk.claimed(place):
-            found = disk.read(place) if place else None
-            if found is None:
-                found = _MADE[key] = _MADE.get(key) or make()
-                if place:
-                    disk.write(place, *found)
-    return found
+
+    def once() -> tuple[str, bytes]:
+        found = _MADE[key] = _MADE.get(key) or make()
+        return found
+
+    return kept(key, once, lambda *found: found)
 
 
 def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, bytes]:
@@ -324,11 +306,6 @@ def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, byte
 
     The function takes those arguments of the signature that it names: numbers, addresses of arrays, and lengths of
     arrays. The code is not optimised, because the size of a number is not known yet.
-
-    Raises
-    ------
-    CompiledCodeError
-        An environment variable disables the compiler of numba.
     """
     from numba.core import config, registry
     from numba.core.compiler_lock import global_compiler_lock
@@ -354,10 +331,8 @@ def loops(function: Callable[..., Any], signature: Signature) -> tuple[str, byte
         finally:
             config.OPT = level
     (made,) = jitted.overloads.values()
-    module = binding.parse_assembly(made.library.get_llvm_str())
-    entry = binding.parse_assembly(str(_entry(made.fndesc.llvm_func_name, function.__name__, signature, taken)))
-    entry.triple, entry.data_layout = module.triple, module.data_layout
-    module.link_in(entry)
+    entry = _entry(made.fndesc.llvm_func_name, function.__name__, signature, taken)
+    module = join(binding.parse_assembly(made.library.get_llvm_str()), str(entry))
     _make_one(module, function.__name__)
     run_passes(module, "sroa", "simplify_cfg", "aggressive_dce", "simplify_cfg")  # once, not each time loops are linked
     return function.__name__, str(module).encode()
@@ -388,26 +363,19 @@ def linked(name: str, loops: bytes, written: ir.Module, kinds: Kinds, given: str
     text = _TYPE.sub(lambda found: f"{kinds.of(_LETTERS[found[1]])} {zero if found[2] else ''}", text)
     for result, symbol in _OPERATION.findall(loops.decode()):
         define(written, symbol, kinds, _LETTERS.get(result) or {"i1": "B", "void": "V"}[result])
-    module, rest = binding.parse_assembly(text), binding.parse_assembly(str(written))
-    rest.triple, rest.data_layout = module.triple, module.data_layout
-    module.link_in(rest)
+    module = join(binding.parse_assembly(text), str(written))
     _make_one(module, name)
     if given:
-        _add(module, given)
+        names = [function.name for function in binding.parse_assembly(given).functions if not function.is_declaration]
+        join(module, given)
+        for own in names:
+            module.get_function(own).linkage = "internal"
     return name, object_code(module)
 
 
 def alone(name: str, loops: bytes) -> tuple[str, bytes]:
     """Name and object code of loops that call no other function."""
     return linked(name, loops, ir.Module(), Kinds(1, 1, 1))
-
-
-def _add(module: Any, given: str) -> None:
-    more = binding.parse_assembly(given)
-    names = [function.name for function in more.functions if not function.is_declaration]
-    module.link_in(more)
-    for name in names:
-        module.get_function(name).linkage = "internal"
 
 
 def _entry(name: str, entry: str, signature: Signature, taken: Sequence[str]) -> ir.Module:

@@ -20,12 +20,13 @@ from numba.core import types as numba_types
 from numba.extending import intrinsic
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
-from nearharmonic.core.machine.native import run_passes
+from nearharmonic.core.machine.native import join, run_passes
+from nearharmonic.core.machine.reals import UNWRAPPED
 from nearharmonic.core.machine.values import DOUBLE, PREFIX, LLVMValue
 
 types: Any = numba_types
 _REAL = (types.Float, types.Integer, types.Boolean)
-_COMPILED = numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True)
+_COMPILED = numba.njit(**UNWRAPPED)
 
 #: Number of coordinates up to which a tuple is tried before an array; code for long tuples is slow to compile.
 LONGEST_TUPLE = 8
@@ -65,11 +66,8 @@ class NumbaCode:
 def compiled_code(V: Any, grad_V: Any, dimension: int, parameters: int) -> NumbaCode:
     """Compile a potential and its gradient, functions of the coordinates (a tuple or an array) and of the parameters.
 
-    Raises
-    ------
-    NumbaFunctionError
-        numba cannot compile a function for doubles, a function returns a value of a wrong type, or its code contains an
-        address of this process.
+    A NumbaFunctionError says what numba cannot compile for doubles, which function returns a value of a wrong type, or
+    whose code contains an address of this process.
     """
     takes_tuple, returned = _types(V, grad_V, dimension, parameters)
     module = binding.parse_assembly("")
@@ -77,12 +75,7 @@ def compiled_code(V: Any, grad_V: Any, dimension: int, parameters: int) -> Numba
         count = 1 if formula == "V" else dimension
         wrapped = _wrapped(function, dimension, parameters, takes_tuple, _writer(returned[formula], count))
         name, text = _compiled(formula, wrapped)
-        for part in (text, str(_entry(SYMBOLS[formula], name, count))):
-            other = binding.parse_assembly(part)
-            if not module.triple:
-                module.triple, module.data_layout = other.triple, other.data_layout
-            other.triple, other.data_layout = module.triple, module.data_layout
-            module.link_in(other)
+        join(module, text, str(_entry(SYMBOLS[formula], name, count)))
     _keep_entries(module)
     _check_symbols(module)
     text, count = str(module), sum(1 for f in module.functions for block in f.blocks for _ in block.instructions)

@@ -8,7 +8,7 @@ system. These functions are linked to the compiled loops, and inlined, for a sys
 
 Decorators of functions that numba compiles: flags, and the folder of the machine code.
 
-The module is separate because numba takes longer to load than most runs take; only searches import it.
+The module is separate because numba takes longer to load than most runs take.
 """
 
 from __future__ import annotations
@@ -31,6 +31,46 @@ from nearharmonic.core.machine import disk
 from nearharmonic.core.machine.native import code_key
 from nearharmonic.core.machine.values import PLACEHOLDERS, PREFIX, TRUTH, argument_types, result_type
 
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+#: fastmath stays off because it changes numbers. ``error_model="numpy"`` omits the tests for division by zero, which
+#: slow loops down. ``nogil`` lets searches run in threads.
+FLAGS = {"error_model": "numpy", "nogil": True}
+#: Only other compiled functions call such a function.
+UNWRAPPED = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
+def jit_compiled(function: Callable[..., Any]) -> Any:
+    """Compile ``function`` with each of its callers, in whose machine code it is."""
+    return numba.njit(**FLAGS)(function)
+
+
+def jit(function: Function) -> Function:
+    """Compile ``function`` at its first call and keep the machine code in the folder of compiled code.
+
+    numba compiles a function again after an edit of its own file, but not after an edit of the file of a callee or a
+    constant. The name of the folder is therefore a digest of ``core``, of the modules beside the function, and of those
+    beside the compiled functions that its module imports: callees and constants come from these only.
+    """
+    beside = sorted(path for folder in _folders(function, {}) for path in folder.glob("*.py"))
+    folder = disk.folder_of(f"numba-{code_key(sources=beside)}")
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(folder)
+    try:
+        return numba.njit(cache=folder is not None, **FLAGS)(function)  # type: ignore[no-any-return]
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def _folders(function: Callable[..., Any], found: dict[Path, None]) -> dict[Path, None]:
+    """Add the folders of a function and of all compiled functions that its module and theirs know to ``found``."""
+    found[Path(function.__code__.co_filename).parent] = None
+    for callee in function.__globals__.values():
+        if isinstance(callee, Dispatcher) and Path(callee.py_func.__code__.co_filename).parent not in found:
+            _folders(callee.py_func, found)
+    return found
+
+
 types: Any = numba_types
 #: Numba types of the numbers of a :class:`nearharmonic.core.layout.Signature`.
 SCALARS = {"int64": types.int64, "float64": types.float64, "bool": types.boolean}
@@ -38,8 +78,7 @@ SCALARS = {"int64": types.int64, "float64": types.float64, "bool": types.boolean
 
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile a function of the core, which allocates no memory and raises no exceptions, for calls by others."""
-    flags = {"_nrt": False, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    return numba.njit(error_model="numpy", nogil=True, boundscheck=False, **flags)(function)
+    return numba.njit(**FLAGS, **UNWRAPPED, boundscheck=False, _nrt=False)(function)
 
 
 class Numbers(numba_types.Type):
@@ -134,7 +173,6 @@ for _transform in (
 
 @intrinsic
 def absolute(typing, x):  # type: ignore[no-untyped-def]
-    """|x|."""
     return x(x), _operation("absolute")
 
 
@@ -164,13 +202,11 @@ def all_within(typing, x, bound):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def all_greater(typing, x, bound):  # type: ignore[no-untyped-def]
-    """True if x > bound in every lane."""
     return types.boolean(x, bound), _operation("all_greater")
 
 
 @intrinsic
 def all_zero(typing, x):  # type: ignore[no-untyped-def]
-    """True if x = 0 in every lane."""
     return types.boolean(x), _operation("all_zero")
 
 
@@ -259,41 +295,3 @@ def at_address(signature: Signature) -> Any:
         return result(types.StarArgTuple(_star(given))), codegen
 
     return call
-
-
-Function = TypeVar("Function", bound=Callable[..., Any])
-
-FLAGS = {"error_model": "numpy", "nogil": True}
-
-
-def jit(function: Function) -> Function:
-    """Compile ``function`` at its first call and keep the machine code in the folder of compiled code.
-
-    fastmath stays off because it changes numbers. ``error_model="numpy"`` omits the tests for division by zero, which
-    slow loops down. ``nogil`` lets searches run in threads. numba compiles a function again after an edit of its own
-    file, but not after an edit of the file of a callee or a constant. The name of the folder is therefore a digest of
-    ``core``, of the modules beside the function, and of those beside the compiled functions that its module imports:
-    callees and constants come from these only.
-    """
-    beside = sorted(path for folder in _folders(function, {}) for path in folder.glob("*.py"))
-    folder = disk.folder_of(f"numba-{code_key(sources=beside)}")
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(folder)
-    try:
-        return numba.njit(cache=folder is not None, **FLAGS)(function)  # type: ignore[no-any-return]
-    finally:
-        numba.config.CACHE_DIR = before
-
-
-def generic(function: Function) -> Function:
-    """Compile ``function``, a closure of compiled functions, with each of its callers, in whose machine code it is."""
-    return numba.njit(**FLAGS)(function)  # type: ignore[no-any-return]
-
-
-def _folders(function: Callable[..., Any], found: dict[Path, None]) -> dict[Path, None]:
-    """Add the folders of a function and of all compiled functions that its module and theirs know to ``found``."""
-    found[Path(function.__code__.co_filename).parent] = None
-    for callee in function.__globals__.values():
-        if isinstance(callee, Dispatcher) and Path(callee.py_func.__code__.co_filename).parent not in found:
-            _folders(callee.py_func, found)
-    return found

@@ -42,7 +42,6 @@ def argument_types(signature: Signature) -> list[ir.Type]:
 
 
 def result_type(signature: Signature) -> ir.Type:
-    """Type of the result of a C function."""
     return SCALARS[signature.result] if signature.result else ir.VoidType()
 
 
@@ -118,13 +117,13 @@ def define(module: ir.Module, symbol: str, kinds: Kinds, result: str) -> None:
     _, name, letters = symbol.split(".")
     function = declare(module, symbol, [kinds.of(letter) for letter in letters], kinds.of(result))
     builder = ir.IRBuilder(function.append_basic_block())
-    values = dict(enumerate(function.args))
+    values = function.args
     if name in ELEMENTWISE:
         kind = kinds.of(result)
-        columns = [_coordinates(builder, x, kind) for x in function.args]
+        columns = [_coordinates(builder, x, kind) for x in values]
         builder.ret(packed(builder, [ELEMENTWISE[name](builder, *c) for c in zip(*columns, strict=True)], kind))
     elif name in ALL:
-        found = ALL[name](builder, *(builder.extract_value(x, 0) for x in function.args))
+        found = ALL[name](builder, *(builder.extract_value(x, 0) for x in values))
         if kinds.lanes > 1:
             bits = builder.bitcast(found, ir.IntType(kinds.lanes))
             found = builder.icmp_unsigned("==", bits, ir.Constant(bits.type, (1 << kinds.lanes) - 1))
@@ -132,25 +131,27 @@ def define(module: ir.Module, symbol: str, kinds: Kinds, result: str) -> None:
     elif name == "largest_modulus":
         kind = kinds.of(letters)
         found = _zero(kind.elements[0])
-        for x in _coordinates(builder, function.args[0], kind):
+        for x in _coordinates(builder, values[0], kind):
             found = ELEMENTWISE["larger"](builder, ELEMENTWISE["absolute"](builder, x), found)
         if letters == "S":
             found = folded(builder, found, kinds, ELEMENTWISE["larger"])
         builder.ret(packed(builder, [found], kinds.of("R")))
     elif name.startswith("load"):
-        stages = None
-        if result == "S":
-            stages = [i * kinds.stages for i in range(len(kinds.of("S").elements))]
-        write_load(builder, values[0], values[1], kinds, kinds.of(result), stages)
+        kind, apart = kinds.of(result), kinds.stages if result == "S" else 1
+        places = (builder.add(values[1], INDEX(i * apart)) for i in range(len(kind.elements)))
+        found = [loaded(builder, values[0], at, kinds, x) for at, x in zip(places, kind.elements, strict=True)]
+        builder.ret(packed(builder, found, kind))
     elif name.startswith("store"):
         apart = kinds.stages if letters[2] == "S" else 1
         _write_store(builder, values[0], values[1], values[2], kinds, apart, rest=name == "store_rest")
 
 
-def declare(module: ir.Module, symbol: str, kinds: Sequence[ir.Type], result: ir.Type) -> ir.Function:
-    """Return a new function that is always inlined."""
+def declare(
+    module: ir.Module, symbol: str, kinds: Sequence[ir.Type], result: ir.Type, *, inlined: bool = True
+) -> ir.Function:
+    """Return a new function that is always inlined, or never."""
     function = ir.Function(module, ir.FunctionType(result, kinds), symbol)
-    function.attributes.add("alwaysinline")
+    function.attributes.add("alwaysinline" if inlined else "noinline")
     function.attributes.add("nounwind")
     return function
 
@@ -174,7 +175,6 @@ def in_every_lane(builder: ir.IRBuilder, x: ir.Value, vector: ir.Type) -> ir.Val
 
 
 def shuffled(builder: ir.IRBuilder, x: ir.Value, places: Sequence[int]) -> ir.Value:
-    """A vector of the elements of ``x`` at these places."""
     mask = ir.Constant(ir.VectorType(ir.IntType(32), len(places)), list(places))
     return builder.shuffle_vector(x, ir.Constant(x.type, ir.Undefined), mask)
 
@@ -214,21 +214,6 @@ def _place(
 ) -> ir.Value:
     first = builder.mul(builder.add(row, INDEX(behind)), INDEX(kinds.lanes))
     return builder.bitcast(builder.gep(array, [first]), element.as_pointer())
-
-
-def write_load(
-    builder: ir.IRBuilder,
-    array: ir.Value,
-    row: ir.Value,
-    kinds: Kinds,
-    kind: ir.Type,
-    rows: Sequence[int] | None = None,
-) -> None:
-    """Return the numbers in the rows from ``row`` on, or in the rows ``row`` + ``rows``."""
-    found = []
-    for behind, element in zip(range(len(kind.elements)) if rows is None else rows, kind.elements, strict=True):
-        found.append(loaded(builder, array, builder.add(row, INDEX(behind)), kinds, element))
-    builder.ret(packed(builder, found, kind))
 
 
 def loaded(builder: ir.IRBuilder, array: ir.Value, row: ir.Value, kinds: Kinds, element: ir.Type) -> ir.Value:
@@ -319,7 +304,6 @@ class LLVMMask(_Emitted):
         return LLVMValue(self.builder, self.builder.select(self.value, *choices))
 
     def anywhere(self) -> LLVMMask:
-        """Return True if this is true in any lane."""
         if not isinstance(self.value.type, ir.VectorType):
             return self
         mask = self.builder.bitcast(self.value, ir.IntType(self.value.type.count))
@@ -349,7 +333,6 @@ class LLVMBits(_Emitted):
         return LLVMMask(self.builder, self.builder.icmp_unsigned("!=", self.value, self._operand(0)))
 
     def number(self) -> LLVMValue:
-        """The double that has these bits."""
         kind = _with_lanes_of(self.value.type, DOUBLE)
         return LLVMValue(self.builder, self.builder.bitcast(self.value, kind))
 
@@ -372,12 +355,10 @@ class LLVMValue(_Emitted):
 
     @property
     def width(self) -> int:
-        """Number of lanes."""
         kind = self.value.type
         return int(kind.count) if isinstance(kind, ir.VectorType) else 1
 
     def constant(self, number: float) -> LLVMValue:
-        """``number`` in every lane."""
         return LLVMValue(self.builder, _broadcast(self.value.type, number))
 
     def _intrinsic(self, name: str, *others: LLVMValue | float) -> LLVMValue:
@@ -398,7 +379,6 @@ class LLVMValue(_Emitted):
         return self._intrinsic("copysign", other)
 
     def bits(self) -> LLVMBits:
-        """The bit pattern."""
         return LLVMBits(self.builder, self.builder.bitcast(self.value, _with_lanes_of(self.value.type, INDEX)))
 
     def _compare(self, relation: str, other: LLVMValue | float) -> LLVMMask:
@@ -418,11 +398,9 @@ class LLVMValue(_Emitted):
         return self._compare("==", other)
 
     def undefined(self) -> LLVMMask:
-        """Return True if this is a NaN."""
         return LLVMMask(self.builder, self.builder.fcmp_unordered("uno", self.value, self.value))
 
     def lanes(self) -> list[LLVMValue]:
-        """Each lane as a scalar."""
         if self.width == 1:
             return [self]
         index = ir.IntType(32)
@@ -449,6 +427,29 @@ class LLVMValue(_Emitted):
         return self.greater(other).choose(self, other)
 
 
-def values_of(numbers: Any) -> Any:
-    """Return the values of LLVM of numbers, in the same nesting."""
-    return numbers.value if isinstance(numbers, LLVMValue) else [values_of(number) for number in numbers]
+def write_function(
+    module: ir.Module, name: str, given: Sequence[ir.Type], result: ir.Type, body: Callable[..., Any], *,
+    inlined: bool = True,
+) -> None:  # fmt: skip
+    """Write a function that loops call by its name.
+
+    ``body(builder, ...)`` takes the arguments, a real or a point as the list of its numbers, and returns the numbers of
+    the result in its nesting.
+    """
+    function = declare(module, f"{PREFIX}{name}", given, result, inlined=inlined)
+    builder = ir.IRBuilder(function.append_basic_block())
+    arguments = [
+        [LLVMValue(builder, builder.extract_value(x, i)) for i in range(len(x.type.elements))]
+        if isinstance(x.type, ir.BaseStructType)
+        else x
+        for x in function.args
+    ]
+    found = body(builder, *arguments)
+    if isinstance(result, ir.VoidType):
+        builder.ret_void()
+    else:
+        builder.ret(packed(builder, _values_of(found), result))
+
+
+def _values_of(numbers: Any) -> Any:
+    return numbers.value if isinstance(numbers, LLVMValue) else [_values_of(number) for number in numbers]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from decimal import localcontext
+
 import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
@@ -12,7 +14,7 @@ from nearharmonic.core import arithmetic
 from nearharmonic.core.formulas.number import Constant
 from nearharmonic.core.formulas.tracing import Double, DoubleDouble
 from nearharmonic.systems import System
-from nearharmonic.systems.gradients import Multiprecision, velocity
+from nearharmonic.systems.gradients import DIGITS, Multiprecision, velocity
 from support.methods.function_arguments import compiled
 from support.oracles.random_formulas import (
     EVERY,
@@ -81,7 +83,8 @@ def test_machine_code_keeps_the_bounds_of_its_arithmetic(tree, states):
 def test_multiprecision_agrees_to_its_digits(tree, point):
     """Errors of mpmath at 60 digits, some 1e-60 an operation, dominate those of the 200 digits."""
     value, error = truth(tree, tuple(mpf(x) for x in point[::2]), dict.fromkeys(NONE, mpf(10) ** -59))
-    result = written(tree, tuple(Multiprecision.of(Constant(x)) for x in point[::2]))
+    with localcontext(prec=DIGITS):
+        result = written(tree, tuple(Multiprecision.of(Constant(x)) for x in point[::2]))
     assert abs(mpf(str(result.value)) - value) <= error
 
 

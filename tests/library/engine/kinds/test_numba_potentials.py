@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.core.formulas.chain import Chained
+from nearharmonic.core.formulas.expression import Graph
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import NearharmonicError, SettingError, SystemDefinitionError
@@ -236,4 +236,4 @@ def test_lanes_are_refused_in_a_sentence():
 
 def test_what_is_written_from_expression_is_refused_in_sentence():
     with pytest.raises(NearharmonicError, match=r"^spring: grad_V is a function of numba, which is not traced"):
-        SPRING.formulas().grad_V((Chained(),), *(Chained() for _ in SPRING.parameters))
+        SPRING.formulas().grad_V(Graph().variables(1), *Graph().variables(len(SPRING.parameters)))

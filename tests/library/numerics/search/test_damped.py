@@ -24,7 +24,7 @@ def test_a_step_solves_the_damped_normal_equations(step_of, damping):
     normal = J @ J.T
     added = np.eye(4) if step_of is levenberg_step else np.diag(np.diag(normal))
     step = np.empty(6)
-    assert step_of(F, J, damping, np.empty((4, 5)), step)
+    assert step_of(F, J, damping, np.empty((5, 5)), step)
     # The condition of J J^T, below 1e3 for this seed, times a few roundings.
     assert step == pytest.approx(J.T @ np.linalg.solve(normal + damping * added, F), rel=1e-11, abs=1e-12)
 
@@ -32,8 +32,8 @@ def test_a_step_solves_the_damped_normal_equations(step_of, damping):
 @pytest.mark.slow
 def test_equations_that_contradict_each_other_have_no_step():
     F, J, step = np.ones(2), np.array([[1.0, 2.0], [2.0, 4.0]]), np.zeros(2)
-    assert not marquardt_step(F, J, 0.0, np.empty((2, 3)), step)
-    levenberg_step(F, J, 0.0, np.empty((2, 3)), step)
+    assert not marquardt_step(F, J, 0.0, np.empty((3, 3)), step)
+    levenberg_step(F, J, 0.0, np.empty((3, 3)), step)
     assert np.isnan(step).all()
 
 

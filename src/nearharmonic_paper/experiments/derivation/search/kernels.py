@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nearharmonic.core.layout import Flags, Floats
 from nearharmonic.core.machine.reals import jit
+from nearharmonic.numerics.portable import Bools, Floats
 from nearharmonic.numerics.search import Damping, iteration, marquardt_step
 
 #: Maximum number of steps: convergent starts need 10 to 60 steps until no unknown changes.
@@ -29,7 +29,7 @@ class Case(NamedTuple):
 
 
 @jit
-def solve(case: Case, starts: Floats, bound: float) -> tuple[Floats, Flags]:
+def solve(case: Case, starts: Floats, bound: float) -> tuple[Floats, Bools]:
     """Iterate from ``starts`` (start, unknown); return the ends, and the mask of solutions in [-bound, bound]."""
     ends, solved = starts.copy(), np.zeros(len(starts), np.bool_)
     for start in range(len(starts)):
