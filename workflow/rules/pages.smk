@@ -25,10 +25,10 @@ def _tables(*stems):
 _PAGES = {
     "results/examples": ("pages.examples:examples", _EVERY, _EXAMPLES, {"figure": "near_harmonic.png"}),
     "start/gallery": ("pages.examples:gallery", _EVERY, _EXAMPLES, {"figure": "gallery.png"}),
-    "reference/methods": ("pages.measured:methods", _EVERY, {}, {}),
-    "results/ranking": ("pages.measured:ranking", _EVERY, {}, {}),
+    "reference/methods": ("pages.methods:methods", _EVERY, {}, {}),
+    "results/ranking": ("pages.methods:ranking", _EVERY, {}, {}),
     "how_to/files": (
-        "pages.targets:files",
+        "pages.how_to:files",
         _EVERY,
         {
             "runs": [RUN(f"{system}/{METHODS[0]}/0") for system in ("sho", "kepler")],
@@ -36,22 +36,22 @@ _PAGES = {
         },
         {},
     ),
-    "reference/variables": ("pages.targets:variables", {"systems": systems}, {"files": list(_OF_KIND.values())}, {}),
+    "reference/variables": ("pages.how_to:variables", {"systems": systems}, {"files": list(_OF_KIND.values())}, {}),
     "how_to/tabulated_potentials": (
-        "pages.measured:tabulated_potentials",
+        "pages.how_to:tabulated_potentials",
         _EVERY,
         {},
         {"figure": "tabulated_potentials.png"},
     ),
-    "how_to/tangent_maps": ("pages.measured:tangent_maps", _EVERY, {}, {"figure": "tangent_maps.png"}),
+    "how_to/tangent_maps": ("pages.how_to:tangent_maps", _EVERY, {}, {"figure": "tangent_maps.png"}),
     "how_to/adapters": (
-        "pages.measured:adapters",
+        "pages.how_to:adapters",
         _METHODS,
         {"errors": "docs/how_to/adapters.csv"},
         {"figure": "adapters.png"},
     ),
-    "how_to/gauss": ("pages.measured:gauss", _EVERY, {}, {"figure": "gauss.png"}),
-    "how_to/tailor": ("pages.measured:tailor", _EVERY, _EXAMPLES, {}),
+    "how_to/gauss": ("pages.how_to:gauss", _EVERY, {}, {"figure": "gauss.png"}),
+    "how_to/tailor": ("pages.how_to:tailor", _EVERY, _EXAMPLES, {}),
     "results/derivation": (
         "pages.targets:derivation",
         _METHODS,

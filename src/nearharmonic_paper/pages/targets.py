@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from itertools import product
 from math import hypot, inf, isfinite, nan
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.integrators import integrators as registered
-from nearharmonic.output.store import groups_of, read
+from nearharmonic.output.store import read
 from nearharmonic.output.table import Table
 from nearharmonic.recommendation.measure import TARGETS, crossing, of_kind
 from nearharmonic.systems import systems as known
@@ -37,9 +34,6 @@ from nearharmonic_paper.pages.filling import (
     tables_of,
 )
 from nearharmonic_paper.tasks.receipts import measures_time
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 #: The implicit method, and the errors at which times beside it are compared.
 IMPLICIT, IMPLICIT_ERRORS = "gauss16", (1e-6, 1e-9, 1e-12, 1e-14)
@@ -306,49 +300,3 @@ def regularised_tables(rows: Sequence[Mapping[str, Any]]) -> str:
         )
         for (measure, e), lines in cells.items()
     )
-
-
-@fills
-def files(runs: Sequence[str], cubes: Sequence[str]) -> dict[str, str]:
-    """Variables of run files and of cubes, each of a dimensionless system and of Kepler's problem."""
-    return {"runs": variables_table(map(read, runs)), "cube": variables_table(map(read, cubes))}
-
-
-@fills
-def variables(files: Sequence[str], kinds: Sequence[str], explained: str) -> dict[str, str]:
-    """Variables of a file of each kind, named with placeholders; ``explained`` is the page with all attributes.
-
-    Raises
-    ------
-    NearharmonicError
-        A file has an attribute that the page does not explain.
-    """
-    _, _, attributes = Path(explained).read_text(encoding="utf-8").partition("\n## Attributes\n")
-    told = re.findall(r"^\| `(\w+)` \|", attributes, re.MULTILINE)
-    lines: list[str] = []
-    for kind, path in zip(kinds, files, strict=True):
-        if unknown := sorted({*read(path).attrs} - {*told}):
-            raise NearharmonicError(f"{path} has attributes that {explained} does not explain: {', '.join(unknown)}")
-        groups = groups_of(path)
-        lines += [f"## `{kind}`"] + [f"In each of the groups {', '.join(f'`{one}`' for one in groups)}:"] * bool(groups)
-        lines.append(variables_table(read(path, group=name) for name in groups or (None,)))
-    return {"variables": "\n\n".join(lines)}
-
-
-def variables_table(datasets: Iterator[xr.Dataset]) -> str:
-    """A row for each variable of at least one dataset, coordinates of dimensions first.
-
-    A variable whose unit is that of a quantity of Kepler's problem, in which all units differ, has the quantity's name.
-    """
-    found: dict[str, list[xr.DataArray]] = {}
-    for dataset in datasets:
-        for name in dataset.variables:
-            found.setdefault(str(name), []).append(dataset[name])
-    quantity = {unit: name for name, unit in known["kepler"].units.items() if unit != "1"}
-    rows = []
-    for name in sorted(found, key=lambda name: (name not in found[name][0].dims, name)):
-        units = {str(one.attrs["units"]) for one in found[name]}
-        unit = next((f"unit of {quantity[one]}" for one in units if one in quantity), min(units))
-        meaning = str(found[name][0].attrs["long_name"]).replace("|", "\\|").replace("_", "\\_")
-        rows.append((f"`{name}`", ", ".join(map(str, found[name][0].dims)) or "none", unit, meaning))
-    return table(("variable", "dimensions", "unit", "meaning"), rows, left=4)

@@ -12,7 +12,7 @@ from PIL import Image
 
 import nearharmonic as nh
 from nearharmonic.output.page import filled, short
-from nearharmonic_paper.pages import examples, measured, targets
+from nearharmonic_paper.pages import examples, how_to, methods, targets
 from nearharmonic_paper.pages.filling import rows_of
 from nearharmonic_paper.report.shown.pictures import few_colours
 from nearharmonic_studies.crystals import page as of_crystals
@@ -65,13 +65,13 @@ def of_files(folder):
     for name, unit in {"sho": "1", "kepler": "h"}.items():
         page_inputs.write_variables(folder / f"{name}.h5", unit)
     places = sorted(map(str, folder.glob("*.h5")))
-    return targets.files(str(PAGES["files"]), runs=places, cubes=places)
+    return how_to.files(str(PAGES["files"]), runs=places, cubes=places)
 
 
 def of_variables(folder):
     page_inputs.write_variables(folder / "x.h5", "1", meaning="a|b_c", name="x", dimension="point")
     page = str(PAGES["variables"])
-    return targets.variables(page, files=[str(folder / "x.h5")], kinds=["x.h5"], explained=str(PAGES["files"]))
+    return how_to.variables(page, files=[str(folder / "x.h5")], kinds=["x.h5"], explained=str(PAGES["files"]))
 
 
 def of_regularised(folder):
@@ -147,7 +147,7 @@ def test_solutions_of_the_derivation_are_those_recorded(recorded):
 
 
 def test_tables_of_files_beside_pages_stand_in_the_pages():
-    page = measured.adapters(str(PAGES["adapters"]), errors=str(DOCS / "how_to/adapters.csv"))
+    page = how_to.adapters(str(PAGES["adapters"]), errors=str(DOCS / "how_to/adapters.csv"))
     assert page["page"] == text_of("adapters")
     axes = page["figure"].axes[0]
     first = [line.get_xdata()[0] for line in axes.lines if len(line.get_xdata()) == 1][:3]
@@ -163,7 +163,7 @@ def test_gallery_has_the_lines_of_each_example(monkeypatch):
 
 @pytest.mark.slow
 def test_tables_of_registered_methods_stand_in_the_pages():
-    assert measured.methods(str(PAGES["methods"]))["page"] == text_of("methods")
+    assert methods.methods(str(PAGES["methods"]))["page"] == text_of("methods")
     made = parts(training(str(PAGES["training"]))["page"])
     assert [made[name] == parts(text_of("training"))[name] for name in ("methods", "shifted")] == [True, True]
 
@@ -173,19 +173,19 @@ def test_tables_of_registered_methods_stand_in_the_pages():
 
 def test_method_reaches_an_error_where_all_finer_runs_meet_it():
     found = np.array([[10, 20, 40, 80], [100, 200, 400, 800], [1e-2, 1e-5, 1e-4, 1e-6], [1e-2, 1e-5, 1e-4, 2e-6]])
-    place = measured.reached("ruth", found, 1e-5)
+    place = methods.reached("ruth", found, 1e-5)
     assert place == (pytest.approx(400 * np.sqrt(2)), "ruth", 80, "compensated")
-    assert measured.reached("ruth", found, 1e-2) == (100, "ruth", 10, "plain")
-    assert measured.reached("ruth", found, 1e-7) is None
+    assert methods.reached("ruth", found, 1e-2) == (100, "ruth", 10, "plain")
+    assert methods.reached("ruth", found, 1e-7) is None
 
 
 @pytest.mark.slow
 def test_evaluations_of_the_ranking_are_those_of_runs():
     row = re.search(r"^\| 1e-06 \| (.*?) \|", text_of("ranking"), re.MULTILINE)[1]
-    _, system, t_end = measured.contests()[0]
+    _, system, t_end = methods.contests()[0]
     for label, count in (one.rsplit(" ", 1) for one in row.split(", ")):
         name = next(name for name, one in nh.integrators.items() if one.label == label)
-        place = measured.reached(name, measured.curve(system, t_end, name), 1e-6)
+        place = methods.reached(name, methods.curve(system, t_end, name), 1e-6)
         assert f"{place.evaluations:.0f}" == count
         run = nh.integrate(system, name, float(t_end) / place.steps, t_end=t_end, samples=2)
         assert run.max_energy_error <= 1e-6
@@ -208,17 +208,17 @@ def test_evaluations_of_the_ranking_are_those_of_runs():
 )  # fmt: skip
 def test_pages_on_use_are_measured_with_small_settings(name, settings, line, monkeypatch):
     for setting, few in settings.items():
-        monkeypatch.setattr(measured, setting, few)
+        monkeypatch.setattr(how_to, setting, few)
     given = {"tailor": {"files": EXAMPLES}, "tabulated_potentials": {"blocks": str(PAGES[name])}}.get(name, {})
-    made = getattr(measured, name)(str(PAGES[name]), **given)
+    made = getattr(how_to, name)(str(PAGES[name]), **given)
     assert filled(made["page"], parts(text_of(name))) == text_of(name)
     assert line in made["page"]
 
 
 def test_largest_steps_and_slopes_are_those_of_powers():
-    steps = measured.LADDER
-    errors = {"babps8o7h": {form: steps**power for power, form in enumerate(measured.FORMS, 3)}}
-    rows = list(measured.steps_to_errors(errors))
+    steps = how_to.LADDER
+    errors = {"babps8o7h": {form: steps**power for power, form in enumerate(how_to.FORMS, 3)}}
+    rows = list(how_to.steps_to_errors(errors))
     assert [row[2] for row in rows] == ["3.0", "4.0", "5.0"]
     largest = steps[steps**3 <= 1e-6].max()
     assert rows[0][3] == f"{largest:.2g}"

@@ -89,6 +89,7 @@ def test_page_on_exchange_shows_the_json_of_the_leapfrog():
     assert blocks("exchange", "json") == [export(nh.integrators["leapfrog"], "json")]
 
 
+@pytest.mark.slow
 def test_hook_of_pre_commit_takes_tableaus_and_checks_them(capsys):
     (hook,) = yaml.safe_load((ROOT / ".pre-commit-hooks.yaml").read_text(encoding="utf-8"))
     of_page, _ = map(yaml.safe_load, blocks("exchange", "yaml"))
@@ -102,6 +103,7 @@ def test_hook_of_pre_commit_takes_tableaus_and_checks_them(capsys):
     assert capsys.readouterr().out.count("all claims hold") == len(chosen) == 3
 
 
+@pytest.mark.slow
 def test_commands_of_deposits_work_on_an_archive(working_folder, monkeypatch):
     result = finished_results.write_result(working_folder / "results/paper")
     monkeypatch.setattr(verify, "faults", lambda folder: [])
