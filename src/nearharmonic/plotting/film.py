@@ -6,14 +6,12 @@ from base64 import b64encode
 from collections.abc import Callable, Sequence
 from html import escape
 from io import BytesIO
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.animation import PillowWriter
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from PIL import Image
 
 from nearharmonic.plotting.drawing import in_brackets
 from nearharmonic.plotting.plot import plot
@@ -40,31 +38,34 @@ show(0);
 """
 
 
-@house_style
 def gif(given: Sequence[xr.Dataset], frames: int, fps: int, title: str | None) -> bytes:
     """Return the film of trajectories as a GIF file."""
-    figure = plot(given, title=title)
-    show = truncator(figure, given)
-    writer = PillowWriter(fps=fps)
-    with TemporaryDirectory() as folder:
-        place = Path(folder, "film.gif")
-        writer.setup(figure, place, DPI)
-        for k in range(frames):
-            show(k / (frames - 1))
-            writer.grab_frame()
-        writer.finish()
-        return place.read_bytes()
+    first, *others = [Image.open(BytesIO(one)).convert("RGB") for one in _pictures(given, frames, title)]
+    content = BytesIO()
+    first.save(content, "GIF", save_all=True, append_images=others, duration=int(1000 / fps), loop=0)
+    return content.getvalue()
+
+
+def page(given: Sequence[xr.Dataset], frames: int, fps: int, title: str | None) -> str:
+    """Return the film of trajectories as an HTML page, which needs no network."""
+    return _PAGE.format(
+        title=escape(title or "orbit and energy error"), last=frames - 1, interval=round(1000 / fps),
+        frames=[b64encode(one).decode() for one in _pictures(given, frames, title)],
+    )  # fmt: skip
 
 
 @house_style
-def page(given: Sequence[xr.Dataset], frames: int, fps: int, title: str | None) -> str:
-    """Return the film of trajectories as an HTML page, which needs no network."""
+def _pictures(given: Sequence[xr.Dataset], frames: int, title: str | None) -> list[bytes]:
+    """Return the frames as PNG files."""
     figure = plot(given, title=title)
-    show = truncator(figure, given)
-    return _PAGE.format(
-        title=escape(title or "orbit and energy error"), last=frames - 1, interval=round(1000 / fps),
-        frames=[b64encode(_png(figure, show, k / (frames - 1))).decode() for k in range(frames)],
-    )  # fmt: skip
+    show, found = truncator(figure, given), []
+    figure.set_dpi(DPI)
+    for k in range(frames):
+        show(k / (frames - 1))
+        picture = BytesIO()
+        FigureCanvasAgg(figure).print_png(picture)  # type: ignore[no-untyped-call]
+        found.append(picture.getvalue())
+    return found
 
 
 def truncator(figure: Figure, given: Sequence[xr.Dataset]) -> Callable[[float], None]:
@@ -96,11 +97,3 @@ def truncator(figure: Figure, given: Sequence[xr.Dataset]) -> Callable[[float], 
         right_title(orbit, f"$t$ = {now:.4g}{unit}")
 
     return show
-
-
-def _png(figure: Figure, show: Callable[[float], None], share: float) -> bytes:
-    show(share)
-    figure.set_dpi(DPI)
-    picture = BytesIO()
-    FigureCanvasAgg(figure).print_png(picture)  # type: ignore[no-untyped-call]
-    return picture.getvalue()

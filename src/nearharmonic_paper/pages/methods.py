@@ -8,7 +8,6 @@ from math import exp, inf, isfinite, log
 from typing import Any, NamedTuple
 
 import numpy as np
-from nearharmonic.recommendation.own import LOSSLESS, prepared_calls
 
 from nearharmonic.engine.settings import misfit, steps_of
 from nearharmonic.engine.trajectory import sweep
@@ -17,6 +16,7 @@ from nearharmonic.integrators import integrators as registered
 from nearharmonic.math import cos
 from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor
 from nearharmonic.numerics.portable import Floats
+from nearharmonic.recommendation.measure import LOSSLESS, prepared_calls
 from nearharmonic.systems import System
 from nearharmonic.systems import systems as known
 from nearharmonic.theory.order import harmonic_order, order_of

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from itertools import product
 from math import hypot, inf, isfinite, nan
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,6 +34,9 @@ from nearharmonic_paper.pages.filling import (
     tables_of,
 )
 from nearharmonic_paper.tasks.receipts import measures_time
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: The implicit method, and the errors at which times beside it are compared.
 IMPLICIT, IMPLICIT_ERRORS = "gauss16", (1e-6, 1e-9, 1e-12, 1e-14)

@@ -344,12 +344,6 @@ def test_a_missing_file_and_a_missing_group_are_named(tmp_path, variables):
         store.read(tmp_path / "0.h5", "extended")
 
 
-def test_the_command_names_the_config_of_the_results():
-    assert store.command_for("results/smoke/cubes/sho.h5") == (
-        "snakemake -j2 --configfile config/smoke.yaml --force results/smoke/cubes/sho.h5"
-    )
-
-
 def test_file_under_the_name_of_another_is_refused(tmp_path, variables):
     results = tmp_path / "results/paper"
     for name in ("cubes/kepler.h5", "runs/kepler/ruth/0.h5"):

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from matplotlib.animation import PillowWriter
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 
 import nearharmonic as nh
@@ -130,13 +130,14 @@ def test_film_that_fails_leaves_the_earlier_file(run, tmp_path, monkeypatch):
     place = tmp_path / "orbit.gif"
     place.write_bytes(b"old")
 
-    def fail(self, **settings):
+    def fail(*_):
         raise MemoryError
 
-    monkeypatch.setattr(PillowWriter, "grab_frame", fail)
+    monkeypatch.setattr(FigureCanvasAgg, "print_png", fail)
     with pytest.raises(MemoryError):
         nh.animate(run, place, frames=2)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"orbit.gif": b"old"}
+    monkeypatch.undo()
     with pytest.raises(FileWriteError):
         nh.animate(run, place / "below.html", frames=2)
 

@@ -205,7 +205,6 @@ def test_importing_figures_loads_no_pyplot_and_changes_no_setting():
     program = """
 import sys, matplotlib
 before = matplotlib.rcParams.copy()
-from nearharmonic_paper.experiments.paper.figures import energy_error
 from nearharmonic_paper.experiments.paper.figures import fig2_decomposition
 from nearharmonic_paper.experiments.paper.figures import fig4_perihelion
 from nearharmonic_paper.experiments.paper.figures import fig6_substeps

@@ -12,11 +12,6 @@ from support.cubes.page_results import PLOTS
 pytestmark = pytest.mark.browser
 
 
-def ranges_of(page, panel):
-    """(start, end) of both axes of a panel."""
-    return page.evaluate("(id) => [plotOf(id).x_range, plotOf(id).y_range].map((one) => [one.start, one.end])", panel)
-
-
 def test_tab_reaches_legend_and_space_toggles_it_with_visible_focus(opened):
     page = opened()
     page.keyboard.press("Tab")

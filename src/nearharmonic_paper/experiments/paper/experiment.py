@@ -5,7 +5,7 @@ from nearharmonic_paper.tasks.experiment import Experiment
 
 FIGURES = {
     "fig1_sho": Figure(
-        draw="nearharmonic_paper.experiments.paper.figures.energy_error:energy_error",
+        draw="nearharmonic.plotting.energy_error:draw_profile",
         title="Energy error of the oscillator",
         cube="sho",
         target="fig1",
@@ -34,7 +34,7 @@ FIGURES = {
         ),
     ),
     "fig3_henon_heiles": Figure(
-        draw="nearharmonic_paper.experiments.paper.figures.energy_error:energy_error",
+        draw="nearharmonic.plotting.energy_error:draw_profile",
         title="Energy error of the Hénon-Heiles system",
         cube="henon_heiles",
         target="fig3",
@@ -62,7 +62,7 @@ FIGURES = {
         ),
     ),
     "fig5_kepler": Figure(
-        draw="nearharmonic_paper.experiments.paper.figures.energy_error:energy_error",
+        draw="nearharmonic.plotting.energy_error:draw_profile",
         title="Energy error of the Sun-Mercury system",
         cube="kepler",
         target="fig5",
@@ -106,7 +106,7 @@ FIGURES = {
         ),
     ),
     "{system}_energy_error": Figure(
-        draw="nearharmonic_paper.experiments.paper.figures.energy_error:energy_error",
+        draw="nearharmonic.plotting.energy_error:draw_profile",
         title="Energy error",
         cube="{system}",
         profile=True,

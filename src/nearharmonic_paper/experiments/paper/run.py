@@ -79,21 +79,34 @@ def problem_of(run: Run) -> Problem:
 
 def _padded(part: Variables, whole: Mapping[str, Variable]) -> Variables:
     """Return the runs of ``part``, padded to all step sizes and samples of ``whole``."""
-    grid = np.asarray(whole["tau_per_stage"][1])
-    rows = np.searchsorted(grid, np.asarray(part["tau_per_stage"][1]))
-    sizes = {name: len(whole[name][1]) for name in ("tau_per_stage", "sample") if name in whole}
+    taus, own = (np.asarray(one["tau_per_stage"][1]) for one in (whole, part))
+    rows = np.searchsorted(taus, own).tolist()
+    return gathered([(part, rows, range(own.size))], taus, len(whole["sample"][1]) if "sample" in whole else 0)
+
+
+def gathered(pieces: Sequence[tuple[Variables, Sequence[int], Sequence[int]]], taus: Any, samples: int) -> Variables:
+    """Return the variables of runs with step sizes ``taus``, from ``pieces``: variables, rows to fill, and their rows.
+
+    Runs of fewer samples are padded, and rows of no piece are vacant: NaN, 0 or the status "skipped".
+    """
     found: Variables = {}
-    for name, (dims, values, notes) in part.items():
-        if name in whole and name in dims:
-            found[name] = whole[name]
-            continue
-        filled = vacant(name, values, [sizes.get(d, n) for d, n in zip(dims, values.shape, strict=True)])
-        filled[np.ix_(rows, *map(np.arange, values.shape[1:]))] = values
+    sizes = {"tau_per_stage": len(taus), "sample": samples}
+    for name, (dims, values, notes) in pieces[0][0].items():
+        filled = values
+        if name == "tau_per_stage":
+            filled = np.array(taus)
+        elif name == "sample":
+            filled = np.arange(samples, dtype=values.dtype)
+        elif "tau_per_stage" in dims:
+            vacant = "skipped" if name == "status" else np.nan if values.dtype.kind == "f" else 0
+            shape = [sizes.get(dim, size) for dim, size in zip(dims, values.shape, strict=True)]
+            filled = np.full(shape, vacant, values.dtype)
+            for variables, rows, theirs in pieces:
+                taken = variables[name][1][list(theirs)]
+                if "sample" in dims:
+                    taken = taken[:, :samples]
+                    filled[list(rows), : taken.shape[1]] = taken
+                else:
+                    filled[list(rows)] = taken
         found[name] = dims, filled, notes
     return found
-
-
-def vacant(name: str, values: Any, shape: Sequence[int]) -> Any:
-    """Return an array for a variable without runs: NaN, 0 or the word "skipped"."""
-    filler = "skipped" if name == "status" else np.nan if values.dtype.kind == "f" else 0
-    return np.full(shape, filler, values.dtype)

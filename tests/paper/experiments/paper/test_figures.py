@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nearharmonic_paper.experiments.paper.figures.energy_error import energy_error
+from nearharmonic.plotting.energy_error import draw_profile
 from support.cubes.artists import SOLID, drawn, line_of, look, look_of, slope
 from support.cubes.figure_cubes import GAPS, METHODS, TAU, errors
 
@@ -14,7 +14,7 @@ DASHED = (4, 2)
 
 def test_the_upper_panel_shows_maxima_and_the_lower_one_means():
     cube = errors()
-    upper, lower = energy_error(cube).axes
+    upper, lower = draw_profile(cube).axes
     for axes, variable, letter, title, ylabel in (
         (upper, "max_energy_error", "A", "maximum over all steps", r"$\max\,|\Delta H/H_0|$"),
         (lower, "mean_energy_error", "B", "mean over all steps", r"$\mathrm{mean}\,|\Delta H/H_0|$"),
@@ -31,7 +31,7 @@ def test_the_upper_panel_shows_maxima_and_the_lower_one_means():
 
 def test_double_precision_is_solid_and_extended_precision_dashed():
     cube = errors(precision=True)
-    for axes, variable in zip(energy_error(cube).axes, ("max_energy_error", "mean_energy_error"), strict=True):
+    for axes, variable in zip(draw_profile(cube).axes, ("max_energy_error", "mean_energy_error"), strict=True):
         for name in METHODS:
             solid, dashed = (
                 line_of(axes, TAU, cube[variable].sel(integrator=name, precision=precision))
@@ -45,7 +45,7 @@ def test_double_precision_is_solid_and_extended_precision_dashed():
 
 def test_nan_zero_and_infinity_leave_gaps_in_curve():
     cube = errors(precision=True)
-    for axes, variable in zip(energy_error(cube).axes, ("max_energy_error", "mean_energy_error"), strict=True):
+    for axes, variable in zip(draw_profile(cube).axes, ("max_energy_error", "mean_energy_error"), strict=True):
         for name in METHODS:
             for precision in ("double", "extended"):
                 curve = line_of(axes, TAU, cube[variable].sel(integrator=name, precision=precision))
@@ -53,7 +53,7 @@ def test_nan_zero_and_infinity_leave_gaps_in_curve():
 
 
 def test_guides_have_the_slopes_that_they_say():
-    for axes in energy_error(errors()).axes:
+    for axes in draw_profile(errors()).axes:
         said = {}
         for note in axes.texts:
             (guide,) = [line for line in axes.get_lines() if tuple(np.transpose(line.get_data())[-1]) == note.xy]
@@ -64,7 +64,7 @@ def test_guides_have_the_slopes_that_they_say():
 
 def test_both_panels_share_limits_that_hold_every_finite_point():
     cube = errors(precision=True)
-    upper, lower = energy_error(cube).axes
+    upper, lower = draw_profile(cube).axes
     assert upper.get_ylim() == lower.get_ylim()
     both = np.concatenate([cube.max_energy_error.values.ravel(), cube.mean_energy_error.values.ravel()])
     positive = both[np.isfinite(both) & (both > 0)]
@@ -76,10 +76,10 @@ def test_both_panels_share_limits_that_hold_every_finite_point():
 def test_an_error_of_many_energies_does_not_stretch_the_axis():
     cube = errors()
     cube["max_energy_error"][1, -2] = 1e6
-    assert energy_error(cube).axes[0].get_ylim()[1] == 10
+    assert draw_profile(cube).axes[0].get_ylim()[1] == 10
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("unit", "ending"), [("1", ""), ("h", "  (h)")])
 def test_the_unit_of_the_step_stands_on_the_axis(unit, ending):
-    assert energy_error(errors(unit=unit)).axes[1].get_xlabel() == r"step size per stage, $\tau/s$" + ending
+    assert draw_profile(errors(unit=unit)).axes[1].get_xlabel() == r"step size per stage, $\tau/s$" + ending

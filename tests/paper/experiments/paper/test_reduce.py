@@ -15,10 +15,10 @@ from nearharmonic.engine.settings import Sweep
 from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import assembled, described
 from nearharmonic.output.store import write
+from nearharmonic.plotting.energy_error import draw_profile
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
 from nearharmonic_paper.experiments.paper import reduce
-from nearharmonic_paper.experiments.paper.figures.energy_error import energy_error
 from nearharmonic_paper.experiments.paper.grid.plan import runs_of
 from nearharmonic_paper.experiments.paper.grid.shards import shards_of
 from nearharmonic_paper.experiments.paper.reduce import numbers
@@ -277,15 +277,6 @@ def taylor_errors(tableau, highest):
         return [float(abs(a - b) * mpmath.factorial(n)) for n, (a, b) in enumerate(zip(made, exact, strict=True))][1:]
 
 
-def test_the_terms_of_the_leapfrog_are_those_found_by_hand():
-    """From (1, -1), drift first q = 1 - tau - tau^2/2 + tau^3/4, kick first the same without the last; exactly
-    1 - t - t^2/2 + t^3/6 + ...: kappa_3 = 3! (1/4 - 1/6) = 1/2; kick first there is no third term."""
-    terms = decompose(["leapfrog"])["cube"]
-    assert terms.order.values.tolist() == [1, 2, 3]
-    assert terms.kappa.sel(integrator="leapfrog", first="drift").values.tolist() == [0, 0, 0.5]
-    assert terms.kappa.sel(integrator="leapfrog", first="kick").values == pytest.approx([0, 0, np.nan], nan_ok=True)
-
-
 def test_terms_stand_at_their_method_composition_and_order():
     terms = decompose(["ruth", "babs7o7h"])["cube"]
     assert terms.kappa.shape == (2, 2, 15)
@@ -308,7 +299,7 @@ def test_cubes_and_figures_of_own_systems_have_their_energy():
             assert cube.label.attrs["long_name"] == says
             assert (cube.attrs.get("energy_at_start"), cube.attrs.get("energy_unit")) == energy
             assert (
-                energy_error(cube)
+                draw_profile(cube)
                 .axes[0]
                 .get_title(loc="right")
                 .endswith("oscillator" if name == "sho" else ", $H_0$ = 3.125")

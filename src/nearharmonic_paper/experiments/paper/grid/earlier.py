@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -22,11 +22,11 @@ import numpy as np
 
 from nearharmonic.engine.settings import Sweep, tau_range
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.output.dataset import Variable, Variables, variables_of
+from nearharmonic.output.dataset import Variables, variables_of
 from nearharmonic.output.store import claimed_attributes, complaint, read_precisions
 from nearharmonic_paper.experiments.paper.grid.plan import Run
 from nearharmonic_paper.experiments.paper.grid.shards import shard_range
-from nearharmonic_paper.experiments.paper.run import vacant
+from nearharmonic_paper.experiments.paper.run import gathered
 
 #: Folder of the files that are kept, in the folder of results.
 PLACE = "logs/earlier"
@@ -38,14 +38,11 @@ Kept = tuple[Variables, dict[int, int]]
 
 
 def keep(folder: Path, outputs: Iterable[str | os.PathLike[str]]) -> None:
-    """Keep all sound result files in the folders of ``outputs``, which jobs are about to write, in a folder of results.
-
-    The HDF5 library may crash on a damaged file, so that none is kept.
-    """
+    """Keep all result files in the folders of ``outputs``, which jobs may write, in a folder of results."""
     for place in sorted({Path(output).parent for output in outputs}):
         for path in place.glob("*.h5"):
             kept = folder / PLACE / place.relative_to(folder) / f"{path.stem}-{path.stat().st_mtime_ns}.h5"
-            if not kept.exists() and not complaint(path):
+            if not kept.exists():
                 kept.parent.mkdir(parents=True, exist_ok=True)
                 try:
                     kept.hardlink_to(path)
@@ -80,17 +77,24 @@ class Earlier:
             steps = tuple(run.steps[i] for i in missing)
             made = function(replace(run, tau_per_stage=tuple(run.tau_per_stage[i] for i in missing), steps=steps))
             parts = [(made, {n: row for row, n in reversed(list(enumerate(steps)))}), *parts]
-        return _assembled(run, parts)
+        pieces, left = [], list(enumerate(run.steps))
+        for variables, rows in parts:
+            mine = [(i, steps) for i, steps in left if steps in rows]
+            left = [(i, steps) for i, steps in left if steps not in rows]
+            pieces.append((variables, [i for i, _ in mine], [rows[steps] for _, steps in mine]))
+        return gathered(pieces, run.tau_per_stage, max(2, min(run.samples, max(run.steps) + 1)))
 
     @cached_property
     def _kept(self) -> dict[str, list[Kept]]:
         """The runs of the kept files by precision."""
         found: dict[str, list[Kept]] = {}
         for path in sorted(self._place.glob("*.h5")):
+            if complaint(path):
+                continue  # the HDF5 library may crash on a damaged file
             try:
                 contents = read_precisions(path) if self._is_of_use(claimed_attributes(path)) else {}
             except (NearharmonicError, AttributeError, KeyError, TypeError, ValueError, RecursionError):
-                continue  # a file that does not say what it is, or is damaged
+                continue  # a file that does not say what it is
             for precision, runs in contents.items():
                 whole, steps = np.flatnonzero(runs.status.values != "skipped").tolist(), runs.steps.values.tolist()
                 if whole:
@@ -120,35 +124,3 @@ def _ends_of(settings: Mapping[str, Any]) -> tuple[float, float]:
     mine = shard_range(sweep, settings["integrator"], settings["shard"])
     first, last = (tau_range(sweep.lowest, sweep.points_per_decade, i, i + 1)[0] for i in (mine.start, mine.stop - 1))
     return first, last
-
-
-def _assembled(run: Run, parts: Sequence[Kept]) -> Variables:
-    """Return the variables of ``run``, each row from the part that has it."""
-    template = parts[0][0]
-    places = [next((part, rows[n]) for part, rows in parts if n in rows) for n in run.steps]
-    sizes = {"tau_per_stage": len(run.steps)}
-    if "sample" in template:
-        sizes["sample"] = max(2, min(run.samples, max(run.steps) + 1))
-    return {name: _column(name, one, places, sizes, run) for name, one in template.items()}
-
-
-def _column(
-    name: str, one: Variable, places: Sequence[tuple[Variables, int]], sizes: dict[str, int], run: Run
-) -> Variable:
-    """Return one variable of the rows at ``places``; rows of fewer samples are padded."""
-    dims, values, notes = one
-    if name == "tau_per_stage":
-        return dims, np.array(run.tau_per_stage), notes
-    if name == "sample":
-        return dims, np.arange(sizes["sample"], dtype=values.dtype), notes
-    if "tau_per_stage" not in dims:
-        return one
-    filled = vacant(name, values, [sizes.get(d, n) for d, n in zip(dims, values.shape, strict=True)])
-    for row, (part, place) in enumerate(places):
-        theirs = part[name][1][place]
-        if "sample" in dims:
-            common = min(sizes["sample"], theirs.shape[0])
-            filled[row, :common] = theirs[:common]
-        else:
-            filled[row] = theirs
-    return dims, filled, notes

@@ -45,35 +45,20 @@ def overview(*names: str) -> Columns:
 
     Errors are powers of tau with the norms of :func:`nearharmonic.theory.order.leading_errors`. An
     effective error is s norm^(1/order), which includes the cost of s stages. Edges of stability have 12 decimals.
+
+    Rows are kept by the digest of their method, in a file in the folder of compiled code, which is writable only for
+    the user. Its name depends on all code that computes a row.
     """
     tableaus = [methods_by_name[name] for name in names or plain_integrators]
     keys = [coefficients_digest([tableau]) for tableau in tableaus]
-    kept = KeptRows()
-    missing = {key: columns_of(tableau) for key, tableau in zip(keys, tableaus, strict=True) if key not in kept.rows}
-    if missing:
-        kept.add(missing)
-    rows = [kept.rows[key] for key in keys]
-    return tuple(rows[0]), [tuple(row.values()) for row in rows]
-
-
-class KeptRows:
-    """On-disk cache of rows, by the digest of their method.
-
-    The file is in the folder of compiled code, which is writable only for the user. Its name depends on all code that
-    computes a row.
-    """
-
-    def __init__(self) -> None:
-        self._place = disk.place_of(f"overview-{code_digest(__name__)[:32]}")
-        kept = disk.read(self._place) if self._place else None
-        self.rows: dict[str, Any] = json.loads(kept[1]) if kept else {}
-
-    def add(self, rows: dict[str, dict[str, Cell]]) -> None:
-        """Add rows, and write the file: all rows, or only the new ones if there are more than :data:`MOST_KEPT`."""
-        self.rows.update(rows)
-        if self._place:
-            written = self.rows if len(self.rows) <= MOST_KEPT else rows
-            disk.write(self._place, "overview", json.dumps(written).encode())
+    place = disk.place_of(f"overview-{code_digest(__name__)[:32]}")
+    kept = disk.read(place) if place else None
+    rows: dict[str, Any] = json.loads(kept[1]) if kept else {}
+    missing = {key: columns_of(tableau) for key, tableau in zip(keys, tableaus, strict=True) if key not in rows}
+    rows |= missing
+    if missing and place:
+        disk.write(place, "overview", json.dumps(rows if len(rows) <= MOST_KEPT else missing).encode())
+    return tuple(rows[keys[0]]), [tuple(rows[key].values()) for key in keys]
 
 
 def columns_of(tableau: Tableau) -> dict[str, Cell]:
