@@ -61,12 +61,11 @@ def thousands(number):
         (TIMES, [clock.STANDARD.longest], ("interleaved on one core", "at least three times", "twice")),
         (TIMES, [own.FEWEST_MEMBERS], ("members, with", "time per member")),
         (TIMES, [own.MOST_MEMBERS], ("members, with", "time per member")),
-        (CLUSTER, [PROFILE["latency-wait"]], ("waits up to", "latency-wait")),
         (CLUSTER, [SECONDS, JOB], ("The profile asks for jobs",)),
         (CLUSTER, [memory(PROFILE["default-resources"]["mem_mb"])], ("limit of memory",)),
         (CLUSTER, [memory(PROFILE["set-resources"]["integrate"]["mem_mb"]) / 1000], ("limit of memory", "`integrate`")),
         (CLUSTER, [shards.MOST_BYTES], ("limit of memory", "shards have at most")),
-        (CLUSTER, [PROFILE["slurm-init-seconds-before-status-checks"]], ("MinJobAge",)),
+        (CLUSTER, [PROFILE["nearharmonic-init-seconds-before-status-checks"]], ("MinJobAge",)),
     ],
 )
 def test_limits_on_pages_are_those_of_the_code(page, wanted, words):
