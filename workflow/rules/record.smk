@@ -33,7 +33,8 @@ def leftovers():
 
 def document(rule, log):
     """Return the files of a rule for the rule refresh."""
-    outputs = {name: [made] if isinstance(made, str) else [*made] for name, made in rule.output.items()}
+    outputs = {name: [made] if isinstance(made, str) else made for name, made in rule.output.items()}
+    outputs = {name: [*map(str, files)] for name, files in outputs.items()}
     return {"input": [*map(str, rule.input)], "output": outputs, "log": log}
 
 

@@ -177,7 +177,7 @@ class WorkflowRun:
 
     def made(self, name: str) -> bool:
         """Return True if a job of this run made the file ``name``."""
-        return name in self._told["made"]
+        return name in self._told.get("made", ())
 
     def _counts(self) -> dict[str, int | None]:
         """Numbers of jobs that ran and of those whose results were there, and of evaluations."""

@@ -26,7 +26,7 @@ PYTHON = "NEARHARMONIC_NODE_PYTHON"
 #: The process that ends the jobs of this computer with itself (``job.LEADER``) has no meaning on another.
 ENVIRONMENT = "env -u NEARHARMONIC_LEADER"
 #: Parameters of rules that jobs read.
-PARAMS = ("task", "tasks", "captions", "transparent", "documents")
+PARAMS = ("task", "tasks", "captions", "transparent", "earlier", "documents")
 #: Seconds for which a job waits for inputs that another node wrote.
 PATIENCE = 60.0
 
