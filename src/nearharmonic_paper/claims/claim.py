@@ -41,42 +41,22 @@ Decide = Callable[..., Decision]
 
 @dataclass(frozen=True, kw_only=True)
 class Claim:
-    """A statement.
-
-    Attributes
-    ----------
-    id : str
-        Name in tables, lower case with hyphens.
-    paper : str
-        Position in the paper.
-    sentence : str
-        Words of the paper.
-    kind : str
-        One of :data:`Kind`.
-    statement : str
-        The part of the sentence that is decided here, with its interpretation.
-    threshold : str
-        Condition on the numbers, and origin of its constants.
-    bound : float, optional
-        The threshold, if it is one number: ``decide`` has it as a second argument, and the margin is the interval of
-        bounds with an equal verdict.
-    needs : tuple of str
-        Result files for the decision, relative to the folder of results.
-    also : tuple of str
-        Result files of other targets. If they exist, the value uses them; the verdict does not depend on them.
-    decide : callable
-        Function of :class:`~nearharmonic_paper.claims.results.Results` that returns a :class:`Decision`.
-    """
+    """A statement: its name in tables, its position in the paper, the words of the paper, and what is made of them."""
 
     id: str
     paper: str
     sentence: str
     kind: Kind
+    #: The part of the sentence that is decided here, with its interpretation.
     statement: str
+    #: Condition on the numbers, and origin of its constants.
     threshold: str
     decide: Decide
+    #: The threshold, if it is one number; the margin is the interval of bounds with an equal verdict.
     bound: float | None = None
+    #: Result files for the decision, relative to the folder of results.
     needs: tuple[str, ...] = ()
+    #: Result files of other targets. If they exist, the value uses them; the verdict does not depend on them.
     also: tuple[str, ...] = ()
 
     @property
@@ -94,10 +74,7 @@ class Claim:
     def decision(self, results: Results) -> Decision:
         """Decide the statement on ``results``; missing data leave it undecided.
 
-        Raises
-        ------
-        ResultFileError
-            A file is damaged, or lacks what the statement needs.
+        A file that is damaged, or lacks what the statement needs, is a ResultFileError.
         """
         missing = [name for name in self.needs if not results.has(name)]
         if missing:

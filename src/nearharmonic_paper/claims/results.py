@@ -52,14 +52,8 @@ def once(make: Callable[Given, Found]) -> Callable[Given, Found]:
 class Results:
     """A folder of results. A file that is missing, damaged or without rows is a ResultFileError.
 
-    Parameters
-    ----------
-    folder : path
-        The folder ``results/<name>``.
-    methods : mapping of str to Tableau, optional
-        The methods of the statements, by name; by default the registered splitting methods.
-    leftovers : sequence of str
-        Names of files that count as missing.
+    ``methods`` are those of the statements, by default the registered splitting methods. ``leftovers`` are files that
+    count as missing.
     """
 
     def __init__(

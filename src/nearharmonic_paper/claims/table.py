@@ -37,55 +37,23 @@ COLUMNS = ("id", "section", "sentence", *KEYS[2:])
 
 
 def decide(results: Results) -> list[dict[str, Any]]:
-    """Return an entry with the keys :data:`KEYS` for every statement, group by group.
-
-    Raises
-    ------
-    ResultFileError
-        A result file is damaged.
-    """
-    return [_entry(claim, results) for claim in (*CLAIMS, *own_claims())]
-
-
-def _entry(claim: Claim, results: Results) -> dict[str, Any]:
-    decision = claim.decision(results)
-    return {
-        "id": claim.id,
-        "paper": {"section": claim.paper, "sentence": claim.sentence},
-        "statement": claim.statement,
-        "kind": claim.kind,
-        "verdict": decision.verdict,
-        "value": decision.value,
-        "threshold": claim.threshold,
-        "margin": decision.margin,
-        "needs": list(claim.needs),
-    }
+    """Return an entry with the keys :data:`KEYS` for every statement; a damaged file is a ResultFileError."""
+    entries = []
+    for claim in (*CLAIMS, *own_claims()):
+        told = vars(claim) | claim.decision(results)._asdict() | {"needs": list(claim.needs)}
+        told["paper"] = {"section": claim.paper, "sentence": claim.sentence}
+        entries.append({key: told[key] for key in KEYS})
+    return entries
 
 
 def decided(
     folder: str | os.PathLike[str], integrators: Sequence[str] | None = None, leftovers: Sequence[str] = ()
 ) -> dict[str, Table | str]:
-    """Decide every statement.
+    """Decide every statement: ``table``, and ``document``, the JSON text of a list of objects with :data:`KEYS`.
 
-    Parameters
-    ----------
-    folder : path
-        The folder of results.
-    integrators : sequence of str, optional
-        Names of the methods for statements about all methods; by default every registered splitting method. Methods of
-        a user's config are not included, so that they change no verdict.
-    leftovers : sequence of str
-        Names of files of another config, which decide nothing.
-
-    Returns
-    -------
-    dict
-        ``table``, and ``document``, the JSON text of a list of objects with the keys :data:`KEYS`.
-
-    Raises
-    ------
-    ResultFileError
-        A result file is damaged.
+    ``integrators`` are the methods for statements about all methods; by default every registered splitting method.
+    Methods of a user's config are not included, so that they change no verdict. ``leftovers`` are files of another
+    config, which decide nothing.
     """
     methods_by_name = {name: registered[name] for name in (registered if integrators is None else integrators)}
     entries = decide(Results(folder, methods_by_name, leftovers))

@@ -45,6 +45,7 @@ def test_recorded_results_are_those_of_registered_methods(tmp_path):
     assert VALUES["even-orders"] == f"{len(mirrored)} of {len(mirrored)} methods"
 
 
+@pytest.mark.slow
 def test_results_that_decide_not_all_write_nothing(tmp_path):
     with pytest.raises(NearharmonicError, match=r"undecided, like even-orders \(tables/.*: no verdict is"):
         verdicts(str(tmp_path), str(ROOT / "README.md"), plain_integrators.registered)

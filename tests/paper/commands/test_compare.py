@@ -240,3 +240,9 @@ def test_a_bad_question_is_refused(copy, arguments, says, capsys):
     assert out == ""
     assert says in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_the_name_of_a_config_is_no_setting(copy, capsys):
+    write_history(copy, [history_line(8, config=config("copy"))])
+    assert compared(capsys)[0] == 0

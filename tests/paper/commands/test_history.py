@@ -88,3 +88,13 @@ def test_full_shows_every_field_of_newest_or_named_run(project, capsys):
 def test_an_id_that_is_none_or_not_unique_is_refused(project, arguments, says, capsys):
     assert main(["history", *arguments]) == 2
     assert says in capsys.readouterr().err
+
+
+def test_a_result_without_a_history_has_no_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("results/paper/cubes").mkdir(parents=True)
+    assert main(["history", "paper"]) == 0
+    assert capsys.readouterr().out == "no run is recorded in results/paper\n"
+    assert told(capsys, "paper") == []
+    assert main(["history", "paper", "--full"]) == 2
+    assert "no run is recorded" in capsys.readouterr().err

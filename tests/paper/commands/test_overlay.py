@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 
 import pytest
@@ -40,3 +41,10 @@ def test_results_without_a_system_in_common_have_no_figure(copy, capsys):
     shutil.rmtree(copy / "cubes")
     assert main(["compare", "paper", "copy", "--figure", "both.png"]) == 2
     assert "no figure: paper and copy have no system in common" in capsys.readouterr().err
+
+
+def test_the_figure_is_written(copy, tmp_path, capsys):
+    place = tmp_path / "sub/both.png"
+    assert main(["compare", "paper", "copy", "--figure", str(place), "--format", "json"]) == 0
+    assert json.loads(capsys.readouterr().out)["figure"] == str(place)
+    assert place.stat().st_size > 1000

@@ -149,3 +149,8 @@ def test_a_bad_question_is_refused(project, arguments, says, capsys):
     out, err = capsys.readouterr()
     assert out == ""
     assert says in err
+
+
+def test_results_without_cubes_have_no_runs(project, capsys):
+    shutil.rmtree(project / "cubes")
+    assert told(capsys, "paper", "--where", "max_energy_error < 1 and status == 'ok'", "--sort", "tau") == []

@@ -12,7 +12,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.cli import main
-from support.results.result_folder import run_id
+from support.results.result_folder import edited, run_id
 
 
 def shown(capsys, *arguments):
@@ -120,3 +120,12 @@ def test_results_without_trajectories_or_manifest_say_so(project, capsys):
     text = capsys.readouterr().out
     assert "there is no run file that holds it" in text
     assert "results/paper has no manifest.json" in text
+
+
+def test_cube_without_settings_is_shown_without_them(project, capsys):
+    with edited(project / "cubes/kepler.h5") as file:
+        del file.attrs["settings"]
+    told = shown(capsys, "kepler", "ruth", "30")
+    assert told["settings"] == {}
+    assert "t_end" not in told["python"]
+    compile(told["python"], "shown", "exec")

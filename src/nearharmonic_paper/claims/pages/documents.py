@@ -265,26 +265,10 @@ def _escaped(text: str) -> str:
 
 
 def verdicts(folder: str, readme: str, integrators: Sequence[str], files: Sequence[str] = ()) -> dict[str, str | bytes]:
-    """Decide all statements anew, and return the committed documents.
+    """Decide all statements on ``folder`` anew, and return the committed documents; ``files`` are those that decide.
 
-    Parameters
-    ----------
-    folder, readme : str
-        The folder of results, and the path of README.
-    integrators : sequence of str
-        Names of the methods for statements about all methods.
-    files : sequence of str
-        The files of the results for decisions.
-
-    Returns
-    -------
-    dict
-        ``recorded``, the results that decide, as a zip file; ``document``, the verdicts as JSON; ``page``; ``readme``.
-
-    Raises
-    ------
-    NearharmonicError
-        A statement is not decided.
+    They are ``recorded``, the results that decide, as a zip file; ``document``, the verdicts as JSON; ``page``; and
+    ``readme``. A statement that is not decided is a NearharmonicError.
     """
     text = str(decided(folder, integrators)["document"])
     undecided = [f"{entry['id']} ({entry['value']})" for entry in json.loads(text) if entry["verdict"] == OPEN]

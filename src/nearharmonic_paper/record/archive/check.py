@@ -54,17 +54,7 @@ def faults_of_archive(path: str | os.PathLike[str]) -> list[str]:
 
     The seal covers every byte of the file and is checked first: any change is detected, and a file without a seal is
     not interpreted. Then each file is compared with the metadata of the crate and with the manifest; if the seal is
-    broken, this finds the damaged files.
-
-    Returns
-    -------
-    list of str
-        Faults, one sentence each; [] if there are none.
-
-    Raises
-    ------
-    ResultFileError
-        The file does not exist or cannot be read.
+    broken, this finds the damaged files. Each fault is a sentence; a file that cannot be read is a ResultFileError.
     """
     place = Path(path)
     try:

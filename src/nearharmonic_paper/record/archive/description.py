@@ -162,10 +162,7 @@ def format_of(path: str) -> tuple[str, str]:
 def document(name: str) -> bytes:
     """Return the file ``name``, one of :data:`DOCUMENTS`, from the source tree or else from the installed package.
 
-    Raises
-    ------
-    ResultFileError
-        The file is in neither of them.
+    It is a ResultFileError if it is in neither of them.
     """
     places = [_SOURCE_TREE / name] if (_SOURCE_TREE / "pyproject.toml").is_file() else []
     places += [file for file in _installed(name) if ".dist-info/" in str(file)]
@@ -179,10 +176,7 @@ def document(name: str) -> bytes:
 def workflow_root() -> Path:
     """Return the folder with the files of the workflow: that of the sources, or ``share/nearharmonic`` of a wheel.
 
-    Raises
-    ------
-    SettingError
-        There is none.
+    It is a SettingError if there is none.
     """
     if (_SOURCE_TREE / WORKFLOW).is_file() and (_SOURCE_TREE / "workflow").is_dir():
         return _SOURCE_TREE
@@ -213,33 +207,17 @@ def workflow_files() -> list[Member]:
     root = workflow_root()
     paths = [root / WORKFLOW, *sorted(root.glob("workflow/**/*"))]
     names = [path.relative_to(root).as_posix() for path in paths if path.is_file() and "__pycache__" not in path.parts]
-    return [
-        Member.of_bytes(
-            name, (root / name).read_bytes(), f"File of the workflow of nearharmonic, {format_of(name)[1]}."
-        )
-        for name in names
-    ]
+    says = "File of the workflow of nearharmonic"
+    return [Member.of_bytes(name, (root / name).read_bytes(), f"{says}, {format_of(name)[1]}.") for name in names]
 
 
 @dataclass(frozen=True)
 class Archive:
-    """What all descriptions of an archive tell.
-
-    Attributes
-    ----------
-    result : str
-        Name of the result.
-    runs : sequence of mapping
-        The history, oldest first; at least one run.
-    left_out : int
-        Number of trajectory files that are not in the archive.
-    cited : mapping
-        Content of ``CITATION.cff``.
-    """
+    """What all descriptions of an archive tell: the history, oldest first, has at least one run."""
 
     result: str
     runs: Sequence[Run]
-    left_out: int
+    left_out: int  # trajectory files that are not in the archive
     cited: Mapping[str, Any] = field(default_factory=citation)
 
     @property
@@ -264,21 +242,10 @@ class Archive:
 
 
 def metadata(about: Archive, members: Sequence[Member], configs: Mapping[str, str]) -> bytes:
-    """Describe the files and the runs of an archive.
+    """Describe the files and the runs of an archive: RO-Crate JSON-LD in UTF-8, with sorted keys and entities.
 
-    Parameters
-    ----------
-    about : Archive
-        What all descriptions tell.
-    members : sequence of Member
-        All files of the archive except the metadata and their preview; the workflow is among them.
-    configs : mapping
-        Path in the archive of the config of each run, by the id of the run.
-
-    Returns
-    -------
-    bytes
-        RO-Crate JSON-LD in UTF-8, with sorted keys and entities.
+    ``members`` are all files except the metadata and their preview. ``configs`` are the paths in the archive of the
+    configs of the runs, by the id of the run.
     """
     from rocrate.rocrate import ROCrate
 

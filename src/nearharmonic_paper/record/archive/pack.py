@@ -24,8 +24,8 @@ from nearharmonic_paper.record.files import manifest
 from nearharmonic_paper.record.files.trusted import is_edited, recorded_digests
 from nearharmonic_paper.tasks.code.user_sources import files_of
 
-#: Folder of the trajectories, which an archive includes only on request, and of users' Python files.
-RUNS, USER_FILES = "runs", "user_files"
+#: Folder of users' Python files in an archive.
+USER_FILES = "user_files"
 #: The date of every member, the earliest that a zip file can hold.
 DATE = (1980, 1, 1, 0, 0, 0)
 
@@ -72,19 +72,8 @@ def save(
 ) -> Path:
     """Write the result in ``folder`` as an archive, atomically.
 
-    The caller calls :func:`reasons_against` first. Digests are checked again while files are copied.
-
-    Parameters
-    ----------
-    folder, place
-        As for :func:`target`; an existing file is replaced.
-    with_runs
-        True to include the trajectories below ``runs/``.
-
-    Returns
-    -------
-    Path
-        The file.
+    The caller calls :func:`reasons_against` first. Digests are checked again while files are copied. An existing file
+    is replaced. ``with_runs`` includes the trajectories below ``runs/``.
 
     Raises
     ------
@@ -108,10 +97,7 @@ def save(
 def target(folder: str | os.PathLike[str], place: str | os.PathLike[str] | None) -> Path:
     """Return the file for an archive of the result in ``folder``; by default its name in the working directory.
 
-    Raises
-    ------
-    SettingError
-        ``place`` has another ending, or it is a folder, or it lies in ``folder``.
+    A ``place`` with another ending than .zip, that is a folder, or that lies in ``folder``, is a SettingError.
     """
     result = Path(folder).absolute()
     zipped = Path(f"{result.name}.zip" if place is None else place)
@@ -128,7 +114,7 @@ def _members(result: Path, *, with_runs: bool) -> list[Member]:
     if not runs:
         raise ResultFileError(_no_history(result))
     recorded = manifest.read(result)["files"]
-    taken = {path: entry for path, entry in recorded.items() if with_runs or PurePosixPath(path).parts[0] != RUNS}
+    taken = {path: entry for path, entry in recorded.items() if with_runs or not path.startswith("runs/")}
     about = Archive(result.name, runs, len(recorded) - len(taken))
     user_files = UserFiles(recorded.values(), recorded_digests(result))
     configs, texts = _configs(runs, user_files)
@@ -230,10 +216,7 @@ class UserFiles:
     def members(self) -> list[Member]:
         """Return the members of an archive for these files and the files that they import.
 
-        Raises
-        ------
-        ResultFileError
-            A file cannot be read, or its code is not that of the recorded digest: a manifest may name any file.
+        A manifest may name any file: one whose code is not that of the recorded digest is a ResultFileError.
         """
         members = {}
         for path in self._paths():

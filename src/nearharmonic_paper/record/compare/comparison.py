@@ -23,14 +23,9 @@ ORIGIN = ("setting", "code", "coefficients", "version")
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """Differences between two results.
+    """Differences between two results: claims first, then the provenance, then cubes and tables.
 
-    Attributes
-    ----------
-    differences : tuple of Difference
-        Claims with different verdicts first, then the provenance, then cubes and tables.
-    left_out : tuple of str
-        Files and variables that hold measured times and are not compared.
+    ``left_out`` are files and variables that hold measured times and are not compared.
     """
 
     differences: tuple[Difference, ...]

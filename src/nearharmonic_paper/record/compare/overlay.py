@@ -27,19 +27,9 @@ LARGEST_ERROR = 10.0
 
 
 def save_overlay(results: Mapping[str, Path], place: str) -> Path:
-    """Draw the energy errors of two results and write the figure.
+    """Draw the energy errors of two results, folders by the names in the legend, and write the figure.
 
-    Parameters
-    ----------
-    results : mapping of str to Path
-        Names of the two results, for the legend, and their folders.
-    place : str
-        The file; its ending, one of :data:`FIGURES`, is its format.
-
-    Raises
-    ------
-    SettingError
-        Another ending, or no system of which both have a cube.
+    Another ending of the file than :data:`FIGURES`, or no system of which both have a cube, is a SettingError.
     """
     path = Path(place)
     if path.suffix not in FIGURES:
@@ -57,12 +47,7 @@ def save_overlay(results: Mapping[str, Path], place: str) -> Path:
 def overlay(results: Sequence[str], pairs: Mapping[str, Sequence[xr.Dataset]]) -> Figure:
     """Draw a row of panels for each system, maximum on the left and mean on the right.
 
-    Parameters
-    ----------
-    results : sequence of str
-        Names of the two results.
-    pairs : mapping
-        ``pairs[system]``: the cubes of both, over (integrator, tau_per_stage).
+    ``pairs[system]`` are the cubes of both results, over (integrator, tau_per_stage).
     """
     labels: dict[str, str] = {}
     for cube in (cube for pair in pairs.values() for cube in pair):

@@ -32,19 +32,9 @@ _ALLOWED = "comparisons, and, or, not, + - * /, numbers, texts in quotes, column
 
 
 def rows_where(text: str, columns: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the mask of the rows that fulfil a condition.
+    """Return the mask of the rows that fulfil a condition, such as ``max_energy_error < 1e-9 and status == 'ok'``.
 
-    Parameters
-    ----------
-    text : str
-        The condition, such as ``max_energy_error < 1e-9 and status == 'ok'``. A comparison with NaN is false.
-    columns : mapping
-        Arrays of numbers or of texts, of the same length, by name.
-
-    Returns
-    -------
-    ndarray of bool
-        One for each row.
+    Columns are arrays of numbers or of texts, of the same length. A comparison with NaN is false.
 
     Raises
     ------
