@@ -126,18 +126,7 @@ def test_timings_over_another_interval_are_left_out(tmp_path):
 def test_text_has_setting_evaluations_time_ratio_and_error_of_methods(results):
     text = text_of(recommend("sho", 1e-7, measure="mean", results=results)).splitlines()
     assert text[0] == "simple harmonic oscillator, t = 500: mean of |H - H0|/|H0| <= 1e-07"
-    assert text[1].split() == [
-        "rank",
-        "method",
-        "kind",
-        "tau",
-        "tolerance",
-        "sums",
-        "evaluations",
-        "ms",
-        "ratio",
-        "error",
-    ]
+    assert " ".join(text[1].split()) == "rank method kind tau tolerance sums evaluations ms ratio error"
     assert text[2].split() == ["1", "LUCKY", "peer", "-", "0.001", "-", "100", "1e-06", "1", "5e-11"]
     assert text[3].split() == ["2", "THEIRS", "peer", "-", "1e-09", "-", "300", "2e-06", "2", "1e-12"]
     assert "not run: ABSENT (not installed)" in text

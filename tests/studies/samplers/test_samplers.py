@@ -12,9 +12,9 @@ import xarray as xr
 import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.numerics.compiled import Normal
-from nearharmonic_studies.samplers.chains.effective import covariances, enough, student, time_of
+from nearharmonic_studies.samplers.chains.effective import costs, covariances, enough, error_of, student, time_of
 from nearharmonic_studies.samplers.chains.loops import Chance, chance, loop_for, run
-from nearharmonic_studies.samplers.gaussian import moments, power, steps_matrix
+from nearharmonic_studies.samplers.gaussian import efficiency, moments, power, spectrum, steps_matrix
 from nearharmonic_studies.samplers.reductions import reduction
 from nearharmonic_studies.samplers.search.training import Proposals, _squares, methods_of
 from nearharmonic_studies.samplers.settings import SamplersSettings
@@ -51,6 +51,19 @@ def test_gaussian_acceptance_and_jumps_are_those_of_random_proposals():
     assert (np.abs(squares.mean(axis=0) - jumps) < 5 * squares.std(axis=0) / len(z) ** 0.5).all()
 
 
+@pytest.mark.slow
+def test_gaussian_gradients_are_those_of_a_chain():
+    """A chain of the package on the Gaussian, b = 0, at the step and length of the exact result: 5 standard errors."""
+    target = quartic(100, strength=0.0)
+    on, tau, length = spectrum(100, 10.0), 0.8, 6.0
+    exact = efficiency(nh.integrators["bcss_s4"], 4 * tau, length, on)
+    drawn = chance(Normal([1]), 4000, 100)
+    start = target.start(Normal([2]))
+    chain = run(target, loop_for(target), nh.integrators["bcss_s4"], 4 * tau, length, start, drawn)
+    accepted = np.minimum(1, np.exp(-chain.changes))
+    assert abs(chain.acceptance() - exact.acceptance) < 5 * accepted.std() / 4000**0.5 + 2e-3  # nine lengths for all
+
+
 def autoregressive(random, correlation, shape):
     """Chains of variance 1 whose neighbours have this correlation."""
     noise = random.normal(size=shape) * (1 - correlation**2) ** 0.5
@@ -77,6 +90,15 @@ def test_as_many_lags_are_formed_as_the_sums_need():
         assert (found.shape[1] < every.shape[1]) == fewer
         for kept in (slice(None), slice(1, None), slice(0, -1)):
             assert time_of(found[kept].mean(axis=0)) == pytest.approx(time_of(every[kept].mean(axis=0)), rel=1e-12)
+
+
+@pytest.mark.slow
+def test_standard_error_is_the_spread_of_repeated_measurements():
+    """A spread of 80 repetitions has an error of 8 %; the jackknife errs on the large side by up to a third."""
+    random = np.random.default_rng(5)
+    values = [costs(autoregressive(random, 0.7, (16, 400))[..., None], np.ones(16)) for _ in range(80)]
+    spread = np.std([one[0] for one in values])
+    assert 0.84 < np.mean([error_of(one) for one in values]) / spread < 1.4
 
 
 def test_student_is_that_of_the_table():

@@ -13,9 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mpmath import cbrt, mp, mpf
 
-from nearharmonic.exact.newton import prove
+from nearharmonic.exact.newton import Proof, prove
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.search import RandomStarts
+from nearharmonic_paper.experiments.derivation import isolated
 from nearharmonic_paper.experiments.derivation.conditions import Equations, agreeing_decimals, polish
 from nearharmonic_paper.experiments.derivation.elimination import eliminate, reduced_system
 from nearharmonic_paper.experiments.derivation.families import PRINTED, UNIQUE, agreement
@@ -222,3 +223,10 @@ def test_candidate_that_does_not_converge_is_reported_with_residual_reached():
     outcome = _root(Equations(4, 5), [0.3, 0.2, 0.4], digits=50, hits=1, eliminated=False)
     assert isinstance(outcome, str)
     assert re.fullmatch(r"\(0\.3\d+, .*\): Newton's method reached a residual of \d.*, not 1e-50", outcome)
+
+
+def test_candidate_without_proof_is_no_root(monkeypatch, five):
+    start = five.equations.halved(*([mpf(c) for c in row] for row in (five.roots[0].outer, five.roots[0].inner)))
+    monkeypatch.setattr(isolated, "prove", lambda *_, **__: Proof(False, mpf("1e-3"), mpf(2)))
+    outcome = _root(five.equations, start, digits=30, hits=1, eliminated=False)
+    assert str(outcome).endswith("no proof within 0.001: the image of Krawczyk's test reaches 2.0")

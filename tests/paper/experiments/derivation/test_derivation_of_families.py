@@ -16,7 +16,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.numerics.search import RandomStarts
 from nearharmonic.theory.oscillator import harmonic_energy_error
 from nearharmonic_paper.experiments.derivation.conditions import Equations, polish
-from nearharmonic_paper.experiments.derivation.families import PRINTED, UNIQUE, printed_point
+from nearharmonic_paper.experiments.derivation.families import PRINTED, UNIQUE, printed_point, rank_printed
 from nearharmonic_paper.experiments.derivation.isolated import reach
 from nearharmonic_paper.experiments.derivation.run import derive
 from nearharmonic_paper.experiments.derivation.search.simplex import Simplex, _Objective, minimise, promising_starts
@@ -54,6 +54,18 @@ def test_the_rank_drops_where_two_unknowns_act_alike():
     # With every coefficient but the centres 0 the step is Strang's, and outer unknowns cannot be told from inner ones.
     rank, pivots = rank_and_pivots(Equations(7, 8).jacobian, [Fraction(0)] * 6)
     assert rank == len(pivots) < 6
+
+
+def test_rank_of_printed_set_is_that_among_members_of_its_family():
+    (ranking,) = rank_printed(["babs7o7h"], RandomStarts(1000, SEED, bound=5.0))
+    assert ranking.members > 50
+    # Numbers of the printed set itself, from its strings.
+    tableau = integrators["babs7o7h"]
+    assert ranking.sum_of_absolute_values == pytest.approx(sum(abs(float(c)) for c in tableau.kick + tableau.drift))
+    assert ranking.smaller_sum < 0.05
+    assert ranking.better_in_all <= round(min(ranking.smaller_sum, *ranking.smaller_higher) * ranking.members)
+    assert min(ranking.sum_slope, ranking.higher_slope) > 1e-3
+    assert ranking.nearest < 0.1
 
 
 def test_members_of_a_family_solve_its_conditions():

@@ -170,7 +170,8 @@ def _of_each(function: Callable[..., Any], *columns: xr.DataArray, outputs: int 
     for i in range(methods.size):
         parts = [column.isel(integrator=i) for column in columns]
         kept = [part.dropna("sample", how="all") if "sample" in part.dims else part for part in parts]
-        found.append(function(*(part.values for part in kept)))
+        # In the order of C, on which the last bits of sums depend.
+        found.append(function(*(part.values.copy(order="C") for part in kept)))
     if outputs == 1:
         return methods.copy(data=np.array(found, dtype=float))
     return [methods.copy(data=np.array(column, dtype=float)) for column in zip(*found, strict=True)]
