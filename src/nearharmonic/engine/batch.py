@@ -1,9 +1,5 @@
 """Many runs of one system and one tableau through the compiled kernel: exact settings in, numpy arrays out.
 
-Runs of processed methods: the start by the inverse processor, steps of the kernel, each sample by the processor.
-
-The energy is that of the processed states, and is measured at the samples.
-
 Runs of regularised systems: equal steps of a fictitious time, samples that land on physical times.
 """
 
@@ -44,52 +40,6 @@ from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
     from nearharmonic.core.machine.native import PreparedCall
-
-
-def processed_call(
-    batch: Batch, kernel: Batch, first: Batch, last: Batch, reference: tuple[float, float]
-) -> Callable[[], None]:
-    """Return a call of the three batches of a processed method, which fills the arrays of ``batch``.
-
-    ``kernel``, ``first`` and ``last`` are runs of the kernel, of the inverse processor from each start, and of the
-    processor from each sample. The moves of ``batch`` are theirs in this order, one behind the other.
-    """
-    parts = kernel, first, last
-    given = np.split(batch.moves, np.cumsum([part.moves.shape[1] for part in parts[:-1]]), axis=1)
-    inner, before, behind = (part.filled for part in parts)
-    marks, _, states, error, worst, total, energy, running = batch.filled
-
-    def call() -> None:
-        for part, moves in zip(parts, given, strict=True):
-            part.moves[:] = moves
-        first.start[:] = batch.start
-        first.clear()
-        first.call()
-        kernel.start[:] = before.states[:, 1]
-        kernel.results.fill(np.nan)
-        kernel.call()
-        last.start[:] = inner.states.reshape(last.start.shape)
-        if len(batch.parameters) > 1:  # one row is shared by all batches
-            last.parameters[:] = np.repeat(batch.parameters, marks.shape[1], axis=0)
-        last.clear()
-        last.call()
-        states[:] = behind.states[:, 1].reshape(states.shape)
-        states[:, 0] = batch.start
-        running[:] = inner.running
-        measure()
-
-    def measure() -> None:
-        """Measure the energies of processed states."""
-        energy[:] = before.energy if isnan(reference[0]) else reference
-        high, low = (behind.energy[:, k].reshape(marks.shape) - energy[:, k, None] for k in (0, 1))
-        error[:] = (high + low) + behind.energy_error[:, 1].reshape(error.shape)
-        start = before.energy - energy
-        error[:, 0] = start[:, 0] + start[:, 1]
-        worst[:] = np.abs(error)
-        total[:] = np.where(marks > 0, worst, 0.0)
-        worst[:, 0] = 0.0
-
-    return call
 
 
 @remembered
@@ -251,7 +201,39 @@ def _prepared_processed(
     first = part(before, every, single_steps(len(marks)))
     last = part(behind, each, single_steps(each.size))
     batch = replace(kernel, moves=moves, start=start.copy(), results=np.empty_like(kernel.results))
-    return replace(batch, call=processed_call(batch, kernel, first, last, reference))
+    parts = kernel, first, last
+    columns = np.split(moves, np.cumsum([part.moves.shape[1] for part in parts[:-1]]), axis=1)
+    found, at_start, at_samples = batch.filled, first.filled, last.filled
+
+    def call() -> None:
+        """Start from the inverse processor, make the steps of the kernel, and process each sample."""
+        for part, rows in zip(parts, columns, strict=True):
+            part.moves[:] = rows
+        first.start[:] = batch.start
+        first.clear()
+        first.call()
+        kernel.start[:] = at_start.states[:, 1]
+        kernel.results.fill(nan)
+        kernel.call()
+        last.start[:] = kernel.filled.states.reshape(last.start.shape)
+        if len(batch.parameters) > 1:  # one row is shared by all batches
+            last.parameters[:] = np.repeat(batch.parameters, marks.shape[1], axis=0)
+        last.clear()
+        last.call()
+        found.states[:] = at_samples.states[:, 1].reshape(found.states.shape)
+        found.states[:, 0] = batch.start
+        found.running[:] = kernel.filled.running
+        # The energy is that of the processed states, and is measured at the samples.
+        found.energy[:] = at_start.energy if isnan(reference[0]) else reference
+        high, low = (at_samples.energy[:, k].reshape(marks.shape) - found.energy[:, k, None] for k in (0, 1))
+        found.energy_error[:] = (high + low) + at_samples.energy_error[:, 1].reshape(marks.shape)
+        begin = at_start.energy - found.energy
+        found.energy_error[:, 0] = begin[:, 0] + begin[:, 1]
+        found.worst[:] = np.abs(found.energy_error)
+        found.total[:] = np.where(marks > 0, found.worst, 0.0)
+        found.worst[:, 0] = 0.0
+
+    return replace(batch, call=call)
 
 
 def integrate_batch(

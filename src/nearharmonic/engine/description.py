@@ -226,10 +226,12 @@ def run_attributes(problem: Setup, begin: Start, asked_tau: float) -> dict[str, 
 
 def problem_attributes(problem: Setup) -> dict[str, Any]:
     """Return the attributes of a Dataset: system, method and settings."""
+    tableau = problem.tableau
+    told = tableau.name in integrators and integrators.entry(tableau.name).label == tableau.label  # users' may not be
     notes = {
         "system": problem.system.name,
-        "integrator": problem.tableau.name,
-        **({} if _has_registered_label(problem.tableau) else {"label": problem.tableau.label}),
+        "integrator": tableau.name,
+        **({} if told else {"label": tableau.label}),
         **({} if problem.tableau.implicit else {"first": problem.tableau.first}),
         "t_end": problem.t_end,
         "precision": problem.numerics.precision,
@@ -244,11 +246,6 @@ def problem_attributes(problem: Setup) -> dict[str, Any]:
     if problem.numerics.exact_oscillator:
         notes["split"] = problem.numerics.split
     return notes
-
-
-def _has_registered_label(tableau: Any) -> bool:
-    """Return True if the name of a method tells its label; a method of a user may have a registered name."""
-    return tableau.name in integrators and integrators.entry(tableau.name).label == tableau.label
 
 
 def kernel_in_words(problem: Setup) -> str:

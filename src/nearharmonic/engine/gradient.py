@@ -226,7 +226,7 @@ def gradient(
     end = np.stack([paths.q[:, -1], paths.q_low[:, -1], paths.p[:, -1], paths.p_low[:, -1]], axis=1)
     slopes = function.derivatives(problem, end[..., : subject.dimension], given)
     back = backward.run(steps, count + 1 if coefficients else 2, start=_behind(subject, end, slopes, given))
-    variables = _derivatives(problem, slopes, back) | _round_trip(problem, rows, back)
+    variables = _derivatives(problem, back) | _round_trip(problem, rows, back)
     if coefficients:
         variables |= _by_coefficient(problem, backward, float(problem.end) / count, back)
     d, units = subject.dimension, subject.units
@@ -297,7 +297,7 @@ def _behind(system: System, end: Floats, slopes: Floats, parameters: Floats) -> 
     return rows.reshape(len(end), -1)
 
 
-def _derivatives(problem: Setup, slopes: Floats, back: Any) -> Variables:
+def _derivatives(problem: Setup, back: Any) -> Variables:
     """Return the derivatives that the end of the run backwards holds: J times its deviation, and pi - chi."""
     system = problem.system
     d, E, count = system.dimension, problem.states_dimension, len(system.parameters)

@@ -58,7 +58,7 @@ def deviations_dataset(
     error, H0 = energy_errors(problem, found.states, begin.parameters, begin.reference[0])
     left_at = left_energy_surface(problem, error, kept, found.left_at)
     gone = (left_at[:, None] > 0) & (kept >= left_at[:, None])
-    rate = described_rate(unit)
+    rate = "1" if unit == "1" else f"1/{unit}"
     with np.errstate(all="ignore"):
         exponent, spectrum = found.growth[..., 0] / elapsed, found.stretching / elapsed[:, None]
         own = (found.growth[:, -1, 0] - found.growth[:, 0, 0]) / abs(times[-1])
@@ -133,11 +133,6 @@ def end_variables(found: Evolution, exponent: Floats, left_at: Integers, t_end: 
         "deviation_q": (over, deviations[..., :d], described("q-part of the final deviation of length 1")),
         "deviation_p": (over, deviations[..., d:], described("p-part of the final deviation of length 1")),
     }
-
-
-def described_rate(unit: str) -> str:
-    """Return the unit of an exponent for this unit of time."""
-    return "1" if unit == "1" else f"1/{unit}"
 
 
 def energy_errors(problem: Setup, states: Floats, parameters: Floats, reference: Any) -> tuple[Floats, Floats]:

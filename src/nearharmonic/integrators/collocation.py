@@ -49,6 +49,9 @@ class Collocation(OneStepMethod):
     benchmarked = modified = processed = first_same_as_last = False
     digits = DIGITS
     requires = processor = harmonic_order = generalised_order = None
+    # There are no kicks and drifts. A walk through the registry finds empty rows.
+    first = "drift"
+    kick = drift = square = outer = inner = ()
 
     def __post_init__(self, aliases: tuple[str, ...]) -> None:
         object.__setattr__(self, "aliases", aliases)

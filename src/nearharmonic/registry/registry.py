@@ -79,6 +79,7 @@ class Registry(Mapping[str, Entry]):
         self._definitions: dict[str, Definition[Entry]] = {}
         self._made: dict[str, Entry] = {}
         self._covered: tuple[frozenset[str], frozenset[str]] | None = None
+        self.__doc__ = self._package.__doc__
         sys.modules[package] = cast("ModuleType", self)
 
     @cached_property

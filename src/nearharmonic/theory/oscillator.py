@@ -89,16 +89,13 @@ def kappa(
     >>> [f"{float(term):.3f}" for term in nh.kappa("leapfrog", 4)]
     ['0.000', '0.000', '1.000', '1.000']
     """
-    if not _is_number_of_terms(highest):
+    number: Any = highest  # a user may pass anything
+    if not (is_real(number) and isinstance(number, Integral) and 1 <= int(number) <= MOST_TERMS):
         raise bad_setting("highest", highest, f"an integer >= 1, and at most {MOST_TERMS}")
     tableau = tableau_of(integrator, first)
     terms = zeta(tableau, variable=variable)
     with mp.workdps(max(mp.dps, tableau.digits + 10)):
         return [as_mpf(abs(error)) for error in _errors(terms, int(highest), variable)]
-
-
-def _is_number_of_terms(value: Any) -> bool:
-    return is_real(value) and isinstance(value, Integral) and 1 <= int(value) <= MOST_TERMS
 
 
 def zeta(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from nearharmonic.systems import systems
 from nearharmonic_paper.tasks.declarations import figures_of
 from nearharmonic_paper.tasks.experiment import experiments
 
@@ -14,6 +15,12 @@ DECOMPOSED = ("aba864", "babs7o7h")
 ON_CRYSTALS = ("leapfrog", "bcss_s4", "babs7o7h", "trained_light")
 SAMPLING = ("leapfrog", "bcss_s4", "babs7o7h")
 SYSTEMS = ("sho", "henon_heiles", "kepler")
+#: Intervals of the systems that structure is measured on: those of the tiny config, or the systems' own.
+STRUCTURE_T_END = {
+    name: system.t_end
+    for name, system in systems.items()
+    if not system.time_dependent and system.regularisation is None
+} | {"sho": "20", "henon_heiles": "25", "kepler": "4383"}
 
 
 def figures(*stems):
@@ -34,7 +41,7 @@ _NAMES = {
     "system": SYSTEMS, "integrator": METHODS, "shard": ("0", "1"), "purpose": ("light", "modified"),
     "ensemble": ("henon_heiles", "kepler", "rounding"), "crystal": ("argon", "chain"),
     "family": ("4_kick",), "target": ("lattice", "mesquite"),
-    "autonomous": ("sho", "henon_heiles", "kepler", "relativistic_oscillator"),
+    "autonomous": tuple(STRUCTURE_T_END),
 }  # fmt: skip
 _OF_EXPERIMENTS = {
     one.target: {name for name in one.files(**_NAMES) if "regularised_times" not in name}
@@ -68,8 +75,6 @@ TARGETS["all"] |= RUNS_OF["paper"] | CUBES
 #: All but the searches, which take longer than the rest together.
 TARGETS["everything"] = set().union(*TARGETS.values()) - (TARGETS["trained"] - TARGETS["trained_proof"])
 
-#: Intervals of the systems that structure is measured on, on the tiny config.
-STRUCTURE_T_END = {"sho": "20", "henon_heiles": "25", "kepler": "4383", "relativistic_oscillator": "500"}
 MADE = TARGETS["everything"].union(TARGETS["trained"], CUBES, *RUNS_OF.values())
 #: Target -> all files that are there after it. The figure, alone, takes runs of one system.
 MADE_BY = {

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import inspect
 import json
-import math
 import re
 from decimal import Decimal
 from fractions import Fraction
@@ -36,17 +35,11 @@ def endless(q):
 
 
 DECLARATIONS = {
-    "no number": ({"V": lambda q: None}, "V returns None, expected one number: is a return missing?"),
     "array": ({"V": lambda q: np.array([q[0]])}, "V returns an object of type ndarray"),
     "complex": ({"V": lambda q: 1j}, "V returns an object of type complex"),
     "not finite": ({"V": lambda q: q[0] + float("nan")}, "V contains the number nan"),
     "too large an integer": ({"V": lambda q: q[0] * 10**400}, "larger than any double"),
-    "exploding": ({"V": lambda q: q[0] ** 100000}, "power 100000, more than 1024 factors"),
-    "function of math": ({"V": lambda q: math.sin(q[0])}, "nearharmonic.math"),
-    "branch": ({"V": lambda q: q[0] if q[0] > 0 else -q[0]}, "must not branch"),
-    "no such coordinate": ({"V": lambda q: q[1]}, "V raises IndexError: tuple index out of range: q has 1 component"),
     "endless": ({"V": endless}, "V raises RecursionError"),
-    "wrong gradient": ({"grad_V": lambda q: (-q[0],)}, "grad_V[0] contradicts V"),
     "short gradient": ({"grad_V": lambda q: ()}, "grad_V returns 0 components"),
     "tiny mass": ({"masses": ("1e-400",)}, "no double holds its inverse"),
     "huge start": ({"q0": ("1e400",)}, "q0[0] = '1e400' is larger than any double"),
@@ -58,8 +51,6 @@ DECLARATIONS = {
         {"observables": {"x": nh.Observable(**OBSERVED)}},
         "the observable x cannot be evaluated",
     ),
-    "two numbers of coordinates": ({"q0": ("1", "2")}, "q0 has 2 components and p0 1"),
-    "missing unit": ({"units": {"q": "m", "p": "m"}}, "units lack 't'"),
     "no time": ({"time_dependent": True}, "V takes (q), and is called as V(q, t)"),
 }
 

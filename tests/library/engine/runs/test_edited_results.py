@@ -252,12 +252,6 @@ def test_transposed_results_go_on_and_single_precision_is_refused(how):
         rest(single, **how)
 
 
-def test_results_in_chunks_of_dask_go_on():
-    pytest.importorskip("dask")
-    whole = nh.integrate("henon_heiles", "aba864", 0.1, t_end=10, samples=2)
-    assert_equal(rest(first().chunk())[LAST], whole[LAST])
-
-
 @pytest.mark.parametrize("how", HOW.values(), ids=HOW)
 @pytest.mark.parametrize("method", ["rowlands", "ruth"])
 def test_errors_of_continued_run_cover_its_own_samples(method, how):

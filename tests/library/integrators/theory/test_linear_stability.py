@@ -83,14 +83,6 @@ def test_stability_edges_are_distinguished_in_30_digits():
     assert all(beside(name, stability_limit(name)) for name in gaps)
 
 
-@pytest.mark.long
-@EVERY_METHOD
-def test_a_scan_finds_instability_in_the_gaps_alone(name):
-    gaps, tableau = stability_gaps(name), integrators[name]
-    for tau in linspace(mpf("0.01"), 2 * gaps[-1][0], 300):
-        assert (abs(trace(tableau, tau)) > 2) == any(start < tau < end for start, end in gaps)
-
-
 @pytest.mark.parametrize(("name", "limit"), KNOWN_LIMITS.items())
 def test_the_limits_agree_with_those_found_by_another_program(name, limit):
     assert abs(stability_limit(name) - mpf(limit)) < mpf("6e-10")  # its tenth digit
