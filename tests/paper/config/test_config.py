@@ -72,6 +72,7 @@ def test_decimal_strings_are_numbers_for_yaml_misreads_1e_4():
         ("integrators", [], "integrators = [] is not allowed: a list of at least one integrator"),
         ("integrators", "ruth", "integrators = 'ruth' is not allowed: a list"),
         ("integrators", ["ruth", "ruth"], "each named once"),
+        ("integrators", ["ruth", "forest_ruth"], "each integrator named once"),
         ("integrators", ["ruth", 3], "integrators[1] = 3 is not allowed: the name of an integrator"),
         ("integrators", ["rut"], "integrators: unknown integrator 'rut'. Did you mean 'ruth'? Nearest of 89: ruth, "),
         ("background", "none", "background = 'none' is not allowed: one of white, transparent"),

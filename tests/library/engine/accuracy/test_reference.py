@@ -6,11 +6,12 @@ import dataclasses
 from math import inf, nan
 
 import mpmath
+import numpy as np
 import pytest
 from mpmath import cos, mpf
 
 from nearharmonic.engine import reference as reference_module
-from nearharmonic.engine.reference import position_t_end, reference
+from nearharmonic.engine.reference import Reference, position_t_end, reference
 from nearharmonic.errors import SettingError, SystemDefinitionError
 from nearharmonic.systems import systems
 from support.methods.own_systems import spring
@@ -89,3 +90,10 @@ def test_position_errors_are_relative_and_infinite_without_number():
 
 def test_a_system_is_not_taken_for_chaotic_by_its_name():
     assert position_t_end(spring("henon_heiles"), "500") == "500"
+
+
+def test_digits_below_a_double_count_on_both_sides():
+    exact = Reference(q=np.array([[1.0, 3e-17]]), scale=1.0, uncertainty=0.0, source="")
+    assert exact.error(np.array([1.0]), np.array([3e-17])) == 0
+    assert exact.error(np.array([1.0]), np.array([1e-17])) == pytest.approx(2e-17)
+    assert exact.error(np.array([1.0])) == pytest.approx(3e-17)
