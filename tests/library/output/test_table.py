@@ -26,6 +26,11 @@ def test_each_form_holds_the_digits_that_its_readers_see():
     assert TABLE.records()[1] == {"name": "c", "size": 2}
 
 
+def test_bar_in_a_cell_ends_no_cell_of_markdown():
+    table = Table(header=["x"], rows=[["|q| < 1"]], caption="Sizes.")
+    assert table.markdown().splitlines()[-1] == r"| \|q\| < 1 |"
+
+
 def test_bytes_are_the_same_with_and_without_wcwidth(monkeypatch):
     """Each cell is padded to its number of characters: a combining accent counts, a Chinese character counts once."""
     odd = Table(header=["name", "size"], rows=[["He\u0301non", 1], ["\u7cfb", 2], ["plain", 3]], caption="Odd.")

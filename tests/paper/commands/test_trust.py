@@ -173,6 +173,13 @@ def test_inner_block_cannot_allow_more_than_outer_block(evil):
         load_module(evil, "", UntrustedFileError)
 
 
+def test_file_with_the_name_of_a_trusted_one_is_not_run(evil, tmp_path):
+    from nearharmonic.registry.user_module import load as load_module
+
+    with trusting_only([tmp_path / "elsewhere" / evil.name]), pytest.raises(UntrustedFileError, match="is not run"):
+        load_module(evil, "", UntrustedFileError)
+
+
 def test_archive_takes_no_file_that_history_has_not_recorded(project, evil, capsys, monkeypatch):
     """A forged manifest names a private file, which would be published with the archive."""
     monkeypatch.setattr("nearharmonic_paper.record.archive.pack.reasons_against", lambda folder: [])

@@ -69,6 +69,7 @@ def test_decimal_strings_are_numbers_for_yaml_misreads_1e_4():
 @pytest.mark.parametrize(
     ("key", "value", "says"),
     [
+        ("integrators", ["ruth", "forest_ruth"], "each integrator named once"),
         ("integrators", ["ruth", 3], "integrators[1] = 3 is not allowed: the name of an integrator"),
         ("integrators", ["rut"], "integrators: unknown integrator 'rut'. Did you mean 'ruth'? Nearest of "),
         ("background", "none", "background = 'none' is not allowed: one of white, transparent"),

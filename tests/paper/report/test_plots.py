@@ -12,6 +12,7 @@ from bokeh.document import Document
 from bokeh.models import Span
 
 import nearharmonic as nh
+from nearharmonic_paper.experiments.paper.orbits.substeps import paper_panels
 from nearharmonic_paper.report.plots import energy_error
 from support.cubes import figure_cubes as made
 from support.cubes.page_reader import written
@@ -104,6 +105,13 @@ def test_a_run_that_left_its_surface_stands_on_the_edge(plots):
     for one in crosses:
         assert one.data_source.data["x"] == [made.TAU[-1]]
         assert one.data_source.data["status"] == ["diverged at step 321"]
+
+
+def test_path_of_figure_6_follows_q_in_drifts_and_p_in_kicks(plots):
+    for i, path in enumerate(paper_panels().values(), start=1):
+        glyphs = [one for one in plots[f"figure-6-panel-{i}"].renderers if type(one.glyph).__name__ == "MultiLine"]
+        (way,) = [one.data_source.data for one in glyphs if one.glyph.line_width == 1.0]
+        assert all(not np.diff(line)[::2].any() for line in way["p" if path.attrs["first"] == "drift" else "q"])
 
 
 def test_panels_of_figure_share_their_axes_and_figures_do_not(plots):

@@ -140,6 +140,14 @@ def test_coefficient_digest_distinguishes_methods_and_labels_but_not_remarks():
     assert coefficients_digest([replace(ruth, note="reworded", source="elsewhere")]) == coefficients_digest([ruth])
 
 
+@pytest.mark.parametrize("row", ["kick", "drift"])
+def test_coefficient_digest_covers_each_row(row):
+    rows = {"kick": ("0.4", "0.6"), "drift": ("0.4", "0.6", "0")}
+    plain = replace(integrators["leapfrog"], first="drift", symmetric=False, **rows)
+    changed = replace(plain, **{row: ("0.25", "0.75", *rows[row][2:])})
+    assert coefficients_digest([plain]) != coefficients_digest([changed])
+
+
 def test_coefficient_digest_does_not_depend_on_earlier_computations():
     rowlands = integrators["rowlands"]
     before = coefficients_digest([rowlands])

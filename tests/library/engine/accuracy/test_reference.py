@@ -6,11 +6,12 @@ import dataclasses
 from math import inf, nan
 
 import mpmath
+import numpy as np
 import pytest
 from mpmath import cos, mpf
 
 from nearharmonic.engine import reference as reference_module
-from nearharmonic.engine.reference import reference
+from nearharmonic.engine.reference import Reference, reference
 from nearharmonic.errors import SettingError, SystemDefinitionError
 from nearharmonic.systems import systems
 from support.methods.own_systems import spring
@@ -85,3 +86,10 @@ def test_position_errors_are_relative_and_infinite_without_number():
     exact = reference(systems["kepler"], "87660")
     assert exact.error(exact.q[:, 0] + [69.82, 0.0], exact.q[:, 1]) == pytest.approx(1.0, rel=1e-15)
     assert exact.error([nan, 0.0]) == inf
+
+
+def test_digits_below_a_double_count_on_both_sides():
+    exact = Reference(q=np.array([[1.0, 3e-17]]), scale=1.0, uncertainty=0.0, source="")
+    assert exact.error(np.array([1.0]), np.array([3e-17])) == 0
+    assert exact.error(np.array([1.0]), np.array([1e-17])) == pytest.approx(2e-17)
+    assert exact.error(np.array([1.0])) == pytest.approx(3e-17)

@@ -10,7 +10,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.training.question import orbit_of, question
-from nearharmonic.training.tailor import NoGainWarning, comparison, ensembles, tailored
+from nearharmonic.training.tailor import Gain, NoGainWarning, comparison, ensembles, tailored
 
 METHODS = tuple(nh.integrators[name] for name in ("babps8o7h", "babs7o7h", "ruth"))
 
@@ -78,6 +78,11 @@ def test_the_interval_is_the_bootstrap_of_scipy(held_out):
     sure = 0.2 * won.std() / np.sqrt(len(won))
     assert found.low == pytest.approx(interval.low, abs=sure)
     assert found.high == pytest.approx(interval.high, abs=sure)
+
+
+def test_what_may_be_a_loss_is_no_gain():
+    assert Gain(mean=0.2, low=0.01, high=0.4).is_one
+    assert not Gain(mean=0.2, low=-0.01, high=0.4).is_one
 
 
 def test_a_registered_method_gains_nothing_over_itself(held_out):

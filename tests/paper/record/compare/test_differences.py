@@ -144,6 +144,11 @@ def test_column_of_table_is_compared_with_all_its_digits(tmp_path):
     assert (dict(found.at), found.differ, found.compared) == ({"row": "q"}, 1, 2)
 
 
+def test_difference_in_a_table_is_relative_to_the_larger_number(tmp_path):
+    (found,) = tables(tmp_path, "name,x\np,1\n", "name,x\np,-4\n")
+    assert found.relative == 5 / 4
+
+
 def test_rows_belong_together_by_name_whatever_their_order(tmp_path):
     found = tables(tmp_path, "name,x\np,1\nq,2\nr,nan\n", "name,x\nr,nan\ns,7\np,4\n")
     assert [(d.kind, d.where, d.a, d.b) for d in found] == [
