@@ -20,7 +20,7 @@ from nearharmonic.engine.numbers import moves, parameter_row, start_row
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.math import cos, sin
 from nearharmonic.systems import System
-from nearharmonic_paper.experiments.work_precision.peers.heyoka import TOLERANCES, heyoka_taylor
+from nearharmonic_paper.experiments.work_precision.peers.heyoka import TAYLOR_TOLERANCES, heyoka_taylor
 
 T_END = 1000
 METHODS = ("aba864", "babps9o7h", "abas11o6_8h", "srkn_a14", "s15odr8")
@@ -72,7 +72,7 @@ def main() -> None:
     repeats = asked(__doc__, 10).repeats
     errors = (1e-6, 1e-9, 1e-12)
     ours = {name: fewest_steps(name, errors) for name in METHODS}
-    attempts = {tolerance: heyoka_taylor(PENDULUM, T_END, tolerance) for tolerance in TOLERANCES}
+    attempts = {tolerance: heyoka_taylor(PENDULUM, T_END, tolerance) for tolerance in TAYLOR_TOLERANCES}
     theirs = {tolerance: (energy_error(attempt.path()[0]), attempt) for tolerance, attempt in attempts.items()}
     for error in errors:
         best = contest(error, ours, theirs, repeats)
