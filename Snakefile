@@ -23,6 +23,7 @@ if CONFIGFILES == CONFIGS:
     configfile: CONFIGS[0]
 
 
+# A file an experiment. Those of sixth_order, crystals, samplers and trained call nearharmonic_studies, all others the paper.
 include: "workflow/rules/common.smk"
 include: "workflow/rules/paper.smk"
 include: "workflow/rules/henon_heiles.smk"

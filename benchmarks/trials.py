@@ -1,7 +1,7 @@
 """Cases of kills, damage, bad input, hostile results and numerical stress: how many were tried, held and failed.
 
 Run: ``python benchmarks/trials.py --quick`` for the cases of each change (two minutes), ``python benchmarks/trials.py``
-for all of them (hours). ``--page`` writes the table to ``docs/developers/trials.md``; the exit status is 1 if a case
+for all of them (hours). ``--page`` writes the table to ``docs/developers/testing.md``; the exit status is 1 if a case
 failed.
 """
 
@@ -17,7 +17,7 @@ from timing import parser_of, show
 
 from nearharmonic.output.page import pipes
 
-PAGE = "docs/developers/trials.md"
+PAGE = "docs/developers/testing.md"
 
 
 def measured(quick: bool) -> dict[str, dict[str, int]]:

@@ -344,7 +344,7 @@ class System:
 
     @cached_property
     def typical_energy(self) -> float:
-        """T(p0) + max |V(q0, t)| to two digits, over 17 times of the interval; 0 if V does not depend on time.
+        """T(p0) + max abs(V(q0, t)) to two digits, over 17 times of the interval; 0 if V does not depend on time.
 
         The energy at the start of a system that depends on time may be near 0 by accident.
         """

@@ -31,7 +31,7 @@ EXAMPLES = sorted(map(str, (ROOT / "examples").glob("*.py")))
 BENCHMARKS = {
     "timings": ["beyond_double", "kernels"], "samplers": ["samplers_in_libraries"], "stepper": ["stepper"],
     "formulas": ["functions"], "large_grids": ["large_grids"], "larger_systems": ["larger_systems"],
-    "trials": ["trials --quick", "trials"],
+    "testing": ["trials --quick", "trials"],
 }  # fmt: skip
 
 

@@ -136,7 +136,7 @@ LINES = {
     "larger_systems": {
         "steps": "| chain, 1024 sites | 1.2 µs | 0.7 µs | 20 µs | 1.1 µs | 2.2 µs | 10 µs | 5.6 s |",
     },
-    "trials": {"quick": "| kills | 12 | 11 | 1 |", "campaigns": "| kills | 12 | 11 | 1 |"},
+    "testing": {"quick": "| kills | 12 | 11 | 1 |", "campaigns": "| kills | 12 | 11 | 1 |"},
 }  # fmt: skip
 #: Command below benchmarks/ -> what it might measure, in seconds, those of kernels and functions in nanoseconds.
 MEASURED = {

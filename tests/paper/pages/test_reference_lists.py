@@ -1,4 +1,4 @@
-"""docs/developers/contracts.md: signatures, commands, statuses, dimensions and variables are those of the code."""
+"""Lists of docs/reference: signatures, commands, statuses, dimensions and variables are those of the code."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import nearharmonic as nh
 from nearharmonic import cli
 from support.results.stated_numbers import ROOT
 
-PAGE = (ROOT / "docs/developers/contracts.md").read_text(encoding="utf-8")
+NAMES = (ROOT / "docs/reference/api.md").read_text(encoding="utf-8")
+COMMANDS = (ROOT / "docs/reference/command_line.md").read_text(encoding="utf-8")
 #: Defaults that are written out.
 PLAIN = (str, int, float, tuple, type(None))
 DATASETS = {
@@ -44,10 +45,9 @@ def callables():
     return {name for name in nh.__all__ if inspect.isfunction(getattr(nh, name)) or isinstance(getattr(nh, name), type)}
 
 
-def rows(heading, columns):
-    """Cells of the table below a heading."""
-    section = PAGE[PAGE.index(f"## {heading}\n") :]
-    table = re.search(r"(?:^\|.*\n)+", section, re.MULTILINE)[0]
+def rows(page, head, columns):
+    """Cells of the table with this word at the head of its first column."""
+    (table,) = re.findall(rf"^\| {head} \|.*\n(?:\|.*\n)+", page, re.MULTILINE)
     return [[cell.strip() for cell in line.strip("|").split("|")][:columns] for line in table.splitlines()[2:]]
 
 
@@ -56,7 +56,7 @@ def words_in(cell):
 
 
 def test_signatures_are_those_of_the_functions():
-    (block,) = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
+    (block,) = re.findall(r"```text\n(.*?)```", NAMES, re.DOTALL)
     listed = re.sub(r"\n    \s*", " ", block).splitlines()
     expected = {signature(name) for name in callables() - {"NearharmonicError"}}
     assert set(listed) == expected
@@ -64,12 +64,12 @@ def test_signatures_are_those_of_the_functions():
 
 
 def test_names_without_signature_are_listed():
-    (sentence,) = re.findall(r"The names of `nearharmonic` itself are (.*?)\.\s", PAGE, re.DOTALL)
+    (sentence,) = re.findall(r"The\s+names of `nearharmonic` itself are (.*?)\.\s", NAMES, re.DOTALL)
     assert words_in(sentence) == set(nh.__all__) - (callables() - {"NearharmonicError"})
 
 
 def test_commands_are_those_of_the_page():
-    (sentence,) = re.findall(r"The commands are (.*?)\. Each", PAGE, re.DOTALL)
+    (sentence,) = re.findall(r"The commands are (.*?)\. Each", COMMANDS, re.DOTALL)
     assert re.findall(r"`([\w-]+)`", sentence) == list(cli.command_names())
 
 
@@ -77,13 +77,13 @@ def test_commands_are_those_of_the_page():
 def test_exit_statuses_are_those_of_the_page(capsys):
     damaged = ROOT / "tests/library/exchange/tableaus/damaged/claim.toml"
     found = [cli.main(words) for words in (["list"], ["verify-tableau", str(damaged)], ["lists"])]
-    assert [int(status) for status, _ in rows("Commands and exit statuses", 2)] == [*found, cli.INTERRUPTED]
+    assert [int(status) for status, _ in rows(COMMANDS, "exit status", 2)] == [*found, cli.INTERRUPTED]
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
 @pytest.mark.parametrize("name", DATASETS)
 def test_datasets_have_dimensions_and_variables_of_page(name):
-    table = {next(iter(words_in(function))): cells for function, *cells in rows("Datasets in memory", 3)}
+    table = {next(iter(words_in(function))): cells for function, *cells in rows(NAMES, "function", 3)}
     assert set(table) == {f"nh.{one}" for one in DATASETS}
     dimensions, variables = (words_in(cell) for cell in table[f"nh.{name}"])
     if variables == {"nh.integrate"}:
@@ -94,7 +94,7 @@ def test_datasets_have_dimensions_and_variables_of_page(name):
 
 
 def test_environment_variables_of_page_are_read_somewhere():
-    named = set(re.findall(r"NEARHARMONIC_\w+", PAGE))
+    named = set(re.findall(r"NEARHARMONIC_\w+", COMMANDS))
     assert len(named) > 1
     sources = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "src").rglob("*.py"))
     assert {name for name in named if f'"{name}"' not in sources} == set()
