@@ -8,8 +8,8 @@ import sys
 from snakemake.utils import min_version
 
 from nearharmonic_paper.config.files import CONFIGS, checked_configs
-from nearharmonic_paper.experiments.paper.grid.omissions import summary_line
-from nearharmonic_paper.record.running.workflow_run import WorkflowRun
+from nearharmonic_paper.experiments.paper.plan import summary_line
+from nearharmonic_paper.record.workflow_run import WorkflowRun
 
 min_version("9.0")
 # Collections of garbage take a fifth of a dry run: what is loaded while this file is read stays.

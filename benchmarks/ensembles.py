@@ -14,7 +14,7 @@ from functools import partial
 from timing import asked, shortest
 
 import nearharmonic as nh
-from nearharmonic_paper.experiments.stability.henon_heiles.run import henon_heiles_surface, integrate_ensemble
+from nearharmonic_paper.experiments.stability.run import henon_heiles_surface, integrate_ensemble
 
 SIZES = (1024, 4096, 16384)
 METHODS = ("ruth", "aba864", "babps9o7h")

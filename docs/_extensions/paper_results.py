@@ -13,12 +13,12 @@ from sphinx.util.docutils import SphinxDirective
 
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.output.table import Table, in_markdown
-from nearharmonic_paper.claims.pages.summary import in_words
-from nearharmonic_paper.experiments.paper.tableaus.tables import paper_tables
+from nearharmonic_paper.claims.summary import in_words
+from nearharmonic_paper.experiments.paper.tableaus import paper_tables
 from nearharmonic_paper.report.page import WORST_FIRST, figure_6_alive
-from nearharmonic_paper.report.shown.figures import ShownFigure
-from nearharmonic_paper.report.shown.links import Places
-from nearharmonic_paper.report.shown.tables import ShownTable
+from nearharmonic_paper.report.shown import ShownFigure
+from nearharmonic_paper.report.shown import Places
+from nearharmonic_paper.report.shown import ShownTable
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx

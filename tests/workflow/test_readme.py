@@ -11,7 +11,7 @@ import pytest
 from nearharmonic.engine.settings import Sweep, steps_of
 from nearharmonic.output import store
 from nearharmonic.output.dataset import assembled
-from nearharmonic_paper.experiments.paper.grid.plan import Run
+from nearharmonic_paper.experiments.paper.plan import Run
 from nearharmonic_paper.experiments.paper.reduce import cube_of
 from nearharmonic_paper.experiments.paper.reduce import numbers as reduced_numbers
 from nearharmonic_paper.experiments.paper.run import integrate_run

@@ -13,7 +13,7 @@ import pytest
 from nearharmonic.cli import main
 from nearharmonic.errors import SettingError
 from nearharmonic_paper.commands.reproduce import put_into
-from nearharmonic_paper.record.archive.description import workflow_root
+from nearharmonic_paper.record.description import workflow_root
 
 ROOT = Path(__file__).parents[2]
 #: What the workflow reads beside the package.

@@ -13,11 +13,10 @@ from pathlib import Path
 import pytest
 
 from nearharmonic.systems import systems
-from nearharmonic_paper.tasks.code import sources
-from nearharmonic_paper.tasks.code.sources import closure
-from nearharmonic_paper.tasks.declarations import figures_of
-from nearharmonic_paper.tasks.experiment import experiments
+from nearharmonic_paper.tasks import sources
+from nearharmonic_paper.tasks.experiment import experiments, figures_of
 from nearharmonic_paper.tasks.provenance import code_digest
+from nearharmonic_paper.tasks.sources import closure
 
 RULES = Path(__file__).parents[2] / "workflow/rules"
 ENSEMBLES = ("henon_heiles", "kepler", "rounding")

@@ -1,7 +1,7 @@
 """Decisions on the statements of the paper; existing cubes of other targets are used."""
 
 from nearharmonic.integrators import plain_integrators
-from nearharmonic_paper.claims.own import digest as digest_of_own
+from nearharmonic_paper.claims.table import digest as digest_of_own
 
 
 def claims_task(wildcards=None):

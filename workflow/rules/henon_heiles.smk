@@ -9,7 +9,7 @@ rule chaos:
     resources:
         compiler=1,  # like the compiling jobs, whose code it shares
     params:
-        task=task("nearharmonic_paper.experiments.paper.orbits.chaos:chaos", integrator="babps8o7h", t_end=200_000),
+        task=task("nearharmonic_paper.experiments.paper.orbits:chaos", integrator="babps8o7h", t_end=200_000),
     script:
         "../scripts/task.py"
 
@@ -23,7 +23,7 @@ rule displaced:
         compiler=1,
     params:
         task=task(
-            "nearharmonic_paper.experiments.paper.orbits.displaced:displaced", integrator="babs7o7h", iterations=100_000
+            "nearharmonic_paper.experiments.paper.orbits:displaced", integrator="babs7o7h", iterations=100_000
         ),
     script:
         "../scripts/task.py"

@@ -157,7 +157,7 @@ if DOCS == "docs":
         params:
             own=digest_of_own(),
             task=task(
-                "nearharmonic_paper.claims.pages.documents:verdicts",
+                "nearharmonic_paper.claims.documents:verdicts",
                 folder=RESULTS,
                 readme="README.md",
                 integrators=plain_integrators.registered,

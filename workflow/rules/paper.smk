@@ -54,9 +54,9 @@ rule integrate:
         task=lambda wildcards: (
             task("nearharmonic_paper.experiments.paper.run:integrate", **shard_of(wildcards))
             if CONFIG.samples
-            else task("nearharmonic_paper.experiments.paper.grid.reduced_run:integrate_and_reduce", **shard_of(wildcards))
+            else task("nearharmonic_paper.experiments.paper.reduced_run:integrate_and_reduce", **shard_of(wildcards))
         ),
-        earlier="nearharmonic_paper.experiments.paper.grid.earlier:Earlier",
+        earlier="nearharmonic_paper.experiments.paper.earlier:Earlier",
     script:
         "../scripts/task.py"
 
@@ -101,7 +101,7 @@ rule decompose:
     log:
         LOG("reduce/sho_terms"),
     params:
-        task=task("nearharmonic_paper.experiments.paper.tableaus.decompose:decompose", integrators=CONFIG.decomposed),
+        task=task("nearharmonic_paper.experiments.paper.decompose:decompose", integrators=CONFIG.decomposed),
     script:
         "../scripts/task.py"
 
@@ -115,7 +115,7 @@ rule skipped:
         LOG("tables/skipped"),
     params:
         task=task(
-            "nearharmonic_paper.experiments.paper.grid.omissions:table", sweeps=CONFIG.sweeps, integrators=CONFIG.methods
+            "nearharmonic_paper.experiments.paper.plan:table", sweeps=CONFIG.sweeps, integrators=CONFIG.methods
         ),
     script:
         "../scripts/task.py"
@@ -127,7 +127,7 @@ rule paper_tables:
     log:
         LOG("tables/paper_tables"),
     params:
-        task=task("nearharmonic_paper.experiments.paper.tableaus.tables:paper_tables", integrators=CONFIG.compared),
+        task=task("nearharmonic_paper.experiments.paper.tableaus:paper_tables", integrators=CONFIG.compared),
     script:
         "../scripts/task.py"
 

@@ -1,7 +1,7 @@
 """The page of results, one file that needs no network, and a page of each interactive figure alone."""
 
 from nearharmonic_paper.report.assets import digest
-from nearharmonic_paper.report.shown.declared import pages_alone
+from nearharmonic_paper.report.shown import pages_alone
 
 
 def page_task(wildcards=None):

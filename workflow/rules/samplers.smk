@@ -13,7 +13,7 @@ rule samplers_search:
         family="|".join(CONFIG.samplers.families),
     params:
         task=lambda wildcards: task(
-            "nearharmonic_studies.samplers.search.training:train",
+            "nearharmonic_studies.samplers.search:train",
             family=wildcards.family,
             settings=CONFIG.samplers,
         ),
@@ -29,7 +29,7 @@ rule samplers_limits:
     log:
         LOG("samplers/limits"),
     params:
-        task=task("nearharmonic_studies.samplers.search.limits:measure", settings=CONFIG.samplers),
+        task=task("nearharmonic_studies.samplers.search:measure", settings=CONFIG.samplers),
     script:
         "../scripts/task.py"
 

@@ -6,8 +6,8 @@ TWO_STEPS["kinetic_energy"] = {
     "run": RUN("stability/kinetic_energy"),
     "results": {"cube": CUBE("kinetic_energy"), "table": TABLE("kinetic_energy")},
     "logs": ("stability/kinetic_energy_run", "stability/kinetic_energy"),
-    "measure": task("nearharmonic_paper.experiments.stability.kinetic_energy.run:measure", integrators=CONFIG.methods),
-    "reduce": task("nearharmonic_paper.experiments.stability.kinetic_energy.reductions:reduce", integrators=CONFIG.methods),
+    "measure": task("nearharmonic_paper.experiments.stability.run:kinetic_energy_measure", integrators=CONFIG.methods),
+    "reduce": task("nearharmonic_paper.experiments.stability.kinetic_energy_reductions:reduce", integrators=CONFIG.methods),
 }
 
 
@@ -73,7 +73,7 @@ rule linear_stability_cube:
     log:
         LOG("stability/linear"),
     params:
-        task=task("nearharmonic_paper.experiments.stability.linear.run:measure", integrators=CONFIG.methods),
+        task=task("nearharmonic_paper.experiments.stability.linear:measure", integrators=CONFIG.methods),
     script:
         "../scripts/task.py"
 

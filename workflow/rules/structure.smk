@@ -16,7 +16,7 @@ rule structure_run:
         LOG("stability/structure/{autonomous}"),
     params:
         task=lambda wildcards: task(
-            "nearharmonic_paper.experiments.stability.conservation.run:measure",
+            "nearharmonic_paper.experiments.stability.run:conservation_measure",
             system=wildcards.autonomous,
             integrators=CONFIG.stepwise,
             t_end=STRUCTURE_T_END[wildcards.autonomous],
@@ -35,7 +35,7 @@ rule structure_cube:
         LOG("stability/conservation"),
     params:
         task=task(
-            "nearharmonic_paper.experiments.stability.conservation.reductions:reduce",
+            "nearharmonic_paper.experiments.stability.conservation_reductions:reduce",
             integrators=CONFIG.stepwise,
             t_end=STRUCTURE_T_END,
         ),

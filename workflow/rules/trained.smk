@@ -1,6 +1,6 @@
 """Methods trained on near-harmonic systems: all methods on problems that were not used in training."""
 
-from nearharmonic_studies.trained.comparison.contestants import (
+from nearharmonic_studies.trained.contestants import (
     contestants,
     exact_contestants,
     kind_of,
@@ -18,22 +18,22 @@ TWO_STEPS["trained_proof"] = {
         "methods": TABLE("trained_methods"),
     },
     "logs": ("trained/proof_run", "trained/proof"),
-    "measure": task("nearharmonic_studies.trained.proof.run:measure", **PROOF),
-    "reduce": task("nearharmonic_studies.trained.proof.reductions:reduce", **PROOF),
+    "measure": task("nearharmonic_studies.trained.run:proof_measure", **PROOF),
+    "reduce": task("nearharmonic_studies.trained.proof_reductions:reduce", **PROOF),
 }
 TWO_STEPS["trained_ideas"] = {
     "run": RUN("trained/ideas"),
     "results": {"cube": CUBE("trained_ideas"), "table": TABLE("trained_ideas")},
     "logs": ("trained/ideas_run", "trained/ideas"),
-    "measure": task("nearharmonic_studies.trained.ideas.run:measure", **IDEAS),
-    "reduce": task("nearharmonic_studies.trained.ideas.reductions:reduce", **IDEAS),
+    "measure": task("nearharmonic_studies.trained.run:ideas_measure", **IDEAS),
+    "reduce": task("nearharmonic_studies.trained.ideas_reductions:reduce", **IDEAS),
 }
 TWO_STEPS["trained_long"] = {
     "run": RUN("trained/long"),
     "results": {"table": TABLE("trained_long")},
     "logs": ("trained/long_run", "trained/long"),
-    "measure": task("nearharmonic_studies.trained.long_runs.run:measure", **LONG),
-    "reduce": task("nearharmonic_studies.trained.long_runs.reductions:reduce", **LONG),
+    "measure": task("nearharmonic_studies.trained.run:long_runs_measure", **LONG),
+    "reduce": task("nearharmonic_studies.trained.long_runs_reductions:reduce", **LONG),
 }
 
 
@@ -46,7 +46,7 @@ rule trained_times_table:
         LOG("trained/times"),
     threads: ALL_CORES  # no other job runs during the timing
     params:
-        task=task("nearharmonic_studies.trained.proof.times:measure_times", **PROOF),
+        task=task("nearharmonic_studies.trained.times:measure_times", **PROOF),
     script:
         "../scripts/task.py"
 

@@ -42,7 +42,7 @@ rule work_precision_figure:
             )
         },
         task=lambda wildcards: task(
-            "nearharmonic_paper.experiments.work_precision.figures.times:work_precision", system=wildcards.system
+            "nearharmonic_paper.experiments.work_precision.figures:work_precision", system=wildcards.system
         ),
     script:
         "../scripts/task.py"
@@ -69,13 +69,13 @@ _TOGETHER = {
     "library_times_figures": (
         {"trajectory": FIGURE("library_times_trajectory"), "lanes": FIGURE("library_times_ensemble")},
         lambda: task(
-            "nearharmonic_paper.experiments.work_precision.figures.comparison:comparison_figures", names=list(CONFIG.systems)
+            "nearharmonic_paper.experiments.work_precision.figures:comparison_figures", names=list(CONFIG.systems)
         ),
     ),
     "regularised_times_figure": (
         {"figure": FIGURE("regularised_times")},
         lambda: task(
-            "nearharmonic_paper.experiments.work_precision.figures.regularised:regularised_figures",
+            "nearharmonic_paper.experiments.work_precision.figures:regularised_figures",
             names=list(CONFIG.systems),
         ),
     ),

@@ -4,19 +4,71 @@ A statement is a row: a :class:`Claim` in a file of its group; there is no other
 example :data:`result`, takes its words and its threshold, and the function below it decides. The name of the function,
 with hyphens, is the id. Statements with a common method of decision are rows of a tuple, with an ``id`` each:
 ``result(...)(judge)``, where a function with the parameters of the row returns the judge.
+
+Margins: the range of thresholds of a statement that leave its verdict unchanged.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output.store import workflow_command
-from nearharmonic_paper.claims.judging.margins import EXACT, margin
-from nearharmonic_paper.claims.results import Results, Undecided
+from nearharmonic_paper.claims.results import Results, Undecided, short
 from nearharmonic_paper.tasks.experiment import experiments
+
+#: The margin of proofs, counts and comparisons of digits.
+EXACT = "exact: no threshold"
+#: Successive factors of a threshold: in steps of 12 % up to ten, then by squares.
+_STEP, _CLOSE, _FARTHEST = 10 ** (1 / 20), 20, 1e150
+
+
+def margin(verdict_at: Callable[[float], str], bound: float) -> str:
+    """Return the interval of thresholds around ``bound``, above 0, that lead to the same verdict, in words.
+
+    ``verdict_at`` returns the verdict for a threshold. It is called for about fifty thresholds, and for about ten more
+    between two thresholds with different verdicts.
+    """
+
+    def asked(threshold: float) -> str:
+        """Return a separate verdict for thresholds without data."""
+        try:
+            return verdict_at(threshold)
+        except Undecided:
+            return "undecided"
+
+    low, high = (_last(asked, bound, way) for way in (-1, 1))
+    if low is None and high is None:
+        return f"threshold {short(bound)}; any other gives the same verdict"
+    start = "" if low is None else f" from {short(low)}"
+    end = " up" if high is None else f" up to {short(high)}" if low is None else f" to {short(high)}"
+    return f"threshold {short(bound)}; the same verdict{start}{end}"
+
+
+def _last(asked: Callable[[float], str], bound: float, way: int) -> float | None:
+    """Return the last threshold with an equal verdict in one direction, to a hundredth; None if it never changes."""
+    verdict, inside = asked(bound), bound
+    for factor in _factors():
+        outside = bound * factor**way
+        if asked(outside) == verdict:
+            inside = outside
+            continue
+        while max(inside, outside) > 1.001 * min(inside, outside):
+            middle = (inside * outside) ** 0.5
+            inside, outside = (middle, outside) if asked(middle) == verdict else (inside, middle)
+        return inside
+    return None
+
+
+def _factors() -> Iterator[float]:
+    yield from (_STEP**k for k in range(1, _CLOSE + 1))
+    factor = 100.0
+    while factor <= _FARTHEST:
+        yield factor
+        factor *= factor
+
 
 Verdict = Literal["holds", "holds but for edges", "holds in part", "fails", "erratum", "not decided here"]
 OPEN: Verdict = "not decided here"

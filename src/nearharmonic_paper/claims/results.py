@@ -13,7 +13,7 @@ from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.page import power_of_ten, short
 from nearharmonic.output.store import read
-from nearharmonic_paper.record.files.texts import Texts
+from nearharmonic_paper.record.manifest import Texts
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -113,7 +113,7 @@ class Results:
     @once
     def panels(self) -> dict[str, xr.Dataset]:
         """Return the panels of Figure 6, by letter."""
-        from nearharmonic_paper.experiments.paper.orbits.substeps import paper_panels
+        from nearharmonic_paper.experiments.paper.orbits import paper_panels
 
         return paper_panels()
 

@@ -1,21 +1,53 @@
-"""All statements, decided on a folder of results, as a table and as JSON."""
+"""All statements, decided on a folder of results, as a table and as JSON.
+
+Statements of experiments, found in the modules ``claims`` of their folders.
+"""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from functools import cache
+from importlib import import_module
+from types import ModuleType
 from typing import Any
 
 from nearharmonic.integrators import plain_integrators as registered
 from nearharmonic.output.table import Table
 from nearharmonic_paper.claims.claim import Claim
-from nearharmonic_paper.claims.own import claims_in, own_claims
 from nearharmonic_paper.claims.results import Results
 from nearharmonic_paper.claims.statements.equations import decomposition, identities, misprints, search
 from nearharmonic_paper.claims.statements.figures import henon_heiles, kepler, oscillator, substeps
 from nearharmonic_paper.claims.statements.performance import comparisons, discussion
 from nearharmonic_paper.claims.statements.tableaus import coefficients, methods, roles, sizes, splitting, trained
+from nearharmonic_paper.tasks.experiment import folders
+from nearharmonic_paper.tasks.provenance import code_digest
+from nearharmonic_paper.tasks.sources import ROOT, path_of
+
+
+def modules() -> list[str]:
+    """Return the dotted names of the modules with statements."""
+    return [name for name in (f"{folder}.claims" for folder in folders()) if path_of(name, ROOT).is_file()]
+
+
+def digest() -> str:
+    """Return the SHA-256 of their code, which the digest of the deciding job does not cover."""
+    return code_digest(*modules())
+
+
+@cache
+def own_claims() -> tuple[Claim, ...]:
+    """Return the statements in the order of their modules."""
+    return tuple(one for name in modules() for one in claims_in(import_module(name)))
+
+
+def claims_in(module: ModuleType) -> Iterator[Claim]:
+    """Yield the statements of a module in their order, including those in tuples."""
+    for value in vars(module).values():
+        rows = value if isinstance(value, tuple) else (value,)
+        yield from (one for one in rows if isinstance(one, Claim))
+
 
 #: All statements of the paper in its order; the digest of the job covers these imports, so that an edit invalidates
 #: decisions.

@@ -23,8 +23,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
     """Return the number of adopted files; the status is 1 if the results are refused."""
     from nearharmonic.errors import RefusedError
     from nearharmonic_paper.record.adopt import adopt
-    from nearharmonic_paper.record.files.folders import folder_of
-    from nearharmonic_paper.record.files.trusted import check_trusted
+    from nearharmonic_paper.record.manifest import check_trusted, folder_of
 
     folder = folder_of(chosen.result)
     check_trusted(folder, chosen.trust)

@@ -18,8 +18,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return path and size of the archive; the status is 1, with the reasons, if the result cannot be archived."""
-    from nearharmonic_paper.record.archive import pack
-    from nearharmonic_paper.record.files.folders import folder_of
+    from nearharmonic_paper.record import archive as pack
+    from nearharmonic_paper.record.manifest import folder_of
 
     folder = folder_of(chosen.result)
     place = pack.target(folder, chosen.output)

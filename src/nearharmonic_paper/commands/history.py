@@ -23,8 +23,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each run, or one for each field of the run that ``--full`` names."""
-    from nearharmonic_paper.record.files.folders import RESULTS, folder_of, result_names
     from nearharmonic_paper.record.history import flattened, run_named, runs_newest_first
+    from nearharmonic_paper.record.manifest import RESULTS, folder_of, result_names
 
     names = result_names() if chosen.result is None else [chosen.result]
     folders = [RESULTS / name if chosen.result is None else folder_of(name) for name in names]

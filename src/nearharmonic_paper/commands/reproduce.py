@@ -37,7 +37,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
     from nearharmonic.engine.settings import whole_number
     from nearharmonic.errors import bad_setting
     from nearharmonic_paper.config.files import read_mapping
-    from nearharmonic_paper.record.archive.description import workflow_root
+    from nearharmonic_paper.record.description import workflow_root
 
     jobs = whole_number(chosen.jobs, "-j")
     if jobs < 1:
@@ -64,7 +64,7 @@ def put_into(folder: Path) -> None:
     """
     from nearharmonic.errors import bad_setting
     from nearharmonic.output.atomic import write_bytes
-    from nearharmonic_paper.record.archive.description import workflow_root
+    from nearharmonic_paper.record.description import workflow_root
 
     root = workflow_root()
     there = folder / "Snakefile"

@@ -23,9 +23,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each run that fulfils the condition."""
     from nearharmonic.engine.settings import whole_number
-    from nearharmonic_paper.record.files.folders import folder_of
-    from nearharmonic_paper.record.query.expression import rows_where
-    from nearharmonic_paper.record.query.run_table import column_of, former_systems, run_table
+    from nearharmonic_paper.record.manifest import folder_of
+    from nearharmonic_paper.record.query import column_of, former_systems, rows_where, run_table
 
     limit = None if chosen.limit is None else whole_number(chosen.limit, "limit")
     folders = {name: folder_of(name) for name in chosen.result}

@@ -25,8 +25,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each fact, followed by lines of Python."""
-    from nearharmonic_paper.record.files.folders import folder_of
-    from nearharmonic_paper.record.query.single import single_run
+    from nearharmonic_paper.record.manifest import folder_of
+    from nearharmonic_paper.record.query import single_run
 
     folder = folder_of(chosen.result)
     found, definitions = single_run(

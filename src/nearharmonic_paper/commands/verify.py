@@ -28,8 +28,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
     if chosen.result.endswith(".zip"):
         return _of_archive(Path(chosen.result))
     from nearharmonic.engine.settings import whole_number
-    from nearharmonic_paper.record.files.folders import folder_of
-    from nearharmonic_paper.record.files.trusted import check_trusted
+    from nearharmonic_paper.record.manifest import check_trusted, folder_of
     from nearharmonic_paper.record.verify import extent, faults, files_not_run, of_other_configs
 
     number, seed = whole_number(chosen.rerun, "rerun"), whole_number(chosen.seed, "seed")
@@ -74,7 +73,7 @@ def _run_again(folder: Path, number: int, seed: int) -> tuple[list[dict[str, Any
 
 
 def _of_archive(path: Path) -> Answer:
-    from nearharmonic_paper.record.archive.check import faults_of_archive
+    from nearharmonic_paper.record.archive import faults_of_archive
 
     found = [{"file": "", "fault": says, "mend": ""} for says in faults_of_archive(path)]
     return _answer(str(path), found, [] if found else ["each file in the archive is as it was written"])

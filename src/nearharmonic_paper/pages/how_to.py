@@ -43,7 +43,7 @@ from nearharmonic.training.question import Orbit, Question, orbit_of, question
 from nearharmonic.training.tailor import Tailored, comparison, ensembles, tailored
 from nearharmonic.training.tailor_search import registered as contenders_of
 from nearharmonic.training.tailor_search import step_sizes
-from nearharmonic_paper.experiments.stability.kepler.run import PERIOD, SYSTEM, kepler_apoapsis
+from nearharmonic_paper.experiments.stability.run import PERIOD, SYSTEM, kepler_apoapsis
 from nearharmonic_paper.pages.filling import fills, power, table
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from typing import Any
 from nearharmonic.errors import RefusedError, SettingError
 from nearharmonic.output.store import DEFAULT_CONFIG, usable_configs
 from nearharmonic_paper.config.files import read_mapping
-from nearharmonic_paper.record.files import manifest
-from nearharmonic_paper.record.files.trusted import check_files_of
+from nearharmonic_paper.record import manifest
+from nearharmonic_paper.record.manifest import check_files_of
 from nearharmonic_paper.record.verify import faults
 from nearharmonic_paper.tasks.provenance import settings_digest
 from nearharmonic_paper.tasks.receipts import forget

@@ -14,13 +14,11 @@ from typing import Any
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output.atomic import parts_in
 from nearharmonic.output.store import command_for, foreign_in, workflow_command
-from nearharmonic_paper.record import history
-from nearharmonic_paper.record.files import manifest
-from nearharmonic_paper.record.files.trusted import integrator_files_not_run, is_edited, recorded_digests
-from nearharmonic_paper.record.running.state import lost_line
-from nearharmonic_paper.tasks.definitions import defined, read_definitions
+from nearharmonic_paper.record import history, manifest
+from nearharmonic_paper.record.manifest import integrator_files_not_run, is_edited, recorded_digests
+from nearharmonic_paper.record.state import lost_line
 from nearharmonic_paper.tasks.experiment import beside_the_paper, experiments
-from nearharmonic_paper.tasks.provenance import digests
+from nearharmonic_paper.tasks.provenance import defined, digests, read_definitions
 from nearharmonic_paper.tasks.receipts import damaged_receipts, identity, measured
 
 EntriesByName = Mapping[str, Mapping[str, Any]]

@@ -44,8 +44,8 @@ def filled(name: str, values: Mapping[str, Any]) -> str:
     from markupsafe import Markup
 
     from nearharmonic_paper.claims.results import short
-    from nearharmonic_paper.report.shown import wording
-    from nearharmonic_paper.report.shown.results import VERDICTS
+    from nearharmonic_paper.report import shown as wording
+    from nearharmonic_paper.report.shown import VERDICTS
 
     environment = Environment(
         loader=FileSystemLoader(FOLDER),

@@ -9,13 +9,19 @@ from typing import Any, NamedTuple
 
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic_paper.claims.claim import OPEN
-from nearharmonic_paper.claims.pages.summary import failures, of_the_paper, sums
+from nearharmonic_paper.claims.summary import failures, of_the_paper, sums
 from nearharmonic_paper.report import assets, panels
-from nearharmonic_paper.report.shown.declared import pages_alone
-from nearharmonic_paper.report.shown.figures import ShownFigure, coefficients, entries, interactive, static
-from nearharmonic_paper.report.shown.links import Places
-from nearharmonic_paper.report.shown.results import ShownResults
-from nearharmonic_paper.report.shown.tables import ShownTable
+from nearharmonic_paper.report.shown import (
+    Places,
+    ShownFigure,
+    ShownResults,
+    ShownTable,
+    coefficients,
+    entries,
+    interactive,
+    pages_alone,
+    static,
+)
 from nearharmonic_paper.tasks.experiment import Experiment, beside_the_paper
 
 #: Maximum size of the page in bytes.

@@ -24,7 +24,7 @@ from nearharmonic.plotting.profile import (
     lines,
 )
 from nearharmonic_paper.claims.results import power_of_ten, short
-from nearharmonic_paper.experiments.paper.figures.shown import (
+from nearharmonic_paper.experiments.paper.shown import (
     MERCURY_RELATIVISTIC_ADVANCE,
     SATISFIED_BELOW,
     advances,
@@ -246,7 +246,7 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
 
 
 def phase_space(paths: dict[str, xr.Dataset]) -> list[Panel]:
-    """Draw each Dataset of :func:`~nearharmonic_paper.experiments.paper.orbits.substeps.substeps` in a panel.
+    """Draw each Dataset of :func:`~nearharmonic_paper.experiments.paper.orbits.substeps` in a panel.
 
     Panels of one system share their axes and the picture of the Hamiltonian.
     """

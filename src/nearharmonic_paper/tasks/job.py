@@ -25,10 +25,9 @@ from nearharmonic.output.dataset import Contents
 from nearharmonic.output.table import Table, save_document
 from nearharmonic.output.table import save as save_table
 from nearharmonic.systems import systems
-from nearharmonic_paper.tasks.definitions import defined, files_in
-from nearharmonic_paper.tasks.provenance import digests, function_of, named_in, provenance
+from nearharmonic_paper.tasks.provenance import defined, digests, files_in, function_of, named_in, provenance
 from nearharmonic_paper.tasks.receipts import WHOLE, Receipt, folder_of
-from nearharmonic_paper.tasks.remote.plan import Files
+from nearharmonic_paper.tasks.remote import Files
 
 Places = Sequence[str]
 

@@ -16,7 +16,7 @@ from nearharmonic.output.dataset import Contents, coordinate, variable
 from nearharmonic_studies.crystals.dynamics import Loops, halves, loops_for
 from nearharmonic_studies.crystals.run import SOLIDS, Start, energies, start_of
 from nearharmonic_studies.crystals.settings import CrystalsSettings
-from nearharmonic_studies.crystals.solids.solid import Solid
+from nearharmonic_studies.crystals.solids import Solid
 
 #: Cells of the small crystals, and the temperature of all long runs over that of the melting point.
 SMALL, TEMPERATURE = {"argon": 2, "copper": 2, "silicon": 1, "chain": 32}, 0.3

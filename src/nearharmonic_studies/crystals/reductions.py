@@ -18,9 +18,8 @@ from nearharmonic.output.dataset import coordinate, described
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table
 from nearharmonic_paper.tasks.reduction import Reductions
-from nearharmonic_studies.crystals.settings import CrystalsSettings
-from nearharmonic_studies.crystals.solids.solid import BOLTZMANN
-from nearharmonic_studies.crystals.trained_method import TRAINED_ON_CRYSTALS
+from nearharmonic_studies.crystals.settings import TRAINED_ON_CRYSTALS, CrystalsSettings
+from nearharmonic_studies.crystals.solids import BOLTZMANN
 
 reduction = Reductions()
 

@@ -13,13 +13,8 @@ from nearharmonic.numerics.compiled import Normal
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.output.dataset import Contents, coordinate, variable
 from nearharmonic_studies.crystals.dynamics import Loops, equilibrated, loops_for
-from nearharmonic_studies.crystals.settings import CrystalsSettings
-from nearharmonic_studies.crystals.solids.argon import argon
-from nearharmonic_studies.crystals.solids.chain import chain
-from nearharmonic_studies.crystals.solids.copper import copper
-from nearharmonic_studies.crystals.solids.silicon import silicon
-from nearharmonic_studies.crystals.solids.solid import Solid
-from nearharmonic_studies.crystals.trained_method import TRAINED_ON_CRYSTALS
+from nearharmonic_studies.crystals.settings import TRAINED_ON_CRYSTALS, CrystalsSettings
+from nearharmonic_studies.crystals.solids import Solid, argon, chain, copper, silicon
 
 SOLIDS: dict[str, Callable[[int], Solid]] = {"argon": argon, "copper": copper, "silicon": silicon, "chain": chain}
 #: Equilibration: steps of the fastest period over 20, friction of a twentieth of the highest frequency, and periods.

@@ -1,4 +1,9 @@
-"""Settings of the experiment on crystals."""
+"""Settings of the experiment on crystals.
+
+The method that was trained on model crystals, to be compared with the registered ones.
+
+The search is that of the target ``trained`` with the key ``trained: {purposes: [crystal_coarse]}``.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +13,7 @@ from dataclasses import dataclass
 from nearharmonic.engine.settings import one_of
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.tableau import Tableau, palindrome
 from nearharmonic.integrators.user_file import expanded
 from nearharmonic_paper.entries import STRICT, PositiveDecimal, positive_numbers, setting, some_of, whole_from
 
@@ -77,3 +82,24 @@ class CrystalsSettings:
         if self.cells == 0:
             return CELLS[crystal]
         return 2 ** (3 * self.cells) if crystal == "chain" else self.cells
+
+
+TRAINED_ON_CRYSTALS = Tableau(
+    name="trained_on_crystals",
+    label="trained on crystals",
+    order=4,
+    first="kick",
+    kick=palindrome(
+        "0.07589539295301059723938800264622307417580801794650946314490101",
+        "-0.14450477211212790944531833877971568736203515542461259403873900",
+        "0.43766354494346381649138752094499544627876270099785514183017586",
+        centre="0.26189166843130699142908563037699433381492887296049597812732424",
+    ),
+    drift=palindrome(
+        "0.28146671897081099689832933537962532449426044468625333246129240",
+        "-0.04150119854885854351883150908688622869390368309447006634157618",
+        "0.26003447957804754662050217370726090419964323840821673388028378",
+    ),
+    source="found by the target trained for the purpose crystal_coarse",
+    digits=60,
+)

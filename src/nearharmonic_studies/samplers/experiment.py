@@ -1,7 +1,6 @@
 """Declaration of the experiment on samplers."""
 
-from nearharmonic_paper.tasks.declarations import Figure
-from nearharmonic_paper.tasks.experiment import Experiment
+from nearharmonic_paper.tasks.experiment import Experiment, Figure
 from nearharmonic_studies.samplers.settings import SamplersSettings
 
 FIGURES = {

@@ -17,7 +17,7 @@ import numpy as np
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import cos, exp, log
 from nearharmonic.numerics.portable import Floats
-from nearharmonic_studies.samplers.chains.loops import JITTER
+from nearharmonic_studies.samplers.chains import JITTER
 
 #: Nodes of the integral over a: the midpoint rule, whose integrand is smooth and periodic.
 NODES = 48

@@ -15,7 +15,7 @@ from nearharmonic.output.dataset import coordinate, described
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table
 from nearharmonic_paper.tasks.reduction import Reductions
-from nearharmonic_studies.samplers.chains.effective import error_of, student
+from nearharmonic_studies.samplers.chains import error_of, student
 from nearharmonic_studies.samplers.settings import SamplersSettings
 
 reduction = Reductions()

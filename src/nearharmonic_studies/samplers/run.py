@@ -13,15 +13,11 @@ from nearharmonic.math import exp, log
 from nearharmonic.numerics.compiled import Normal
 from nearharmonic.output.dataset import Contents, coordinate, method_coordinates, variable
 from nearharmonic.output.store import read
-from nearharmonic_studies.samplers.chains.effective import costs, error_of
-from nearharmonic_studies.samplers.chains.loops import LEAPFROG, Chance, chance, loop_for, run
+from nearharmonic_studies.samplers.chains import LEAPFROG, Chance, chance, costs, error_of, loop_for, run
 from nearharmonic_studies.samplers.gaussian import best, spectrum
-from nearharmonic_studies.samplers.search.training import methods_of
+from nearharmonic_studies.samplers.search import methods_of
 from nearharmonic_studies.samplers.settings import SamplersSettings
-from nearharmonic_studies.samplers.targets.lattice import lattice
-from nearharmonic_studies.samplers.targets.posteriors import POSTERIORS
-from nearharmonic_studies.samplers.targets.quartic import RATIO, quartic
-from nearharmonic_studies.samplers.targets.target import Target
+from nearharmonic_studies.samplers.targets import POSTERIORS, RATIO, Target, lattice, quartic
 
 MADE: dict[str, Callable[[int], Target]] = {
     "quartic": quartic,

@@ -13,14 +13,16 @@ import numpy as np
 from nearharmonic.core.machine.reals import jit
 from nearharmonic.numerics.portable import Bools
 from nearharmonic.numerics.search import Damping, iteration, levenberg_step
-from nearharmonic_studies.sixth_order.conditions import NYSTROM_ORDER, Doubles, Integers
 from nearharmonic_studies.sixth_order.criterion import (
     ANHARMONICITY,
     FARTHEST,
     HARMONIC_DEGREES,
+    NYSTROM_ORDER,
     SCAN,
     TAU_PER_STAGE,
     Criterion,
+    Doubles,
+    Integers,
     System,
 )
 

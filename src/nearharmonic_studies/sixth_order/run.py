@@ -12,8 +12,7 @@ from nearharmonic.integrators import zymplectic
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.table import Table
 from nearharmonic.systems import henon_heiles, kepler, sho
-from nearharmonic_studies.sixth_order.cascade import Candidate, Findings, find_solutions, winners
-from nearharmonic_studies.sixth_order.registration import registered
+from nearharmonic_studies.sixth_order.cascade import Candidate, Findings, find_solutions, registered, winners
 from nearharmonic_studies.sixth_order.settings import SixthOrderSettings
 
 SOURCE = "found by nearharmonic_studies.sixth_order"

@@ -1,12 +1,11 @@
 """Declaration of the experiment on trained methods."""
 
-from nearharmonic_paper.tasks.declarations import Figure
-from nearharmonic_paper.tasks.experiment import Experiment
+from nearharmonic_paper.tasks.experiment import Experiment, Figure
 from nearharmonic_studies.trained.settings import TrainedSettings
 
 FIGURES = {
     "trained_error": Figure(
-        draw="nearharmonic_studies.trained.proof.figure:trained_error",
+        draw="nearharmonic_studies.trained.figures:trained_error",
         title="Energy error on ensembles",
         cube="trained",
         category="Beyond the paper",
@@ -20,7 +19,7 @@ FIGURES = {
         ),
     ),
     "trained_gain": Figure(
-        draw="nearharmonic_studies.trained.proof.figure:trained_gain",
+        draw="nearharmonic_studies.trained.figures:trained_gain",
         title="Gain over the best published method",
         cube="trained",
         category="Beyond the paper",
@@ -33,7 +32,7 @@ FIGURES = {
         ),
     ),
     "trained_ideas": Figure(
-        draw="nearharmonic_studies.trained.ideas.figure:trained_ideas",
+        draw="nearharmonic_studies.trained.figures:trained_ideas",
         title="Six ideas, by anharmonicity",
         cube="trained_ideas",
         category="Beyond the paper",

@@ -15,7 +15,7 @@ from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import harmonic_order, nystrom_order_of, order_of
 from nearharmonic.theory.oscillator import shifted_kicks
 from nearharmonic_paper.pages.filling import MINUS, Row, fills, label, rows_of, signed, table, tables_of
-from nearharmonic_studies.trained.problems.purposes import PURPOSES
+from nearharmonic_studies.trained.purposes import PURPOSES
 
 #: The ensemble whose best methods are named, the beginning of the name of orbits, and the ensembles of windows.
 WIDEST, ORBITS = "d = 2, 0.01 to 0.5", "Kepler"

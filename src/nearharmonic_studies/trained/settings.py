@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from nearharmonic.engine.settings import one_of
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic_paper.entries import STRICT, setting, whole_from
-from nearharmonic_studies.trained.problems.purposes import PURPOSES, REGISTERED
-from nearharmonic_studies.trained.proof.settings import ProofSettings
+from nearharmonic_studies.trained.proof_settings import ProofSettings
+from nearharmonic_studies.trained.purposes import PURPOSES, REGISTERED
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 
 import nearharmonic as nh
 from nearharmonic_studies.samplers.gaussian import moments, power, steps_matrix
-from nearharmonic_studies.samplers.targets.quartic import frequencies_of, quartic
+from nearharmonic_studies.samplers.targets import frequencies_of, quartic
 from support.results.page_inputs import benchmark
 
 pytestmark = pytest.mark.slow  # JAX compiles each sampler

@@ -19,10 +19,9 @@ from matplotlib.text import Text
 
 from nearharmonic.integrators import BENCHMARKED, integrators
 from nearharmonic.recommendation.measure import Solver
-from nearharmonic_paper.experiments.paper.figures.fig6_substeps import draw_panels
-from nearharmonic_paper.experiments.work_precision.figures.times import work_precision_figure
-from nearharmonic_paper.tasks.declarations import figures_of
-from nearharmonic_paper.tasks.experiment import experiments
+from nearharmonic_paper.experiments.paper.figures import draw_panels
+from nearharmonic_paper.experiments.work_precision.figures import work_precision_figure
+from nearharmonic_paper.tasks.experiment import experiments, figures_of
 from nearharmonic_paper.tasks.provenance import function_of
 from support.cubes import figure_cubes as made
 from support.cubes.artists import NO_LINE, entries, look, look_of

@@ -11,8 +11,8 @@ import pytest
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output import store
 from nearharmonic.output.atomic import read_bytes, read_text
-from nearharmonic_paper.record.files import manifest
-from nearharmonic_paper.record.files.texts import Texts
+from nearharmonic_paper.record import manifest
+from nearharmonic_paper.record.manifest import Texts
 
 NO_FILES = {
     "pipe": os.mkfifo,

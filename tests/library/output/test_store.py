@@ -291,7 +291,7 @@ from pathlib import Path
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output import store
 from nearharmonic_paper.record import history
-from nearharmonic_paper.record.running.lock import locked
+from nearharmonic_paper.record.state import locked
 folder = Path("results/paper")
 with locked(folder):
     history.append(folder, {"id": "a", "start": "", "config": {}})

@@ -13,8 +13,7 @@ from nearharmonic.integrators import BENCHMARKED, integrators
 from nearharmonic.plotting.palette import has_style
 from nearharmonic.plotting.style import style_of
 from nearharmonic_paper.experiments.exact_oscillator.settings import ExactOscillatorSettings
-from nearharmonic_paper.experiments.stability.henon_heiles.figure import ESCAPED_COLOUR
-from nearharmonic_paper.experiments.stability.kepler.figure import LOST_COLOUR
+from nearharmonic_paper.experiments.stability.figures import ESCAPED_COLOUR, LOST_COLOUR
 from support.cubes.colour_vision import SEEN, difference, lab, least_difference
 
 #: Least difference in CIELAB of colours that are told apart; 2.3 is just noticeable for large patches side by side.

@@ -15,8 +15,7 @@ from nearharmonic.training.objective import (
     mean_errors,
     tableau_of,
 )
-from nearharmonic_studies.trained.problems.orbits import orbit_ensemble
-from nearharmonic_studies.trained.problems.random_potentials import random_ensemble
+from nearharmonic_studies.trained.problems import orbit_ensemble, random_ensemble
 from support.methods.family_members import members
 
 WINDOW = (0.06, 0.09)

@@ -8,7 +8,7 @@ import xarray as xr
 from scipy.stats import spearmanr
 
 from nearharmonic_paper.claims.claim import combined, counted
-from nearharmonic_paper.claims.judging.curves import Curves, Range, for_larger_steps, over, rank_correlation
+from nearharmonic_paper.claims.judging import Curves, Range, for_larger_steps, over, rank_correlation
 
 X = np.geomspace(1e-4, 1, 161)  # forty a decade
 

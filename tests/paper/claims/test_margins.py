@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from nearharmonic_paper.claims.judging.margins import margin
+from nearharmonic_paper.claims.claim import margin
 from nearharmonic_paper.claims.results import Undecided
 
 

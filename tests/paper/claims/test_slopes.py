@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from nearharmonic_paper.claims.judging.curves import Curves
-from nearharmonic_paper.claims.judging.slopes import BAND, LONG, SHORT, large_steps, local_slopes, orders
+from nearharmonic_paper.claims.judging import BAND, LONG, SHORT, Curves, large_steps, local_slopes, orders
 from nearharmonic_paper.claims.results import Undecided
 
 X = np.geomspace(1e-4, 1, 161)  # forty a decade

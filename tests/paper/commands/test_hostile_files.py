@@ -26,7 +26,8 @@ from nearharmonic.plotting.profile import problem_of
 from nearharmonic.recommendation.measure import read_parts
 from nearharmonic.registry.user_module import trusting_only
 from nearharmonic_paper.config.reading import read as read_config
-from nearharmonic_paper.record.archive import check, pack
+from nearharmonic_paper.record import archive as check
+from nearharmonic_paper.record import archive as pack
 from support.hostile.mutations import FOREIGN, ODD_SETTINGS, change_file, make_foreign, mutated, mutated_bytes, resealed
 from support.results.result_folder import edited, write_manifest
 

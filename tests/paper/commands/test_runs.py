@@ -13,7 +13,7 @@ import xarray as xr
 
 from nearharmonic.cli import main
 from nearharmonic.output import store
-from nearharmonic_paper.record.files import manifest
+from nearharmonic_paper.record import manifest
 from support.results.result_folder import edited
 
 COLUMNS = [

@@ -16,7 +16,7 @@ from nearharmonic.registry.user_module import trusting_only
 from nearharmonic_paper.config.reading import load, read
 from nearharmonic_paper.record.adopt import adopt
 from nearharmonic_paper.record.rerun import rerun
-from nearharmonic_paper.tasks.code.user_sources import digest_of
+from nearharmonic_paper.tasks.sources import digest_of
 from support.results.finished_results import write_history
 from support.results.result_folder import edited, history_line, write_manifest
 
@@ -182,7 +182,7 @@ def test_file_with_the_name_of_a_trusted_one_is_not_run(evil, tmp_path):
 
 def test_archive_takes_no_file_that_history_has_not_recorded(project, evil, capsys, monkeypatch):
     """A forged manifest names a private file, which would be published with the archive."""
-    monkeypatch.setattr("nearharmonic_paper.record.archive.pack.reasons_against", lambda folder: [])
+    monkeypatch.setattr("nearharmonic_paper.record.archive.reasons_against", lambda folder: [])
     Path("private.py").write_text("PASSWORD = 1\n")
     resealed(project, definitions={"systems": {"mine": {"file": "private.py"}}})
     assert tried("archive paper -o paper.zip") == 2

@@ -8,12 +8,12 @@ import pytest
 
 from nearharmonic.cli import main
 from nearharmonic.errors import RefusedError
+from nearharmonic_paper.record import manifest
 from nearharmonic_paper.record.adopt import check_tasks
-from nearharmonic_paper.record.files import manifest
 from nearharmonic_paper.tasks.provenance import settings_digest, task
 from nearharmonic_paper.tasks.receipts import Receipt
 
-TASK = task("nearharmonic_paper.experiments.paper.tableaus.decompose:decompose", integrators=["ruth"])
+TASK = task("nearharmonic_paper.experiments.paper.decompose:decompose", integrators=["ruth"])
 CUBE = "results/paper/cubes/sho_terms.h5"
 
 
@@ -118,5 +118,5 @@ def test_results_of_other_tasks_are_not(results, changes, says):
 
 def test_settings_that_are_written_otherwise_are_the_same():
     assert settings_digest(TASK) == settings_digest(
-        task("nearharmonic_paper.experiments.paper.tableaus.decompose:decompose", integrators=("ruth",))
+        task("nearharmonic_paper.experiments.paper.decompose:decompose", integrators=("ruth",))
     )

@@ -20,11 +20,10 @@ import nearharmonic as nh
 from nearharmonic.integrators import plain_integrators
 from nearharmonic.systems.user_file import load_system
 from nearharmonic_paper.config.reading import load
-from nearharmonic_paper.experiments.paper.grid.plan import runs_of
+from nearharmonic_paper.experiments.paper.plan import runs_of
 from nearharmonic_paper.experiments.paper.run import integrate_run
-from nearharmonic_paper.tasks.definitions import defined, read_definitions
 from nearharmonic_paper.tasks.job import covered
-from nearharmonic_paper.tasks.provenance import digests, settings_text, task
+from nearharmonic_paper.tasks.provenance import defined, digests, read_definitions, settings_text, task
 from support.oracles.reference_solutions import oscillator_step
 from support.projects.configs_by_file import CONFIG, EXAMPLES, GRID, METHOD, WELL, changed, enter, refused, under
 

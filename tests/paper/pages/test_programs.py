@@ -20,8 +20,8 @@ import nearharmonic as nh
 from nearharmonic.cli import main
 from nearharmonic.exchange.export import export
 from nearharmonic.integrators.file import tableaus_of
+from nearharmonic_paper.record import archive as pack
 from nearharmonic_paper.record import verify
-from nearharmonic_paper.record.archive import pack
 from support.results import finished_results
 from support.results.stated_numbers import ROOT
 

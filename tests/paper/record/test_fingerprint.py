@@ -12,8 +12,8 @@ import yaml
 
 import nearharmonic
 from nearharmonic_paper.config.reading import load
-from nearharmonic_paper.record.files import fingerprint
-from nearharmonic_paper.record.files.fingerprint import package_digest, revision
+from nearharmonic_paper.record import fingerprint
+from nearharmonic_paper.record.fingerprint import package_digest, revision
 
 SMOKE = Path(__file__).parents[3] / "config/smoke.yaml"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from nearharmonic.errors import UnknownNameError
-from nearharmonic_paper.record.files.folders import folder_of, result_names
+from nearharmonic_paper.record.manifest import folder_of, result_names
 
 
 def test_result_is_named_by_its_folder_or_below_results(tmp_path, monkeypatch):

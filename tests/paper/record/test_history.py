@@ -13,7 +13,7 @@ import psutil
 import pytest
 
 from nearharmonic_paper.record import history
-from nearharmonic_paper.record.history import markers
+from nearharmonic_paper.record import history as markers
 
 #: What every run has.
 RUN = {"start": "2026-01-01T00:00:00.000Z", "config": {}}

@@ -11,7 +11,7 @@ import pytest
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output import store
-from nearharmonic_paper.record.files import manifest
+from nearharmonic_paper.record import manifest
 from nearharmonic_paper.record.rerun import rerun
 from nearharmonic_paper.tasks.job import write
 from nearharmonic_paper.tasks.provenance import function_of, provenance, task

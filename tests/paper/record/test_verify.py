@@ -8,8 +8,7 @@ import random
 import pytest
 
 from nearharmonic.output.atomic import sealed
-from nearharmonic_paper.record import history, verify
-from nearharmonic_paper.record.files import manifest
+from nearharmonic_paper.record import history, manifest, verify
 from nearharmonic_paper.record.verify import faults
 from nearharmonic_paper.tasks.provenance import task
 from nearharmonic_paper.tasks.receipts import Receipt

@@ -10,17 +10,15 @@ import pytest
 import yaml
 
 from nearharmonic_paper.config.reading import load
-from nearharmonic_paper.record import history
-from nearharmonic_paper.record.files import fingerprint, manifest
-from nearharmonic_paper.record.running import state
-from nearharmonic_paper.record.running.workflow_run import WorkflowRun
+from nearharmonic_paper.record import fingerprint, history, manifest, state
 from nearharmonic_paper.record.verify import faults
+from nearharmonic_paper.record.workflow_run import WorkflowRun
 from nearharmonic_paper.tasks.provenance import task
 from nearharmonic_paper.tasks.receipts import Receipt
 
 SMOKE = Path(__file__).parents[3] / "config/smoke.yaml"
 MADE = ("cubes/a.h5", "cubes/b.h5", "tables/skipped.csv")
-TASK = task("nearharmonic_paper.experiments.paper.tableaus.decompose:decompose", integrators=["ruth"])
+TASK = task("nearharmonic_paper.experiments.paper.decompose:decompose", integrators=["ruth"])
 
 
 @pytest.fixture
@@ -125,7 +123,7 @@ def test_unknown_machine_is_one_warning_and_rest_is_kept(tmp_path, monkeypatch, 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("NEARHARMONIC_RUN", "another")
     monkeypatch.setenv("NEARHARMONIC_LEADER", "elsewhere:1")
-    monkeypatch.setattr("nearharmonic_paper.record.running.workflow_run.fingerprint", fail)
+    monkeypatch.setattr("nearharmonic_paper.record.workflow_run.fingerprint", fail)
     begun = WorkflowRun("results/smoke", load(yaml.safe_load(SMOKE.read_text(encoding="utf-8"))), MADE)
     begun.begin(["snakemake"], ["all"], cores=None)
     begun.end(0)

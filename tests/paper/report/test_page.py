@@ -14,10 +14,8 @@ import nearharmonic
 from nearharmonic.errors import ResultFileError
 from nearharmonic_paper.report import page as room
 from nearharmonic_paper.report.page import page
-from nearharmonic_paper.report.shown.declared import in_order
-from nearharmonic_paper.report.shown.results import ShownResults
-from nearharmonic_paper.tasks.declarations import figures_of
-from nearharmonic_paper.tasks.experiment import beside_the_paper
+from nearharmonic_paper.report.shown import ShownResults, in_order
+from nearharmonic_paper.tasks.experiment import beside_the_paper, figures_of
 from support.cubes.page_reader import Reader, written
 from support.cubes.page_results import (
     CLAIMS,

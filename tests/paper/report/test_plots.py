@@ -12,7 +12,7 @@ from bokeh.document import Document
 from bokeh.models import Span
 
 import nearharmonic as nh
-from nearharmonic_paper.experiments.paper.orbits.substeps import paper_panels
+from nearharmonic_paper.experiments.paper.orbits import paper_panels
 from nearharmonic_paper.report.plots import energy_error
 from support.cubes import figure_cubes as made
 from support.cubes.page_reader import written

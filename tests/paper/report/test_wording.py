@@ -10,11 +10,9 @@ from nearharmonic.integrators import integrators
 from nearharmonic.plotting.palette import style_of
 from nearharmonic_paper.claims.results import power_of_ten, short
 from nearharmonic_paper.report import assets
+from nearharmonic_paper.report import shown as wording
 from nearharmonic_paper.report.panels import MARKERS, span
-from nearharmonic_paper.report.shown import wording
-from nearharmonic_paper.report.shown.figures import ShownFigure
-from nearharmonic_paper.report.shown.links import Places
-from nearharmonic_paper.report.shown.tables import ShownTable
+from nearharmonic_paper.report.shown import Places, ShownFigure, ShownTable
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from nearharmonic_paper.tasks import experiment
-from nearharmonic_paper.tasks.declarations import Figure, figures_of
-from nearharmonic_paper.tasks.experiment import Experiment
+from nearharmonic_paper.tasks.experiment import Experiment, Figure, figures_of
 
 
 def figure(draw, cube, **more):

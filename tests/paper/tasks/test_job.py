@@ -15,7 +15,7 @@ from nearharmonic.errors import ResultFileError
 from nearharmonic.output.store import read
 from nearharmonic_paper.tasks.job import draw, logged, write
 from nearharmonic_paper.tasks.provenance import task
-from nearharmonic_paper.tasks.remote.plan import Files, FrozenJob
+from nearharmonic_paper.tasks.remote import Files, FrozenJob
 
 
 def test_what_a_job_prints_goes_to_its_log(tmp_path, capsys):
@@ -67,7 +67,7 @@ def test_dataset_goes_to_hdf5_file_though_it_is_mapping(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("background", [{}, pytest.param({"transparent": True}, marks=pytest.mark.slow)])
 def test_job_draws_svg_file_with_background_that_its_rule_asks(tmp_path, background):
-    function = "nearharmonic_paper.experiments.paper.figures.fig6_substeps:fig6_substeps"
+    function = "nearharmonic_paper.experiments.paper.figures:fig6_substeps"
     place = str(tmp_path / "results/x/figures/fig6_substeps.svg")
     log = tmp_path / "results/x/logs/draw.log"
     log.parent.mkdir(parents=True)

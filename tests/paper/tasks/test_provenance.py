@@ -11,11 +11,10 @@ import pytest
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators, modified_integrators
 from nearharmonic.systems import systems
-from nearharmonic_paper.tasks import provenance
-from nearharmonic_paper.tasks.code import sources
-from nearharmonic_paper.tasks.code.sources import closure, module_digest
+from nearharmonic_paper.tasks import provenance, sources
 from nearharmonic_paper.tasks.job import covered
 from nearharmonic_paper.tasks.provenance import code_digest, coefficients_digest, library_version, task
+from nearharmonic_paper.tasks.sources import closure, module_digest
 
 
 @pytest.fixture
@@ -189,7 +188,7 @@ def test_task_looks_up_only_what_it_names_or_imports():
                 registry[name]
     assert systems["kepler"].name == "kepler"
     # Figure 6 imports the modules of what it shows.
-    with covered(task("nearharmonic_paper.experiments.paper.figures.fig6_substeps:fig6_substeps")):
+    with covered(task("nearharmonic_paper.experiments.paper.figures:fig6_substeps")):
         assert systems["henon_heiles"].name == "henon_heiles"
         assert integrators["babs7o7h"].stages == 7
 

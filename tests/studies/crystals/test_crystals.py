@@ -14,7 +14,7 @@ from nearharmonic_studies.crystals.dynamics import equilibrated, halves, loops_f
 from nearharmonic_studies.crystals.reductions import kind_of, reduction, trend, window_of
 from nearharmonic_studies.crystals.run import Start, delta, energies, energy_errors, start_of
 from nearharmonic_studies.crystals.settings import CrystalsSettings
-from nearharmonic_studies.crystals.solids.chain import chain
+from nearharmonic_studies.crystals.solids import chain
 
 CELLS = 4
 SOLID = chain(CELLS)

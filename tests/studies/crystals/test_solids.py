@@ -7,9 +7,12 @@ from itertools import product
 import numpy as np
 import pytest
 
+from nearharmonic_studies.crystals import solids as argon
+from nearharmonic_studies.crystals import solids as chain
+from nearharmonic_studies.crystals import solids as copper
+from nearharmonic_studies.crystals import solids as silicon
 from nearharmonic_studies.crystals.run import SOLIDS
-from nearharmonic_studies.crystals.solids import argon, chain, copper, silicon
-from nearharmonic_studies.crystals.solids.lattice import FCC, cubic
+from nearharmonic_studies.crystals.solids import FCC, cubic
 
 pytestmark = pytest.mark.slow  # numba compiles each force
 
@@ -77,7 +80,7 @@ def test_energy_of_argon_is_that_of_all_pairs():
 def test_silicon_has_the_published_energy_and_bulk_modulus(monkeypatch):
     """-4.3366 eV an atom (Stillinger & Weber 1985), 101.4 GPa (Balamane et al. 1992, doi:10.1103/PhysRevB.46.2250)."""
     assert energy(silicon.silicon(1), np.zeros(24)) / 8 == pytest.approx(-4.3366, abs=1e-4)
-    edge, values = silicon.EDGE, []
+    edge, values = silicon.SILICON_EDGE, []
     for factor in (0.999, 1.0, 1.001):
         monkeypatch.setattr(silicon, "EDGE", factor * edge)
         values.append(energy(silicon.silicon(1), np.zeros(24)))
@@ -95,12 +98,12 @@ def test_copper_is_that_of_ase(monkeypatch):
 
         def _calc_cutoff(self, atoms):
             middle, _, steepness = super()._calc_cutoff(atoms)
-            return middle, copper.REACH, steepness
+            return middle, copper.COPPER_REACH, steepness
 
     monkeypatch.setattr(emt, "beta", copper.BETA)  # ASE rounds it to three decimals
     solid = copper.copper(2)
-    sites, u = cubic(FCC, copper.EDGE, 2), displaced(solid, 0.05)
-    atoms = ase.Atoms("Cu32", positions=sites + u.reshape(-1, 3), cell=[2 * copper.EDGE] * 3, pbc=True)
+    sites, u = cubic(FCC, copper.COPPER_EDGE, 2), displaced(solid, 0.05)
+    atoms = ase.Atoms("Cu32", positions=sites + u.reshape(-1, 3), cell=[2 * copper.COPPER_EDGE] * 3, pbc=True)
     atoms.calc = WithList(asap_cutoff=True)
     out = np.empty(solid.coordinates)
     assert solid.gradient(u, out) == pytest.approx(atoms.get_potential_energy(), rel=5e-8)

@@ -12,13 +12,23 @@ import xarray as xr
 import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.numerics.compiled import Normal
-from nearharmonic_studies.samplers.chains.effective import costs, covariances, enough, error_of, student, time_of
-from nearharmonic_studies.samplers.chains.loops import Chance, chance, loop_for, run
+from nearharmonic_studies.samplers.chains import (
+    Chance,
+    chance,
+    costs,
+    covariances,
+    enough,
+    error_of,
+    loop_for,
+    run,
+    student,
+    time_of,
+)
 from nearharmonic_studies.samplers.gaussian import efficiency, moments, power, spectrum, steps_matrix
 from nearharmonic_studies.samplers.reductions import reduction
-from nearharmonic_studies.samplers.search.training import Proposals, _squares, methods_of
+from nearharmonic_studies.samplers.search import Proposals, _squares, methods_of
 from nearharmonic_studies.samplers.settings import SamplersSettings
-from nearharmonic_studies.samplers.targets.quartic import quantiles, quartic
+from nearharmonic_studies.samplers.targets import quantiles, quartic
 
 #: A quartic target whose coordinates are the same oscillator but for their frequencies.
 QUARTIC = quartic(20)

@@ -7,11 +7,10 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.numerics.compiled import Normal
-from nearharmonic_studies.samplers.chains.loops import chance, loop_for, run
+from nearharmonic_studies.samplers.chains import chance, loop_for, run
 from nearharmonic_studies.samplers.run import MADE, tuned
 from nearharmonic_studies.samplers.settings import TARGETS, SamplersSettings
-from nearharmonic_studies.samplers.targets.lattice import COUPLING, MASS
-from nearharmonic_studies.samplers.targets.posteriors import REFERENCES
+from nearharmonic_studies.samplers.targets import COUPLING, MASS, REFERENCES
 
 pytestmark = pytest.mark.slow  # numba compiles each target
 

@@ -14,12 +14,10 @@ from nearharmonic.systems import sho
 from nearharmonic_paper.tasks.job import covered
 from nearharmonic_paper.tasks.provenance import task
 from nearharmonic_studies.sixth_order import run
-from nearharmonic_studies.sixth_order.cascade import candidates_of, find_solutions, winners
-from nearharmonic_studies.sixth_order.conditions import NystromEquations
-from nearharmonic_studies.sixth_order.criterion import criterion_of, system_of
+from nearharmonic_studies.sixth_order.cascade import candidates_of, find_solutions, registered, winners
+from nearharmonic_studies.sixth_order.criterion import NystromEquations, criterion_of, system_of
 from nearharmonic_studies.sixth_order.kernels import Walk, coefficients, descend, solve
 from nearharmonic_studies.sixth_order.kernels import jacobian as derivatives
-from nearharmonic_studies.sixth_order.registration import registered
 from nearharmonic_studies.sixth_order.settings import SixthOrderSettings
 from support.oracles.nystrom_steps import equations_of, unknowns_of
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from nearharmonic_studies.trained.problems import cubic_potentials as made
+from nearharmonic_studies.trained import problems as made
 
 BAND = (0.05, 0.75)
 

@@ -11,17 +11,11 @@ import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic_paper.tasks import job
-from nearharmonic_studies.trained.comparison.contestants import IDEAS
-from nearharmonic_studies.trained.ideas.oscillators import (  # fmt: skip
-    CHARGE,
-    STRONGEST,
-    WEAKEST,
-    exact_errors,
-    scaled_potentials,
-)
-from nearharmonic_studies.trained.ideas.reductions import reduce, reduction
-from nearharmonic_studies.trained.ideas.run import STRENGTHS, measure
-from nearharmonic_studies.trained.proof.settings import ProofSettings
+from nearharmonic_studies.trained.contestants import IDEAS
+from nearharmonic_studies.trained.ideas_reductions import reduce, reduction
+from nearharmonic_studies.trained.proof_settings import ProofSettings
+from nearharmonic_studies.trained.run import CHARGE, STRENGTHS, STRONGEST, WEAKEST, exact_errors, scaled_potentials
+from nearharmonic_studies.trained.run import ideas_measure as measure
 
 METHODS = ("ruth", "blanes_moan_s6o4", "babps8o7h", "babs7o7h", "srkn_b11", "chin_4a")
 EXACT = ("aba864",)

@@ -11,13 +11,14 @@ import xarray as xr
 import nearharmonic as nh
 from nearharmonic.output.dataset import assembled
 from nearharmonic_paper.tasks import job
-from nearharmonic_studies.trained.long_runs.reductions import long_table, reduction, trends
-from nearharmonic_studies.trained.long_runs.run import STARTS, long_runs, measure, run
-from nearharmonic_studies.trained.problems.named_systems import NAMED, named_ensemble
-from nearharmonic_studies.trained.proof import run as proof
-from nearharmonic_studies.trained.proof import times
-from nearharmonic_studies.trained.proof.reductions import reduce
-from nearharmonic_studies.trained.proof.settings import ProofSettings
+from nearharmonic_studies.trained import run as proof
+from nearharmonic_studies.trained import times
+from nearharmonic_studies.trained.long_runs_reductions import long_table, reduction, trends
+from nearharmonic_studies.trained.problems import NAMED, named_ensemble
+from nearharmonic_studies.trained.proof_reductions import reduce
+from nearharmonic_studies.trained.proof_settings import ProofSettings
+from nearharmonic_studies.trained.run import STARTS, long_runs, run
+from nearharmonic_studies.trained.run import long_runs_measure as measure
 
 SMALL = ProofSettings(
     systems=4, t_end="10", tau_per_stage=("0.1",), evaluations_per_orbit=(60,), steps=2000
@@ -94,7 +95,7 @@ def test_gains_at_equal_time_use_measured_charge(monkeypatch, tmp_path):
     methods = ("babps8o7h", "srkn_b11", "chin_4a", "mclachlan_ss5", "abag5o6")
     monkeypatch.setattr(times, "costs", lambda _, width: (2.0, 3.0) if width > 1 else (8.0, 1e-9))
     monkeypatch.setattr(times, "kind_of", lambda name: "trained" if name == "chin_4a" else "published")
-    job.write(proof.measure(methods, SMALL)["run"], [str(tmp_path / "run.h5")], {})
+    job.write(proof.proof_measure(methods, SMALL)["run"], [str(tmp_path / "run.h5")], {})
     job.write(reduce(methods, SMALL, str(tmp_path / "run.h5"))["cube"], [str(tmp_path / "cube.h5")], {})
     table = times.measure_times(str(tmp_path / "cube.h5"), methods, SMALL)["table"]
     rows = table.records()

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from nearharmonic.training.population import Ensemble
-from nearharmonic_studies.trained.problems.anharmonicity import anharmonicities, hessians
-from nearharmonic_studies.trained.problems.named_systems import (  # fmt: skip
+from nearharmonic_studies.trained.problems import (
     ALPHA,
     ATOMS,
     BETA,
@@ -17,6 +16,8 @@ from nearharmonic_studies.trained.problems.named_systems import (  # fmt: skip
     NAMED,
     RING,
     WELL,
+    anharmonicities,
+    hessians,
     named_ensemble,
 )
 

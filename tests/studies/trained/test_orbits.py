@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from mpmath import atan2, cos, mp, mpf, sin, sqrt
 
-from nearharmonic_studies.trained.problems.orbits import orbit_ensemble
+from nearharmonic_studies.trained.problems import orbit_ensemble
 
 BOUNDS = (0.02, 0.35)
 

@@ -15,10 +15,9 @@ from nearharmonic.errors import SettingError
 from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic_paper.config.reading import load
 from nearharmonic_paper.tasks import job
-from nearharmonic_studies.trained.comparison.contestants import contestants, exact_contestants, idea_of, kind_of
-from nearharmonic_studies.trained.comparison.resampling import _means, resampled_means
-from nearharmonic_studies.trained.problems.named_systems import NAMED, named_ensemble
-from nearharmonic_studies.trained.proof.reductions import (
+from nearharmonic_studies.trained.contestants import contestants, exact_contestants, idea_of, kind_of
+from nearharmonic_studies.trained.problems import NAMED, named_ensemble
+from nearharmonic_studies.trained.proof_reductions import (
     gain_table,
     gains,
     method_table,
@@ -27,8 +26,10 @@ from nearharmonic_studies.trained.proof.reductions import (
     stretch,
     verdict,
 )
-from nearharmonic_studies.trained.proof.run import log_errors, measure, proof_ensembles
-from nearharmonic_studies.trained.proof.settings import ProofSettings
+from nearharmonic_studies.trained.proof_settings import ProofSettings
+from nearharmonic_studies.trained.resampling import _means, resampled_means
+from nearharmonic_studies.trained.run import log_errors, proof_ensembles
+from nearharmonic_studies.trained.run import proof_measure as measure
 from support.oracles.plain_runs import (
     henon_heiles_energy,
     henon_heiles_gradient,

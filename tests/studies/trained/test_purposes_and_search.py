@@ -14,8 +14,8 @@ from nearharmonic.integrators import plain_integrators
 from nearharmonic.output.table import save_document
 from nearharmonic.training.published import modified_names, published_methods, published_names
 from nearharmonic_studies.trained import search
-from nearharmonic_studies.trained.problems.purposes import PURPOSES, Chain, Purpose
-from nearharmonic_studies.trained.registration import register
+from nearharmonic_studies.trained.purposes import PURPOSES, Chain, Purpose
+from nearharmonic_studies.trained.search import register
 from nearharmonic_studies.trained.settings import SearchSettings
 
 SETTINGS = SearchSettings(seed=5, systems=4, held_out=6, trials=40, random=0, refinements=1)

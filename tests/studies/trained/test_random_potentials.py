@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from nearharmonic_studies.trained.problems.random_potentials import random_ensemble, random_potential
+from nearharmonic_studies.trained.problems import random_ensemble, random_potential
 
 BAND = (0.01, 0.5)
 

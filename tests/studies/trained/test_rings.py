@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, norm
 
-from nearharmonic_studies.trained.problems.rings import SITES, ring_ensemble
+from nearharmonic_studies.trained.problems import SITES, ring_ensemble
 
 BAND = (0.01, 0.15)
 

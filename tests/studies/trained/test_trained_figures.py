@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb, to_rgba
 
-from nearharmonic_studies.trained.comparison.contestants import IDEAS
-from nearharmonic_studies.trained.ideas.figure import LOOKS, trained_ideas
-from nearharmonic_studies.trained.proof.figure import AHEAD, BEST, GAINED, LOST, trained_error, trained_gain
+from nearharmonic_studies.trained.contestants import IDEAS
+from nearharmonic_studies.trained.figures import (
+    AHEAD,
+    BEST,
+    GAINED,
+    LOOKS,
+    LOST,
+    trained_error,
+    trained_gain,
+    trained_ideas,
+)
 from support.cubes import figure_cubes as made
 from support.cubes.artists import NO_LINE, look, look_of, pixels, span
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from nearharmonic.output import store
 from nearharmonic.plotting.style import save
-from nearharmonic_paper.tasks.declarations import figures_of
+from nearharmonic_paper.tasks.experiment import figures_of
 from nearharmonic_paper.tasks.provenance import function_of
 from support.cubes import figure_cubes as made
 

@@ -6,8 +6,8 @@ from fractions import Fraction
 from types import SimpleNamespace
 
 from nearharmonic.output.dataset import assembled
-from nearharmonic_paper.experiments.stability.conservation.reductions import structure_cube
-from nearharmonic_paper.experiments.stability.conservation.run import structure_runs
+from nearharmonic_paper.experiments.stability.conservation_reductions import structure_cube
+from nearharmonic_paper.experiments.stability.run import structure_runs
 
 
 def runs_of(system, tableaus, t_end):

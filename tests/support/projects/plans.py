@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from nearharmonic_paper.experiments.paper.grid import plan, shards
+from nearharmonic_paper.experiments.paper import plan
+from nearharmonic_paper.experiments.paper import plan as shards
 
 
 def planned_runs(sweeps, methods):

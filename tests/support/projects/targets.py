@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 
 from nearharmonic.systems import systems
-from nearharmonic_paper.tasks.declarations import figures_of
-from nearharmonic_paper.tasks.experiment import experiments
+from nearharmonic_paper.tasks.experiment import experiments, figures_of
 
 METHODS = ("ruth", "babs7o7h")
 #: Of figure 2.

@@ -1,32 +1,262 @@
 """Comparison of printed sets with derived solutions: isolated roots and families.
 
 A set in a family with free parameters is proved, continued to more digits, and ranked among random members.
+
+All real solutions of a case without free parameters: search, exact count, refinement and proof.
+
+They determine the largest harmonic order for a number of stages (the remark on Eq. 17 in Nielsen 2015).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from mpmath import mp
+from mpmath import mp, mpf
 
-from nearharmonic.exact.decimals import as_mpf
+from nearharmonic.exact.decimals import as_mpf, fixed_point
 from nearharmonic.exact.newton import Proof, prove, rank_and_pivots
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.nielsen_2015 import TABLEAUS
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.search import RandomStarts
+from nearharmonic.output.table import progress
 from nearharmonic_paper.experiments.derivation.conditions import (
     Equations,
     PolishedSolution,
     agreeing_decimals,
+    eliminate,
     equations_of,
     polish,
+    reduced_system,
 )
-from nearharmonic_paper.experiments.derivation.isolated import IsolatedSolutions
-from nearharmonic_paper.experiments.derivation.search.starts import sample
+from nearharmonic_paper.experiments.derivation.search import sample, search
+
+#: The cases of Nielsen (2015) without free parameters, as (stages, harmonic order).
+CASES = ((5, 6), (6, 7), (7, 8))
+#: Unknowns near a solution, number of random starts that lead there, and True if elimination finds it.
+Candidate = tuple[tuple[Any, ...], int, bool]
+
+
+#: Decimals of the solutions.
+DIGITS = 128
+#: Largest number of stages for elimination, which takes seconds; 9 stages have a ring of 126 dimensions: minutes.
+ELIMINABLE = 8
+#: Relative difference of unknowns below which elimination and search have found the same solution.
+SAME = 1e-6
+#: A higher kappa above this is nonzero for a solution proved to 100 digits.
+NOT_ZERO = 1e-9
+#: Starts of a search for any solution of an order, the bound of its unknowns, and the ends that are tried.
+FEW, NEAR, TRIED = 500, 10.0, 10
+
+
+@dataclass(frozen=True)
+class Root:
+    """One real solution: decimal strings of both rows, and the accuracy of the proof.
+
+    ``residual`` is the largest |kappa| up to the harmonic order. ``proved``: by Krawczyk's test, exactly one solution
+    is within ``radius`` of the unknowns, and its distance is at most ``distance``. ``hits`` is the number of random
+    starts that lead here. ``eliminated`` is True if elimination finds the solution too. ``higher`` has |kappa| of the
+    next three orders.
+    """
+
+    outer: tuple[str, ...]
+    inner: tuple[str, ...]
+    residual: Any
+    proved: bool
+    radius: Any
+    distance: Any
+    hits: int
+    eliminated: bool
+    sum_of_absolute_values: float
+    largest_coefficient: float
+    higher: tuple[float, ...]
+
+    def tableau(self, equations: Equations, name: str, digits: int) -> Tableau:
+        """This solution as an integrator of order 4, rounded to ``digits`` decimals."""
+        rows = ([fixed_point(c, digits) for c in row] for row in (self.outer, self.inner))
+        source = f"derived: {equations.stages} stages, harmonic order {equations.harmonic_order}"
+        order = equations.harmonic_order
+        return equations.tableau(*rows, name=name, label=name, source=source, digits=digits - 1, harmonic_order=order)
+
+
+@dataclass(frozen=True)
+class IsolatedSolutions:
+    """The real solutions of one case, sorted by the sum of the absolute values of the coefficients.
+
+    ``complex_solutions`` is the exact number of complex solutions, and ``real_solutions`` that of the real ones, by
+    Sturm's theorem; None without elimination. ``complete``: this number of distinct solutions was proved, so that no
+    solution is missing, with coefficients of any size. Otherwise the roots are those that the search found from its
+    ``box``, with no unknown above ``bound``. ``unfinished`` describes each candidate that was not refined to its digits
+    or not proved.
+    """
+
+    equations: Equations
+    roots: tuple[Root, ...]
+    complex_solutions: int | None
+    real_solutions: int | None
+    complete: bool
+    starts: int
+    converged: int
+    box: float
+    bound: float
+    unfinished: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Reach:
+    """The largest harmonic order with a real solution for one number of stages, kick first.
+
+    ``lambda_max`` = 2s is the highest power of tau in the new position. ``harmonic_order`` is the largest order with a
+    proved solution (0 if none was found). ``solutions`` is the number of distinct real solutions found at s + 1, where
+    Bezout's theorem gives ``complex_solutions`` complex solutions with their multiplicities. ``proved_largest``: all
+    real solutions at this order are known, and none of them has the next order, so that no larger order exists.
+    Otherwise it is the largest order found from ``starts``.
+    """
+
+    stages: int
+    lambda_max: int
+    harmonic_order: int
+    solutions: int
+    complex_solutions: int
+    starts: int
+    proved_largest: bool
+
+
+def solve(
+    equations: Equations,
+    starts: RandomStarts,
+    *,
+    digits: int = DIGITS,
+    eliminable: int = ELIMINABLE,
+) -> IsolatedSolutions:
+    """Find all real solutions of a case without free parameters, from random starts and by elimination."""
+    found = search(equations, starts)
+    elimination = eliminate(equations) if equations.stages <= eliminable else None
+    candidates = [(tuple(point.tolist()), hits, False) for point, hits in zip(found.points, found.hits, strict=True)]
+    for start in elimination.starts if elimination else ():
+        candidates = _joined(candidates, start)
+    roots, unfinished = _proved(equations, candidates, digits)
+    complete = bool(elimination and elimination.simple and elimination.real_solutions == len(roots) and not unfinished)
+    return IsolatedSolutions(
+        equations=equations,
+        roots=tuple(roots),
+        complex_solutions=elimination.complex_solutions if elimination else None,
+        real_solutions=elimination.real_solutions if elimination else None,
+        complete=complete,
+        starts=found.starts,
+        converged=found.converged,
+        box=starts.box,
+        bound=starts.bound,
+        unfinished=tuple(unfinished),
+    )
+
+
+def reach(
+    stages: Sequence[int],
+    starts: RandomStarts,
+    known: Mapping[int, IsolatedSolutions],
+    *,
+    digits: int = DIGITS,
+) -> list[Reach]:
+    """Find the largest harmonic order for each number of stages; ``known`` are solved cases of order s + 1, by stages.
+
+    Order s + 1 determines all unknowns. If it has real solutions, a higher order could only be that of one of them; if
+    it has none, order s is tried.
+    """
+    results = []
+    for s in stages:
+        case = known.get(s) or solve(Equations(s, s + 1), starts, digits=digits)
+        results.append(_reach_of(case, starts))
+        progress(f"{s} stages: harmonic order {results[-1].harmonic_order}")
+    return results
+
+
+def _reach_of(case: IsolatedSolutions, starts: RandomStarts) -> Reach:
+    """Return the largest harmonic order, from the solutions of order s + 1."""
+    s = case.equations.stages
+    if case.roots:
+        highest, settled = s + 1, case.complete and all(root.higher[0] > NOT_ZERO for root in case.roots)
+    else:
+        highest = s if _exists(Equations(s, s), starts) else 0
+        settled = case.complete and highest > 0
+    return Reach(
+        stages=s,
+        lambda_max=2 * s,
+        harmonic_order=highest,
+        solutions=len(case.roots),
+        complex_solutions=reduced_system(case.equations).complex_solutions,
+        starts=case.starts,
+        proved_largest=settled,
+    )
+
+
+def _joined(candidates: list[Candidate], start: Sequence[Any]) -> list[Candidate]:
+    """Mark the solution from elimination among ``candidates``, or add it if no start led to it."""
+    scale = max(1.0, *(abs(float(c)) for c in start))
+    for i, (point, hits, _) in enumerate(candidates):
+        if max(abs(float(a) - b) for a, b in zip(start, point, strict=True)) < SAME * scale:
+            return [*candidates[:i], (point, hits, True), *candidates[i + 1 :]]
+    return [*candidates, (tuple(start), 0, True)]
+
+
+def _proved(equations: Equations, candidates: Sequence[Candidate], digits: int) -> tuple[list[Root], list[str]]:
+    """Return the proved solutions near ``candidates``, sorted by sum of |coefficients|, and remarks on the others."""
+    roots: list[Root] = []
+    unfinished: list[str] = []
+    for start, hits, eliminated in candidates:
+        outcome = _root(equations, start, digits, hits, eliminated)
+        if isinstance(outcome, str):
+            unfinished.append(outcome)
+        else:
+            roots.append(outcome)
+        progress(f"{equations.stages} stages, harmonic order {equations.harmonic_order}: {len(roots)} solutions proved")
+    return sorted(roots, key=lambda root: root.sum_of_absolute_values), unfinished
+
+
+def _root(equations: Equations, start: Sequence[Any], digits: int, hits: int, eliminated: bool) -> Root | str:
+    polished = polish(equations, start, digits=digits)
+    place = ", ".join(f"{float(c):.6f}" for c in start)
+    if not polished.converged:
+        return f"({place}): Newton's method reached a residual of {mp.nstr(polished.residual, 3)}, not 1e-{digits}"
+    proof = prove(equations.residuals, equations.jacobian, polished.unknowns, radius=f"1e-{digits * 3 // 4}")
+    if not proof.proved:
+        reach = mp.nstr(proof.distance, 3)
+        return f"({place}): no proof within {mp.nstr(proof.radius, 3)}: the image of Krawczyk's test reaches {reach}"
+    coefficients = [abs(float(c)) for c in (*polished.outer, *polished.inner)]
+    highest = equations.harmonic_order
+    with mp.workdps(30):
+        higher = equations.errors([mpf(c) for c in polished.unknowns], highest + 3)[highest:]
+    return Root(
+        outer=polished.outer,
+        inner=polished.inner,
+        residual=polished.residual,
+        proved=True,
+        radius=proof.radius,
+        distance=proof.distance,
+        hits=hits,
+        eliminated=eliminated,
+        sum_of_absolute_values=sum(coefficients),
+        largest_coefficient=max(coefficients),
+        higher=tuple(abs(float(k)) for k in higher),
+    )
+
+
+def _exists(equations: Equations, starts: RandomStarts) -> bool:
+    """Return True if a random start leads to a proved solution."""
+    few = replace(starts, count=min(starts.count, FEW), bound=NEAR)
+    for x in sample(equations, few)[:TRIED].tolist():
+        _, pivots = rank_and_pivots(equations.jacobian, x)
+        fixed = [j for j in range(equations.unknowns) if j not in pivots]
+        found = polish(equations, x, digits=50, fixed=fixed)
+        if found.converged and (
+            prove(equations.residuals, equations.jacobian, found.unknowns, radius="1e-30", fixed=fixed).proved
+        ):
+            return True
+    return False
+
 
 #: The sets of Nielsen (2015), Table 4, that the conditions determine uniquely.
 UNIQUE = tuple(tableau.name for tableau in TABLEAUS if equations_of(tableau).free_parameters == 0)

@@ -16,16 +16,19 @@ from nearharmonic.output.table import Table, progress
 from nearharmonic_paper.experiments.derivation import tables
 from nearharmonic_paper.experiments.derivation.conditions import Equations
 from nearharmonic_paper.experiments.derivation.families import (
+    CASES,
     PRINTED,
     UNIQUE,
+    IsolatedSolutions,
     agreement,
     derived_tableaus,
     printed_point,
     rank_printed,
+    reach,
+    solve,
 )
-from nearharmonic_paper.experiments.derivation.isolated import CASES, IsolatedSolutions, reach, solve
-from nearharmonic_paper.experiments.derivation.search.simplex import Simplex, SimplexRun, simplex_runs
 from nearharmonic_paper.experiments.derivation.settings import DerivationSettings
+from nearharmonic_paper.experiments.derivation.simplex import Simplex, SimplexRun, simplex_runs
 
 #: Step sizes per stage at which the five-stage solutions are compared.
 TAU_PER_STAGE = (0.02, 0.05, 0.1)

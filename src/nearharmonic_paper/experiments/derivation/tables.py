@@ -13,9 +13,8 @@ from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.output.table import Table
 from nearharmonic.systems.henon_heiles import SYSTEM
 from nearharmonic.theory.oscillator import harmonic_energy_error, table_4
-from nearharmonic_paper.experiments.derivation.families import PrintedPoint, Ranking
-from nearharmonic_paper.experiments.derivation.isolated import IsolatedSolutions, Reach
-from nearharmonic_paper.experiments.derivation.search.simplex import SimplexRun
+from nearharmonic_paper.experiments.derivation.families import IsolatedSolutions, PrintedPoint, Ranking, Reach
+from nearharmonic_paper.experiments.derivation.simplex import SimplexRun
 
 ROLES: tuple[First, ...] = ("drift", "kick")
 #: Decimals of the coefficients in measurements of errors.

@@ -1,8 +1,7 @@
 """Declaration of the comparison of an oscillator solved exactly with T + V."""
 
 from nearharmonic_paper.experiments.exact_oscillator.settings import ExactOscillatorSettings
-from nearharmonic_paper.tasks.declarations import Figure
-from nearharmonic_paper.tasks.experiment import Experiment
+from nearharmonic_paper.tasks.experiment import Experiment, Figure
 
 FIGURES = {
     "exact_oscillator_error": Figure(

@@ -1,7 +1,6 @@
 """Declaration of the paper's experiment, which the default target makes."""
 
-from nearharmonic_paper.tasks.declarations import Figure
-from nearharmonic_paper.tasks.experiment import Experiment
+from nearharmonic_paper.tasks.experiment import Experiment, Figure
 
 FIGURES = {
     "fig1_sho": Figure(
@@ -20,7 +19,7 @@ FIGURES = {
         ),
     ),
     "fig2_decomposition": Figure(
-        draw="nearharmonic_paper.experiments.paper.figures.fig2_decomposition:fig2_decomposition",
+        draw="nearharmonic_paper.experiments.paper.figures:fig2_decomposition",
         title="Error terms of the harmonic oscillator",
         cube="sho_terms",
         target="fig2",
@@ -48,7 +47,7 @@ FIGURES = {
         ),
     ),
     "fig4_perihelion": Figure(
-        draw="nearharmonic_paper.experiments.paper.figures.fig4_perihelion:fig4_perihelion",
+        draw="nearharmonic_paper.experiments.paper.figures:fig4_perihelion",
         title="Advance of the perihelion against force evaluations per orbit",
         cube="kepler",
         target="fig4",
@@ -76,7 +75,7 @@ FIGURES = {
         ),
     ),
     "fig6_substeps": Figure(
-        draw="nearharmonic_paper.experiments.paper.figures.fig6_substeps:fig6_substeps",
+        draw="nearharmonic_paper.experiments.paper.figures:fig6_substeps",
         title="Substeps in phase space",
         cube=None,
         target="fig6",
@@ -93,7 +92,7 @@ FIGURES = {
         ),
     ),
     "fig6_displaced": Figure(
-        draw="nearharmonic_paper.experiments.paper.figures.fig6_displaced:fig6_displaced",
+        draw="nearharmonic_paper.experiments.paper.figures:fig6_displaced",
         title="Panel (D) of Figure 6 beside its plane",
         cube="substeps_displaced",
         caption=(

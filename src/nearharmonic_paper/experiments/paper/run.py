@@ -15,7 +15,7 @@ from nearharmonic.engine.settings import Sweep
 from nearharmonic.engine.solution import Problem
 from nearharmonic.output.dataset import Contents, Variable, Variables, coordinate, counted
 from nearharmonic.systems import systems
-from nearharmonic_paper.experiments.paper.grid.plan import Run, runs_of
+from nearharmonic_paper.experiments.paper.plan import Run, runs_of
 
 #: Auxiliary coordinates of a run file.
 COORDINATES = ("t",)

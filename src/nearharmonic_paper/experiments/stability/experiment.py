@@ -4,12 +4,11 @@ from typing import Any
 
 from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.stability.settings import StabilitySettings
-from nearharmonic_paper.tasks.declarations import Figure
-from nearharmonic_paper.tasks.experiment import Experiment
+from nearharmonic_paper.tasks.experiment import Experiment, Figure
 
 FIGURES = {
     "linear_stability": Figure(
-        draw="nearharmonic_paper.experiments.stability.linear.figure:linear_stability",
+        draw="nearharmonic_paper.experiments.stability.figures:linear_stability",
         title="Linear stability",
         cube="linear_stability",
         category="Stability",
@@ -22,7 +21,7 @@ FIGURES = {
         ),
     ),
     "henon_heiles_stability": Figure(
-        draw="nearharmonic_paper.experiments.stability.henon_heiles.figure:henon_heiles_stability",
+        draw="nearharmonic_paper.experiments.stability.figures:henon_heiles_stability",
         title="Ensembles on energy surfaces of Hénon and Heiles",
         cube="stability_henon_heiles",
         category="Stability",
@@ -36,7 +35,7 @@ FIGURES = {
         ),
     ),
     "kepler_stability": Figure(
-        draw="nearharmonic_paper.experiments.stability.kepler.figure:kepler_stability",
+        draw="nearharmonic_paper.experiments.stability.figures:kepler_stability",
         title="Kepler orbits by eccentricity",
         cube="stability_kepler",
         category="Stability",
@@ -49,7 +48,7 @@ FIGURES = {
         ),
     ),
     "rounding_growth": Figure(
-        draw="nearharmonic_paper.experiments.stability.rounding.figure:rounding_growth",
+        draw="nearharmonic_paper.experiments.stability.figures:rounding_growth",
         title="Growth of rounding errors",
         cube="stability_rounding",
         category="Stability",
@@ -62,7 +61,7 @@ FIGURES = {
         ),
     ),
     "kinetic_energy": Figure(
-        draw="nearharmonic_paper.experiments.stability.kinetic_energy.figure:kinetic_energy",
+        draw="nearharmonic_paper.experiments.stability.figures:kinetic_energy",
         title="A kinetic energy that is not quadratic",
         cube="kinetic_energy",
         category="Stability",

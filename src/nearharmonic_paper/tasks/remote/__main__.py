@@ -10,7 +10,7 @@ from pathlib import Path
 from nearharmonic.errors import NearharmonicError
 from nearharmonic_paper.tasks import job
 from nearharmonic_paper.tasks.provenance import digests
-from nearharmonic_paper.tasks.remote.plan import FrozenJob, read
+from nearharmonic_paper.tasks.remote import FrozenJob, read
 
 
 def main(place: str) -> None:

@@ -9,9 +9,9 @@ from importlib.util import find_spec
 
 import pytest
 
-from nearharmonic_paper.tasks.code import sources
-from nearharmonic_paper.tasks.code.sources import closure
+from nearharmonic_paper.tasks import sources
 from nearharmonic_paper.tasks.reduction import Reductions
+from nearharmonic_paper.tasks.sources import closure
 
 EXPERIMENTS = sources.ROOT / "reproduction/experiments"
 #: Dotted names of all slices that declare reductions.

@@ -19,7 +19,7 @@ from nearharmonic.theory.order import (
     nystrom_order_of,
     order_of,
 )
-from nearharmonic_paper.experiments.paper.tableaus.overview import overview
+from nearharmonic_paper.experiments.paper.tableaus import overview
 from support.methods.ten_methods import EVERY_METHOD
 
 EVERY = pytest.mark.parametrize("name", list(integrators))

@@ -15,12 +15,7 @@ from nearharmonic.errors import SettingError, TableauError
 from nearharmonic.integrators import plain_integrators as integrators
 from nearharmonic.theory.order import closed_sums, momentum_row, position_rows
 from nearharmonic.theory.oscillator import kappa, lambda_max, zeta
-from nearharmonic_paper.experiments.paper.tableaus.tables import (
-    even_orders,
-    recursion_symbols,
-    recursion_values,
-    structure,
-)
+from nearharmonic_paper.experiments.paper.tableaus import even_orders, recursion_symbols, recursion_values, structure
 from support.methods.ten_methods import EVERY_METHOD, thinned
 from support.oracles.random_tableaus import tableaus
 from support.oracles.word_series import operators_of

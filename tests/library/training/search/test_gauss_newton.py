@@ -9,7 +9,7 @@ import nearharmonic as nh
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE, Objective
 from nearharmonic.training.search import Descent, Effort, Start, descend
-from nearharmonic_studies.trained.problems.random_potentials import random_ensemble, with_exact_oscillators
+from nearharmonic_studies.trained.problems import random_ensemble, with_exact_oscillators
 from support.methods.family_members import members
 
 WINDOW = (0.06, 0.09)

@@ -189,7 +189,7 @@ SCRIPT = """
 import hashlib
 import numpy as np
 import nearharmonic as nh
-from nearharmonic_studies.trained.problems.random_potentials import random_ensemble
+from nearharmonic_studies.trained.problems import random_ensemble
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import Objective
 from nearharmonic.training.search import Effort

@@ -6,7 +6,7 @@ import pytest
 
 from nearharmonic.numerics.search import RandomStarts
 from nearharmonic_paper.experiments.derivation.conditions import Equations
-from nearharmonic_paper.experiments.derivation.isolated import solve
+from nearharmonic_paper.experiments.derivation.families import solve
 
 SEED = 20150106
 

@@ -16,12 +16,16 @@ from mpmath import cbrt, mp, mpf
 from nearharmonic.exact.newton import Proof, prove
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.search import RandomStarts
-from nearharmonic_paper.experiments.derivation import isolated
-from nearharmonic_paper.experiments.derivation.conditions import Equations, agreeing_decimals, polish
-from nearharmonic_paper.experiments.derivation.elimination import eliminate, reduced_system
-from nearharmonic_paper.experiments.derivation.families import PRINTED, UNIQUE, agreement
-from nearharmonic_paper.experiments.derivation.isolated import _root, solve
-from nearharmonic_paper.experiments.derivation.search.starts import sample, search
+from nearharmonic_paper.experiments.derivation import families as isolated
+from nearharmonic_paper.experiments.derivation.conditions import (
+    Equations,
+    agreeing_decimals,
+    eliminate,
+    polish,
+    reduced_system,
+)
+from nearharmonic_paper.experiments.derivation.families import PRINTED, UNIQUE, _root, agreement, solve
+from nearharmonic_paper.experiments.derivation.search import sample, search
 from support.second_opinion.exact_statements import step
 from support.second_opinion.methods import Method
 
@@ -185,7 +189,7 @@ def test_solutions_come_most_often_hit_first():
 def test_solution_that_is_counted_but_not_found_leaves_set_incomplete(monkeypatch):
     exact = eliminate(Equations(5, 6))
     more = replace(exact, real_solutions=exact.real_solutions + 1)
-    monkeypatch.setattr("nearharmonic_paper.experiments.derivation.isolated.eliminate", lambda _: more)
+    monkeypatch.setattr("nearharmonic_paper.experiments.derivation.families.eliminate", lambda _: more)
     assert not solve(Equations(5, 6), RandomStarts(500, SEED, box=2.5, bound=20.0)).complete
     assert not solve(Equations(5, 6), RandomStarts(500, SEED, box=2.5, bound=20.0), eliminable=0).complete
 

@@ -11,8 +11,8 @@ from scipy.stats import t as student
 from nearharmonic.engine.solution import Problem
 from nearharmonic.engine.variation import tangent_system
 from nearharmonic.systems import systems
-from nearharmonic_paper.experiments.paper.orbits import chaos
-from nearharmonic_paper.experiments.paper.orbits.chaos import follow
+from nearharmonic_paper.experiments.paper import orbits as chaos
+from nearharmonic_paper.experiments.paper.orbits import follow
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ from mpmath import mpf
 
 import nearharmonic as nh
 from nearharmonic.integrators import integrators
-from nearharmonic_paper.experiments.paper.orbits import displaced
-from nearharmonic_paper.experiments.paper.orbits.substeps import paper_panels
+from nearharmonic_paper.experiments.paper import orbits as displaced
+from nearharmonic_paper.experiments.paper.orbits import paper_panels
 from support.oracles.multiprecision import energy_errors, trajectory
 
 ITERATIONS = 100_000

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nearharmonic_paper.experiments.paper.figures import fig6_displaced
+from nearharmonic_paper.experiments.paper import figures as fig6_displaced
 from support.cubes.artists import NO_LINE, line_of, lines_of, look
 from support.cubes.figure_cubes import displaced
 

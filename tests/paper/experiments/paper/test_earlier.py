@@ -8,11 +8,9 @@ import pytest
 
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.output.store import write
-from nearharmonic_paper.experiments.paper import run
-from nearharmonic_paper.experiments.paper.grid import reduced_run
-from nearharmonic_paper.experiments.paper.grid.earlier import Earlier, forget, keep
-from nearharmonic_paper.experiments.paper.grid.plan import runs_of
-from nearharmonic_paper.experiments.paper.grid.shards import shards_of
+from nearharmonic_paper.experiments.paper import reduced_run, run
+from nearharmonic_paper.experiments.paper.earlier import Earlier, forget, keep
+from nearharmonic_paper.experiments.paper.plan import runs_of, shards_of
 from nearharmonic_paper.tasks.provenance import provenance, task
 
 SHO = Sweep(

@@ -8,8 +8,7 @@ import xarray as xr
 
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.output.table import save
-from nearharmonic_paper.experiments.paper.grid.omissions import skipped, summary_line, table_of, totals
-from nearharmonic_paper.experiments.paper.grid.plan import Omission
+from nearharmonic_paper.experiments.paper.plan import Omission, skipped, summary_line, table_of, totals
 
 
 def config(system, method, t_end, lowest, highest, precision=("double",)):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from nearharmonic.integrators import integrators
-from nearharmonic_paper.experiments.paper.tableaus import overview
+from nearharmonic_paper.experiments.paper import tableaus as overview
 
 
 @pytest.fixture

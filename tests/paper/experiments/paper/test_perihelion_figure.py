@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from nearharmonic_paper.experiments.paper.figures import fig4_perihelion
+from nearharmonic_paper.experiments.paper import figures as fig4_perihelion
 from support.cubes.artists import NO_LINE, SOLID, drawn, line_of, lines_of, look, look_of
 from support.cubes.figure_cubes import METHODS, advances
 

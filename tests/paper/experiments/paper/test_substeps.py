@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from nearharmonic.integrators import integrators
-from nearharmonic_paper.experiments.paper.orbits.substeps import FOLLOWED, PAPER_PANELS, paper_panels
+from nearharmonic_paper.experiments.paper.orbits import FOLLOWED, PAPER_PANELS, paper_panels
 
 EPSILON = 2.0**-52
 

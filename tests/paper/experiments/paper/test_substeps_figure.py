@@ -9,8 +9,8 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
-from nearharmonic_paper.experiments.paper.figures import fig6_substeps
-from nearharmonic_paper.experiments.paper.orbits.substeps import paper_panels
+from nearharmonic_paper.experiments.paper import figures as fig6_substeps
+from nearharmonic_paper.experiments.paper.orbits import paper_panels
 from support.cubes.artists import NO_LINE, entries, look
 from support.cubes.figure_cubes import TOY_DRIFT, TOY_KICK, toy_panels
 

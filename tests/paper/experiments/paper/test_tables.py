@@ -8,8 +8,7 @@ import pytest
 from mpmath import mpf
 
 from nearharmonic.integrators import integrators
-from nearharmonic_paper.experiments.paper.tableaus.overview import overview
-from nearharmonic_paper.experiments.paper.tableaus.tables import even_orders, recursion_values, structure
+from nearharmonic_paper.experiments.paper.tableaus import even_orders, overview, recursion_values, structure
 from support.oracles.reference_solutions import oscillator_step
 
 

@@ -8,7 +8,7 @@ import pytest
 from nearharmonic.engine.solution import Problem
 from nearharmonic.engine.variation import tangent_system
 from nearharmonic.systems import System, systems
-from nearharmonic_paper.experiments.paper.orbits.chaos import follow
+from nearharmonic_paper.experiments.paper.orbits import follow
 
 
 def inverted(q):

@@ -13,10 +13,10 @@ from nearharmonic.engine import batch
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
-from nearharmonic_paper.experiments.stability.henon_heiles import run as hh
-from nearharmonic_paper.experiments.stability.henon_heiles.run import henon_heiles_surface
-from nearharmonic_paper.experiments.stability.kepler import run as maps
-from nearharmonic_paper.experiments.stability.rounding import run as rounding
+from nearharmonic_paper.experiments.stability import run as hh
+from nearharmonic_paper.experiments.stability import run as maps
+from nearharmonic_paper.experiments.stability import run as rounding
+from nearharmonic_paper.experiments.stability.run import henon_heiles_surface
 from nearharmonic_paper.experiments.stability.settings import EnsembleSettings, EvenStepSizes
 
 
@@ -27,7 +27,7 @@ def dataset(contents):
 
 def looked_at(integrator, tau, start, samples=2, **how):
     """Runs of ``start`` at one step size, looked at as the ensembles are."""
-    steps, look = hh.schedule(Fraction(100), tau)
+    steps, look = hh.henon_heiles_schedule(Fraction(100), tau)
     numerics = Numerics(**{"energy": "samples", "look": look, **how})
     return integrate_batch(
         nh.systems["henon_heiles"], nh.integrators[integrator], t_end=steps * tau, steps=[steps] * len(start),
@@ -37,7 +37,7 @@ def looked_at(integrator, tau, start, samples=2, **how):
 
 @pytest.mark.parametrize("tau", [Fraction(7, 20), Fraction(22, 10), Fraction(45, 10)])
 def test_looks_divide_run_without_change_of_step_or_interval(tau):
-    steps, look = hh.schedule(Fraction(250), tau)
+    steps, look = hh.henon_heiles_schedule(Fraction(250), tau)
     assert steps % look == 0
     assert 250 <= steps * tau < 250 + look * tau
     assert steps // look >= hh.LOOKS - 5
@@ -67,7 +67,7 @@ def test_looks_measure_energy_only_at_their_instants():
     """
     start = henon_heiles_surface(Fraction(1, 12), 64, 1)
     tau = Fraction(7, 10)
-    steps, look = hh.schedule(Fraction(100), tau)
+    steps, look = hh.henon_heiles_schedule(Fraction(100), tau)
     looks = looked_at("aba864", tau, start)
     every = looked_at("aba864", tau, start, energy="every", look=None, samples=steps // look + 1)
     assert (np.diff(every.marks, axis=1) == look).all()
@@ -110,7 +110,9 @@ def test_quantiles_and_fraction_are_those_of_the_sorted_runs(tau, escapes):
 def test_ensemble_map_is_bitwise_reproducible_and_depends_on_seed():
     grid = EvenStepSizes(lowest="0.2", highest="0.3", spacing="0.1")
     settings = {"trajectories": 20, "energies": ("1/12",), "t_end": "20", "tau_per_stage": grid}
-    first, again, other = (dataset(hh.measure("ruth", EnsembleSettings(**settings, seed=seed))) for seed in (1, 1, 2))
+    first, again, other = (
+        dataset(hh.henon_heiles_measure("ruth", EnsembleSettings(**settings, seed=seed))) for seed in (1, 1, 2)
+    )
     assert first.identical(again)
     assert not np.array_equal(first.energy_error, other.energy_error)
     assert first.tau_per_stage.values.tolist() == [0.2, 0.3]

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from nearharmonic_paper.experiments.stability.kinetic_energy.figure import kinetic_energy
-from nearharmonic_paper.experiments.stability.linear.figure import linear_stability
-from nearharmonic_paper.experiments.stability.rounding.figure import rounding_growth
+from nearharmonic_paper.experiments.stability.figures import kinetic_energy, linear_stability, rounding_growth
 from support.cubes.artists import NO_LINE, SOLID, drawn, line_of, look, look_of, looks, slope, span, ticks
 from support.cubes.figure_cubes import METHODS, TAU, label
 from support.cubes.stability_cubes import amplitudes, rounding, traces

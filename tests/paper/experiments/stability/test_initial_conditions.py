@@ -9,8 +9,7 @@ import pytest
 from mpmath import findroot, mpf
 
 from nearharmonic.numerics.statistics import quasi_random
-from nearharmonic_paper.experiments.stability.henon_heiles.run import henon_heiles_surface
-from nearharmonic_paper.experiments.stability.kepler.run import kepler_apoapsis
+from nearharmonic_paper.experiments.stability.run import henon_heiles_surface, kepler_apoapsis
 
 SURFACES = [Fraction(1, 24), Fraction(1, 12), Fraction(1, 8), Fraction(1, 6)]
 

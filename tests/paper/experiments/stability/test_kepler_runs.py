@@ -11,14 +11,14 @@ import xarray as xr
 from mpmath import mpf
 
 import nearharmonic as nh
+from nearharmonic_paper.experiments.stability import run as maps
 from nearharmonic_paper.experiments.stability.ensembles import stacked
-from nearharmonic_paper.experiments.stability.kepler import run as maps
-from nearharmonic_paper.experiments.stability.kepler.reductions import (
+from nearharmonic_paper.experiments.stability.kepler_reductions import (
     evaluations_below,
     kepler_cube,
     rotation_per_sample,
 )
-from nearharmonic_paper.experiments.stability.kepler.run import kepler_apoapsis
+from nearharmonic_paper.experiments.stability.run import kepler_apoapsis
 from nearharmonic_paper.experiments.stability.settings import EvaluationsGrid, MapSettings
 from support.oracles.multiprecision import trajectory
 
@@ -83,7 +83,7 @@ def test_ellipse_that_turns_by_more_than_quarter_has_no_advance():
 
 def test_orbits_that_are_not_run_would_err_less_than_floor():
     tableau = nh.integrators["yoshida_s7o6a"]
-    result = dataset(maps.measure("yoshida_s7o6a", MAP))
+    result = dataset(maps.kepler_measure("yoshida_s7o6a", MAP))
     skipped = np.argwhere(np.isnan(result.energy_error.values))
     assert len(skipped)
     for j in set(skipped[:, 1]):
@@ -95,7 +95,7 @@ def test_orbits_that_are_not_run_would_err_less_than_floor():
 
 def test_map_separates_lost_from_kept_orbits_and_circles_from_ellipses():
     ruth = nh.integrators["ruth"]
-    result = kepler_cube(stacked([ruth], [dataset(maps.measure("ruth", MAP))])).isel(integrator=0)
+    result = kepler_cube(stacked([ruth], [dataset(maps.kepler_measure("ruth", MAP))])).isel(integrator=0)
     lost = np.isinf(result.energy_error)
     assert lost.any()
     assert (result.orbits_kept.where(lost, drop=True) < MAP.orbits).any()

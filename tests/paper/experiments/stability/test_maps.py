@@ -7,8 +7,7 @@ import pytest
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
-from nearharmonic_paper.experiments.stability.henon_heiles.figure import henon_heiles_stability
-from nearharmonic_paper.experiments.stability.kepler.figure import kepler_stability
+from nearharmonic_paper.experiments.stability.figures import henon_heiles_stability, kepler_stability
 from support.cubes.artists import (
     SOLID,
     drawn,

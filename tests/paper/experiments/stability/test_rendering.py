@@ -8,9 +8,9 @@ import xarray as xr
 from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import assembled
 from nearharmonic_paper.experiments.stability.ensembles import stacked
-from nearharmonic_paper.experiments.stability.henon_heiles.reductions import henon_heiles_cube
-from nearharmonic_paper.experiments.stability.kepler.reductions import kepler_cube
-from nearharmonic_paper.experiments.stability.rounding.reductions import rounding_cube
+from nearharmonic_paper.experiments.stability.henon_heiles_reductions import henon_heiles_cube
+from nearharmonic_paper.experiments.stability.kepler_reductions import kepler_cube
+from nearharmonic_paper.experiments.stability.rounding_reductions import rounding_cube
 from nearharmonic_paper.experiments.stability.settings import (
     EnsembleSettings,
     EvaluationsGrid,

@@ -10,10 +10,10 @@ import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic.engine.batch import integrate_batch
-from nearharmonic_paper.experiments.stability.kepler import run as maps
-from nearharmonic_paper.experiments.stability.kepler.run import kepler_apoapsis
-from nearharmonic_paper.experiments.stability.rounding import run as rounding
-from nearharmonic_paper.experiments.stability.rounding.reductions import reduction
+from nearharmonic_paper.experiments.stability import run as maps
+from nearharmonic_paper.experiments.stability import run as rounding
+from nearharmonic_paper.experiments.stability.rounding_reductions import reduction
+from nearharmonic_paper.experiments.stability.run import kepler_apoapsis
 from nearharmonic_paper.experiments.stability.settings import RoundingSettings
 
 
@@ -27,7 +27,7 @@ LONG = RoundingSettings(ensemble=32, steps=40_000, evaluations_per_orbit=400, se
 
 @pytest.fixture(scope="module")
 def lost_digits():
-    return dataset(rounding.measure("aba104", LONG))
+    return dataset(rounding.rounding_measure("aba104", LONG))
 
 
 def law(result, source, variable):
@@ -63,12 +63,12 @@ def test_rounded_coefficients_alone_shift_the_phase_in_proportion_to_time(lost_d
 def test_coefficients_that_are_doubles_shift_nothing():
     """Leapfrog's 1/2 and 1 times a period over 64 are doubles: what is left is the rounding of double-double."""
     settings = RoundingSettings(ensemble=3, steps=2000, evaluations_per_orbit=64, seed=1)
-    assert np.abs(dataset(rounding.measure("leapfrog", settings)).lag.sel(source="coefficients")).max() < 1e-25
+    assert np.abs(dataset(rounding.rounding_measure("leapfrog", settings)).lag.sel(source="coefficients")).max() < 1e-25
 
 
 def test_the_scaled_orbit_is_the_same_orbit():
     """Lengths times 9 and momenta over 3 leave the eccentricity; H/9 to the rounding of double-double, 2^-105."""
-    start = rounding.starts(LONG)
+    start = rounding.rounding_starts(LONG)
     scaled = rounding._scaled(start)
     for row, large in zip(start[:4], scaled[:4], strict=True):
         for k, factor in ((0, 9), (1, 9), (4, Fraction(1, 3)), (5, Fraction(1, 3))):
@@ -101,9 +101,9 @@ def test_errors_are_those_that_were_put_in():
 @pytest.mark.parametrize("stages", [1, 3, 9])
 def test_samples_of_long_runs_are_whole_periods_apart(stages):
     settings = RoundingSettings(ensemble=3, steps=1_000_000, evaluations_per_orbit=400, seed=1)
-    plan = rounding.schedule(settings, stages)
+    plan = rounding.rounding_schedule(settings, stages)
     per_orbit = round(400 / stages)
-    assert plan.samples == rounding.SAMPLES
+    assert plan.samples == rounding.ROUNDING_SAMPLES
     assert plan.steps == plan.periods * per_orbit
     assert plan.periods % plan.samples == 0
     assert 1_000_000 <= plan.steps < 1_000_000 + per_orbit * plan.samples

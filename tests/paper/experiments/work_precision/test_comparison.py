@@ -16,9 +16,9 @@ from nearharmonic.recommendation.measure import Solver, variables
 from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.work_precision import comparison as comparisons
 from nearharmonic_paper.experiments.work_precision.comparison import HEADER, comparison, pairs
-from nearharmonic_paper.experiments.work_precision.figures.comparison import comparison_figures
-from nearharmonic_paper.experiments.work_precision.figures.regularised import (
+from nearharmonic_paper.experiments.work_precision.figures import (
     CURVES,
+    comparison_figures,
     figure_of_file,
     regularised_figures,
 )

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from nearharmonic.recommendation.measure import Solver
-from nearharmonic_paper.experiments.work_precision.figures.times import work_precision_figure
+from nearharmonic_paper.experiments.work_precision.figures import work_precision_figure
 from nearharmonic_paper.experiments.work_precision.peers import PEERS
 from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, look, looks
 from support.cubes.figure_cubes import FACTS, curves, label, timed

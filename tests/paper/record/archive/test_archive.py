@@ -23,9 +23,9 @@ from rocrate.rocrate import ROCrate
 
 from nearharmonic.cli import main
 from nearharmonic.errors import ResultFileError, SettingError
-from nearharmonic_paper.record import verify
-from nearharmonic_paper.record.archive import description, pack
-from nearharmonic_paper.record.archive.check import faults_of_archive
+from nearharmonic_paper.record import archive as pack
+from nearharmonic_paper.record import description, verify
+from nearharmonic_paper.record.archive import faults_of_archive
 from support.results import finished_results
 from support.results.finished_results import FILES, HISTORY, KILLED, NEWER, OLDER
 

@@ -14,8 +14,9 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile, ZipInfo
 import pytest
 
 from nearharmonic.errors import ResultFileError
-from nearharmonic_paper.record.archive import check, pack
-from nearharmonic_paper.record.archive.check import faults_of_archive
+from nearharmonic_paper.record import archive as check
+from nearharmonic_paper.record import archive as pack
+from nearharmonic_paper.record.archive import faults_of_archive
 from support.results import finished_results
 
 #: Enough to hit a stretch of 1/200 of the file that nothing protects with probability 1 - (199/200)**2000 = 1 - 4e-5.

@@ -13,13 +13,13 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from nearharmonic.errors import ResultFileError
-from nearharmonic_paper.record.compare.differences import (
+from nearharmonic_paper.record.differences import (
     array_difference,
     dataset_differences,
     relative_differences,
     table_differences,
 )
-from nearharmonic_paper.record.files.texts import Texts
+from nearharmonic_paper.record.manifest import Texts
 
 NUMBERS = st.floats(allow_nan=True, allow_infinity=True, allow_subnormal=True)
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nearharmonic.errors import NearharmonicError, UnknownNameError
-from nearharmonic_paper.record.query.expression import rows_where
+from nearharmonic_paper.record.query import rows_where
 from support.projects.call_counts import calls_of
 
 COLUMNS = {

@@ -12,8 +12,8 @@ import pytest
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic_paper.tasks.provenance import task
+from nearharmonic_paper.tasks.remote import PYTHON, SUFFIX, Files, FrozenJob, command_of, is_in_array, read
 from nearharmonic_paper.tasks.remote.__main__ import main
-from nearharmonic_paper.tasks.remote.plan import PYTHON, SUFFIX, Files, FrozenJob, command_of, is_in_array, read
 from snakemake_executor_plugin_nearharmonic import has_accounting
 
 

@@ -9,7 +9,7 @@ from nearharmonic.exact.polynomials import real_root_count, sturm_chain
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.theory.oscillator import step_polynomials
 from nearharmonic_paper.claims.claim import Decision, counted, either, mathematics, result
-from nearharmonic_paper.claims.judging.definitions import NOT_SUITABLE, SIGNIFICANTLY
+from nearharmonic_paper.claims.judging import NOT_SUITABLE, SIGNIFICANTLY
 from nearharmonic_paper.claims.results import Results, once, short
 
 #: Table 2 as the paper prints it, by h and the power of tau.

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 from nearharmonic_paper.claims.claim import Decision, counted, either, result, tallied
-from nearharmonic_paper.claims.judging.definitions import GENERALLY, SMALL
+from nearharmonic_paper.claims.judging import GENERALLY, SMALL
 from nearharmonic_paper.claims.results import Results, require, short
 from nearharmonic_paper.claims.statements.tableaus.sizes import largest
 

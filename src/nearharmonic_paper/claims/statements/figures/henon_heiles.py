@@ -18,9 +18,18 @@ from nearharmonic_paper.claims.claim import (
     result,
     tallied,
 )
-from nearharmonic_paper.claims.judging.curves import curves_of
-from nearharmonic_paper.claims.judging.definitions import GREATLY, LARGE
-from nearharmonic_paper.claims.judging.slopes import BAND, SLOPE, judged, large_steps, local_slopes, slopes_are, stretch
+from nearharmonic_paper.claims.judging import (
+    BAND,
+    GREATLY,
+    LARGE,
+    SLOPE,
+    curves_of,
+    judged,
+    large_steps,
+    local_slopes,
+    slopes_are,
+    stretch,
+)
 from nearharmonic_paper.claims.results import Results, label, short
 
 DESCENDING = ("babps8o7h", "babps9o7h")

@@ -21,9 +21,12 @@ from nearharmonic_paper.claims.claim import (
     misprint,
     result,
 )
-from nearharmonic_paper.claims.judging.curves import (
+from nearharmonic_paper.claims.judging import (
+    APPROXIMATELY,
+    DOT,
     FEWEST,
     MEASURES,
+    SIGNIFICANTLY,
     Curves,
     Range,
     curves_of,
@@ -31,7 +34,6 @@ from nearharmonic_paper.claims.judging.curves import (
     range_words,
     rank_correlation,
 )
-from nearharmonic_paper.claims.judging.definitions import APPROXIMATELY, DOT, SIGNIFICANTLY
 from nearharmonic_paper.claims.results import Results, label, require, short
 from nearharmonic_paper.claims.statements.figures.henon_heiles import orders_of_figure
 

@@ -9,9 +9,18 @@ import numpy as np
 from nearharmonic.integrators.tableau import First
 from nearharmonic.theory.oscillator import kappa, lambda_max, zeta
 from nearharmonic_paper.claims.claim import Decision, counted, either, mathematics, result, tallied
-from nearharmonic_paper.claims.judging.curves import curves_of, over
-from nearharmonic_paper.claims.judging.definitions import GENERALLY, GREATLY, LARGE, NOT_SUITABLE
-from nearharmonic_paper.claims.judging.slopes import BAND, SLOPE, large_steps, slopes_are
+from nearharmonic_paper.claims.judging import (
+    BAND,
+    GENERALLY,
+    GREATLY,
+    LARGE,
+    NOT_SUITABLE,
+    SLOPE,
+    curves_of,
+    large_steps,
+    over,
+    slopes_are,
+)
 from nearharmonic_paper.claims.results import Results, label, once, require, short
 
 TERMS = ("cubes/sho_terms.h5",)

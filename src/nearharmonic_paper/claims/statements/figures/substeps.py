@@ -7,7 +7,7 @@ import numpy as np
 from nearharmonic.math import hypot
 from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic_paper.claims.claim import Decision, counted, either, finding, mathematics, result, tallied
-from nearharmonic_paper.claims.judging.definitions import GREATLY, STABLE
+from nearharmonic_paper.claims.judging import GREATLY, STABLE
 from nearharmonic_paper.claims.results import Results, short
 
 

@@ -7,14 +7,18 @@ from collections.abc import Callable
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.numerics.portable import Bools, Floats
 from nearharmonic_paper.claims.claim import Claim, Decision, Verdict, combined, counted, result
-from nearharmonic_paper.claims.judging.curves import MEASURES, curves_of, for_larger_steps, over, range_words
-from nearharmonic_paper.claims.judging.definitions import (
+from nearharmonic_paper.claims.judging import (
     GENERALLY,
     GREATLY,
+    MEASURES,
     MODERATE,
     PERFORMANCE,
     SEVERAL_ORDERS,
     SIGNIFICANTLY,
+    curves_of,
+    for_larger_steps,
+    over,
+    range_words,
 )
 from nearharmonic_paper.claims.results import Results, label, short
 from nearharmonic_paper.claims.statements.tableaus.trained import TRAINED, lead_of_trained

@@ -11,8 +11,7 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.theory.linear_stability import growth_rate, stability_gaps, stability_limit
 from nearharmonic_paper.claims.claim import Decide, Decision, background, counted, either, result, tallied
-from nearharmonic_paper.claims.judging.curves import LOST, Curves, curves_of
-from nearharmonic_paper.claims.judging.definitions import GENERALLY, GREATLY, SEVERAL, SIGNIFICANTLY, SMALL
+from nearharmonic_paper.claims.judging import GENERALLY, GREATLY, LOST, SEVERAL, SIGNIFICANTLY, SMALL, Curves, curves_of
 from nearharmonic_paper.claims.results import Results, label, once, require, short
 from nearharmonic_paper.claims.statements.performance.comparisons import CUBES, NEW, SYSTEMS
 

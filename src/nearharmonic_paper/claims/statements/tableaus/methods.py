@@ -21,7 +21,7 @@ from nearharmonic_paper.claims.claim import (
     misprint,
     tallied,
 )
-from nearharmonic_paper.claims.judging.definitions import GREATLY
+from nearharmonic_paper.claims.judging import GREATLY
 from nearharmonic_paper.claims.results import Results, label, once, only, require, short
 from nearharmonic_paper.claims.statements.tableaus.splitting import leapfrogs
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from nearharmonic_paper.claims.claim import Decision, counted, misprint, result
-from nearharmonic_paper.claims.judging.definitions import DOT, GREATLY
+from nearharmonic_paper.claims.judging import DOT, GREATLY
 from nearharmonic_paper.claims.results import Results, label, require, short
 from nearharmonic_paper.claims.statements.tableaus.coefficients import FIVE_STAGES
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic_paper.claims.claim import Decision, counted, either, result
-from nearharmonic_paper.claims.judging.definitions import GENERALLY, SMALL
+from nearharmonic_paper.claims.judging import GENERALLY, SMALL
 from nearharmonic_paper.claims.results import Results, label, short
 from nearharmonic_paper.claims.statements.tableaus.coefficients import sets
 

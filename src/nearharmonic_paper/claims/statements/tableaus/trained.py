@@ -11,7 +11,7 @@ import numpy as np
 from nearharmonic.math import pow
 from nearharmonic.numerics.portable import Floats
 from nearharmonic_paper.claims.claim import Decision, background, counted
-from nearharmonic_paper.claims.judging.curves import rank_correlation
+from nearharmonic_paper.claims.judging import rank_correlation
 from nearharmonic_paper.claims.results import Results, Undecided, label, once, require, short
 
 TRAINED = "cubes/trained.h5"

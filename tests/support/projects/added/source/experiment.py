@@ -2,8 +2,7 @@
 
 from nearharmonic_paper.experiments.added.settings import AddedSettings
 
-from nearharmonic_paper.tasks.declarations import Figure
-from nearharmonic_paper.tasks.experiment import Experiment
+from nearharmonic_paper.tasks.experiment import Experiment, Figure
 
 EXPERIMENT = Experiment(
     name="added",

@@ -1,0 +1,305 @@
+"""The committed verdicts and the pages that show them, which the target ``verdicts`` writes together.
+
+``docs/claims.json`` has the verdicts of results with all targets. README shows some of them, ``docs/results/claims.md``
+all. An archive of the results that decide is among the tests.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from textwrap import wrap
+from typing import Any, NamedTuple
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
+
+from nearharmonic.errors import NearharmonicError
+from nearharmonic.output.atomic import write_bytes
+from nearharmonic.output.page import pipes
+from nearharmonic.output.store import read, write_dataset
+from nearharmonic_paper.claims.claim import OPEN
+from nearharmonic_paper.claims.judging import MEANINGS
+from nearharmonic_paper.claims.statements.performance.discussion import CLOSE, ROUND
+from nearharmonic_paper.claims.statements.tableaus.trained import ENSEMBLES
+from nearharmonic_paper.claims.summary import FINDING, VERDICTS, Entry, failures, in_words, of_the_paper, sums, tally
+from nearharmonic_paper.claims.table import FILES, decided
+
+#: Systems by the ends of ids, in the order of the paper.
+SYSTEMS = {"sho": "oscillator", "henon-heiles": "Hénon-Heiles", "kepler": "Sun-Mercury"}
+
+
+class Row(NamedTuple):
+    """A row of README's table: words, id, the short form of its value, and, if there is a statement for each system,
+    the words before the short forms.
+    """
+
+    words: str
+    id: str
+    shorten: Callable[[str], str]
+    of_systems: str = ""
+
+
+def _found(pattern: str, value: str) -> str:
+    """Return the first matching group of the first match, or the whole match without groups."""
+    match = re.search(pattern, value)
+    if match is None:
+        raise ValueError(f"README's table looks for {pattern!r} in {value!r}")
+    return next((group for group in match.groups() if group is not None), match[0])
+
+
+def _pairs(value: str) -> str:
+    told = re.findall(r"(oscillator|Hénon-Heiles system|Sun-Mercury system) (\d+) and (\d+) of 24", value)
+    counts = [f"{name.removesuffix(' system')} {largest} / {mean}" for name, largest, mean in told]
+    return f"pairs won by maximum / mean error, of 24: {', '.join(counts)}"
+
+
+def _decades(value: str) -> str:
+    lengths = [float(length) for length in re.findall(r"\(([\d.]+) decades\)", value)]
+    return f"slope 6 over {min(lengths):.2f} to {max(lengths):.2f} decades"
+
+
+def _ahead(value: str) -> str:
+    """Return the smallest and the largest number of step sizes at which a new method is better."""
+    total = int(_found(r"of (\d+):", value))
+    counts = [int(count) for count in re.findall(r"B\S+ (\d+)", value)]
+    if "each at all" in value or not counts:
+        counts.append(total)
+    low, high = min(counts), max(counts)
+    return f"{low} of {total}" if low == high else f"{low} to {high} of {total}"
+
+
+def _share(value: str) -> str:
+    """Return the step sizes at which a statement about a range is true."""
+    every = re.search(r"all (\d+) step sizes", value)
+    return f"{every[1]} of {every[1]}" if every else _found(r"\d+ of \d+(?= step sizes)", value)
+
+
+SHOWN = (
+    Row("perform significantly better than previous integrators", "significantly-better", _pairs),
+    Row("outperform Ruth by several orders of magnitude", "outperform-ruth", _share, "step sizes with a factor of 100"),
+    Row(
+        "outperform the three methods of Blanes", "outperform-blanes", _ahead,
+        "step sizes at which a new method is ahead",
+    ),
+    Row("four of them behave as sixth order on the oscillator", "fig-1-sixth-order", _decades),
+    Row(
+        "BAB's8o7H, BAB's9o7H fall in sixth order on Hénon-Heiles for large τ", "fig-3-sixth-order-descent",
+        lambda value: f"{_decades(value)}; half a decade asked",
+    ),
+    Row(
+        "BAB's9o7H has the least mean error on Sun-Mercury", "fig-5-best-mean",
+        lambda value: f"{_share(value)} step sizes: {_found(r'^(.*?),', value)}",
+    ),
+)  # fmt: skip
+
+#: The dozen main statements of the paper, with which its page begins.
+CARRYING = (
+    "significantly-better", "outperform-ruth", "best-performance", "greatly-and-consistently",
+    "stable-with-large-steps", "fig-1-sixth-order", "fig-2-reads-order", "fig-3-sixth-order-descent",
+    "fig-4-coincide", "fig-5-best-mean", "table-4-solves", "table-4-fourth-order",
+)  # fmt: skip
+
+#: Text in README for each failure of substance.
+FAILURES = {
+    "outperform-ruth-kepler": "on the Sun-Mercury system the new methods beat Ruth's by factors and not by several "
+    "orders of magnitude",
+    "bab-prime-leaves-q": "the sets called BAB' leave the error of p, as those called BAB do, and not that of q",
+    "eq-16-general": "Eq. 16 alone does not make a method of fourth order",
+}
+
+#: The table in README and the sentences below it.
+_BLOCK = re.compile(r"^\| the paper says \|.*?^Of the \d+ statements .*?\n\n", re.DOTALL | re.MULTILINE)
+_WIDTH = 118
+
+INTRODUCTION = """# Statements of the paper
+
+Each statement that numbers can decide, in the paper's words, with a verdict computed from the results of
+`snakemake -j2 everything`. `snakemake -j2` writes the same list to `results/<name>/tables/claims.md`, and says of
+statements that need another target which it is. This page is generated from [claims.json](../claims.json).
+"""
+
+
+def verdict_table(entries: Sequence[Entry]) -> str:
+    """Return README's table of verdicts, one row per statement, and the sentences below it."""
+    by_id = {entry["id"]: entry for entry in entries}
+    rows = []
+    for words, name, shorten, of_systems in SHOWN:
+        found = {ending: by_id[f"{name}-{ending}"] for ending in SYSTEMS} if of_systems else {"": by_id[name]}
+        verdicts = [f"{SYSTEMS.get(ending, '')} **{entry['verdict']}**".lstrip() for ending, entry in found.items()]
+        values = [f"{SYSTEMS.get(ending, '')} {shorten(entry['value'])}".lstrip() for ending, entry in found.items()]
+        told = ", ".join(values)
+        rows.append([words, ", ".join(verdicts), f"{of_systems}: {told}" if of_systems else told])
+    below = f"{tally(entries)}. {failures_in_words(entries)}"
+    lines = pipes(["the paper says", "verdict", "measured"], rows)
+    return "\n".join([*lines, "", *wrap(below, _WIDTH, break_on_hyphens=False), "", ""])
+
+
+def failures_in_words(entries: Sequence[Entry]) -> str:
+    """Return the failures of substance in a sentence, and the number of attributions that fail."""
+    failing = {entry["id"] for entry in failures(entries)}
+    said = [words for name, words in FAILURES.items() if name in failing]
+    number = {1: "One fails", 2: "Two fail", 3: "Three fail"}.get(len(said), f"{len(said)} fail")
+    told = f"{number} in substance: {'; '.join(said)}." if said else "None fails in substance."
+    wrong = sum(entry["verdict"] == "fails" and entry["kind"] == "attribution" for entry in entries)
+    return told + {0: "", 1: " One failure is an attribution."}.get(wrong, f" {wrong} failures are attributions.")
+
+
+def page(entries: Sequence[Entry]) -> str:
+    """Return the page of all statements, in Markdown; no line is longer than a screen."""
+    by_id = {entry["id"]: entry for entry in entries}
+    lines = [INTRODUCTION, *_wrapped(f"{tally(entries)}. {failures_in_words(entries)}"), *_table_of_sums(entries)]
+    lines += ["## The statements that carry the paper", ""]
+    lines += [line for name in CARRYING for line in _in_short(by_id[name])]
+    lines += ["## What general words and the verdicts mean", ""]
+    lines += [line for meaning in MEANINGS for line in _item(f"{meaning.words}.")]
+    lines += ["", "## All statements", ""]
+    lines += [line for section, found in _by_section(entries).items() for line in _folded(section, found)]
+    lines += ["## Findings of this project", "", "They are no statements of the paper and not counted.", ""]
+    lines += [line for entry in entries if entry["kind"] == FINDING for line in _told(entry)]
+    return "\n".join(lines)
+
+
+def _table_of_sums(entries: Sequence[Entry]) -> list[str]:
+    shown = [verdict for verdict in VERDICTS if any(entry["verdict"] == verdict for entry in of_the_paper(entries))]
+    rows = [[kind, count, *(found[verdict] or "" for verdict in shown)] for kind, count, found in sums(entries)]
+    return [*pipes(["kind", "statements", *(VERDICTS[verdict] for verdict in shown)], rows, align="lr"), ""]
+
+
+#: Section of an equation, table or figure, by its kind and the last number in each section.
+_PLACES = {
+    "Eq": ((4, "Section 2"), (17, "Section 3"), (20, "Section 4.B")),
+    "Table": ((1, "Section 2"), (3, "Section 3"), (4, "Section 4.A")),
+    "Figure": ((6, "Section 4.B"),),
+}
+_TITLES = {
+    "Abstract": "Abstract",
+    "Section 1": "Section 1, Introduction",
+    "Section 2": "Section 2, Fundamental theorems",
+    "Section 3": "Section 3, Methods",
+    "Section 4.A": "Section 4.A, Obtained splitting coefficients",
+    "Section 4.B": "Section 4.B, Numerical tests",
+    "Section 5": "Section 5, Discussion",
+    "Section 6": "Section 6, Conclusion",
+}
+
+
+def section_of(place: str) -> str:
+    """Return the section of a place in the paper: the named section, or that of its equation, table or figure."""
+    named = re.match(r"(Abstract|Section \d(?:\.[AB])?)", place)
+    if named:
+        return named[1]
+    ((kind, number),) = re.findall(r"^(Eq|Table|Figure)\.? (\d+)", place)
+    return next(section for last, section in _PLACES[kind] if int(number) <= last)
+
+
+def _by_section(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
+    """Return the statements of the paper by section, in order."""
+    found: dict[str, list[Entry]] = {section: [] for section in _TITLES}
+    for entry in of_the_paper(entries):
+        found[section_of(entry["paper"]["section"])].append(entry)
+    return {section: those for section, those in found.items() if those}
+
+
+def _folded(section: str, entries: Sequence[Entry]) -> Iterator[str]:
+    verdicts = Counter(entry["verdict"] for entry in entries)
+    yield from ("<details>", f"<summary>{_TITLES[section]}: {in_words(verdicts)}</summary>", "")
+    for entry in entries:
+        yield from _told(entry)
+    yield from ("</details>", "")
+
+
+def _in_short(entry: Entry) -> Iterator[str]:
+    """Return a statement, its verdict and its value."""
+    yield from _item(f"“{entry['paper']['sentence']}” ({entry['paper']['section']}; `{entry['id']}`): ")
+    yield ""
+    first, *rest = _lines(f"{entry['verdict']}: {entry['value']}.")
+    yield f"  {first.replace(entry['verdict'], '**' + entry['verdict'] + '**', 1)}"
+    yield from (f"  {line}" for line in rest)
+    yield ""
+
+
+def _told(entry: Entry) -> Iterator[str]:
+    """Return a statement, its verdict, its value and its threshold."""
+    yield f"**{entry['verdict']}** · `{entry['id']}` · {entry['kind']} · {entry['paper']['section']}"
+    yield ""
+    yield from (f"> {line}" for line in _lines(f"“{entry['paper']['sentence']}”"))
+    yield ""
+    needs = f" From {', '.join(f'`{name}`' for name in entry['needs'])}." if entry["needs"] else ""
+    yield from _item(f"Read as: {entry['statement']}.")
+    yield from _item(f"Measured: {entry['value']}.")
+    yield from _item(f"Asked: {entry['threshold']}.{needs}")
+    yield from _item(f"Margin: {entry['margin']}.")
+    yield ""
+
+
+def _item(text: str) -> list[str]:
+    first, *rest = _lines(text)
+    return [f"- {first}", *(f"  {line}" for line in rest)]
+
+
+def _lines(text: str) -> list[str]:
+    return wrap(_escaped(text), _WIDTH, break_on_hyphens=False, break_long_words=False)
+
+
+def _wrapped(text: str) -> list[str]:
+    return [*wrap(text, _WIDTH, break_on_hyphens=False), ""]
+
+
+def _escaped(text: str) -> str:
+    """Return text with escaped Markdown marks, except those of code."""
+    parts = text.split("`")
+    return "`".join(part if i % 2 else re.sub(r"([|*_\[\]])", r"\\\1", part) for i, part in enumerate(parts))
+
+
+def verdicts(folder: str, readme: str, integrators: Sequence[str], files: Sequence[str] = ()) -> dict[str, str | bytes]:
+    """Decide all statements on ``folder`` anew, and return the committed documents; ``files`` are those that decide.
+
+    They are ``recorded``, the results that decide, as a zip file; ``document``, the verdicts as JSON; ``page``; and
+    ``readme``. A statement that is not decided is a NearharmonicError.
+    """
+    text = str(decided(folder, integrators)["document"])
+    undecided = [f"{entry['id']} ({entry['value']})" for entry in json.loads(text) if entry["verdict"] == OPEN]
+    if undecided:
+        message = f"{folder} leaves {len(undecided)} statements undecided, like {undecided[0]}: no verdict is written"
+        raise NearharmonicError(message)
+    return {"recorded": recorded(Path(folder)), "document": text, **documents(text, Path(readme).read_text("utf-8"))}
+
+
+def documents(text: str, readme: str) -> dict[str, str]:
+    """Return the page of verdicts in JSON, and ``readme`` with their table."""
+    entries = json.loads(text)
+    return {"page": page(entries), "readme": _BLOCK.sub(lambda _: verdict_table(entries), readme, count=1)}
+
+
+#: What is kept of cubes of which statements look at little.
+_ERRORS = ["max_energy_error", "mean_energy_error", "tau"]
+_KEPT: Mapping[str, Callable[[Any], Any]] = {
+    "sho": lambda cube: cube[_ERRORS],
+    "henon_heiles": lambda cube: cube[_ERRORS],
+    "kepler": lambda cube: cube[[*_ERRORS, *(name for name in cube if "perihelion" in name or "per_orbit" in name)]],
+    "stability_rounding": lambda cube: cube[["energy_error_rms", "time", "orbit"]].isel(sample=slice(-20, None)),
+    "stability_kepler": lambda cube: cube[["energy_error", "evaluations_per_orbit"]].sel(
+        eccentricity=[ROUND, CLOSE], method="nearest"
+    ),
+    "trained": lambda cube: cube[["mean_log_error", "tau_per_stage", "kind"]].sel(ensemble=list(ENSEMBLES)),
+    "kinetic_energy": lambda cube: cube[["max_energy_error"]],
+}
+
+
+def recorded(results: Path) -> bytes:
+    """Return the files that decide as a zip file, from which tests decide again; equal results give equal bytes."""
+    content = BytesIO()
+    with TemporaryDirectory() as place, ZipFile(content, "w") as archive:
+        for name in FILES:
+            path = Path(place, name)
+            if path.suffix == ".h5":
+                write_dataset(path, _KEPT.get(path.stem, lambda cube: cube)(read(results / name)), {})
+            else:
+                write_bytes(path, (results / name).read_bytes())
+            # Its time is the beginning of the format.
+            archive.writestr(ZipInfo(name), path.read_bytes(), ZIP_DEFLATED, 9)
+    return content.getvalue()

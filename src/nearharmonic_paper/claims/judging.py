@@ -1,0 +1,363 @@
+"""Definitions of the paper's general words and of terms in verdicts, used for all statements.
+
+Curves of errors over step sizes: where they are truncation, over which steps one is the lower, and whether they have
+the order of something else.
+
+Statements about curves are decided at every step size of a range. Unless a statement says otherwise it is the range of
+:meth:`Curves.compared`: from the first step size at which every curve is clear of rounding to the last before one of
+them passes :data:`LOST`.
+
+Local slopes of errors over step sizes, and lengths of ranges where they agree with an order.
+
+All statements about slopes are decided in this way. A fit over half a decade would mix the end of one power law with
+the beginning of the next one; local slopes with the length of their range distinguish them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import ceil, log10, sqrt
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from nearharmonic.math import log
+from nearharmonic.numerics import portable
+from nearharmonic.numerics.portable import Bools, Floats
+from nearharmonic.numerics.statistics import PLATEAU, line_slope, mean
+from nearharmonic.output.dataset import double_runs
+from nearharmonic_paper.claims.claim import Decide, Decision, Verdict, combined
+from nearharmonic_paper.claims.results import Results, label, once, require, short
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+class Meaning(NamedTuple):
+    """A number, its definition with the origin, and a short form for thresholds."""
+
+    number: float
+    words: str
+    brief: str
+
+
+#: A dot of 2 pt in a figure 5 inches high over 18 decades covers a tenth of a decade.
+DOT = 1.2589254117941673  # 10^(1/10)
+DOT_WORDS = "a tenth of a decade (a factor of 1.26), what a dot of 2 pt covers in a figure of 5 inches over 18 decades"
+
+PERFORMANCE = Meaning(
+    1.0,
+    "'Performance' is the energy error at equal cost, which is at equal step size per stage τ/s; to 'outperform' is to "
+    "have the smaller error",
+    "'outperform': smaller error at equal τ/s",
+)
+APPROXIMATELY = Meaning(
+    DOT, f"'Approximately' means within {DOT_WORDS}", "'approximately': within a tenth of a decade, a factor of 1.26"
+)
+SIGNIFICANTLY = Meaning(
+    DOT, f"'Significantly' means by more than {DOT_WORDS}", "'significantly': by more than a tenth of a decade"
+)
+GENERALLY = Meaning(
+    0.5,
+    "'Generally', 'usually' and 'often' mean in more than half of the cases",
+    "'generally', 'usually', 'often': more than half",
+)
+GREATLY = Meaning(
+    10.0,
+    "'Greatly', 'drastically' and 'rapidly' mean by a factor of 10 or more",
+    "'greatly', 'drastically', 'rapidly': 10 times or more",
+)
+SEVERAL = Meaning(2.0, "'Several' means two or more", "'several': two or more")
+SEVERAL_ORDERS = Meaning(
+    100.0, "'Several orders of magnitude' means a factor of 100 or more", "'several orders of magnitude': 100 or more"
+)
+NOT_SUITABLE = Meaning(
+    10.0,
+    "A method is 'not suitable' if its error is at least ten times that of another at equal cost",
+    "'not suitable': ten times the error or more",
+)
+LARGE = Meaning(
+    10.0,
+    "'Large' step sizes are the decade below the one at which the first of the maximum errors compared passes 1 %",
+    "'large': the decade below an error of 1 %",
+)
+MODERATE = Meaning(
+    0.5,
+    "'Moderate' step sizes are the last half decade or more of the range of comparison. Smaller ones are left to "
+    "methods of higher order",
+    "'moderate': the last half decade of the range, or more",
+)
+SMALL = Meaning(
+    1.0,
+    "A coefficient or substep is 'small' if it is no longer than the whole step",
+    "'small': no longer than the whole step",
+)
+STABLE = Meaning(
+    1.0, "A run is 'stable' while its relative energy error stays below 1", "'stable': relative energy error below 1"
+)
+#: A run whose energy is off by more than 1 % is no integration that anyone would keep.
+RANGE = Meaning(
+    0.01,
+    "The 'range of comparison' contains the step sizes at which all curves compared show truncation, not rounding. It "
+    "begins where each of them is 100 times its lowest point. It ends where the first of the maximum errors compared "
+    "passes 1 %, or that of the method that the threshold names",
+    "",
+)
+EDGES = Meaning(
+    0.95,
+    "A statement about a range 'holds' at every step size of it. It 'holds but for edges' at 95 % or more, all others "
+    "among the first or last tenth. It 'holds in part' over half a decade or more without a gap",
+    "",
+)
+SLOPES = Meaning(
+    0.5,
+    "A curve 'has an order' where its local slopes are within 0.5 of it, so that no other integer is nearer. A local "
+    "slope is a fit to log(maximum error) within 0.05 decades of a step size. The statement holds if they stay so over "
+    "half a decade, and in part over 0.2 decades, two windows of the fits",
+    "",
+)
+#: All definitions, for the page.
+MEANINGS = (
+    PERFORMANCE, APPROXIMATELY, SIGNIFICANTLY, GENERALLY, GREATLY, SEVERAL, SEVERAL_ORDERS, NOT_SUITABLE, LARGE,
+    MODERATE, SMALL, STABLE, RANGE, EDGES, SLOPES,
+)  # fmt: skip
+
+
+LOST = RANGE.number
+#: Minimum width of a part of a range: half a decade, the width of fits of observed orders.
+PART = sqrt(10) * (1 - 1e-9)  # step sizes that are half a decade apart are so but for rounding
+#: Minimum number of step sizes for a statement about a range.
+FEWEST = 3
+#: A statement holds but for edges if it holds at this fraction of the step sizes, and the others are in the first or
+#: last tenth.
+MOST, EDGE = EDGES.number, 0.1
+#: The two errors in the figures of the paper.
+MEASURES = {"maximum": "max_energy_error", "mean": "mean_energy_error"}
+
+
+def range_words(end: str = "") -> str:
+    """Describe the step sizes of a statement; the curve ``end``, or all compared curves, determine the last one."""
+    return "over the range of comparison" + (f", up to where the maximum error of {end} passes 1 %" if end else "")
+
+
+class Range(NamedTuple):
+    """Step sizes per stage, the mask of those of a statement, and their unit."""
+
+    x: Floats
+    asked: Bools
+    unit: str
+
+    def words(self, chosen: Bools | None = None) -> str:
+        """Describe the longest part of the range where ``chosen`` is true; by default the whole range."""
+        low, high = self.longest(self.asked if chosen is None else chosen)
+        return f"τ/s = {short(low)} to {short(high)}{self.unit}"
+
+    def longest(self, chosen: Bools) -> tuple[float, float]:
+        """Return the ends of the longest part (in decades) of the range without a gap; (1, 0) if there is none."""
+        pieces = list(_pieces(self.x[self.asked], chosen[self.asked]))
+        return max(pieces, key=lambda piece: piece[1] / piece[0], default=(1.0, 0.0))
+
+    def but_for_edges(self, chosen: Bools) -> bool:
+        """Return True if ``chosen`` is true at most step sizes of the range, and false only near its ends."""
+        asked = chosen[self.asked]
+        edge = int(EDGE * asked.size)
+        return bool(asked.mean() >= MOST and asked[edge : asked.size - edge].all())
+
+    def at_the_end(self, chosen: Bools) -> tuple[float, float]:
+        """Return the ends of the part at the end of the range; (1, 0) if there is none."""
+        asked = self.x[self.asked]
+        last = [piece for piece in _pieces(asked, chosen[self.asked]) if piece[1] == asked[-1]]
+        return last[0] if last else (1.0, 0.0)
+
+
+def _pieces(x: Floats, chosen: Bools) -> Iterator[tuple[float, float]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(int)))
+    for start, stop in edges.reshape(-1, 2):
+        yield float(x[start]), float(x[stop - 1])
+
+
+#: Step sizes at which statements are judged: of more, every second, third, ....
+MOST_JUDGED = 2000
+
+
+class Curves:
+    """The runs of one system over step sizes, from its cube: those in double precision, which have all step sizes."""
+
+    def __init__(self, cube: xr.Dataset) -> None:
+        cube = cube.isel(tau_per_stage=slice(None, None, ceil(cube.sizes["tau_per_stage"] / MOST_JUDGED) or 1))
+        self.cube = double_runs(cube)
+        self.x: Floats = cube["tau_per_stage"].values
+        unit = cube["tau_per_stage"].attrs.get("units", "1")
+        self.unit = "" if unit == "1" else f" {unit}"
+        self.names = [str(name) for name in cube["integrator"].values]
+
+    @once
+    def of(self, name: str, variable: str = "max_energy_error") -> Any:
+        """Return a variable of a method over the step sizes; raise :class:`Undecided` if the cube lacks the method."""
+        require(name in self.names, f"the results do not have the method {label(name)}")
+        return self.cube[variable].values[self.names.index(name)]
+
+    def errors(self, names: Sequence[str], variable: str = "max_energy_error") -> Floats:
+        """Return a row of errors for each method; infinite where the run diverged."""
+        rows = np.array([self.of(name, variable) for name in names])
+        return np.where(np.isnan(rows), np.inf, rows)
+
+    def compared(self, *rows: Floats, kept: Floats | None = None) -> Range:
+        """Return the range in which all ``rows`` of errors, or tables of them, can be compared.
+
+        It ends at the first error of ``kept`` above 1 %; by default ``kept`` are all rows. A range with fewer than
+        three step sizes raises :class:`Undecided`.
+        """
+        every = np.concatenate([np.atleast_2d(one) for one in rows])
+        floors = np.maximum(every.min(axis=1, keepdims=True, initial=np.inf), np.finfo(float).eps / 2)
+        low = self.x[(every < PLATEAU * floors).any(axis=0)].max(initial=0.0)
+        high = self.x[(np.atleast_2d(every if kept is None else kept) > LOST).any(axis=0)].min(initial=np.inf)
+        asked = (self.x > low) & (self.x < high)
+        require(
+            asked.sum() >= FEWEST, "the results have fewer than three step sizes at which all curves are truncation"
+        )
+        return Range(self.x, asked, self.unit)
+
+
+def over(asked: Range, good: Bools, value: str = "") -> Decision:
+    """Return the verdict on a statement over a range: holds everywhere, but for edges, in part, or fails."""
+    count = int(asked.asked.sum())
+    tail = f"; {value}" if value else ""
+    if good[asked.asked].all():
+        return Decision("holds", f"{asked.words()}, all {count} step sizes{tail}")
+    low, high = asked.longest(good)
+    share = f"{int((good & asked.asked).sum())} of {count} step sizes of {asked.words()}"
+    if high < PART * low:
+        return Decision("fails", f"{share}{tail}")
+    verdict: Verdict = "holds but for edges" if asked.but_for_edges(good) else "holds in part"
+    return Decision(verdict, f"{asked.words(good)}, in one piece; {share}{tail}")
+
+
+def for_larger_steps(asked: Range, good: Bools) -> Decision:
+    """Return the verdict on a statement about large step sizes: it holds if it is true in the last half decade."""
+    if good[asked.asked].all() and PART * asked.longest(good)[0] <= asked.longest(good)[1]:
+        return Decision("holds", f"at all step sizes of {asked.words()}")
+    low, high = asked.at_the_end(good)
+    if high >= PART * low:
+        return Decision("holds", f"from τ/s = {short(low)}{asked.unit} on, of {asked.words()}")
+    low, high = asked.longest(good)
+    if high >= PART * low:
+        return Decision("holds in part", f"not at the end: {asked.words(good)}, of {asked.words()}")
+    return Decision("fails", f"{int((good & asked.asked).sum())} of {int(asked.asked.sum())} step sizes")
+
+
+@once
+def curves_of(results: Results, system: str) -> Curves:
+    """Return the curves of a system."""
+    return Curves(results.cube(system))
+
+
+def rank_correlation(one: Floats, other: Floats) -> Floats:
+    """Return Spearman's rank correlation over the rows for each column; 0 if all values of one are equal.
+
+    Equal numbers of the arrays (n, T) share the mean of their ranks.
+    """
+    # Twice the ranks, from the middle: how many numbers are below each, less how many are above.
+    below = ((rows[:, None] > rows, rows[:, None] < rows) for rows in (one, other))
+    first, second = (less.sum(axis=1) - more.sum(axis=1) for less, more in below)
+    spread = np.sqrt((first**2).sum(axis=0) * (second**2).sum(axis=0))
+    found: Floats = (first * second).sum(axis=0) / np.where(spread > 0, spread, 1.0)
+    return found
+
+
+#: Half width in decades of the fit of a local slope: five step sizes in total, with forty per decade.
+WINDOW = 0.05
+#: Tolerance of a local slope: within it no other integer is nearer.
+BAND = SLOPES.number
+#: Required length in decades of agreement with an order; for "in part" two windows without a common step size.
+LONG, SHORT = 0.5, 4 * WINDOW
+SLOPE = (
+    f"local slopes of the maximum error within {BAND} of the order over {LONG} decades or more of its range of "
+    f"comparison; in part: over {SHORT:.1f} decades"
+)
+_ROUNDED = 1e-5  # decades: step sizes of a grid are rounded to six digits
+
+
+class Stretch(NamedTuple):
+    """The longest range of step sizes per stage whose slopes are all within the band; 0 and 0 if there is none."""
+
+    low: float
+    high: float
+
+    @property
+    def decades(self) -> float:
+        """Its length."""
+        return log10(self.high / self.low) if self.high > 0 else 0.0
+
+    def words(self, unit: str) -> str:
+        """The stretch for a reader."""
+        if self.decades == 0:
+            return "nowhere"
+        return f"τ/s = {short(self.low)} to {short(self.high)}{unit} ({self.decades:.2f} decades)"
+
+
+@once
+def local_slopes(curves: Curves, name: str) -> Floats:
+    """Return the slope around each step size; NaN if an error around it is not finite or fewer than three exist.
+
+    If no step size has as many around it, the grid is too coarse whatever the errors are: this is
+    :class:`Undecided`.
+    """
+    error, places = curves.errors([name])[0], portable.log10(curves.x)
+    good = np.isfinite(error) & (error > 0)
+    x, y = log(curves.x), log(np.where(good, error, 1.0))
+    found = np.full(curves.x.size, np.nan)
+    around = [np.abs(places - place) <= WINDOW + _ROUNDED for place in places]
+    dense = any(near.sum() >= FEWEST for near in around)
+    require(dense, f"the results have fewer than three step sizes in {2 * WINDOW:g} decades, too few for a local slope")
+    for i, near in enumerate(around):
+        if near.sum() >= FEWEST and good[near].all():
+            found[i] = line_slope(x[near] - mean(x[near]), y[near])
+    return found
+
+
+def stretch(asked: Range, slopes: Floats, order: float, band: float) -> Stretch:
+    """Return the longest range of the requested step sizes with slopes within ``band`` of an order."""
+    good: Bools = np.abs(slopes - order) <= band
+    low, high = asked.longest(good)
+    return Stretch(low, high) if high > 0 else Stretch(0.0, 0.0)
+
+
+@once
+def truncation_of(curves: Curves, name: str) -> Range:
+    """Return the step sizes at which the error of a method is neither rounding nor above 1 %."""
+    return curves.compared(curves.errors([name]))
+
+
+def judged(found: Stretch) -> Verdict:
+    """Return the verdict on one range."""
+    if found.decades >= LONG - _ROUNDED:
+        return "holds"
+    return "holds in part" if found.decades >= SHORT - _ROUNDED else "fails"
+
+
+def slopes_are(system: str, expected: Mapping[str, int]) -> Decide:
+    """Return the judge of statements about the orders of methods in a figure of one system."""
+    return lambda results, band: orders(curves_of(results, system), expected, band)
+
+
+def orders(curves: Curves, expected: Mapping[str, int], band: float) -> Decision:
+    """Decide whether each method has its order as a slope."""
+    verdicts, told = [], []
+    for name, order in expected.items():
+        found = stretch(truncation_of(curves, name), local_slopes(curves, name), order, band)
+        verdicts.append(judged(found))
+        told.append(f"{label(name)} {order} over {found.words(curves.unit)}")
+    return combined(verdicts, "; ".join(told))
+
+
+def large_steps(curves: Curves, *names: str) -> Range:
+    """Return the step sizes of the decade that ends at the first maximum error above 1 %.
+
+    With fewer than three step sizes, or without such an error, :class:`Undecided` is raised.
+    """
+    end = curves.x[(curves.errors(names) > LOST).any(axis=0)].min(initial=np.inf)
+    asked = (curves.x > end / 10) & (curves.x < end)
+    known = asked.sum() >= FEWEST and np.isfinite(end)
+    require(known, "the results have fewer than three step sizes in the decade below an error of 1 %")
+    return Range(curves.x, asked, curves.unit)

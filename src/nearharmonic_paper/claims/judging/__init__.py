@@ -1,1 +1,0 @@
-"""Judgement of numbers: curves and their ranges, local slopes, margins, general words."""

@@ -1,1 +1,0 @@
-"""Pages of verdicts: sums by kind, README, docs/results/claims.md."""

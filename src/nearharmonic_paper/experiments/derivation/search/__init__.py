@@ -1,1 +1,0 @@
-"""Searches for solutions: random starts, the adaptive simplex, their kernels."""

@@ -1,0 +1,333 @@
+"""Figure 2: position error terms kappa of the harmonic oscillator, for both compositions of each method.
+
+Figure 4: advance of Mercury's perihelion caused by the integrator, against force evaluations per orbit.
+
+Energy errors of panel D of Figure 6 from starts outside its plane, until the paths diverge.
+
+Figure 6: substeps of two methods in phase space, coloured by the signs of the next coefficients.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isfinite, log10
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MultipleLocator
+
+from nearharmonic.plotting.profile import problem_of
+from nearharmonic.plotting.style import (
+    Style,
+    house_style,
+    log_scale,
+    log_ticks,
+    mark_every,
+    method_handles,
+    new_figure,
+    panel_letter,
+    right_title,
+    style_of,
+    write_beside,
+)
+from nearharmonic_paper.experiments.paper.orbits import paper_panels
+from nearharmonic_paper.experiments.paper.shown import (
+    MERCURY_RELATIVISTIC_ADVANCE,
+    SATISFIED_BELOW,
+    Advances,
+    advances,
+    arcseconds_per_century,
+)
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+_CIRCLE: dict[str, Any] = {"marker": "o", "markersize": 8, "markerfacecolor": "none"}
+
+
+@house_style
+def fig2_decomposition(terms: xr.Dataset) -> Figure:
+    """Draw ``kappa`` of ``terms``, dimensions (integrator, first, order), NaN beyond the highest order reached."""
+    kappa = terms["kappa"]
+    labels = [str(label) for label in terms["label"].values]
+    drawn = new_figure(7, 7.6)
+    left = max(0.125, 0.0113 * max(map(len, labels), default=0))  # labels of methods stand beside panel B
+    drawn.subplots_adjust(left=left, right=0.985, top=0.875, bottom=0.065, hspace=0.12)
+    ratios = [3.2, 0.25 + 0.13 * len(labels)]
+    upper, lower = drawn.subplots(2, 1, sharex=True, height_ratios=ratios)
+    _draw_terms(upper, kappa.where(kappa >= SATISFIED_BELOW))
+    _draw_satisfied(lower, (kappa < SATISFIED_BELOW), labels)
+    panel_letter(upper, "A", "error terms that remain")
+    right_title(upper, "simple harmonic oscillator, one step")
+    panel_letter(lower, "B", rf"error terms that vanish ($\kappa_\lambda < 10^{{{log10(SATISFIED_BELOW):.0f}}}$)")
+    lower.set_xlabel(r"order, $\lambda$")
+    lower.xaxis.set_major_locator(MultipleLocator(1))
+    handles = method_handles(map(str, terms["integrator"].values), labels, markersize=4)
+    handles += [
+        Line2D([], [], color="#404040", linestyle="none", label="ABA composition", **_CIRCLE),
+        Line2D([], [], color="#404040", label="BAB composition"),
+    ]
+    drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.55, 0.995), ncols=4, columnspacing=1.8)
+    return drawn
+
+
+def _draw_terms(axes: Axes, kappa: xr.DataArray) -> None:
+    order = kappa["order"].values
+    for name in map(str, kappa["integrator"].values):
+        style = style_of(name)
+        term = kappa.sel(integrator=name)
+        axes.plot(order, term.sel(first="kick").values, color=style.colour, linewidth=1.2)
+        _circles(axes, order, term.sel(first="drift").values, style)
+    log_scale(axes, "y")
+    axes.set_ylabel(r"error term of the position, $\kappa_\lambda$")
+
+
+def _circles(axes: Axes, x: Any, y: Any, style: Style) -> None:
+    """Draw circles around the marker of the method, which identifies it without colour."""
+    axes.plot(x, y, **style.points(markeredgewidth=0.9, **_CIRCLE))
+    axes.plot(x, y, **style.points(markersize=3.2, markeredgewidth=0.8))
+
+
+def _draw_satisfied(axes: Axes, satisfied: xr.DataArray, labels: list[str]) -> None:
+    order = satisfied["order"].values
+    for row, name in enumerate(map(str, satisfied["integrator"].values)):
+        met = satisfied.sel(integrator=name)
+        style = style_of(name)
+        kick, drift = order[met.sel(first="kick").values], order[met.sel(first="drift").values]
+        bar = style.points(marker="_", markersize=17, markeredgewidth=1.6)
+        axes.plot(kick, [row] * len(kick), **bar)
+        _circles(axes, drift, [row] * len(drift), style)
+    axes.set_yticks(range(len(labels)), labels)
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(len(labels) - 0.4, -0.6)
+
+
+#: Each point is a dot with a bar, 1.5 mm wide.
+COLUMNS = 100
+
+
+@house_style
+def fig4_perihelion(cube: xr.Dataset) -> Figure:
+    """Draw |perihelion_advance| of ``cube``, dimensions (precision, integrator, tau_per_stage), in rad per orbit.
+
+    ``cube.attrs["orbital_period"]``, in h, converts it to arcseconds per century. Runs without a finite advance or
+    interval are omitted.
+    """
+    drawn = new_figure(7, 6.4)
+    drawn.subplots_adjust(left=0.105, right=0.895, top=0.865, bottom=0.08)
+    axes = drawn.subplots()
+    for one in advances(cube, COLUMNS):
+        _draw_method(axes, one)
+    axes.margins(x=0.03, y=0.04)
+    log_scale(axes, "xy")
+    axes.set_xlabel("force evaluations per orbit")
+    right_title(axes, problem_of(cube, str(cube["tau_per_stage"].attrs.get("units", "1"))))
+    axes.set_ylabel("|perihelion advance|  (rad per orbit)")
+    _add_century_axis(axes, arcseconds_per_century(float(cube.attrs["orbital_period"])))
+    handles = method_handles(map(str, cube["integrator"].values), map(str, cube["label"].values))
+    handles.append(
+        Line2D([], [], color="#404040", linestyle="none", marker="x", markersize=4, label="95 % interval includes 0")
+    )
+    drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.995), ncols=4, columnspacing=1.8)
+    return drawn
+
+
+def _draw_method(axes: Axes, one: Advances) -> None:
+    style, x = style_of(one.line.integrator), one.evaluations
+    known, bars = np.where(one.known, one.size, np.nan), np.where(one.known, one.interval, np.nan)
+    axes.errorbar(x, known, yerr=bars, fmt="none", ecolor=style.colour, elinewidth=0.8)
+    axes.plot(x, known, color=style.colour, linewidth=0.5, marker=".", markersize=3.2)
+    axes.plot(x, known, markevery=mark_every(*one.line.turn, int(one.known.sum()), marks=8), **style.points())
+    axes.plot(x, np.where(one.unknown, one.size, np.nan), **style.points(marker="x", markersize=4, alpha=0.5))
+
+
+def _add_century_axis(axes: Axes, arcseconds: float) -> None:
+    """Add a second axis, ``arcseconds`` per century for 1 rad/orbit, and a line for the relativistic advance."""
+    functions: Any = (lambda y: y * arcseconds, lambda y: y / arcseconds)
+    century = axes.secondary_yaxis("right", functions=functions)
+    century.set_ylabel("|perihelion advance|  (arcseconds per century)")
+    log_ticks(century.yaxis)
+    axes.tick_params(axis="y", which="both", right=False)
+    level = MERCURY_RELATIVISTIC_ADVANCE / arcseconds
+    axes.axhline(level, color="#404040", linestyle=(0, (6, 3)), linewidth=0.9, zorder=1.5)
+    text = f"general relativity: {MERCURY_RELATIVISTIC_ADVANCE}″ per century"
+    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1}
+    among = {"xycoords": ("axes fraction", "data"), "ha": "right", "zorder": 5}
+    write_beside(axes, text, (0.988, level), (0, 4), bbox=box, **among)
+
+
+#: Black for the plane itself, then from near to far: at least 3:1 contrast with white, and 13 CIELAB units between any
+#: two, with deuteranopia, protanopia and tritanopia as well.
+_COLOURS = ("#000000", "#0072b2", "#a03070", "#009e73", "#d55e00")
+_LEFT: dict[str, Any] = {"marker": "X", "markersize": 7, "markeredgecolor": "white", "markeredgewidth": 0.6}
+
+
+@house_style
+def fig6_displaced(cube: xr.Dataset) -> Figure:
+    """Draw ``block_max_energy_error`` of ``cube``, dimensions (displacement, summation, iteration), and ``left_at``."""
+    drawn = new_figure(7, 6.2)
+    drawn.subplots_adjust(left=0.1, right=0.985, top=0.875, bottom=0.08, hspace=0.14)
+    panels = drawn.subplots(2, 1, sharex=True, sharey=True)
+    for axes, letter, summation in zip(panels, "AB", map(str, cube["summation"].values), strict=True):
+        _draw(axes, cube.sel(summation=summation), float(cube.attrs["surface_limit"]))
+        panel_letter(axes, letter, f"{cube.attrs['label']}, {cube.attrs['system_label']}, {summation} sums")
+        axes.set_ylabel(r"$|\Delta H/H_0|$")
+    panels[-1].set_xlabel("iteration")
+    handles = [
+        Line2D([], [], color=colour, label=rf"$q_x$ = {_power(float(each))} at the start", **_look(i))
+        for i, (each, colour) in enumerate(zip(cube["displacement"].values, _COLOURS, strict=False))
+    ]
+    handles.append(Line2D([], [], color="#404040", linestyle="none", label="leaves its energy surface", **_LEFT))
+    drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.54, 0.998), ncols=3, columnspacing=2.0)
+    return drawn
+
+
+def _draw(axes: Axes, runs: xr.Dataset, limit: float) -> None:
+    iteration = runs["iteration"].values
+    axes.axhline(limit, color="#404040", linestyle=(0, (6, 3)), linewidth=0.9, zorder=1.5)
+    text = rf"surface left beyond $|\Delta H/H_0|$ = {limit:g}"
+    write_beside(axes, text, (0.012, limit), (0, -4), xycoords=("axes fraction", "data"), va="top")
+    for i, colour in enumerate(_COLOURS[: runs.sizes["displacement"]]):
+        run = runs.isel(displacement=i)
+        error, left_at = run["block_max_energy_error"].values, int(run["left_at"])
+        kept = np.isfinite(error)
+        x, y = iteration[kept], error[kept]
+        if left_at:
+            x, y = np.append(x, left_at), np.append(y, limit)
+            axes.plot([left_at], [limit], color=colour, linestyle="none", zorder=4, **_LEFT)
+        axes.plot(x, y, color=colour, **_look(i))
+    axes.margins(x=0.02)
+    log_scale(axes, "xy")
+
+
+def _look(place: int) -> dict[str, Any]:
+    """Look of a line: broad for the plane itself, which comes first."""
+    return {"linewidth": 1.2 if place else 2.0}
+
+
+def _power(number: float) -> str:
+    """Return the text of a power of ten, or zero."""
+    return f"$10^{{{np.log10(number):.0f}}}$" if number else "0"
+
+
+_BLUE, _RED, _GREEN = "#0b5fb5", "#d7301f", "#1a9850"
+_PALE = LinearSegmentedColormap.from_list("pale", ["#ffffff", "#b9c3cf"])
+_LEVELS = 12
+
+
+def _mark(marker: str, colour: str, size: float, **more: Any) -> dict[str, Any]:
+    return {"marker": marker, "color": colour, "markersize": size, **more}
+
+
+#: (next drift negative, next kick negative) -> meaning, and markers drawn over each other.
+_DOTS: dict[tuple[bool, bool], tuple[str, tuple[dict[str, Any], ...]]] = {
+    (False, False): ("next c, d ≥ 0", (_mark("o", _BLUE, 5),)),
+    (True, False): ("next c < 0", (_mark("o", _RED, 8), _mark("_", "white", 5, markeredgewidth=1.4))),
+    (False, True): ("next d < 0", (_mark("o", _GREEN, 7), _mark("|", "white", 5, markeredgewidth=1.4))),
+    (True, True): (
+        "next c, d < 0",
+        (_mark("o", _RED, 9), _mark("o", _GREEN, 5, markeredgecolor="white", markeredgewidth=0.9)),
+    ),
+}
+_INITIAL = _mark("o", _BLUE, 10, markerfacecolor="none", markeredgewidth=1.6)
+_FINAL = _mark("x", _BLUE, 9, markeredgewidth=2.0)
+
+_BOX: dict[str, Any] = {"boxstyle": "round,pad=0.3", "facecolor": "white", "edgecolor": "#8795a5", "linewidth": 0.5}
+_SURFACE: dict[str, Any] = {"colors": "#1f2d3d", "linewidths": 1.0, "linestyles": [(0, (5, 3))]}
+
+
+@house_style
+def fig6_substeps() -> Figure:
+    """Draw the four panels of the paper."""
+    return draw_panels(paper_panels())
+
+
+@house_style
+def draw_panels(panels: Mapping[str, xr.Dataset]) -> Figure:
+    """Draw each Dataset of ``experiments.paper.substeps.substeps`` in a panel of its letter, two in a row."""
+    rows = (len(panels) + 1) // 2
+    height = 0.7 + 3.3 * rows
+    drawn = new_figure(7.6, height)
+    drawn.subplots_adjust(left=0.08, right=0.955, top=1 - 0.85 / height, bottom=0.07, hspace=0.3, wspace=0.28)
+    grid = drawn.subplots(rows, 2, squeeze=False).ravel()
+    for axes, (letter, panel) in zip(grid, panels.items(), strict=False):
+        _draw_panel(drawn, axes, panel)
+        panel_letter(axes, letter, f"{panel.attrs['label']}, {panel.attrs['system_label']}")
+    for axes in grid[len(panels) :]:
+        axes.set_axis_off()
+    labels, handles = zip(*_legend_entries(), strict=True)
+    drawn.legend(handles, labels, loc="upper center", bbox_to_anchor=(0.5, 0.998), ncols=3, columnspacing=2.0)
+    return drawn
+
+
+def _draw_panel(drawn: Figure, axes: Axes, panel: xr.Dataset) -> None:
+    q_grid, p_grid, H = (panel[name].values for name in ("q_grid", "p_grid", "hamiltonian"))
+    shades = axes.contourf(q_grid, p_grid, H, levels=_LEVELS, cmap=_PALE)
+    axes.contour(q_grid, p_grid, H, levels=shades.levels, colors="#8795a5", linewidths=0.5)
+    axes.contour(q_grid, p_grid, H, levels=panel["H"].values[:1, 0], **_SURFACE)
+    bar = drawn.colorbar(shades, ax=axes, pad=0.02, fraction=0.046, aspect=28)
+    bar.ax.set_title("$H$", fontsize=8.5, pad=4)
+    bar.ax.tick_params(labelsize=7.5)
+    legs = "steps-post" if panel.attrs["first"] == "drift" else "steps-pre"
+    for iteration in panel["iteration"].values:
+        _draw_iteration(axes, panel.sel(iteration=iteration), legs)
+    axes.set_xlim(q_grid[0], q_grid[-1])
+    axes.set_ylim(p_grid[0], p_grid[-1])
+    moving = rf"_{'xyz'[panel.attrs['component']]}" if panel.attrs["component"] else ""
+    axes.set_xlabel(f"$q{moving}$")
+    axes.set_ylabel(f"$p{moving}$")
+    axes.grid(visible=False)
+    for says, place, ha, va in (
+        (_energy_statement(panel), (0.03, 0.03), "left", "bottom"),
+        (rf"$\tau$ = {panel.attrs['tau']:.4g}", (0.97, 0.97), "right", "top"),
+    ):
+        axes.annotate(
+            says, place, xycoords="axes fraction", ha=ha, va=va, fontsize=7.5, linespacing=1.5, bbox=_BOX, zorder=7
+        )  # fmt: skip
+
+
+def _energy_statement(panel: xr.Dataset) -> str:
+    iterations = panel.sizes["iteration"]
+    error = abs(float(panel["energy_error"].values[-1, -1]))
+    left_at, followed = int(panel["left_at"]), int(panel.attrs["followed"])
+    later = (
+        f"leaves its energy surface at iteration {left_at}"
+        if left_at
+        else rf"up to {_scientific(float(panel['max_energy_error']))} in {followed} iterations"
+    )
+    return rf"$|\Delta H/H_0|$ = {_scientific(error)} after {iterations} iterations," + "\n" + later
+
+
+def _scientific(number: float) -> str:
+    if not isfinite(number):  # the path has overflowed
+        return r"$\infty$"
+    mantissa, exponent = f"{number:.1e}".split("e")
+    return rf"${mantissa}\times10^{{{int(exponent)}}}$"
+
+
+def _draw_iteration(axes: Axes, path: xr.Dataset, legs: str) -> None:
+    q, p = path["q"].values, path["p"].values
+    axes.plot(q, p, color="#4d5661", linewidth=0.6, drawstyle=legs, zorder=3)
+    signs = zip(path["next_drift_sign"].values, path["next_kick_sign"].values, strict=True)
+    kinds = [str(kind) for kind in path["kind"].values]
+    for x, y, kind, (drift, kick) in zip(q, p, kinds, signs, strict=True):
+        if kind == "substep":
+            for layer, marker in enumerate(_DOTS[bool(drift < 0), bool(kick < 0)][1]):
+                axes.plot(x, y, linestyle="none", zorder=4 + layer / 10, **marker)
+    axes.plot(q[:1], p[:1], linestyle="none", zorder=3.5, **_INITIAL)
+    axes.plot(q[-1:], p[-1:], linestyle="none", zorder=3.6, **_FINAL)
+
+
+def _legend_entries() -> list[tuple[str, Any]]:
+    """Text and handle of each entry; a handle of markers is a tuple of them, drawn over each other."""
+    looks = [("initial position", (_INITIAL,)), ("final position", (_FINAL,)), *_DOTS.values()]
+    entries: list[tuple[str, Any]] = [
+        (says, tuple(Line2D([], [], linestyle="none", **marker) for marker in markers)) for says, markers in looks
+    ]
+    surface = Line2D([], [], color=_SURFACE["colors"], linestyle=_SURFACE["linestyles"][0], linewidth=1.0)
+    return [*entries[:2], ("energy surface of the start", surface), *entries[2:]]

@@ -1,1 +1,0 @@
-"""Figures of the paper, one module each: functions that draw Datasets, without computations."""

@@ -1,1 +1,0 @@
-"""Single orbits: substeps in phase space, paths outside the plane, Lyapunov exponents."""

@@ -1,1 +1,0 @@
-"""Tables of methods, and their error terms on the oscillator."""

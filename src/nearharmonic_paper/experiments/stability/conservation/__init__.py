@@ -1,1 +1,0 @@
-"""Reversibility, symplecticity and mean energy, compared with pure rounding errors."""

@@ -1,1 +1,0 @@
-"""Ensembles on energy surfaces of the Henon-Heiles system."""

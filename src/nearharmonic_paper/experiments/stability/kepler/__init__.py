@@ -1,1 +1,0 @@
-"""Kepler orbits over eccentricity and step size."""

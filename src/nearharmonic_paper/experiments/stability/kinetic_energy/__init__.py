@@ -1,1 +1,0 @@
-"""Energy errors for a kinetic energy that is not quadratic."""

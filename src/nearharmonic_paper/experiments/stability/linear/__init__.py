@@ -1,1 +1,0 @@
-"""Linear stability: step sizes for which the harmonic oscillator stays bounded."""

@@ -1,1 +1,0 @@
-"""Growth of round-off over long times."""

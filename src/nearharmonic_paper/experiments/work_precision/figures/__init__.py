@@ -1,1 +1,0 @@
-"""Figures of run time against error: each system, all libraries, and regularised equations."""

@@ -1,1 +1,0 @@
-"""Comparison of two results: claims, provenance, and all numbers of cubes and tables."""

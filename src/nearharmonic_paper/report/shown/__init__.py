@@ -1,1 +1,0 @@
-"""Content of the page for a result: figures, tables, legend, links, words."""

@@ -1,1 +1,0 @@
-"""Digests and imports of source files: those of the package, and those of users."""

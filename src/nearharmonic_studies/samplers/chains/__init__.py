@@ -1,1 +1,0 @@
-"""Chains of Hamiltonian Monte Carlo, and their effective samples."""

@@ -1,1 +1,0 @@
-"""Searches for methods with few gradients, and what limits them."""

@@ -1,1 +1,0 @@
-"""Targets of Hamiltonian Monte Carlo that are not Gaussian, as potentials with compiled gradients."""

@@ -1,1 +1,0 @@
-"""Methods of the comparison, and intervals by resampling."""

@@ -1,1 +1,0 @@
-"""Problems for training and tests of methods: random potentials, named systems, orbits."""
