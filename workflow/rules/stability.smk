@@ -24,7 +24,7 @@ rule stability_compile:
     resources:
         compiler=1,  # as in the rule compile
     params:
-        task=lambda wildcards: task(f"nearharmonic_paper.experiments.stability.{wildcards.ensemble}.run:warm_up"),
+        task=lambda wildcards: task(f"nearharmonic_paper.experiments.stability.run:{wildcards.ensemble}_warm_up"),
     script:
         "../scripts/task.py"
 
@@ -40,7 +40,7 @@ rule stability_run:
         integrator="|".join(METHODS),
     params:
         task=lambda wildcards: task(
-            f"nearharmonic_paper.experiments.stability.{wildcards.ensemble}.run:measure",
+            f"nearharmonic_paper.experiments.stability.run:{wildcards.ensemble}_measure",
             integrator=wildcards.integrator,
             settings=getattr(CONFIG.stability, wildcards.ensemble),
         ),
@@ -58,7 +58,7 @@ rule stability_cube:
         LOG("stability/{ensemble}"),
     params:
         task=lambda wildcards: task(
-            f"nearharmonic_paper.experiments.stability.{wildcards.ensemble}.reductions:reduce",
+            f"nearharmonic_paper.experiments.stability.{wildcards.ensemble}_reductions:reduce",
             integrators=CONFIG.stepwise,
             settings=getattr(CONFIG.stability, wildcards.ensemble),
         ),

@@ -37,9 +37,11 @@ from nearharmonic_paper.record.description import (
     Archive,
     Member,
     format_of,
-    opened,
     several,
     shown_in,
+)
+from nearharmonic_paper.record.description import (
+    opened as opened_source,
 )
 from nearharmonic_paper.record.manifest import is_edited, recorded_digests
 from nearharmonic_paper.tasks.sources import files_of
@@ -327,7 +329,7 @@ def _write(place: Path, members: Sequence[Member]) -> None:
             information.external_attr = _FILE_MODE << 16
             information.file_size = member.size
             digest = hashlib.sha256()
-            with archive.open(information, "w") as copy, opened(member.source) as source:
+            with archive.open(information, "w") as copy, opened_source(member.source) as source:
                 while chunk := source.read(_CHUNK):
                     digest.update(chunk)
                     copy.write(chunk)

@@ -38,10 +38,11 @@ from nearharmonic.output.table import Table
 from nearharmonic.plotting.palette import style_of
 from nearharmonic.plotting.profile import energy_error_label, energy_of
 from nearharmonic_paper.claims.claim import OPEN
-from nearharmonic_paper.claims.summary import VERDICTS, in_words
+from nearharmonic_paper.claims.summary import VERDICTS as IN_A_SENTENCE
+from nearharmonic_paper.claims.summary import in_words
 from nearharmonic_paper.experiments.paper.orbits import paper_panels
 from nearharmonic_paper.experiments.paper.plan import Totals, totals_in
-from nearharmonic_paper.experiments.paper.settings import PAPER
+from nearharmonic_paper.experiments.paper.settings import PAPER as SYSTEMS_OF_THE_PAPER
 from nearharmonic_paper.record.manifest import Texts
 from nearharmonic_paper.report.panels import MARKERS, Panel
 from nearharmonic_paper.report.plots import decomposition, energy_error, perihelion, phase_space
@@ -185,7 +186,7 @@ def tallied(claims: Sequence[Mapping[str, Any]]) -> str:
 
 def verdict(name: str, number: int) -> str:
     """Return a verdict on ``number`` statements: 1 holds, 2 hold."""
-    return name if number == 1 else VERDICTS[name].removeprefix("are ")
+    return name if number == 1 else IN_A_SENTENCE[name].removeprefix("are ")
 
 
 def counted(number: int, one: str, more: str = "") -> str:
@@ -291,7 +292,7 @@ class ShownResults:
     @property
     def has_systems_of_the_paper(self) -> bool:
         """True if a system of the paper has a cube."""
-        return not set(PAPER).isdisjoint(self.labels)
+        return not set(SYSTEMS_OF_THE_PAPER).isdisjoint(self.labels)
 
     @property
     def leftovers(self) -> list[str]:

@@ -42,7 +42,8 @@ from nearharmonic_studies.trained.problems import (
     with_exact_oscillators,
 )
 from nearharmonic_studies.trained.proof_settings import ORBITS, ProofSettings
-from nearharmonic_studies.trained.purposes import CHARGE, CHARGE_OF_ORBITS, ECCENTRICITIES
+from nearharmonic_studies.trained.purposes import CHARGE as CHARGE_OF_AN_EVALUATION
+from nearharmonic_studies.trained.purposes import CHARGE_OF_ORBITS, ECCENTRICITIES
 
 #: Auxiliary coordinates.
 COORDINATES = ("label", "kind", "panel", "problems", "tau_per_stage")
@@ -105,7 +106,7 @@ class Trial(NamedTuple):
     ensemble: Ensemble
     tau_per_stage: Floats
     panel: str
-    charge: float = CHARGE
+    charge: float = CHARGE_OF_AN_EVALUATION
 
 
 def proof_ensembles(settings: ProofSettings) -> Iterator[Trial]:

@@ -52,11 +52,11 @@ from nearharmonic.math import cos, sin
 from nearharmonic.numerics.portable import Floats, Integers, decades, geometric, log10, nearest_power_of_two
 from nearharmonic.numerics.statistics import quasi_random
 from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable
-from nearharmonic.systems import System, systems
-from nearharmonic.systems.henon_heiles import SYSTEM
+from nearharmonic.systems import systems
+from nearharmonic.systems.henon_heiles import SYSTEM as HENON_HEILES
 from nearharmonic.systems.kepler import SYSTEM as MERCURY
 from nearharmonic.systems.quantities import Parameter
-from nearharmonic.systems.relativistic_oscillator import SYSTEM
+from nearharmonic.systems.relativistic_oscillator import SYSTEM as RELATIVISTIC
 from nearharmonic.systems.system import System
 from nearharmonic_paper.experiments.stability.settings import EnsembleSettings, MapSettings, RoundingSettings
 
@@ -310,8 +310,6 @@ def _phase(path: Trajectories, low: str = "") -> Floats:
 _WIDTH, _HEIGHT, _LOWEST = sqrt(3), 1.5, -0.5
 #: Number of energy measurements, evenly spaced in time: enough to detect an escape soon.
 LOOKS = 25
-#: Number of lanes of the kernel: two AVX-512 registers, which hide each other's latency.
-WIDTH = 16
 #: Quantiles of the largest |dH/H0| over the ensemble; an escaped trajectory counts as infinite.
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
@@ -327,7 +325,7 @@ class EnsembleResult(NamedTuple):
 
 def henon_heiles_warm_up() -> dict[str, Contents]:
     """Compile the kernel into the cache; nothing is returned."""
-    kernel_of(SYSTEM, Numerics(width=WIDTH, energy="samples"))
+    kernel_of(HENON_HEILES, Numerics(width=WIDTH, energy="samples"))
     return {}
 
 
@@ -342,7 +340,7 @@ def henon_heiles_surface(energy: Fraction, count: int, seed: int) -> Floats:
     while True:
         u = quasi_random(drawn, 3, seed)
         x, y = (u[:, 0] - 0.5) * _WIDTH, u[:, 1] * _HEIGHT + _LOWEST
-        kinetic = float(energy) - SYSTEM.V((x, y))
+        kinetic = float(energy) - HENON_HEILES.V((x, y))
         # V = 1/6 on the sides of the triangle and larger beyond one side; it is smaller again only outside the box.
         inside = np.flatnonzero(kinetic > 0)
         if inside.size >= count:
@@ -378,7 +376,7 @@ def integrate_ensemble(
     """Integrate trajectories from ``start`` (surfaces * n, 8), surface by surface, over at least [0, ``t_end``]."""
     steps, look = henon_heiles_schedule(t_end, tau)
     paths = integrate_batch(
-        SYSTEM, tableau, t_end=steps * tau, steps=np.full(len(start), steps), samples=2,
+        HENON_HEILES, tableau, t_end=steps * tau, steps=np.full(len(start), steps), samples=2,
         numerics=Numerics(width=WIDTH, energy="samples", look=look), start=start,
     )  # fmt: skip
     errors = np.sort(paths.max_energy_error.reshape(surfaces, -1), axis=1)
@@ -449,13 +447,13 @@ def kinetic_energy_measure(integrators: Sequence[str]) -> dict[str, Contents]:
 
 def _errors(tableau: Tableau, grid: Sequence[float]) -> tuple[Any, Any]:
     """Return largest and mean error (amplitude, tau) of all runs of one method, computed together in lanes."""
-    steps = [tableau.steps(tau, SYSTEM.t_end) for tau in grid]
-    _, p0 = SYSTEM.start(Fraction)
+    steps = [tableau.steps(tau, RELATIVISTIC.t_end) for tau in grid]
+    _, p0 = RELATIVISTIC.start(Fraction)
     starts = [start_row([Fraction(a)], p0) for a in AMPLITUDES for _ in grid]
     paths = integrate_batch(
-        SYSTEM,
+        RELATIVISTIC,
         tableau,
-        t_end=Fraction(SYSTEM.t_end),
+        t_end=Fraction(RELATIVISTIC.t_end),
         steps=steps * len(AMPLITUDES),
         samples=2,
         start=np.array(starts),
@@ -464,8 +462,6 @@ def _errors(tableau: Tableau, grid: Sequence[float]) -> tuple[Any, Any]:
     return paths.max_energy_error.reshape(shape), paths.mean_energy_error.reshape(shape)
 
 
-#: Number of lanes of the kernels: two AVX-512 registers, which hide each other's latency.
-WIDTH = 16
 #: Eccentricities of the ensemble: small, so that truncation errors and their modulation are small.
 ECCENTRICITY = (0.05, 0.3)
 #: Number of stored states of a run, evenly spaced, and number of compared times among them, evenly spaced in log t.

@@ -30,7 +30,8 @@ from nearharmonic.output.table import from_csv
 from nearharmonic.plotting.style import house_style, log_scale, mark_every, new_figure, panel_letter, style_of
 from nearharmonic.recommendation.measure import MEASURES, Part, for_good, of_kind, read_parts
 from nearharmonic.systems import systems
-from nearharmonic_paper.experiments.work_precision.comparison import COMPARED_MEASURES, ERRORS, STANDARD, Pair, pairs
+from nearharmonic_paper.experiments.work_precision.comparison import COMPARED_MEASURES, STANDARD, Pair, pairs
+from nearharmonic_paper.experiments.work_precision.comparison import ERRORS as COMPARED_ERRORS
 from nearharmonic_paper.experiments.work_precision.peers import PEERS
 from nearharmonic_paper.tasks.receipts import measures_time
 
@@ -245,7 +246,7 @@ def comparison_figure(found: Sequence[Pair], mode: str, facts: Mapping[str, obje
 
 def leaders(pair: Pair, mode: str) -> list[xr.Dataset]:
     """Return the methods of this package that are the fastest at one of the compared errors, each once."""
-    first = [found[0][0] for error in ERRORS if (found := pair.fastest(error, mode))]
+    first = [found[0][0] for error in COMPARED_ERRORS if (found := pair.fastest(error, mode))]
     return list({curve["solver"].item(): curve for curve in first}.values())
 
 

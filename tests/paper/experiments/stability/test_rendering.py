@@ -53,7 +53,7 @@ def runs(tmp_path_factory):
     for name, settings in SMALL.items():
         for method in reversed(METHODS):
             asked = task(
-                f"nearharmonic_paper.experiments.stability.{name}.run:measure", integrator=method, settings=settings
+                f"nearharmonic_paper.experiments.stability.run:{name}_measure", integrator=method, settings=settings
             )
             path = str(folder / f"{name}-{method}.h5")
             write(results(asked)["run"], [path], provenance(asked))
@@ -63,11 +63,11 @@ def runs(tmp_path_factory):
 
 @pytest.mark.parametrize("name", SMALL)
 def test_cube_holds_runs_in_order_of_methods(runs, name):
-    room = f"nearharmonic_paper.experiments.stability.{name}"
-    asked = task(f"{room}.reductions:reduce", integrators=METHODS, settings=SMALL[name])
+    room = "nearharmonic_paper.experiments.stability"
+    asked = task(f"{room}.{name}_reductions:reduce", integrators=METHODS, settings=SMALL[name])
     cube = results(asked, **runs[name])["cube"]
     made = {
-        method: results(task(f"{room}.run:measure", integrator=method, settings=SMALL[name]))["run"]
+        method: results(task(f"{room}.run:{name}_measure", integrator=method, settings=SMALL[name]))["run"]
         for method in METHODS
     }
     parts = {method: assembled(run.variables, run.coordinates, {}) for method, run in made.items()}
