@@ -56,7 +56,7 @@ def test_paper_has_intervals_and_grids_that_its_figures_show():
 
 def test_the_plan_of_the_paper_has_every_run_once():
     runs = planned_runs(*planned(loaded("config.yaml")))
-    points = [(r.system, r.integrator, r.precision, tau) for r in runs for tau in r.tau_per_stage]
+    points = [(r.sweep.system, r.integrator, r.precision, tau) for r in runs for tau in r.tau_per_stage]
     assert len(points) == len(set(points))
     double = [point for point in points if point[2] == "double"]
     assert len(double) == 10 * (161 + 161 + 199)  # 4, 4 and 4.95 decades of 40, ends included

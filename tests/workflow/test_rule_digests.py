@@ -29,7 +29,7 @@ for module in sys.argv[1:]:
     for name in [name for name in sys.modules if name.split(".")[0] == "nearharmonic"]:
         del sys.modules[name]
     importlib.import_module(module)
-    found[module] = [name for name in sys.modules if name.startswith("nearharmonic.")]
+    found[module] = [name for name in sys.modules if name.startswith("nearharmonic")]
 print(json.dumps(found))
 """
 
@@ -37,22 +37,20 @@ print(json.dumps(found))
 def tasks():
     """The modules of the functions that rules name, and of the figures that they draw."""
     text = "\n".join(path.read_text(encoding="utf-8") for path in RULES.glob("*.smk"))
-    named = re.findall(r'\btask\(\s*f?"([\w.{}]+):\w+"', text)
+    named = re.findall(r'\btask\(\s*f?"([\w.{}]+):[\w.{}]+"', text)
     assert len(named) == len(re.findall(r"\btask\(", text)) - len(re.findall(r"task\(one\.draw", text))
     every = {name.replace("{wildcards.ensemble}", ensemble) for name in named for ensemble in ENSEMBLES}
     cubes = [stem for one in experiments().values() for stem in one.cubes]
-    return sorted(
-        f"nearharmonic.{module}"
-        for module in every | {one.draw.partition(":")[0] for one in figures_of(systems, cubes)}
-    )
+    return sorted(every | {one.draw.partition(":")[0] for one in figures_of(systems, cubes)})
 
 
 @pytest.fixture(scope="module")
 def package(tmp_path_factory):
     """A copy of the package whose root imports nothing, so that what comes with a module is what that asks for."""
-    root = tmp_path_factory.mktemp("copy") / "nearharmonic"
-    shutil.copytree(sources.ROOT, root, ignore=shutil.ignore_patterns("__pycache__"))
-    (root / "__init__.py").write_text('__version__ = "0"\n')
+    root = tmp_path_factory.mktemp("copy")
+    for name in sources.PACKAGES:
+        shutil.copytree(sources.ROOT / name, root / name, ignore=shutil.ignore_patterns("__pycache__"))
+    (root / "nearharmonic/__init__.py").write_text('__version__ = "0"\n')
     return root
 
 

@@ -25,7 +25,7 @@ Node = TypeVar("Node")
 #: Packages whose sources count, and their common folder.
 PACKAGES = ("nearharmonic", "nearharmonic_paper", "nearharmonic_studies")
 PACKAGE = PACKAGES[0]
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 #: Maximum number of entries of the cache on disk, 150 bytes each. A larger cache is cleared.
 MOST_CACHED = 3000
 

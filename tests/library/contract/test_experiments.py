@@ -18,7 +18,8 @@ def text_of(page):
 
 
 def test_every_folder_of_experiments_is_one_in_order_of_places():
-    folders = {path.parent.name for path in ROOT.glob("src/nearharmonic_paper/experiments/*/__init__.py")}
+    places = ("src/nearharmonic_paper/experiments/*/__init__.py", "src/nearharmonic_studies/*/__init__.py")
+    folders = {path.parent.name for place in places for path in ROOT.glob(place)}
     assert set(experiments()) == folders
     assert [one.place for one in EXPERIMENTS] == sorted(one.place for one in EXPERIMENTS)
     assert EXPERIMENTS[0].name == "paper"
@@ -67,4 +68,4 @@ def test_placeholders_are_filled_with_every_combination():
     assert one.run_files(x="pq") == ["runs/r/p.h5", "runs/r/q.h5", "runs/s.h5"]
     assert one.table_patterns == ("t_*", "*")
     assert one.figure_titles == {"f_*_*": "F"}
-    assert (one.target, one.key, one.room) == ("one", "one", "nearharmonic_paper.experiments.one")
+    assert (one.target, one.key) == ("one", "one")

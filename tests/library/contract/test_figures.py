@@ -31,7 +31,8 @@ from support.cubes.colour_vision import difference
 #: example_cubes.py, in the folder of the tests of each experiment.
 CUBES = {
     stem: example
-    for path in sorted(Path(__file__).parents[2].glob("reproduction/experiments/*/example_cubes.py"))
+    for place in ("paper/experiments/*/example_cubes.py", "studies/*/example_cubes.py")
+    for path in sorted(Path(__file__).parents[2].glob(place))
     for stem, example in run_path(str(path))["EXAMPLES"].items()
 }
 #: All methods of the figures of trained methods, and all of the other figures.

@@ -98,7 +98,10 @@ def edit(results, **changes):
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"code": "0" * 64}, "was made with other code (and 4 more), by reproduction.experiments.paper.run:integrate"),
+        (
+            {"code": "0" * 64},
+            "was made with other code (and 4 more), by nearharmonic_paper.experiments.paper.run:integrate",
+        ),
         ({"coefficients": "0" * 64}, "was made with other coefficients (and 4 more), by"),
         ({"code": "0", "coefficients": "0"}, "was made with other code and coefficients (and 4 more), by"),
         ({"integrators": ["leapfrog"]}, "was made with other coefficients (and 4 more), by"),

@@ -19,10 +19,10 @@ from nearharmonic_paper.tasks.sources import closure, module_digest
 
 @pytest.fixture
 def package(tmp_path):
-    """A copy of the package, to be edited."""
-    root = tmp_path / "nearharmonic"
-    shutil.copytree(sources.ROOT, root, ignore=shutil.ignore_patterns("__pycache__"))
-    return root
+    """A copy of the packages, to be edited."""
+    for name in sources.PACKAGES:
+        shutil.copytree(sources.ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    return tmp_path
 
 
 def edited(package, module, line="_EDITED = 1"):
@@ -49,19 +49,20 @@ def digests(root):
 @pytest.mark.parametrize(
     ("module", "changes"),
     [
-        ("systems/kepler.py", {"kepler", "kepler_regularised"}),
-        pytest.param("systems/relativistic_oscillator.py", {"relativistic_oscillator"}, marks=pytest.mark.slow),
-        ("core/loops/kernel.py", {*systems, "cubes"}),  # reductions take logarithms, which are compiled
+        ("nearharmonic/systems/kepler.py", {"kepler", "kepler_regularised"}),
         pytest.param(
-            "integrators/nielsen_2015.py", set(), marks=pytest.mark.slow
+            "nearharmonic/systems/relativistic_oscillator.py", {"relativistic_oscillator"}, marks=pytest.mark.slow
+        ),
+        ("nearharmonic/core/loops/kernel.py", {*systems, "cubes"}),  # reductions take logarithms, which are compiled
+        pytest.param(
+            "nearharmonic/integrators/nielsen_2015.py", set(), marks=pytest.mark.slow
         ),  # coefficients have a digest of their own
-        ("reproduction/experiments/paper/reduce.py", {"cubes"}),
-        pytest.param("reproduction/experiments/paper/reductions.py", {"cubes"}, marks=pytest.mark.slow),
-        pytest.param("plotting/style.py", {"fig1"}, marks=pytest.mark.slow),
-        pytest.param("reproduction/experiments/paper/figures/fig2_decomposition.py", set(), marks=pytest.mark.slow),
-        pytest.param("output/store/reader.py", {"cubes"}, marks=pytest.mark.slow),
-        pytest.param("config.py", set(), marks=pytest.mark.slow),
-        pytest.param("__init__.py", set(), marks=pytest.mark.slow),
+        ("nearharmonic_paper/experiments/paper/reduce.py", {"cubes"}),
+        pytest.param("nearharmonic_paper/experiments/paper/reductions.py", {"cubes"}, marks=pytest.mark.slow),
+        pytest.param("nearharmonic/plotting/style.py", {"fig1"}, marks=pytest.mark.slow),
+        pytest.param("nearharmonic_paper/experiments/paper/figures.py", set(), marks=pytest.mark.slow),
+        pytest.param("nearharmonic/cli.py", set(), marks=pytest.mark.slow),
+        pytest.param("nearharmonic/__init__.py", set(), marks=pytest.mark.slow),
     ],
 )
 def test_edit_changes_only_digests_of_dependents(package, module, changes):
@@ -72,7 +73,7 @@ def test_edit_changes_only_digests_of_dependents(package, module, changes):
 
 def test_a_comment_or_a_docstring_is_no_edit(package):
     before = digests(package)
-    path = package / "core/loops/kernel.py"
+    path = package / "nearharmonic/core/loops/kernel.py"
     text = path.read_text(encoding="utf-8")
     assert '"""' in text
     path.write_text("# a comment\n" + text.replace('"""', '"""Reworded. ', 1) + "\n# and another\n", encoding="utf-8")

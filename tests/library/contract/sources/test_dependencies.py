@@ -20,6 +20,7 @@ PINNED = {normal(name) for name in re.findall(r"^([\w.-]+)==", (ROOT / "constrai
 PEERS = ROOT / "src/nearharmonic_paper/experiments/work_precision/peers"
 #: Modules for one library each, which an extra of the same name installs.
 ADAPTERS = ROOT / "src/nearharmonic/adapters"
+OURS = {"nearharmonic", "nearharmonic_paper", "nearharmonic_studies", "snakemake_executor_plugin_nearharmonic"}
 PYTHON = [*(ROOT / "src").rglob("*.py"), *(ROOT / "workflow").rglob("*.py")]
 #: Rules are not Python: they are read line by line.
 RULES = [ROOT / "Snakefile", *(ROOT / "workflow").rglob("*.smk")]
@@ -41,16 +42,14 @@ def distributions_of(paths):
     """Distributions that files import, beside the standard library and this package, with the first file of each."""
     known, found = packages_distributions(), {}
     for path in sorted(paths):
-        for name in imported_in(path) - {"nearharmonic"} - sys.stdlib_module_names:
+        for name in imported_in(path) - OURS - sys.stdlib_module_names:
             found.setdefault(normal(known.get(name, [name])[0]), str(path.relative_to(ROOT)))
     return found
 
 
 def in_the_wall(path):
-    """True if a file belongs to the library, not to the reproduction, and is no adapter."""
-    return (
-        ROOT / "src/nearharmonic" in path.parents and "reproduction" not in path.parts and ADAPTERS not in path.parents
-    )
+    """True if a file belongs to the library, and is no adapter."""
+    return ROOT / "src/nearharmonic" in path.parents and ADAPTERS not in path.parents
 
 
 @pytest.mark.slow
@@ -105,5 +104,5 @@ def test_every_requirement_is_pinned(extra):
 
 @pytest.mark.slow
 def test_only_the_store_imports_what_opens_hdf5():
-    opening = {path.parent.name for path in PYTHON if imported_in(path) & {"h5py", "h5netcdf"}}
-    assert opening == {"store"}
+    opening = {path.name for path in PYTHON if imported_in(path) & {"h5py", "h5netcdf"}}
+    assert opening == {"store.py"}
