@@ -60,7 +60,7 @@ def positions(cube: Any) -> Any:
     return drawn
 '''
 DECLARED = """    "positions": Figure(
-        draw="nearharmonic_paper.experiments.paper.figures.positions:positions",
+        draw="nearharmonic_paper.experiments.paper.positions:positions",
         title="Positions",
         cube="quartic",
         caption="The largest position. Against the step size.",
@@ -95,12 +95,12 @@ def add_experiment(project):
 def extended(tmp_path_factory):
     """The project with a system, an observable, a figure and an experiment more."""
     project = Project(tmp_path_factory.mktemp("extended"))
-    package = project.folder / "src/nearharmonic"
-    (package / "systems/quartic.py").write_text(QUARTIC, encoding="utf-8")
-    with (package / "reproduction/experiments/paper/reductions.py").open("a", encoding="utf-8") as file:
+    package = project.folder / "src"
+    (package / "nearharmonic/systems/quartic.py").write_text(QUARTIC, encoding="utf-8")
+    with (package / "nearharmonic_paper/experiments/paper/reductions.py").open("a", encoding="utf-8") as file:
         file.write(REDUCTION)
-    (package / "reproduction/experiments/paper/figures/positions.py").write_text(FIGURE, encoding="utf-8")
-    insert(package / "reproduction/experiments/paper/experiment.py", '    "{system}_energy_error": Figure(', DECLARED)
+    (package / "nearharmonic_paper/experiments/paper/positions.py").write_text(FIGURE, encoding="utf-8")
+    insert(package / "nearharmonic_paper/experiments/paper/experiment.py", '    "{system}_energy_error": Figure(', DECLARED)
     add_experiment(project)
     (project.folder / "added.yaml").write_text(yaml.safe_dump(CONFIG))
     done = project.snakemake("quartic_energy_error", "added", "-j2", "--configfile", "added.yaml")

@@ -85,7 +85,7 @@ def test_the_same_run_gives_the_same_bytes(breakable):
 
 def jobs_after_edit(finished, module, more, *arguments):
     """The jobs of a dry run with the text ``more`` at the end of ``module``, which is then mended."""
-    path = finished.folder / "src/nearharmonic" / module
+    path = finished.folder / "src" / module
     original = path.read_text()
     try:
         path.write_text(original + more)
@@ -99,15 +99,15 @@ def jobs_after_edit(finished, module, more, *arguments):
     ("module", "reruns"),
     [
         (
-            "systems/kepler.py",
+            "nearharmonic/systems/kepler.py",
             {"compile": 1, "integrate": 4, "reduce": 1, "draw_kepler": 1, "skipped": 1, "decide_claims": 1},
         ),
         (
-            "reproduction/experiments/paper/run.py",
+            "nearharmonic_paper/experiments/paper/run.py",
             {"integrate": 12, "reduce": 3, **{f"draw_{name}": 1 for name in SYSTEMS}, "skipped": 1, "decide_claims": 1},
         ),
         (
-            "reproduction/experiments/paper/reduce.py",
+            "nearharmonic_paper/experiments/paper/reduce.py",
             {
                 **{f"draw_{name}": 1 for name in SYSTEMS},
                 "reduce": 3,
@@ -115,9 +115,12 @@ def jobs_after_edit(finished, module, more, *arguments):
                 "decide_claims": 1,
             },
         ),
-        ("reproduction/experiments/paper/figures/fig2_decomposition.py", {"draw_sho_terms": 1}),
         (
-            "plotting/style.py",
+            "nearharmonic_paper/experiments/paper/figures.py",
+            {f"draw_{name}": 1 for name in ("sho_terms", "substeps", "substeps_displaced", "kepler")},
+        ),
+        (
+            "nearharmonic/plotting/style.py",
             {f"draw_{name}": 1 for name in (*SYSTEMS, "sho_terms", "substeps", "substeps_displaced")},
         ),
     ],
@@ -133,7 +136,7 @@ def test_adding_a_reduction_integrates_nothing(finished):
         '\n\n@reduction("q")\ndef largest_position(runs: xr.Dataset) -> xr.DataArray:\n'
         '    return abs(runs.q).max(["sample", "component"]).assign_attrs(described("largest |q|"))\n'
     )
-    jobs = jobs_after_edit(finished, "reproduction/experiments/paper/reductions.py", added, *TINY)
+    jobs = jobs_after_edit(finished, "nearharmonic_paper/experiments/paper/reductions.py", added, *TINY)
     shown = {**{f"draw_{name}": 1 for name in SYSTEMS}, "skipped": 1, "decide_claims": 1, "page": 1}
     assert jobs == {"reduce": 3, **shown, "all": 1}
 

@@ -291,10 +291,10 @@ from pathlib import Path
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output import store
 from nearharmonic_paper.record import history
-from nearharmonic_paper.record.state import locked
+from nearharmonic_paper.record.state import lock
 folder = Path("results/paper")
-with locked(folder):
-    history.append(folder, {"id": "a", "start": "", "config": {}})
+lock(folder)
+history.append(folder, {"id": "a", "start": "", "config": {}})
 print(history.runs_of(folder)[0]["id"])
 try:
     print(store.read(folder / "cubes/sho.h5").steps.values.tolist())

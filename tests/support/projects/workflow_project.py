@@ -34,7 +34,10 @@ class Project:
             shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
         for name in ("Snakefile", "LICENSE", "CITATION.cff", "pyproject.toml"):
             shutil.copy(ROOT / name, folder)
-        sections = [ROOT / "tests/workflow/tiny.yaml", *sorted(ROOT.glob("tests/paper/experiments/*/tiny.yaml"))]
+        sections = [
+            ROOT / "tests/workflow/tiny.yaml",
+            *sorted([*ROOT.glob("tests/paper/experiments/*/tiny.yaml"), *ROOT.glob("tests/studies/*/tiny.yaml")]),
+        ]
         texts = [path.read_text(encoding="utf-8") for path in sections]
         (folder / "config/tiny.yaml").write_text("\n".join(texts), encoding="utf-8")
 
