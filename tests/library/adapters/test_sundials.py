@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-from importlib.util import find_spec
 from shutil import which
 
 import numpy as np
@@ -18,8 +17,6 @@ METHODS = ("leapfrog", "babs7o7h", "trained_light", "aba864", "srkn_a14", "mclac
 EPS = 2.0**-52
 LIBRARIES = ("-lsundials_arkode", "-lsundials_nvecserial", "-lsundials_core", "-lm")
 STEPS, TAU = 80, 0.25
-
-interface = pytest.mark.skipif(not find_spec("sundials4py"), reason="sundials4py is not installed")
 
 
 def rows(method):
@@ -44,13 +41,6 @@ def test_kick_and_drift_of_each_stage_make_the_step(method):
             p = p - TAU * kick * np.array([q[0] + 2 * q[0] * q[1], q[1] + q[0] ** 2 - q[1] ** 2])
             q = q + TAU * drift * p
     check(method, q, p)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_table_adds_one_stage_to_a_symmetric_method(method):
-    ahat, a = rows(method)
-    tableau = nh.integrators[method]
-    assert ahat.size == a.size == tableau.stages + tableau.symmetric
 
 
 PROGRAM = """
@@ -114,45 +104,3 @@ def test_library_reproduces_our_states_with_a_force_per_stage(method, tmp_path):
     check(method, [float(x) for x in state[:2]], [float(x) for x in state[2:]])
     # Versions up to 7.5 evaluate the force of the kick of zero of a method with drifts first, 7.9 does not.
     assert int(forces) in (STEPS * np.count_nonzero(ahat), STEPS * ahat.size)
-
-
-@interface
-@pytest.mark.parametrize("method", METHODS)
-def test_interface_reproduces_our_states(method):
-    from sundials4py import arkode, core
-
-    from nearharmonic.adapters.sundials import table
-
-    made, context = core.SUNContext_Create(core.SUN_COMM_NULL)
-    assert made == core.SUN_SUCCESS
-    state = core.N_VNew_Serial(4, context)
-    z = core.N_VGetArrayPointer(state)
-    z[:] = [0.3, 0.0, 0.0, 0.4]
-
-    def force(t, vector, rates, _):
-        x, y, *_ = core.N_VGetArrayPointer(vector)
-        core.N_VGetArrayPointer(rates)[2:] = -(x + 2 * x * y), -(y + x * x - y * y)
-        return 0
-
-    def velocity(t, vector, rates, _):
-        core.N_VGetArrayPointer(rates)[:2] = core.N_VGetArrayPointer(vector)[2:]
-        return 0
-
-    memory = arkode.SPRKStepCreate(force, velocity, 0.0, state, context)
-    assert arkode.SPRKStepSetMethod(memory.get(), table(method)) == arkode.ARK_SUCCESS
-    assert arkode.ARKodeSetFixedStep(memory.get(), TAU) == arkode.ARK_SUCCESS
-    for _ in range(STEPS):
-        status, _ = arkode.ARKodeEvolve(memory.get(), STEPS * TAU, state, arkode.ARK_ONE_STEP)
-        assert status >= 0
-    check(method, z[:2], z[2:])
-
-
-@interface
-def test_bad_method_raises_clear_error():
-    from nearharmonic.adapters.sundials import table
-    from nearharmonic.errors import SettingError, UnknownNameError
-
-    with pytest.raises(UnknownNameError, match="aba864"):
-        table("aba86")
-    with pytest.raises(SettingError, match="SUNDIALS"):
-        table("chin_4a")
