@@ -37,14 +37,8 @@ def mean_errors(
 ) -> Floats:
     """Return the mean of log10 max |dH/H0| of methods at equal cost (methods, T).
 
-    Parameters
-    ----------
-    ensemble, methods
-        Problems, and methods that are compared.
-    tau_per_stage : sequence of T float
-        Step sizes over the cost of a step, in the unit of the ensemble.
-    charge : float
-        Cost of the gradient of the square of grad V, in forces.
+    The T step sizes are over the cost of a step, in the unit of the ensemble; ``charge`` is the cost of the gradient of
+    the square of grad V, in forces.
     """
     return np.stack([mean_log(errors_of(ensemble, one, tau_per_stage, charge)) for one in methods])
 

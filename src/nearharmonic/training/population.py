@@ -111,12 +111,8 @@ class Population:
     def errors(self, kicks: Floats, drifts: Floats, squares: Floats | None = None) -> Floats:
         """Return the largest |dH/H0| (C, T, M) over all steps of each run; :data:`LOST` for diverged runs.
 
-        Parameters
-        ----------
-        kicks, drifts : (C, s + 1) and (C, s) array of float, or the other way round
-            Rows of each method; C is at most ``size``.
-        squares : array of float, optional
-            Coefficients of the squares, one for each kick.
+        The rows of C methods, at most ``size``, have shapes (C, s + 1) and (C, s), or the other way round; squares are
+        one for each kick.
         """
         self._run(kicks, drifts, squares)
         errors = self._relative(self._batch.filled.worst[:, 1:].max(axis=1)[:, None])[..., 0]

@@ -124,7 +124,7 @@ SAME = "same"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Question:
+class TailorRequest:
     """A system, and the requirements for its method.
 
     Attributes
@@ -177,7 +177,7 @@ def question(
     starts: object = None,
     energy: object = None,
     seed: object = None,
-) -> Question:
+) -> TailorRequest:
     """Validate a request; arguments as for :func:`nearharmonic.tailor`.
 
     Raises
@@ -199,7 +199,7 @@ def question(
         what = f"a system of at most {MOST_COORDINATES} coordinates, and it has {subject.dimension}: a search takes "
         raise bad_setting("system", subject.name, f"{what}thousands of runs. Tailor a method for a small copy of it")
     H0 = energy_at_start(subject)
-    return Question(
+    return TailorRequest(
         system=subject,
         given=as_python(place),
         stages=_stages(stages),
@@ -429,12 +429,12 @@ LARGEST_ERROR = 1e-2
 SHRINKING = np.linspace(1.0, 0.0, 41)[:-1]
 
 
-def starts_of(asked: Question, orbit: Orbit, t_end: float, tau: float) -> tuple[Floats, Floats]:
+def starts_of(asked: TailorRequest, orbit: Orbit, t_end: float, tau: float) -> tuple[Floats, Floats]:
     """Return starts (M, 4 D) for the search, and others for the test.
 
     Parameters
     ----------
-    asked : Question
+    asked : TailorRequest
         System, energy, seed, and starts if they are given.
     orbit : Orbit
         States of the orbit from the initial values of the system.
@@ -463,7 +463,7 @@ def starts_of(asked: Question, orbit: Orbit, t_end: float, tau: float) -> tuple[
     return rows[order[::2]], rows[order[1::2]]
 
 
-def _drawn(asked: Question, orbit: Orbit, t_end: float, tau: float, random: np.random.Generator) -> Floats:
+def _drawn(asked: TailorRequest, orbit: Orbit, t_end: float, tau: float, random: np.random.Generator) -> Floats:
     count = int(np.clip(COST // cost_of(asked.system, Numerics(summation="plain")), LEAST, MOST))
     kept: list[Floats] = []
     for _ in range(DRAWS):
@@ -490,7 +490,7 @@ def _box(orbit: Orbit, count: int, random: np.random.Generator) -> tuple[Floats,
     return q, p
 
 
-def _on_surface(asked: Question, orbit: Orbit, q: Floats, p: Floats) -> tuple[Floats, Floats]:
+def _on_surface(asked: TailorRequest, orbit: Orbit, q: Floats, p: Floats) -> tuple[Floats, Floats]:
     """Return states of the requested energy: momenta are scaled, and positions moved to lower V if this is necessary.
 
     Raises
@@ -541,7 +541,7 @@ def _starts_rows(system: System, q: Floats, p: Floats) -> Floats:
     return start_array(system, q[finite], p[finite], plain=True)
 
 
-def _stays(asked: Question, rows: Floats, t_end: float, tau: float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _stays(asked: TailorRequest, rows: Floats, t_end: float, tau: float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return the mask of starts whose run with small steps keeps its energy."""
     method = integrators[METHOD]
     steps = method.steps(tau, t_end)
