@@ -73,20 +73,11 @@ class Ensemble:
 
 
 class Population:
-    """Runs of methods of one shape on all problems of an ensemble, with several step sizes.
+    """Runs of at most ``size`` methods on all problems of an ensemble, with T step sizes.
 
-    Parameters
-    ----------
-    shape : Tableau
-        A method with the stages and the role of all methods.
-    tau_per_stage : sequence of T float
-        Step sizes over the cost of a step, in the ensemble's unit of time.
-    size : int
-        Maximum number of methods per batch.
-    cost : float, optional
-        Cost of a step in force evaluations; the stages if None.
-    samples : int
-        Maximum number of samples of a run, from the start to the end.
+    ``shape`` is a method with the stages and the role of all methods. The step sizes are over the ``cost`` of a step in
+    force evaluations, by default the stages, in the ensemble's unit of time. A run has at most so many ``samples``,
+    from the start to the end.
 
     Raises
     ------

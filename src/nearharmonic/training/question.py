@@ -36,15 +36,9 @@ FEWEST = 8
 
 
 def read_starts(place: str | os.PathLike[str], dimension: int) -> Floats:
-    """Return the starts (R, 2 d) of a CSV file.
+    """Return the starts (R, 2 d) of a CSV file, with d positions and d momenta per line, d = ``dimension``.
 
-    Parameters
-    ----------
-    place : path
-        The file, with 2 d numbers per line: d positions and d momenta. Its first line may be a header; ``#`` begins a
-        comment.
-    dimension : int
-        Coordinates d.
+    The first line may be a header; ``#`` begins a comment.
 
     Raises
     ------
@@ -125,32 +119,10 @@ SAME = "same"
 
 @dataclass(frozen=True, kw_only=True)
 class TailorRequest:
-    """A system, and the requirements for its method.
+    """A system, and the requirements for its method: the arguments of :func:`nearharmonic.tailor`, checked.
 
-    Attributes
-    ----------
-    system : System
-        The system.
-    given : str
-        Python literal of the name or path of the system, or the name of its object.
-    stages : tuple of int
-        Numbers of stages that are searched.
-    window : pair of float, or None
-        Smallest and largest step size over stages, in the unit of time of the system.
-    error : float
-        Energy error of the best registered method in the middle of the window, if no window is given.
-    seconds : float or None
-        Time limit of the search.
-    trials : int or None
-        Maximum number of methods in the search.
-    starts : (R, 2 d) array of float, or None
-        Starts in place of drawn ones, positions and then momenta.
-    energy : float or None
-        Energy of all drawn starts; None for starts in a box around the orbit of the given one.
-    seed : int
-        Seed of all random numbers.
-    scale : float
-        Reference energy of relative errors.
+    ``given`` is the Python literal of the name or path of the system, or the name of its object. ``scale`` is the
+    reference energy of relative errors. Starts (R, 2 d) are positions and then momenta.
     """
 
     system: System
@@ -304,15 +276,10 @@ DISPLACEMENT = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class Orbit:
-    """Some states of an orbit.
+    """Some states (S, d) of an orbit.
 
-    Attributes
-    ----------
-    q, p : (S, d) array of float
-        The states.
-    frequency : float
-        Root of the mean square of the fastest frequency of small oscillations about these states, in the inverse unit
-        of time.
+    ``frequency`` is the root of the mean square of the fastest frequency of small oscillations about these states, in
+    the inverse unit of time.
     """
 
     q: Floats
@@ -432,16 +399,8 @@ SHRINKING = np.linspace(1.0, 0.0, 41)[:-1]
 def starts_of(asked: TailorRequest, orbit: Orbit, t_end: float, tau: float) -> tuple[Floats, Floats]:
     """Return starts (M, 4 D) for the search, and others for the test.
 
-    Parameters
-    ----------
-    asked : TailorRequest
-        System, energy, seed, and starts if they are given.
-    orbit : Orbit
-        States of the orbit from the initial values of the system.
-    t_end : float
-        Length of the runs in which all starts have to stay on their energy surface.
-    tau : float
-        Step size per stage of these runs, in the unit of time of the system.
+    All starts have to stay on their energy surface in runs of length ``t_end`` with the step size ``tau`` per stage, in
+    the unit of time of the system.
 
     Raises
     ------

@@ -122,18 +122,9 @@ class Branch:
 
 @dataclass(frozen=True, kw_only=True)
 class SearchResult:
-    """Result of a search, and its extent.
+    """Result of a search: the best member, and numbers of members tried, of searches, and of those that ended there.
 
-    Attributes
-    ----------
-    best : Best
-        The best member.
-    trials, searches, again : int
-        Numbers of members tried, of searches that ended, and of searches that ended at the best.
-    seconds : float
-        Time taken.
-    stopped : str
-        Reason of the end: "spent" or "Ctrl-C".
+    ``stopped`` is the reason of the end, "spent" or "Ctrl-C".
     """
 
     best: Best
