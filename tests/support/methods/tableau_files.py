@@ -8,7 +8,7 @@ from pathlib import Path
 from nearharmonic.exchange.coefficient_file import read
 from nearharmonic.exchange.verdict import Verdict
 
-FOLDER = Path(__file__).parents[2] / "exchange/tableaus"
+FOLDER = Path(__file__).parents[2] / "library/exchange/tableaus"
 
 
 def path(kind, name):

@@ -76,9 +76,9 @@ class Size:
 @pytest.mark.slow
 def test_search_begins_at_the_best_members():
     effort = Effort(trials=40, members=1500, member_starts=2)
-    searcher = search(Size(), iter(()), effort, 3, None)
+    searcher = search(Size(), iter(()), effort, 3)
     assert [one.origin for one in searcher.found] == ["random member"] * 2
     every = random_members(FAMILY, 1500, np.random.default_rng([3, 2]))
     # The members are isolated, so that a descent stays at its start.
     assert searcher.best.value == pytest.approx(np.abs(every).max(axis=1).min(), rel=1e-6)
-    assert not search(Size(), iter(()), replace(effort, members=0), 3, None).found
+    assert not search(Size(), iter(()), replace(effort, members=0), 3).found
