@@ -31,18 +31,6 @@ def check(method, q, p):
     np.testing.assert_allclose(p, ours.p.values[-1], rtol=0, atol=tolerance)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_kick_and_drift_of_each_stage_make_the_step(method):
-    """The convention of ARKODE: stage i kicks with ahat[i], at the positions before it, and drifts with a[i]."""
-    ahat, a = rows(method)
-    q, p = np.array([0.3, 0.0]), np.array([0.0, 0.4])
-    for _ in range(STEPS):
-        for kick, drift in zip(ahat, a, strict=True):
-            p = p - TAU * kick * np.array([q[0] + 2 * q[0] * q[1], q[1] + q[0] ** 2 - q[1] ** 2])
-            q = q + TAU * drift * p
-    check(method, q, p)
-
-
 PROGRAM = """
 #include <arkode/arkode_sprkstep.h>
 #include <nvector/nvector_serial.h>

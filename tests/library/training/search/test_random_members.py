@@ -49,16 +49,6 @@ def test_random_points_without_a_member_give_none():
     assert found(FAMILY, 100, steps=1, kept=()).shape == (0, 5)
 
 
-def test_points_that_stay_behind_are_given_up(monkeypatch):
-    followed = []
-    linearised = Family.linearised
-    monkeypatch.setattr(Family, "linearised", lambda self, x: followed.append(x.shape[1]) or linearised(self, x))
-    found(FAMILY, 200, batch=100, steps=6, kept=((3, 0.2),))
-    first = followed[:7]
-    assert first[:5] == [100] * 5
-    assert set(first[5:]) <= set(range(1, 21))
-
-
 class Size:
     """An objective: the largest unknown."""
 

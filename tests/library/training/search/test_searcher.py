@@ -175,14 +175,6 @@ def test_one_seed_gives_the_same_bits_and_another_seed_others():
     assert all((a.unknowns != b.unknowns).any() for a, b in zip(one.found, other.found, strict=True))
 
 
-def test_a_search_leaves_the_random_numbers_of_numpy_alone():
-    np.random.seed(5)  # noqa: NPY002
-    before = np.random.get_state()[1].tobytes()  # noqa: NPY002
-    search(Distance(FAMILY, members(FAMILY, 1)[0]), starts_of(FAMILY, [], [], EFFORT), EFFORT, 1)
-    assert np.random.get_state()[1].tobytes() == before  # noqa: NPY002
-    np.random.random()  # noqa: NPY002
-
-
 SCRIPT = """
 import hashlib
 import numpy as np
