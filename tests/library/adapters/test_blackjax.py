@@ -16,6 +16,7 @@ from blackjax.mcmc.metrics import gaussian_euclidean
 import nearharmonic as nh
 from nearharmonic.adapters import blackjax as adapter
 from nearharmonic.errors import SettingError
+from support.oracles.counted_jax import counted_density
 
 pytestmark = pytest.mark.usefixtures("double_precision")
 
@@ -46,24 +47,6 @@ def moved(factory, density, step_size, steps, q, p):
     return jax.lax.scan(lambda state, _: (step(state, step_size), None), state, None, length=steps)[0]
 
 
-def counted(calls):
-    """A Gaussian log density that counts its gradients at run time."""
-
-    @jax.custom_vjp
-    def density(x):
-        return gaussian(x)
-
-    def host(x):
-        calls.append(1)
-        return np.asarray(-x)
-
-    def forward(x):
-        return gaussian(x), jax.pure_callback(host, jax.ShapeDtypeStruct(x.shape, x.dtype), x)
-
-    density.defvjp(forward, lambda gradient, g: (g * gradient,))
-    return density
-
-
 B = "0.1931833275037836"
 #: McLachlan's method of two stages is not registered; BlackJAX has BCSS 3 with the kick first as its "yoshida".
 MINIMAL = nh.Tableau(
@@ -91,7 +74,7 @@ def test_methods_are_those_of_blackjax(name):
 @pytest.mark.parametrize(("method", "more"), [("leapfrog", 0), ("babs7o7h", 0), ("abas5o6h", 1), ("bcss_s3", 1)])
 def test_isokinetic_step_takes_one_gradient_a_stage(method, more):
     calls = []
-    density = counted(calls)
+    density = counted_density(gaussian, np.negative, calls)
     step = adapter.isokinetic_integrator(method)(density, 1.0)
     state = theirs.new_integrator_state(density, jnp.array([1.0, 0.5]), jnp.array([0.6, 0.8]))
     calls.clear()

@@ -38,14 +38,6 @@ class Force:
         x, y = q
         return -np.array([x + 2 * x * y, y + x * x - y * y])
 
-    def traced(self, q):
-        """The force inside compiled code of JAX."""
-        import jax
-
-        return jax.pure_callback(
-            lambda q: self(np.asarray(q)), jax.ShapeDtypeStruct(q.shape, q.dtype), q, vmap_method="sequential"
-        )
-
 
 def in_ase(method, step, steps):
     ase = pytest.importorskip("ase")
@@ -73,13 +65,10 @@ def in_blackjax(method, step, steps):
     from blackjax.mcmc.integrators import new_integrator_state
     from blackjax.mcmc.metrics import gaussian_euclidean
 
+    from support.oracles.counted_jax import counted_density
+
     force = Force()
-
-    @jax.custom_vjp
-    def density(q):
-        return 0.0 * q[0]
-
-    density.defvjp(lambda q: (density(q), force.traced(q)), lambda gradient, g: (g * gradient,))
+    density = counted_density(lambda q: 0.0 * q[0], force, [])
     one = nh.adapters.blackjax.integrator(method)(density, gaussian_euclidean(jnp.ones(2)).kinetic_energy)
     state = new_integrator_state(density, jnp.array([0.3, 0.0]), jnp.array([0.0, 0.4]))
     state = jax.lax.scan(lambda state, _: (one(state, step), None), state, None, length=steps)[0]
@@ -90,8 +79,11 @@ def in_diffrax(method, step, steps):
     diffrax = pytest.importorskip("diffrax", exc_type=ImportError)
     import jax.numpy as jnp
 
+    from support.oracles.counted_jax import counted
+
     force, solver = Force(), nh.adapters.diffrax.Splitting(method)
-    terms = diffrax.ODETerm(lambda t, p, args: p), diffrax.ODETerm(lambda t, q, args: force.traced(q))
+    traced = counted(force, [])
+    terms = diffrax.ODETerm(lambda t, p, args: p), diffrax.ODETerm(lambda t, q, args: traced(q))
     start = jnp.array([0.3, 0.0]), jnp.array([0.0, 0.4])
     q, p = diffrax.diffeqsolve(terms, solver, 0.0, steps * step, step, start).ys
     return np.asarray(q[-1]), np.asarray(p[-1]), force.calls
@@ -102,10 +94,11 @@ def in_jax_md(method, step, steps):
     import jax
     import jax.numpy as jnp
 
+    from support.oracles.counted_jax import counted
+
     force = Force()
-    init, apply = nh.adapters.jax_md.nve(
-        lambda R, **_: force.traced(R[0])[None], lambda R, dR, **_: R + dR, step, method
-    )
+    traced = counted(force, [])
+    init, apply = nh.adapters.jax_md.nve(lambda R, **_: traced(R[0])[None], lambda R, dR, **_: R + dR, step, method)
     state = init(jax.random.PRNGKey(0), jnp.array([[0.3, 0.0]]), kT=0.0).set(momentum=jnp.array([[0.0, 0.4]]))
     state = jax.lax.scan(lambda state, _: (apply(state), None), state, None, length=steps)[0]
     return np.asarray(state.position[0]), np.asarray(state.momentum[0]), force.calls
@@ -205,7 +198,7 @@ DRIVERS = {
     "ASE": in_ase, "BlackJAX": in_blackjax, "diffrax": in_diffrax, "JAX MD": in_jax_md, "mici": in_mici,
     "OpenMM": in_openmm, "REBOUND": in_rebound, "scipy": in_scipy, "SUNDIALS": in_sundials,
 }  # fmt: skip
-COMPILED = {"BlackJAX", "diffrax", "JAX MD"}
+COMPILED = {"BlackJAX", "diffrax", "JAX MD", "REBOUND"}
 #: Libraries that take a step with the method, and the name of the step.
 STEPS = {"ASE": "step", "JAX MD": "step", "mici": "step", "OpenMM": "step", "scipy": "max_step"}
 

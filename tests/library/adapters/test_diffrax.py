@@ -15,6 +15,7 @@ import jax.numpy as jnp
 
 import nearharmonic as nh
 from nearharmonic.adapters.diffrax import Splitting
+from support.oracles.counted_jax import counted
 
 pytestmark = pytest.mark.usefixtures("double_precision")
 
@@ -36,21 +37,13 @@ def spring(t, q, args):
 OSCILLATOR = (jnp.array([1.0]), jnp.array([0.0]))
 
 
+def counted_spring(calls):
+    force = counted(np.negative, calls)
+    return lambda t, q, args: force(q)
+
+
 def solved(force, method, t1, dt0, y0=OSCILLATOR, *, velocity=lambda t, p, args: p, **settings):
     return diffrax.diffeqsolve(pair(force, velocity), Splitting(method), 0.0, t1, dt0, y0, **settings)
-
-
-def counted(calls):
-    """The force of a spring, which counts its evaluations at run time."""
-
-    def host(q):
-        calls.append(1)
-        return np.asarray(-q)
-
-    def force(t, q, args):
-        return jax.pure_callback(host, jax.ShapeDtypeStruct(q.shape, q.dtype), q, vmap_method="sequential")
-
-    return force
 
 
 def looped(method, times):
@@ -90,7 +83,7 @@ def test_interval_need_not_be_a_multiple_of_steps(method):
 )
 def test_step_evaluates_one_force_a_stage(method, saved, more):
     calls = []
-    jax.block_until_ready(solved(counted(calls), method, 5.0, 0.5, saveat=saved).ys)
+    jax.block_until_ready(solved(counted_spring(calls), method, 5.0, 0.5, saveat=saved).ys)
     assert len(calls) == 10 * nh.integrators[method].stages + more
 
 
@@ -100,7 +93,7 @@ def test_batch_equals_loop_and_costs_the_same(method):
     calls = []
 
     def end(q):
-        return solved(counted(calls), method, 5.0, 0.5, (q, 0 * q)).ys
+        return solved(counted_spring(calls), method, 5.0, 0.5, (q, 0 * q)).ys
 
     starts = jnp.array([[1.0], [0.5], [-2.0]])
     loop = [end(start) for start in starts]
@@ -194,11 +187,11 @@ def test_backsolve_is_refused_by_diffrax():
 def test_run_goes_on_from_the_state_of_another(method):
     calls = []
     saved = diffrax.SaveAt(t1=True, solver_state=True)
-    half = solved(counted(calls), method, 2.0, 0.5, saveat=saved)
+    half = solved(counted_spring(calls), method, 2.0, 0.5, saveat=saved)
     q, p = half.ys[0][-1], half.ys[1][-1]
     jax.block_until_ready(q)
     calls.clear()
-    terms, solver = pair(counted(calls)), Splitting(method)
+    terms, solver = pair(counted_spring(calls)), Splitting(method)
     on = diffrax.diffeqsolve(terms, solver, 2.0, 4.0, 0.5, (q, p), solver_state=half.solver_state)
     np.testing.assert_allclose(on.ys[0][-1], solved(spring, method, 4.0, 0.5).ys[0][-1], rtol=0, atol=ROUNDING)
     assert len(calls) == 4 * nh.integrators[method].stages

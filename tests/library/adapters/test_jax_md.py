@@ -14,6 +14,7 @@ from jax_md import energy, simulate, space
 import nearharmonic as nh
 from nearharmonic.adapters import jax_md as adapter
 from nearharmonic.errors import SettingError
+from support.oracles.counted_jax import counted
 
 pytestmark = pytest.mark.usefixtures("double_precision")
 
@@ -56,20 +57,6 @@ def run(apply, state, steps):
     return jax.lax.scan(lambda state, _: (apply(state), None), state, None, length=steps)[0]
 
 
-def counted(calls):
-    """The force of oscillators, which counts its evaluations at run time."""
-
-    def host(position):
-        calls.append(1)
-        return np.asarray(-position)
-
-    def force(position, **_):
-        shape = jax.ShapeDtypeStruct(position.shape, position.dtype)
-        return jax.pure_callback(host, shape, position, vmap_method="sequential")
-
-    return force
-
-
 @SLOW
 @pytest.mark.parametrize("scale", [1.0, 3.0])
 def test_verlet_gives_states_of_nve_of_jax_md(scale):
@@ -94,7 +81,8 @@ def test_verlet_gives_states_of_nve_of_jax_md(scale):
 @pytest.mark.parametrize("method", ["babs7o7h", "abas5o6h"])
 def test_batch_equals_loop_and_costs_the_same(method):
     calls = []
-    init, apply = adapter.nve(counted(calls), free, 0.1, method)
+    force = counted(np.negative, calls)
+    init, apply = adapter.nve(lambda R, **_: force(R), free, 0.1, method)
     starts = [started(init, scale * CLUSTER, KICKED) for scale in (1.0, 0.5, 2.0)]
     loop = [run(apply, start, 5) for start in starts]
     batch = jax.tree_util.tree_map(lambda *leaves: jnp.stack(leaves), *starts)
