@@ -25,22 +25,15 @@ LEAST, LOST = 1e-16, 1.0
 
 @dataclass(frozen=True, kw_only=True)
 class Ensemble:
-    """M problems of one system, with different initial values or parameters.
+    """M problems of one system of d coordinates and P parameters, with different initial values or parameters.
 
     Attributes
     ----------
-    name : str
-        Name of the ensemble in tables.
-    system : System
-        System with d coordinates and P parameters.
-    start : (M, 4 d) array of float
-        Initial states, in the layout of :func:`nearharmonic.engine.numbers.start_row`.
-    parameters : (M, 2 P) or (1, 2 P) array of float
-        Parameters, in the layout of :func:`nearharmonic.engine.numbers.parameter_row`.
-    t_end : float
-        Length of every run, in the unit of time of the system.
-    unit : float
-        Unit of time of step sizes: one radian of the fastest oscillation.
+    start, parameters : (M, 4 d), and (M, 2 P) or (1, 2 P) array of float
+        In the layouts of ``start_row`` and ``parameter_row`` of :mod:`nearharmonic.engine.numbers`.
+    t_end, unit : float
+        Length of every run in the unit of time of the system, and unit of step sizes: one radian of the fastest
+        oscillation.
     strength : (M,) array of float, optional
         Anharmonicity of each problem.
     scale : float
