@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
+from nearharmonic.training import searcher as module
 from nearharmonic.training import tailor_search as budget_module
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import Objective, mean_errors
@@ -84,6 +85,26 @@ def test_ctrl_c_gives_best_so_far_even_before_any_member(problems, monkeypatch):
     last = 1
     with pytest.raises(KeyboardInterrupt):
         searched(problems, 10**6).run()
+
+
+def test_best_third_goes_on_with_three_times_as_many_trials(problems, monkeypatch):
+    asked = []
+
+    def descend(objective, start, effort, seed):
+        if effort.trials == Rounds().around_best:
+            raise BudgetSpentError("enough")
+        asked.append((objective.family, start.origin, effort.trials))
+        return float(len(asked)) - 100, np.zeros(objective.family.unknowns)
+
+    monkeypatch.setattr(module, "descend", descend)
+    search = searched(problems, 10**6, stages=(7, 8))
+    starts = search._branches()
+    search.run()
+    rounds = [[a for a in asked if a[2] == Rounds().trials * 3**k] for k in range(4)]
+    assert [len(r) for r in rounds] == [len(starts), -(-len(starts) // 3), -(-len(starts) // 9), 0]
+    assert 9 < len(starts) <= Rounds().most_starts
+    # the first of a round are the best of it, as their values rise
+    assert [a[:2] for a in rounds[1]] == [a[:2] for a in rounds[0][: len(rounds[1])]]
 
 
 def test_starts_are_published_methods_in_the_order_of_their_objective(problems):
