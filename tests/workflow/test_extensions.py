@@ -100,7 +100,8 @@ def extended(tmp_path_factory):
     with (package / "nearharmonic_paper/experiments/paper/reductions.py").open("a", encoding="utf-8") as file:
         file.write(REDUCTION)
     (package / "nearharmonic_paper/experiments/paper/positions.py").write_text(FIGURE, encoding="utf-8")
-    insert(package / "nearharmonic_paper/experiments/paper/experiment.py", '    "{system}_energy_error": Figure(', DECLARED)
+    declaring = package / "nearharmonic_paper/experiments/paper/experiment.py"
+    insert(declaring, '    "{system}_energy_error": Figure(', DECLARED)
     add_experiment(project)
     (project.folder / "added.yaml").write_text(yaml.safe_dump(CONFIG))
     done = project.snakemake("quartic_energy_error", "added", "-j2", "--configfile", "added.yaml")

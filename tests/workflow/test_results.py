@@ -142,12 +142,12 @@ def test_adding_a_reduction_integrates_nothing(finished):
 
 
 def test_a_comment_runs_nothing(drawn):
-    assert jobs_after_edit(drawn, "systems/henon_heiles.py", "# a comment\n", "fig3", *TINY) == {}
+    assert jobs_after_edit(drawn, "nearharmonic/systems/henon_heiles.py", "# a comment\n", "fig3", *TINY) == {}
 
 
 def test_an_edit_of_coefficients_runs_their_method_and_nothing_else(drawn):
     swapped = 'TABLEAUS = tuple(tableau.role("kick") for tableau in TABLEAUS)\n'
     jobs = jobs_after_edit(
-        drawn, "integrators/forest_ruth_1990.py", swapped, "results/tiny/cubes/henon_heiles.h5", *TINY
+        drawn, "nearharmonic/integrators/forest_ruth_1990.py", swapped, "results/tiny/cubes/henon_heiles.h5", *TINY
     )
     assert jobs == {"integrate": 2, "reduce": 1}

@@ -402,12 +402,9 @@ def _longest_time(atoms: Atoms) -> float:
 
 def _methods(asked: Any) -> dict[str, Method]:
     """Return the methods by name or path; a user may pass anything."""
-    allowed = "a list of at least one name, file path or Tableau"
-    if isinstance(asked, str | Tableau) or not isinstance(asked, Iterable):
-        raise bad_setting("methods", asked, allowed)
-    names = list(asked)
+    names = list(asked) if isinstance(asked, Iterable) and not isinstance(asked, str | Tableau) else []
     if not names:
-        raise bad_setting("methods", asked, allowed)
+        raise bad_setting("methods", asked, "a list of at least one name, file path or Tableau")
     return {one.name if isinstance(one, Tableau) else str(one): method_for("ASE", one) for one in names}
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from operator import add
 from typing import Any, ClassVar
 
 import diffrax
@@ -129,5 +129,4 @@ class Splitting(diffrax.AbstractSolver):  # type: ignore[misc]  # diffrax is not
 
 def _sum(values: Any, changes: Any) -> Any:
     """Return the sum, leaf by leaf."""
-    add: Callable[[Any, Any], Any] = lambda value, change: value + change  # noqa: E731
     return jax.tree_util.tree_map(add, values, changes)

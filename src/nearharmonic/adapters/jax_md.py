@@ -28,14 +28,9 @@ Apply = Callable[..., Any]
 
 @dataclasses.dataclass
 class NVEState(simulate.NVEState):  # type: ignore[misc]  # JAX MD has no types
-    """State of JAX MD at constant energy, which knows where its force belongs.
+    """State of JAX MD at constant energy, with the ``force_position`` at which its force was evaluated.
 
-    Attributes
-    ----------
-    position, momentum, force, mass : Array
-        As in ``jax_md.simulate.NVEState``.
-    force_position : Array
-        Position at which ``force`` was evaluated. A method with kicks first ends at it; one with drifts first does not.
+    A method with kicks first ends at it; one with drifts first does not.
     """
 
     force_position: Any
@@ -203,13 +198,12 @@ def _check_step(key: str, step: Any) -> None:
 
 def _check_masses(mass: Any, position: Any) -> None:
     """Raise an error for masses that are not above 0, or not one for each particle, unless JAX traces them."""
-    allowed = "finite numbers above 0"
     for leaf in jax.tree_util.tree_leaves(mass):
         if isinstance(leaf, jax.core.Tracer):
             continue
         numbers = isinstance(leaf, np.ndarray | jax.Array) and leaf.dtype.kind not in "bcmMOSU"
         if not (numbers or is_real(leaf)) or not np.all((np.asarray(leaf) > 0) & np.isfinite(leaf)):
-            raise bad_setting("mass", leaf, allowed)
+            raise bad_setting("mass", leaf, "finite numbers above 0")
     if isinstance(mass, np.ndarray | jax.Array) and isinstance(position, np.ndarray | jax.Array):
         n = position.shape[0]
         if mass.shape not in ((), (n,), (n, 1)):

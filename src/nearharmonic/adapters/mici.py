@@ -21,14 +21,8 @@ class SplittingIntegrator(TractableFlowIntegrator):  # type: ignore[misc]  # its
     """An integrator of mici that takes the steps of a splitting method.
 
     A step of negative time is the inverse of a step of positive time, for symmetric and other methods. Hamiltonian
-    Monte Carlo needs this, because a transition is a step forward and a reversal of time.
-
-    Attributes
-    ----------
-    method : Method
-        Kicks and drifts of a step.
-    step_size : float or None
-        Length of a step, in the unit of time of the system. A step size adapter of mici sets it before the first step.
+    Monte Carlo needs this, because a transition is a step forward and a reversal of time. The step size is in the unit
+    of time of the system; if it is None, a step size adapter of mici sets it before the first step.
     """
 
     def __init__(self, system: System, step_size: float | None, method: Method) -> None:

@@ -87,9 +87,7 @@ def integrator(
     Quantity(value=0.014, unit=picosecond)
     """
     chosen = method_for("OpenMM", method)
-    size = _number("step", step, unit.picosecond, "a time above 0, in ps if it has no unit")
-    if not size > 0:
-        raise bad_setting("step", step, "a time above 0, in ps if it has no unit")
+    size = _number("step", step, unit.picosecond, "a time above 0, in ps if it has no unit", positive=True)
     bath = _bath(temperature, friction, seed)
     _check_sites(system)
     made = openmm.CustomIntegrator(size)
@@ -152,15 +150,8 @@ def _bath(temperature: Any, friction: Any, seed: Any) -> tuple[float, float] | N
         return None
     if seed is not None and not (is_real(seed) and isinstance(seed, Integral) and 0 < int(seed) <= LARGEST_SEED):
         raise bad_setting("seed", seed, f"an integer from 1 to {LARGEST_SEED}")
-    allowed = {
-        "temperature": "a temperature of at least 0, in K if it has no unit",
-        "friction": "a rate of at least 0, in 1/ps if it has no unit",
-    }
-    kelvin = _number("temperature", temperature, unit.kelvin, allowed["temperature"])
-    rate = _number("friction", friction, unit.picosecond**-1, allowed["friction"])
-    for key, given, value in (("temperature", temperature, kelvin), ("friction", friction, rate)):
-        if value < 0:
-            raise bad_setting(key, given, allowed[key])
+    kelvin = _number("temperature", temperature, unit.kelvin, "a temperature of at least 0, in K if it has no unit")
+    rate = _number("friction", friction, unit.picosecond**-1, "a rate of at least 0, in 1/ps if it has no unit")
     return kelvin, rate
 
 
@@ -177,13 +168,13 @@ def _check_sites(system: Any) -> None:
         )
 
 
-def _number(key: str, given: Any, standard: Any, allowed: str) -> float:
-    """Return a number or a quantity as a finite float in the ``standard`` unit."""
+def _number(key: str, given: Any, standard: Any, allowed: str, *, positive: bool = False) -> float:
+    """Return a number or a quantity as a finite float of at least 0, or above 0, in the ``standard`` unit."""
     value = given
     if unit.is_quantity(given):
         if not given.unit.is_compatible(standard):
             raise bad_setting(key, given, allowed)
         value = given.value_in_unit(standard)
-    if not is_real(value) or not isfinite(value):
+    if not is_real(value) or not isfinite(value) or value < 0 or (positive and value == 0):
         raise bad_setting(key, given, allowed)
     return float(value)

@@ -40,26 +40,13 @@ _KEYS = (*_TEXTS, "order", "harmonic_order", "requires", "symmetric", "first", "
 
 @dataclass(frozen=True, kw_only=True)
 class CoefficientFile:
-    """The coefficients of one step in a file, and the claims of the file about them.
+    """The coefficients of one step in a file, and the claims of the file about them, None if there are none.
 
-    Attributes
-    ----------
-    path : str
-        The file.
-    name, label, source : str
-        As in the file. The default of ``name`` is the file name, and the default of ``label`` is ``name``.
-    kick, drift : tuple of str
-        Decimal numbers in the order in which they are applied.
-    first : {"drift", "kick"}
-        Operator that is applied first.
-    order, harmonic_order : int or None
-        Claims on the order and on the harmonic order, if any.
-    requires : str or None
-        :data:`~nearharmonic.integrators.tableau.QUADRATIC_KINETIC_ENERGY` if the order is claimed for T = p.p/2 alone.
-    symmetric : bool or None
-        Claim that the step is (True) or is not (False) a palindrome.
-    digits : int or None
-        Claim on the significant digits to which the coefficients are rounded.
+    The default of ``name`` is the file name, and the default of ``label`` is ``name``. Rows are decimal numbers in the
+    order in which they are applied. ``requires`` is
+    :data:`~nearharmonic.integrators.tableau.QUADRATIC_KINETIC_ENERGY` if the order is claimed for T = p.p/2 alone,
+    ``symmetric`` the claim that the step is (True) or is not (False) a palindrome, and ``digits`` that on the
+    significant digits to which the coefficients are rounded.
     """
 
     path: str

@@ -51,12 +51,7 @@ class Move:
 class Method:
     """A splitting method of plain kicks and drifts, in double precision.
 
-    Attributes
-    ----------
-    tableau : Tableau
-        The method.
-    moves : tuple of Move
-        A step, the first move first: ``stages + 1`` of the outer operator and ``stages`` of the inner one in turns.
+    A step has ``stages + 1`` moves of the outer operator and ``stages`` of the inner one in turns.
     """
 
     tableau: Tableau
@@ -79,14 +74,7 @@ class Method:
 
 
 def method_for(library: str, method: str | Tableau) -> Method:
-    """Return a method for a library that evaluates the forces of V and nothing else.
-
-    Parameters
-    ----------
-    library : str
-        Name of the library as it writes itself, for messages.
-    method : str or Tableau
-        Name of a registered integrator, path of a file, or a tableau.
+    """Return a method for a library, named as it writes itself, that evaluates the forces of V and nothing else.
 
     Raises
     ------
@@ -121,14 +109,8 @@ class VelocityCheck:
     """Comparisons of a force from outside at one position and several velocities, in a few steps of a run.
 
     The first comparison takes three further velocities, of all :data:`SIZES`, and each later one a single velocity.
-    Components of a velocity differ, so that forces of velocity differences are found as well.
-
-    Attributes
-    ----------
-    compared : int
-        Velocities compared so far; each costs a force.
-    step : int
-        Number of steps before the last comparison.
+    Components of a velocity differ, so that forces of velocity differences are found as well. ``compared`` counts the
+    velocities, each of which costs a force; ``step`` is the number of steps before the last comparison.
     """
 
     compared: int = 0
@@ -143,18 +125,10 @@ class VelocityCheck:
         return np.cos(GOLDEN_ANGLE * (self.compared + 1) * np.arange(1, size + 1))
 
     def finds(self, force: Callable[[Any], Any], velocities: Any, step: int, known: Any = None) -> bool:
-        """Return True if a force depends on velocities.
+        """Return True if a force depends on velocities, after this number of steps.
 
-        Parameters
-        ----------
-        force : callable
-            Forces or accelerations of given velocities at the time and the positions of a state.
-        velocities : array
-            Velocities of the state, or momenta.
-        step : int
-            Number of steps before.
-        known : array, optional
-            Force at ``velocities``. By default it is evaluated.
+        ``force`` maps velocities, or momenta, to forces or accelerations at the time and the positions of a state.
+        ``known`` is the force at the ``velocities`` of the state; by default it is evaluated.
         """
         known = force(velocities) if known is None else known
         if not np.isfinite(known).all():
@@ -195,14 +169,9 @@ LAST_DIGIT = 3
 
 
 class Printed(Fraction):
-    """A printed coefficient of a step: the exact value of its decimals.
+    """A printed coefficient of a step: the exact value of its decimals, and the bound of their rounding error.
 
-    Attributes
-    ----------
-    uncertainty : Fraction
-        Bound of the rounding error of the decimals.
-    place : str
-        Its position in the file, such as "kick[2]"; several positions if adjacent flows of one operator were joined.
+    ``place`` is its position in the file, such as "kick[2]"; several if adjacent flows of one operator were joined.
     """
 
     uncertainty: Fraction
@@ -317,18 +286,10 @@ COEFFICIENTS_DOUBLE_DIGITS = 17
 
 @dataclass(frozen=True, kw_only=True)
 class Coefficients(Composition):
-    """The rows of a tableau as they are written to a file.
+    """The rows of a tableau as they are written to a file, decimal numbers without exponents.
 
-    Attributes
-    ----------
-    tableau : Tableau
-        The integrator.
-    kick, drift : tuple of str
-        Decimal numbers without exponents, in the order in which they are applied.
-    digits : int
-        Significant digits: those to which the rows are rounded, or those that the source guarantees.
-    rounding : str
-        How the rows are rounded, in one sentence.
+    ``digits`` are the significant digits to which the rows are rounded, or those that the source guarantees;
+    ``rounding`` says in one sentence how the rows are rounded.
 
     Raises
     ------

@@ -54,20 +54,10 @@ MOST = Fraction(1, 2)
 class Likeness:
     """Comparison of a registered method with a step.
 
-    Attributes
-    ----------
-    tableau : Tableau
-        The method.
-    exchanged, reversed, rescaled : bool
-        Changes of the method before the comparison: roles exchanged, direction reversed, and rows multiplied by the
-        sums of the rows of the step.
-    differing : tuple of (str, Fraction, Fraction)
-        Position, value, and value in the method (in the scale of the step) of each coefficient that differs by more
-        than the digits of both allow.
-    distance : Fraction
-        The largest difference of two coefficients.
-    compared : int
-        Number of coefficients that were compared.
+    Before it the roles of the method may be exchanged, its direction reversed, and its rows multiplied by the sums of
+    the rows of the step. ``differing`` has position, value, and value in the method (in the scale of the step) of each
+    coefficient that differs by more than the digits of both allow. ``distance`` is the largest difference of two of the
+    ``compared`` coefficients.
     """
 
     tableau: Tableau
@@ -92,10 +82,7 @@ class Likeness:
 def nearest(step: Step) -> Likeness | None:
     """Return the registered splitting method with the most equal coefficients and the smallest difference.
 
-    Returns
-    -------
-    Likeness or None
-        None if no method has as many flows.
+    It is None if no method has as many flows.
     """
     found = [likeness for tableau in plain_integrators.values() for likeness in _likenesses(step, tableau)]
     # Candidates with fewer changes come first, and min returns the first of equal candidates.
@@ -113,14 +100,9 @@ def _likenesses(step: Step, tableau: Tableau) -> Iterator[Likeness]:
         if other[0][0] == step[0][0]:
             differing, distance = _difference(step, other, scale)
             yield Likeness(
-                tableau=tableau,
-                exchanged=exchanged,
-                reversed=backwards,
-                rescaled=rescaled,
-                differing=differing,
-                distance=distance,
-                compared=len(step),
-            )
+                tableau=tableau, exchanged=exchanged, reversed=backwards, rescaled=rescaled,
+                differing=differing, distance=distance, compared=len(step),
+            )  # fmt: skip
 
 
 def _scales(step: Step) -> Iterator[tuple[dict[str, Fraction], bool]]:
@@ -176,16 +158,7 @@ class Order(NamedTuple):
 def proved_order(step: Step, highest: int, *, quadratic: bool, potential_degree: int | None = None) -> Order:
     """Return the order of a step for every separable H, or for every H with quadratic T; at most ``highest``.
 
-    Parameters
-    ----------
-    step : tuple of (str, Printed)
-        Drifts and kicks.
-    highest : int
-        Highest degree of the examined conditions.
-    quadratic : bool
-        True for T = p.p/2.
-    potential_degree : int, optional
-        Degree of V, for T = p.p/2; None is for every V.
+    ``potential_degree`` is the degree of V, for T = p.p/2; None is for every V.
     """
     largest = Residual(1, Fraction(0), Fraction(0))
     for degree in range(1, highest + 1):
@@ -275,18 +248,10 @@ class Suspect(NamedTuple):
 
 
 def suspects(file: CoefficientFile, digits: int, proves: Callable[[Rows], bool], degree: int) -> list[Suspect]:
-    """Return the single changes of a file for which all its claims hold.
+    """Return the single changes of a file for which ``proves`` says that all its claims hold.
 
-    Parameters
-    ----------
-    file : CoefficientFile
-        The coefficients.
-    digits : int
-        Significant digits that they have, 0 if they are exact.
-    proves : function
-        Returns True if all claims hold for the given rows.
-    degree : int
-        Order that the claims imply; conditions up to it are checked in double precision.
+    The coefficients have so many significant digits, 0 if they are exact. The claims imply an order ``degree``;
+    conditions up to it are checked in double precision.
     """
     rows = Rows(file.kick, file.drift, file.first)
     tolerance = max(FILTER_TOLERANCE, 10.0 ** (3 - digits)) if digits else FILTER_TOLERANCE

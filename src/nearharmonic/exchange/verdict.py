@@ -167,9 +167,12 @@ class Verdict:
     def digits_that_hold(self) -> int | None:
         """Largest number of digits to which all claims hold; None if these are all digits or too few."""
         fewer = range(self.digits.number - 1, FEWEST_DIGITS - 1, -1)
-        if self.holds or not _to_digits(self.file, FEWEST_DIGITS).holds:
+        if self.holds or not self._to_digits(FEWEST_DIGITS).holds:
             return None
-        return next((n for n in fewer if _to_digits(self.file, n).holds), None)
+        return next((n for n in fewer if self._to_digits(n).holds), None)
+
+    def _to_digits(self, digits: int) -> Verdict:
+        return Verdict(replace(self.file, digits=digits))
 
     @cached_property
     def step(self) -> Step:
@@ -255,10 +258,6 @@ class Verdict:
     def warnings(self) -> list[str]:
         """Differences from the nearest registered method that no claim concerns."""
         return list(_warnings(self))
-
-
-def _to_digits(file: CoefficientFile, digits: int) -> Verdict:
-    return Verdict(replace(file, digits=digits))
 
 
 def _claims(found: Verdict) -> Iterator[Claim]:

@@ -22,27 +22,13 @@ from nearharmonic.theory.symmetric import ConditionedSteps
 HARMONIC_ORDERS = range(4, 9)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Projection:
-    """Settings of a projection on the members of a family.
-
-    Attributes
-    ----------
-    steps, longest : int and float
-        Maximum number of Newton steps, and largest change of an unknown per step.
-    met : float
-        Residual below which a point fulfils the equations.
-    near : float
-        Residual from which one Newton step, which squares it, reaches the resolution of doubles.
-    regular : float
-        Regularisation of the matrix of the equations, relative to its size.
-    """
-
-    steps: int = 10
-    longest: float = 0.3
-    met: float = 1e-10
-    near: float = 1e-8
-    regular: float = 1e-15
+#: Maximum number of Newton steps of a projection on a family, and largest change of an unknown per step.
+STEPS, LONGEST = 10, 0.3
+#: Residual below which a point fulfils the equations, and residual from which one Newton step, which squares it,
+#: reaches the resolution of doubles.
+MET, NEAR = 1e-10, 1e-8
+#: Regularisation of the matrix of the equations, relative to its size.
+REGULAR = 1e-15
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +113,7 @@ class Family(ConditionedSteps):
             given["square"] = tuple(str(int(self.is_modified(i))) for i in range(len(rows["kick"])))
         return Tableau(**given, **about)  # type: ignore[arg-type]
 
-    def project(self, points: Floats, settings: Projection = Projection()) -> tuple[Floats, NDArray[np.bool_]]:
+    def project(self, points: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         """Return the members (C, n) of the family near ``points``, and a mask of those that fulfil the equations.
 
         Each Newton step is the shortest solution of the linearised equations. Points that fulfil the equations are
@@ -136,22 +122,22 @@ class Family(ConditionedSteps):
         """
         x = np.array(points, dtype=float)
         with np.errstate(all="ignore"):
-            moving = np.flatnonzero(~self.met(x, settings))
-            for _ in range(settings.steps):
+            moving = np.flatnonzero(~self.met(x))
+            for _ in range(STEPS):
                 if not moving.size:
                     break
                 values, J = self.linearised(x[moving].T)
                 square = J @ J.transpose(0, 2, 1)
                 size = 1 + np.trace(square, axis1=1, axis2=2)[:, None, None]
-                square += settings.regular * size * np.eye(len(values))
+                square += REGULAR * size * np.eye(len(values))
                 step = (J.transpose(0, 2, 1) @ np.linalg.solve(square, values.T[..., None]))[..., 0]
-                x[moving] -= np.clip(np.nan_to_num(step), -settings.longest, settings.longest)
-                moving = moving[~(np.abs(values).max(axis=0) < settings.near)]
-            return x, self.met(x, settings)
+                x[moving] -= np.clip(np.nan_to_num(step), -LONGEST, LONGEST)
+                moving = moving[~(np.abs(values).max(axis=0) < NEAR)]
+            return x, self.met(x)
 
-    def met(self, x: Floats, settings: Projection = Projection()) -> NDArray[np.bool_]:
+    def met(self, x: Floats) -> NDArray[np.bool_]:
         """Return the mask of the points (C, n) that fulfil the equations."""
-        found: NDArray[np.bool_] = np.abs(np.stack(self.residuals(x.T))).max(axis=0) < settings.met
+        found: NDArray[np.bool_] = np.abs(np.stack(self.residuals(x.T))).max(axis=0) < MET
         return found
 
     def grown(self, x: Floats) -> tuple[Family, Floats]:

@@ -37,14 +37,8 @@ def mean_errors(
 ) -> Floats:
     """Return the mean of log10 max |dH/H0| of methods at equal cost (methods, T).
 
-    Parameters
-    ----------
-    ensemble, methods
-        Problems, and methods that are compared.
-    tau_per_stage : sequence of T float
-        Step sizes over the cost of a step, in the unit of the ensemble.
-    charge : float
-        Cost of the gradient of the square of grad V, in forces.
+    The T step sizes are over the cost of a step, in the unit of the ensemble; ``charge`` is the cost of the gradient of
+    the square of grad V, in forces.
     """
     return np.stack([mean_log(errors_of(ensemble, one, tau_per_stage, charge)) for one in methods])
 
@@ -59,22 +53,11 @@ def errors_of(ensemble: Ensemble, method: Tableau, tau_per_stage: Sequence[float
 
 
 class Objective:
-    """The objective of members of a family.
+    """The objective of members of a family, at most ``size`` per batch; all ensembles have equal weight.
 
-    Parameters
-    ----------
-    family, ensembles
-        Family of the members, and the problems; all ensembles have equal weight.
-    tau_per_stage : sequence of T float
-        Window of step sizes over the cost of a step.
-    references : sequence of (T,) array of float
-        Reference values of each ensemble, which are subtracted from the mean of log10 max |dH/H0|.
-    size : int
-        Maximum number of members per batch.
-    charge : float
-        Cost of the gradient of the square of grad V, in forces.
-    largest_sum : float
-        Bound of the sum of the absolute values of all coefficients of a step.
+    The T step sizes are over the cost of a step. The references (T,) of each ensemble are subtracted from the mean of
+    log10 max |dH/H0|. ``charge`` is the cost of the gradient of the square of grad V, in forces; ``largest_sum`` is the
+    bound of the sum of the absolute values of all coefficients of a step.
     """
 
     def __init__(
@@ -175,20 +158,9 @@ def polished(
     fixed: Mapping[int, str] | None = None,
     nearest: float = NEAREST,
 ) -> list[BigFloat]:
-    """Return the member of a family next to a point, as mpf.
+    """Return the member of a family next to a point of n unknowns, as mpf, to this number of decimals.
 
-    Parameters
-    ----------
-    family : ConditionedSteps
-        Family whose equations are solved.
-    unknowns : sequence of n float
-        The point.
-    digits : int
-        Decimals of the solution.
-    fixed : mapping of int to str, optional
-        Decimal values of fixed unknowns, by their index.
-    nearest : float
-        Largest change of an unknown.
+    ``fixed`` has decimal values of fixed unknowns, by their index; no other unknown changes by more than ``nearest``.
 
     Raises
     ------
@@ -217,16 +189,10 @@ def tableau_of(
     nearest: float = NEAREST,
     **about: Any,
 ) -> Tableau:
-    """Return the tableau of the member next to ``unknowns``.
+    """Return the tableau of the member next to ``unknowns``; arguments and errors are those of :func:`polished`.
 
-    Parameters
-    ----------
-    family, unknowns, fixed, nearest
-        As for :func:`polished`, as are the errors.
-    digits : int
-        Decimals that the tableau guarantees; coefficients have two more.
-    **about
-        Fields of :class:`Tableau`: name, label, source, note.
+    The tableau guarantees this number of decimals, and coefficients have two more. ``about`` has fields of
+    :class:`Tableau`: name, label, source, note.
     """
     with mp.workdps(2 * digits + 20):
         kicks, drifts, squares = family.rows(polished(family, unknowns, digits + 10, fixed=fixed, nearest=nearest))

@@ -25,22 +25,15 @@ LEAST, LOST = 1e-16, 1.0
 
 @dataclass(frozen=True, kw_only=True)
 class Ensemble:
-    """M problems of one system, with different initial values or parameters.
+    """M problems of one system of d coordinates and P parameters, with different initial values or parameters.
 
     Attributes
     ----------
-    name : str
-        Name of the ensemble in tables.
-    system : System
-        System with d coordinates and P parameters.
-    start : (M, 4 d) array of float
-        Initial states, in the layout of :func:`nearharmonic.engine.numbers.start_row`.
-    parameters : (M, 2 P) or (1, 2 P) array of float
-        Parameters, in the layout of :func:`nearharmonic.engine.numbers.parameter_row`.
-    t_end : float
-        Length of every run, in the unit of time of the system.
-    unit : float
-        Unit of time of step sizes: one radian of the fastest oscillation.
+    start, parameters : (M, 4 d), and (M, 2 P) or (1, 2 P) array of float
+        In the layouts of ``start_row`` and ``parameter_row`` of :mod:`nearharmonic.engine.numbers`.
+    t_end, unit : float
+        Length of every run in the unit of time of the system, and unit of step sizes: one radian of the fastest
+        oscillation.
     strength : (M,) array of float, optional
         Anharmonicity of each problem.
     scale : float
@@ -73,20 +66,11 @@ class Ensemble:
 
 
 class Population:
-    """Runs of methods of one shape on all problems of an ensemble, with several step sizes.
+    """Runs of at most ``size`` methods on all problems of an ensemble, with T step sizes.
 
-    Parameters
-    ----------
-    shape : Tableau
-        A method with the stages and the role of all methods.
-    tau_per_stage : sequence of T float
-        Step sizes over the cost of a step, in the ensemble's unit of time.
-    size : int
-        Maximum number of methods per batch.
-    cost : float, optional
-        Cost of a step in force evaluations; the stages if None.
-    samples : int
-        Maximum number of samples of a run, from the start to the end.
+    ``shape`` is a method with the stages and the role of all methods. The step sizes are over the ``cost`` of a step in
+    force evaluations, by default the stages, in the ensemble's unit of time. A run has at most so many ``samples``,
+    from the start to the end.
 
     Raises
     ------
@@ -111,12 +95,8 @@ class Population:
     def errors(self, kicks: Floats, drifts: Floats, squares: Floats | None = None) -> Floats:
         """Return the largest |dH/H0| (C, T, M) over all steps of each run; :data:`LOST` for diverged runs.
 
-        Parameters
-        ----------
-        kicks, drifts : (C, s + 1) and (C, s) array of float, or the other way round
-            Rows of each method; C is at most ``size``.
-        squares : array of float, optional
-            Coefficients of the squares, one for each kick.
+        The rows of C methods, at most ``size``, have shapes (C, s + 1) and (C, s), or the other way round; squares are
+        one for each kick.
         """
         self._run(kicks, drifts, squares)
         errors = self._relative(self._batch.filled.worst[:, 1:].max(axis=1)[:, None])[..., 0]

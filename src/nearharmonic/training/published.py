@@ -5,7 +5,7 @@ Coefficients as Python text, for files that define a tableau.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 from nearharmonic.integrators import integrators, modified_integrators, plain_integrators
 from nearharmonic.integrators.tableau import Row, Tableau
@@ -37,9 +37,9 @@ def modified_names() -> tuple[str, ...]:
     return tuple(sorted(found, key=lambda name: module_of(name) in OURS))
 
 
-def published_methods(names: Sequence[str]) -> list[Tableau]:
-    """Return the published methods among these names."""
-    return [integrators[name] for name in names if module_of(name) not in OURS]
+def published(methods: Iterable[Tableau]) -> list[Tableau]:
+    """Return the methods of other authors among registered ones."""
+    return [one for one in methods if module_of(one.name) not in OURS]
 
 
 def palindrome_lines(name: str, row: Row, indent: str) -> list[str]:

@@ -36,15 +36,9 @@ FEWEST = 8
 
 
 def read_starts(place: str | os.PathLike[str], dimension: int) -> Floats:
-    """Return the starts (R, 2 d) of a CSV file.
+    """Return the starts (R, 2 d) of a CSV file, with d positions and d momenta per line, d = ``dimension``.
 
-    Parameters
-    ----------
-    place : path
-        The file, with 2 d numbers per line: d positions and d momenta. Its first line may be a header; ``#`` begins a
-        comment.
-    dimension : int
-        Coordinates d.
+    The first line may be a header; ``#`` begins a comment.
 
     Raises
     ------
@@ -124,33 +118,11 @@ SAME = "same"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Question:
-    """A system, and the requirements for its method.
+class TailorRequest:
+    """A system, and the requirements for its method: the arguments of :func:`nearharmonic.tailor`, checked.
 
-    Attributes
-    ----------
-    system : System
-        The system.
-    given : str
-        Python literal of the name or path of the system, or the name of its object.
-    stages : tuple of int
-        Numbers of stages that are searched.
-    window : pair of float, or None
-        Smallest and largest step size over stages, in the unit of time of the system.
-    error : float
-        Energy error of the best registered method in the middle of the window, if no window is given.
-    seconds : float or None
-        Time limit of the search.
-    trials : int or None
-        Maximum number of methods in the search.
-    starts : (R, 2 d) array of float, or None
-        Starts in place of drawn ones, positions and then momenta.
-    energy : float or None
-        Energy of all drawn starts; None for starts in a box around the orbit of the given one.
-    seed : int
-        Seed of all random numbers.
-    scale : float
-        Reference energy of relative errors.
+    ``given`` is the Python literal of the name or path of the system, or the name of its object. ``scale`` is the
+    reference energy of relative errors. Starts (R, 2 d) are positions and then momenta.
     """
 
     system: System
@@ -177,7 +149,7 @@ def question(
     starts: object = None,
     energy: object = None,
     seed: object = None,
-) -> Question:
+) -> TailorRequest:
     """Validate a request; arguments as for :func:`nearharmonic.tailor`.
 
     Raises
@@ -199,7 +171,7 @@ def question(
         what = f"a system of at most {MOST_COORDINATES} coordinates, and it has {subject.dimension}: a search takes "
         raise bad_setting("system", subject.name, f"{what}thousands of runs. Tailor a method for a small copy of it")
     H0 = energy_at_start(subject)
-    return Question(
+    return TailorRequest(
         system=subject,
         given=as_python(place),
         stages=_stages(stages),
@@ -304,15 +276,10 @@ DISPLACEMENT = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class Orbit:
-    """Some states of an orbit.
+    """Some states (S, d) of an orbit.
 
-    Attributes
-    ----------
-    q, p : (S, d) array of float
-        The states.
-    frequency : float
-        Root of the mean square of the fastest frequency of small oscillations about these states, in the inverse unit
-        of time.
+    ``frequency`` is the root of the mean square of the fastest frequency of small oscillations about these states, in
+    the inverse unit of time.
     """
 
     q: Floats
@@ -429,19 +396,11 @@ LARGEST_ERROR = 1e-2
 SHRINKING = np.linspace(1.0, 0.0, 41)[:-1]
 
 
-def starts_of(asked: Question, orbit: Orbit, t_end: float, tau: float) -> tuple[Floats, Floats]:
+def starts_of(asked: TailorRequest, orbit: Orbit, t_end: float, tau: float) -> tuple[Floats, Floats]:
     """Return starts (M, 4 D) for the search, and others for the test.
 
-    Parameters
-    ----------
-    asked : Question
-        System, energy, seed, and starts if they are given.
-    orbit : Orbit
-        States of the orbit from the initial values of the system.
-    t_end : float
-        Length of the runs in which all starts have to stay on their energy surface.
-    tau : float
-        Step size per stage of these runs, in the unit of time of the system.
+    All starts have to stay on their energy surface in runs of length ``t_end`` with the step size ``tau`` per stage, in
+    the unit of time of the system.
 
     Raises
     ------
@@ -463,7 +422,7 @@ def starts_of(asked: Question, orbit: Orbit, t_end: float, tau: float) -> tuple[
     return rows[order[::2]], rows[order[1::2]]
 
 
-def _drawn(asked: Question, orbit: Orbit, t_end: float, tau: float, random: np.random.Generator) -> Floats:
+def _drawn(asked: TailorRequest, orbit: Orbit, t_end: float, tau: float, random: np.random.Generator) -> Floats:
     count = int(np.clip(COST // cost_of(asked.system, Numerics(summation="plain")), LEAST, MOST))
     kept: list[Floats] = []
     for _ in range(DRAWS):
@@ -490,7 +449,7 @@ def _box(orbit: Orbit, count: int, random: np.random.Generator) -> tuple[Floats,
     return q, p
 
 
-def _on_surface(asked: Question, orbit: Orbit, q: Floats, p: Floats) -> tuple[Floats, Floats]:
+def _on_surface(asked: TailorRequest, orbit: Orbit, q: Floats, p: Floats) -> tuple[Floats, Floats]:
     """Return states of the requested energy: momenta are scaled, and positions moved to lower V if this is necessary.
 
     Raises
@@ -541,7 +500,7 @@ def _starts_rows(system: System, q: Floats, p: Floats) -> Floats:
     return start_array(system, q[finite], p[finite], plain=True)
 
 
-def _stays(asked: Question, rows: Floats, t_end: float, tau: float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _stays(asked: TailorRequest, rows: Floats, t_end: float, tau: float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Return the mask of starts whose run with small steps keeps its energy."""
     method = integrators[METHOD]
     steps = method.steps(tau, t_end)

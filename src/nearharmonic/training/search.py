@@ -142,13 +142,10 @@ PATIENCE = 5
 
 @dataclass
 class Descent:
-    """A descent in the family of an objective.
+    """A descent in the family of an objective, whose smooth form is minimised.
 
-    Parameters
-    ----------
-    objective : Objective
-        Objective whose smooth form is minimised: rms errors over samples in place of maxima over all steps, and a
-        smooth maximum over the step sizes. Every member that is integrated counts as one of its trials.
+    It has rms errors over samples in place of maxima over all steps, and a smooth maximum over the step sizes. Every
+    member that is integrated counts as one of the trials of the objective.
     """
 
     objective: Objective
@@ -162,16 +159,8 @@ class Descent:
     def minimise(self, point: Floats, trials: int, small: float) -> Floats:
         """Return the member (n,) at which a descent from the member next to ``point`` ends.
 
-        Points without a member next to them, or with one of too large coefficients, are returned as projected.
-
-        Parameters
-        ----------
-        point : (n,) array of float
-            Unknowns of the start.
-        trials : int
-            Number of trials after which no further step is made.
-        small : float
-            Gain of a step that counts as none.
+        Points without a member next to them, or with one of too large coefficients, are returned as projected. No step
+        is made after this number of trials; a gain of ``small`` counts as none.
         """
         last, damping, waiting = self.objective.trials + trials, DAMPING, 0
         x: Floats = self.objective.family.project(point[None])[0][0]

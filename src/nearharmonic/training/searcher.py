@@ -6,7 +6,7 @@ same type of processor.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from itertools import chain
@@ -21,15 +21,7 @@ from nearharmonic.training.search import Effort, Found, Start, descend, random_m
 
 
 class Searcher:
-    """Successive searches with one random generator, and their results.
-
-    Parameters
-    ----------
-    effort : Effort
-        Settings of each search.
-    seed : int or sequence of int
-        Of all random numbers.
-    """
+    """Successive searches with the settings ``effort`` and one random generator, and their results."""
 
     def __init__(self, effort: Effort, seed: int | Sequence[int]) -> None:
         self.effort, self._random = effort, np.random.default_rng(seed)
@@ -89,22 +81,16 @@ class Searcher:
 def starts_of(family: Family, known: Sequence[Tableau], before: Sequence[Found], effort: Effort) -> Iterator[Start]:
     """Yield the starts in a family: known methods, the best method with one stage less, random points.
 
-    Parameters
-    ----------
-    family : Family
-        Family that is searched.
-    known : sequence of Tableau
-        Published methods: symmetric methods of the shape of the family are starts, and so are extended methods with one
-        stage less.
-    before : sequence of Found
-        The best members of other families; that with one stage less is extended by a stage.
-    effort : Effort
-        Number of random starts, and standard deviations.
+    Symmetric methods of the shape of the family are starts. Methods with one stage less are extended by a stage, those
+    that are known, and the best member of their family among those found ``before``.
     """
     for one in known:
         if _has_shape(one, family):
             yield from (Start(origin=one.name, point=family.unknowns_of(one), spread=s) for s in effort.around_known)
-    smaller = _a_stage_less(family)
+    try:
+        smaller = replace(family, stages=family.stages - 1)
+    except SettingError:
+        smaller = None
     for one in known:
         if smaller and _has_shape(one, smaller):
             point = smaller.grown(smaller.unknowns_of(one))[1]
@@ -117,24 +103,8 @@ def starts_of(family: Family, known: Sequence[Tableau], before: Sequence[Found],
         yield Start(origin="random", point=None, spread=effort.at_random[i % len(effort.at_random)])
 
 
-def search(
-    objective: Objective, starts: Iterator[Start], effort: Effort, seed: int, report: Callable[[Found], None] | None
-) -> Searcher:
-    """Search from the best members near random points, from all ``starts``, and then around the best result.
-
-    Parameters
-    ----------
-    objective : Objective
-        Objective that is minimised.
-    starts : iterator of Start
-        Starts of the searches.
-    effort : Effort
-        Numbers of trials and refinements.
-    seed : int
-        Of all random numbers.
-    report : callable, optional
-        Function that is called after each search.
-    """
+def search(objective: Objective, starts: Iterator[Start], effort: Effort, seed: int) -> Searcher:
+    """Search from the best members near random points, from all ``starts``, and then around the best result."""
     searcher, screen = Searcher(effort, seed), _Screen(objective, effort, np.random.default_rng([seed, 1]))
     refined = (
         searcher.near(searcher.centre(turn), turn, "refined") for turn in range(effort.refinements) if searcher.found
@@ -142,9 +112,7 @@ def search(
     for start in chain(_best_members(objective, effort, seed), starts, refined):
         promising = screen(start) if effort.screened > 1 else start
         if promising is not None:
-            found = searcher.search(objective, promising)
-            if report is not None:
-                report(found)
+            searcher.search(objective, promising)
     return searcher
 
 
@@ -186,10 +154,3 @@ def _has_shape(method: Tableau, family: Family) -> bool:
         and (method.first, method.stages) == (family.first, family.stages)
         and squares <= set(family.squares)
     )
-
-
-def _a_stage_less(family: Family) -> Family | None:
-    try:
-        return replace(family, stages=family.stages - 1)
-    except SettingError:
-        return None

@@ -26,8 +26,8 @@ from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import harmonic_order
 from nearharmonic.training.objective import errors_of, mean_errors, tableau_of
 from nearharmonic.training.population import LEAST, Ensemble
-from nearharmonic.training.published import palindrome_lines
-from nearharmonic.training.question import RADIANS, STEP, Orbit, Question, orbit_of, question, starts_of
+from nearharmonic.training.published import palindrome_lines, published
+from nearharmonic.training.question import RADIANS, STEP, Orbit, TailorRequest, orbit_of, question, starts_of
 from nearharmonic.training.tailor_search import (
     CHARGE,
     Budget,
@@ -35,7 +35,6 @@ from nearharmonic.training.tailor_search import (
     TailorSearch,
     check_window,
     contenders,
-    published,
     registered,
     step_sizes,
     window_at,
@@ -66,18 +65,9 @@ class Gain:
 class Comparison:
     """Comparison of a method with the best of others at each of T step sizes, at equal cost.
 
-    Attributes
-    ----------
-    tau_per_stage, error, best_error : (T,) array of float
-        Step size, and geometric means over the starts of max |dH| of the method and of the best other method.
-    best : tuple of T str
-        Names of the best other methods.
-    overall : Tableau
-        The other method with the smallest mean over all step sizes.
-    gains : tuple of T Gain
-        Gain at each step size.
-    gain : Gain
-        Mean gain over all step sizes.
+    ``error`` and ``best_error`` (T,) are geometric means over the starts of max |dH| of the method and of the best
+    other method. ``best`` has the names of the latter; ``overall`` has the smallest mean over all step sizes. ``gain``
+    is the mean gain over all step sizes.
     """
 
     tau_per_stage: Floats
@@ -130,25 +120,13 @@ def _gain(won: Floats, draws: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -
 class Tailored:
     """A tailored method and its tests.
 
-    Attributes
-    ----------
-    question : Question
-        The request.
-    window : pair of float
-        Smallest and largest step size per stage, in the unit of time of the system.
-    ensemble, held_out : Ensemble
-        Starts of the search, and starts of the test, with longer runs.
-    tableau : Tableau
-        The method.
-    search : SearchResult
-        Result and extent of the search.
-    test, training : Comparison
-        Comparisons with the best registered methods, on the starts of the test and of the search.
-    published : Comparison
-        Comparison with the best methods of other authors, on the starts of the test.
+    ``window`` has the smallest and largest step size per stage, in the unit of time of the system. ``ensemble`` has the
+    starts of the search, ``held_out`` those of the test, with longer runs. ``test`` and ``training`` are comparisons
+    with the best registered methods, on the starts of the test and of the search; ``published`` is one with the best
+    methods of other authors, on the starts of the test.
     """
 
-    question: Question
+    question: TailorRequest
     window: tuple[float, float]
     ensemble: Ensemble
     held_out: Ensemble
@@ -258,7 +236,7 @@ def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)  # Python reads the same text from them
 
 
-Starts = Callable[[Question, Orbit], tuple[Ensemble, Ensemble]]
+Starts = Callable[[TailorRequest, Orbit], tuple[Ensemble, Ensemble]]
 
 #: Ratio of the lengths of runs of the test and of the search.
 LONGER = 4.0
@@ -350,18 +328,12 @@ def tailor(
 
 
 def tailored(
-    asked: Question, show: Callable[[float, float], None] | None = None, starts: Starts | None = None
+    asked: TailorRequest, show: Callable[[float, float], None] | None = None, starts: Starts | None = None
 ) -> Tailored:
     """Return the tailored method and its test.
 
-    Parameters
-    ----------
-    asked : Question
-        The request.
-    show : callable, optional
-        Function that is called with the spent fraction of the budget and the smallest objective.
-    starts : callable, optional
-        Function that returns the starts of the search and those of the test in place of :func:`ensembles`.
+    ``show`` is called with the spent fraction of the budget and the smallest objective. ``starts`` returns the starts
+    of the search and those of the test in place of :func:`ensembles`.
 
     Raises
     ------
@@ -385,7 +357,7 @@ def tailored(
     return tested(asked, window, (ensemble, held_out), search, dict(zip(methods, errors, strict=True)))
 
 
-def ensembles(asked: Question, orbit: Orbit) -> tuple[Ensemble, Ensemble]:
+def ensembles(asked: TailorRequest, orbit: Orbit) -> tuple[Ensemble, Ensemble]:
     """Return the starts of the search, for runs of twelve periods, and of the test, for runs four times as long."""
     subject = asked.system
     t_end = RADIANS / orbit.frequency
@@ -401,7 +373,7 @@ def ensembles(asked: Question, orbit: Orbit) -> tuple[Ensemble, Ensemble]:
     return first, second
 
 
-def _fitted(ensemble: Ensemble, window: tuple[float, float], asked: Question, most: int) -> Ensemble:
+def _fitted(ensemble: Ensemble, window: tuple[float, float], asked: TailorRequest, most: int) -> Ensemble:
     """Adapt the length of the runs: enough steps at the upper end of the window, and not too many at the lower end."""
     least, highest = FEWEST_STEPS * max(asked.stages) * window[1], most * window[0]
     t_end = float(np.clip(ensemble.t_end, least, max(highest, least)))
@@ -409,7 +381,7 @@ def _fitted(ensemble: Ensemble, window: tuple[float, float], asked: Question, mo
 
 
 def tested(
-    asked: Question, window: tuple[float, float], ensembles: tuple[Ensemble, Ensemble], search: SearchResult,
+    asked: TailorRequest, window: tuple[float, float], ensembles: tuple[Ensemble, Ensemble], search: SearchResult,
     errors: Mapping[Tableau, Floats],
 ) -> Tailored:  # fmt: skip
     """Return the result of a search as a tableau, compared with methods of known ``errors`` (T,)."""

@@ -13,7 +13,7 @@ Registered methods for comparison with a tailored one, and the window of step si
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, log, sqrt
 from typing import Any, NoReturn
@@ -29,7 +29,6 @@ from nearharmonic.systems.system import System
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE, Objective, mean_errors
 from nearharmonic.training.population import LEAST, LOST, Ensemble
-from nearharmonic.training.published import OURS, module_of
 from nearharmonic.training.search import Effort, Found, Start, library
 from nearharmonic.training.searcher import Searcher, starts_of
 
@@ -104,30 +103,13 @@ class Rounds(Effort):
 
 @dataclass(frozen=True, kw_only=True)
 class Best(Found):
-    """The best member of all families so far.
+    """The best member of all families so far, with trials and ``seconds`` at the last significant improvement.
 
-    Attributes
-    ----------
-    advanced : float
-        Objective after the last significant improvement.
-    trials, seconds : int and float
-        Trials and time at this improvement.
+    ``advanced`` is the objective after this improvement.
     """
 
     advanced: float = OUTSIDE
     seconds: float = 0.0
-
-
-@dataclass
-class Record:
-    """The best so far, replaced as a whole because Ctrl-C may come at any time."""
-
-    best: Best | None = None
-
-    @property
-    def value(self) -> float:
-        """Objective of the best member."""
-        return OUTSIDE if self.best is None else self.best.value
 
 
 @dataclass
@@ -140,18 +122,9 @@ class Branch:
 
 @dataclass(frozen=True, kw_only=True)
 class SearchResult:
-    """Result of a search, and its extent.
+    """Result of a search: the best member, and numbers of members tried, of searches, and of those that ended there.
 
-    Attributes
-    ----------
-    best : Best
-        The best member.
-    trials, searches, again : int
-        Numbers of members tried, of searches that ended, and of searches that ended at the best.
-    seconds : float
-        Time taken.
-    stopped : str
-        Reason of the end: "spent" or "Ctrl-C".
+    ``stopped`` is the reason of the end, "spent" or "Ctrl-C".
     """
 
     best: Best
@@ -165,24 +138,23 @@ class SearchResult:
 class _Watched(Objective):
     """An objective that stores the best member at every call, so that a search can be stopped at any time."""
 
-    def __init__(self, record: Record, budget: Budget, same: float, family: Family, *others: Any, **more: Any) -> None:
+    def __init__(self, search: TailorSearch, family: Family, *others: Any, **more: Any) -> None:
         super().__init__(family, *others, **more)
-        self._record, self._budget, self._same = record, budget, same
-        self.origin = ""
+        self._search, self.origin = search, ""
 
     def __call__(self, points: Floats) -> Floats:
-        values = super().__call__(points)
+        values, search = super().__call__(points), self._search
         i = int(values.argmin())
-        if values[i] < self._record.value:
-            self._record.best = self._better(float(values[i]), points[i : i + 1], len(points))
-        self._budget.spend(len(points), self._record.value)
+        if values[i] < search.value:
+            search.best = self._better(float(values[i]), points[i : i + 1], len(points))
+        search.budget.spend(len(points), search.value)
         return values
 
     def _better(self, value: float, point: Floats, trials: int) -> Best:
-        before, unknowns = self._record.best, self.family.project(point)[0][0]
+        before, budget, unknowns = self._search.best, self._search.budget, self.family.project(point)[0][0]
         when = (OUTSIDE, 0, 0.0) if before is None else (before.advanced, before.trials, before.seconds)
-        if value < when[0] - self._same:
-            when = value, self._budget.trials + trials, self._budget.seconds
+        if value < when[0] - self._search.rounds.same_value:
+            when = value, budget.trials + trials, budget.seconds
         return Best(
             value=value, family=self.family, unknowns=unknowns, origin=self.origin,
             advanced=when[0], trials=when[1], seconds=when[2],
@@ -190,43 +162,30 @@ class _Watched(Objective):
 
 
 class TailorSearch:
-    """Search for a tailored method.
+    """Search for a tailored method with one of the numbers of ``stages``, from ``known`` methods.
 
-    Parameters
-    ----------
-    ensemble : Ensemble
-        The problems.
-    tau_per_stage : (T,) array of float
-        Step sizes over the cost of a step in the window.
-    reference : (T,) array of float
-        Mean of log10 max |dH| of the best registered methods.
-    known : sequence of Tableau
-        Known methods, from which searches start.
-    stages : sequence of int
-        Numbers of stages.
-    quadratic : bool
-        True for quadratic T.
-    budget : Budget
-        Budget of the search.
-    seed : int
-        Of all random numbers.
-    rounds : Rounds, optional
-        Settings.
+    The step sizes (T,) are over the cost of a step; the reference (T,) is the mean of log10 max |dH| of the best
+    registered methods. ``best`` is replaced as a whole, because Ctrl-C may come at any time.
     """
 
     def __init__(
         self, ensemble: Ensemble, tau_per_stage: Floats, reference: Floats, known: Sequence[Tableau], *,
         stages: Sequence[int], quadratic: bool, budget: Budget, seed: int, rounds: Rounds = Rounds(),
     ) -> None:  # fmt: skip
-        self._known, self._budget, self._rounds = known, budget, rounds
-        self.record, self._searcher = Record(), Searcher(rounds, [seed, 2])
+        self._known, self.budget, self.rounds = known, budget, rounds
+        self.best: Best | None = None
+        self._searcher = Searcher(rounds, [seed, 2])
         #: The best of its branch after each search.
         self._ends: list[Found] = []
-        same, size = rounds.same_value, rounds.population
         self._objectives = {
-            family: _Watched(self.record, budget, same, family, [ensemble], tau_per_stage, [reference], size=size)
+            family: _Watched(self, family, [ensemble], tau_per_stage, [reference], size=rounds.population)
             for family in families(stages, quadratic=quadratic)
         }
+
+    @property
+    def value(self) -> float:
+        """Objective of the best member."""
+        return OUTSIDE if self.best is None else self.best.value
 
     def run(self) -> SearchResult:
         """Search until the budget is spent or Ctrl-C is pressed, and return the result.
@@ -241,20 +200,20 @@ class TailorSearch:
         except BudgetSpentError:
             stopped = "spent"
         except KeyboardInterrupt:
-            if self.record.best is None:
+            if self.best is None:
                 raise
             stopped = "Ctrl-C"
-        best = self.record.best
+        best = self.best
         assert best is not None  # registered methods are among the starts
-        again = sum(self._rounds.same(one, best) for one in self._ends)
+        again = sum(self.rounds.same(one, best) for one in self._ends)
         return SearchResult(
-            best=best, trials=self._budget.trials, searches=len(self._ends), again=again,
-            seconds=self._budget.seconds, stopped=stopped,
+            best=best, trials=self.budget.trials, searches=len(self._ends), again=again,
+            seconds=self.budget.seconds, stopped=stopped,
         )  # fmt: skip
 
     def _search(self) -> NoReturn:
         """Search until :class:`BudgetSpentError` is raised."""
-        branches, trials, turn, third = self._branches(), self._rounds.trials, 0, self._rounds.third
+        branches, trials, turn, third = self._branches(), self.rounds.trials, 0, self.rounds.third
         while len(branches) > 1:
             for branch in branches:
                 self._go_on(branch, trials)
@@ -265,18 +224,18 @@ class TailorSearch:
         everywhere = list(self._objectives)
         while True:
             turn += 1
-            best = self.record.best
-            assert best is not None
+            assert self.best is not None
+            best = self.best
             start = self._searcher.near(best, turn, best.origin)
-            self._go_on(_branch(best.family, start), self._rounds.around_best)
-            start = Start(origin="random", point=None, spread=self._rounds.at_random[0])
-            self._go_on(_branch(everywhere[turn % len(everywhere)], start), self._rounds.from_random)
+            self._go_on(_branch(best.family, start), self.rounds.around_best)
+            start = Start(origin="random", point=None, spread=self.rounds.at_random[0])
+            self._go_on(_branch(everywhere[turn % len(everywhere)], start), self.rounds.from_random)
 
     def _branches(self) -> list[Branch]:
         """Return the better known methods, alternating between the numbers of stages: first the best of each number."""
         found: dict[int, list[Branch]] = {}
         for family, objective in self._objectives.items():
-            starts = {start.origin: start for start in starts_of(family, self._known, [], self._rounds)}
+            starts = {start.origin: start for start in starts_of(family, self._known, [], self.rounds)}
             if starts:
                 objective.origin = "a registered method"
                 points = np.array([start.point for start in starts.values()])
@@ -285,11 +244,11 @@ class TailorSearch:
         ranked: list[tuple[int, float, Branch]] = []
         for branches in found.values():
             branches.sort(key=lambda one: one.best.value)
-            farthest = min(branches[0].best.value + self._rounds.far_behind, OUTSIDE)
+            farthest = min(branches[0].best.value + self.rounds.far_behind, OUTSIDE)
             near = [one for one in branches if one.best.value < farthest]
             ranked += [(rank, one.best.value, one) for rank, one in enumerate(near)]
         ranked.sort(key=lambda one: one[:2])
-        return [branch for *_, branch in ranked[: self._rounds.most_starts]]
+        return [branch for *_, branch in ranked[: self.rounds.most_starts]]
 
     def _go_on(self, branch: Branch, trials: int) -> None:
         """Continue the search of a branch."""
@@ -351,11 +310,6 @@ def registered(system: System) -> list[Tableau]:
     return [one for one in found if not (one.processed or one.implicit or misfit(system, one)[0])]
 
 
-def published(methods: Iterable[Tableau]) -> list[Tableau]:
-    """Return the methods of other authors among registered ones."""
-    return [one for one in methods if module_of(one.name) not in OURS]
-
-
 def step_sizes(window: tuple[float, float], *, between: bool = False) -> Floats:
     """Return step sizes per stage (T,) that cover a window, with intermediate ones if ``between`` is set."""
     count = max(FEWEST, ceil(log(window[1] / window[0]) / log(RATIO)) + 1)
@@ -366,14 +320,8 @@ def step_sizes(window: tuple[float, float], *, between: bool = False) -> Floats:
 def window_at(ensemble: Ensemble, methods: list[Tableau], error: float, frequency: float) -> tuple[float, float]:
     """Return the window in whose middle the best of some methods has a given error.
 
-    Parameters
-    ----------
-    ensemble, methods
-        Problems, and methods.
-    error : float
-        Geometric mean of max |dH| over the problems, relative to the energy.
-    frequency : float
-        Angular frequency of the fastest oscillation.
+    The error is the geometric mean of max |dH| over the problems, relative to the energy; ``frequency`` is the angular
+    frequency of the fastest oscillation.
 
     Raises
     ------
@@ -405,14 +353,8 @@ def contenders(errors: Mapping[Tableau, Floats]) -> list[Tableau]:
 def check_window(best: Floats, window: tuple[float, float], unit: str) -> None:
     """Raise an error for a window in which no gain is possible.
 
-    Parameters
-    ----------
-    best : (T,) array of float
-        Mean of log10 max |dH| of the best registered method at each step size of the window.
-    window : pair of float
-        Ends of the window.
-    unit : str
-        Unit of time, for the message.
+    ``best`` (T,) is the mean of log10 max |dH| of the best registered method at each step size of the window; ``unit``
+    is the unit of time.
 
     Raises
     ------

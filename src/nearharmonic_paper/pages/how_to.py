@@ -39,7 +39,7 @@ from nearharmonic.systems import System
 from nearharmonic.systems import systems as known
 from nearharmonic.systems.system import load_system
 from nearharmonic.training.population import Ensemble
-from nearharmonic.training.question import Orbit, Question, orbit_of, question
+from nearharmonic.training.question import Orbit, TailorRequest, orbit_of, question
 from nearharmonic.training.tailor import Tailored, comparison, ensembles, tailored
 from nearharmonic.training.tailor_search import registered as contenders_of
 from nearharmonic.training.tailor_search import step_sizes
@@ -412,7 +412,7 @@ def over_fitting(system: System, stages: int) -> Iterator[tuple[object, ...]]:
     starts = np.vstack(rows)
 
     def gains(count: int, draw: int) -> tuple[float, float]:
-        def few(asked: Question, orbit: Orbit) -> tuple[Ensemble, Ensemble]:
+        def few(asked: TailorRequest, orbit: Orbit) -> tuple[Ensemble, Ensemble]:
             first, second = ensembles(replace(asked, starts=starts, seed=0), orbit)
             picked = np.random.default_rng([draw, count]).permutation(first.size)[:count]
             return first.part(picked), second.part(slice(64))

@@ -25,7 +25,7 @@ from nearharmonic.theory.order import generalised_order_of, harmonic_order, nyst
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import DIGITS, Objective, mean_errors, tableau_of
 from nearharmonic.training.population import Ensemble
-from nearharmonic.training.published import TRAINED_EXACT, palindrome_lines, published_methods
+from nearharmonic.training.published import TRAINED_EXACT, palindrome_lines, published
 from nearharmonic.training.search import Found
 from nearharmonic.training.searcher import Searcher, search, starts_of
 from nearharmonic_studies.trained.purposes import PURPOSES, Purpose
@@ -66,9 +66,9 @@ def train(
     """
     goal = PURPOSES[purpose]
     begun = [*(_method(Path(place)) for place in before), *map(integrators.__getitem__, known)]
-    published = published_methods(known)
+    references = published(map(integrators.__getitem__, known))
     training, validation, test = (
-        _Judge(goal, settings, published, which, longer) for which, longer in enumerate((1.0, LONGER, LONGER))
+        _Judge(goal, settings, references, which, longer) for which, longer in enumerate((1.0, LONGER, LONGER))
     )
     all_findings = _all_findings(goal, settings, training, begun)
     short = [one for findings in all_findings for one in _short_list(findings, validation)]
@@ -95,7 +95,7 @@ def _all_findings(
         before: list[Searcher] = []
         for family in chain.families():
             starts = starts_of(family, begun, [one.best for one in before if one.found], effort)
-            before.append(search(training.objective(family, effort.population), starts, effort, settings.seed, None))
+            before.append(search(training.objective(family, effort.population), starts, effort, settings.seed))
             if not before[-1].found:  # no published method has its shape, and there are no random starts
                 continue
             best = before[-1].best

@@ -15,22 +15,15 @@ import jax.numpy as jnp
 
 import nearharmonic as nh
 from nearharmonic.adapters.diffrax import Splitting
-from nearharmonic.errors import SettingError, UnknownNameError
+from support.oracles.counted_jax import counted
+
+pytestmark = pytest.mark.usefixtures("double_precision")
 
 SLOW = pytest.mark.slow
 #: Kick first and drift first.
 ROLES = ("babs7o7h", "abas5o6h")
 #: Some hundreds of sums of terms of size 1, each rounded to 1.1e-16.
 ROUNDING = 1e-13
-GM = 1.71994752
-
-
-@pytest.fixture(autouse=True, scope="module")
-def _double_precision():
-    before = jax.config.jax_enable_x64
-    jax.config.update("jax_enable_x64", True)
-    yield
-    jax.config.update("jax_enable_x64", before)
 
 
 def pair(force, velocity=lambda t, p, args: p):
@@ -41,58 +34,16 @@ def spring(t, q, args):
     return -q
 
 
-def henon_heiles(t, q, args):
-    x, y = q
-    return -jnp.stack([x + 2 * x * y, y + x * x - y * y])
-
-
-def attraction(t, q, args):
-    return -GM * q / jnp.sum(q**2) ** 1.5
-
-
 OSCILLATOR = (jnp.array([1.0]), jnp.array([0.0]))
+
+
+def counted_spring(calls):
+    force = counted(np.negative, calls)
+    return lambda t, q, args: force(q)
 
 
 def solved(force, method, t1, dt0, y0=OSCILLATOR, *, velocity=lambda t, p, args: p, **settings):
     return diffrax.diffeqsolve(pair(force, velocity), Splitting(method), 0.0, t1, dt0, y0, **settings)
-
-
-def counted(calls):
-    """The force of a spring, which counts its evaluations at run time."""
-
-    def host(q):
-        calls.append(1)
-        return np.asarray(-q)
-
-    def force(t, q, args):
-        return jax.pure_callback(host, jax.ShapeDtypeStruct(q.shape, q.dtype), q, vmap_method="sequential")
-
-    return force
-
-
-def stages(method):
-    """The number of kicks, of which a first and a last one count as one."""
-    tableau = nh.integrators[method]
-    return len(tableau.kick) - (tableau.first == "kick")
-
-
-@pytest.mark.parametrize("method", [pytest.param("leapfrog", marks=SLOW), *ROLES])
-@pytest.mark.parametrize(
-    ("system", "force", "tau", "t_end"),
-    [
-        pytest.param("sho", spring, 0.5, 20, marks=SLOW),
-        ("henon_heiles", henon_heiles, 0.25, 20),
-        pytest.param("kepler", attraction, 32, 1920, marks=SLOW),
-    ],
-)
-def test_states_are_those_of_nh_integrate(method, system, force, tau, t_end):
-    expected = nh.integrate(system, method, tau, t_end=t_end, summation="plain", samples=1)
-    start = tuple(jnp.array([float(x) for x in row]) for row in (nh.systems[system].q0, nh.systems[system].p0))
-    q, p = solved(force, method, t_end, tau, start).ys
-    # One orbit of Mercury, 60 steps, multiplies an error by less than 100; q is of size 70, p of size 0.1.
-    size = 70 if system == "kepler" else 1
-    np.testing.assert_allclose(q[-1], expected.q.values[-1], rtol=0, atol=size * ROUNDING)
-    np.testing.assert_allclose(p[-1], expected.p.values[-1], rtol=0, atol=ROUNDING)
 
 
 def looped(method, times):
@@ -132,8 +83,8 @@ def test_interval_need_not_be_a_multiple_of_steps(method):
 )
 def test_step_evaluates_one_force_a_stage(method, saved, more):
     calls = []
-    jax.block_until_ready(solved(counted(calls), method, 5.0, 0.5, saveat=saved).ys)
-    assert len(calls) == 10 * stages(method) + more
+    jax.block_until_ready(solved(counted_spring(calls), method, 5.0, 0.5, saveat=saved).ys)
+    assert len(calls) == 10 * nh.integrators[method].stages + more
 
 
 @SLOW
@@ -142,7 +93,7 @@ def test_batch_equals_loop_and_costs_the_same(method):
     calls = []
 
     def end(q):
-        return solved(counted(calls), method, 5.0, 0.5, (q, 0 * q)).ys
+        return solved(counted_spring(calls), method, 5.0, 0.5, (q, 0 * q)).ys
 
     starts = jnp.array([[1.0], [0.5], [-2.0]])
     loop = [end(start) for start in starts]
@@ -167,16 +118,6 @@ def test_output_between_steps_has_order_four(method, backwards):
         )
     assert np.max(errors[0]) < 0.5**4 / 384 * 1.1  # h^4/384 max |q''''|, and the method's own error below a tenth
     np.testing.assert_allclose(np.log2(np.divide(*errors)), 4, atol=0.2)  # 40 times miss the middle of some steps
-
-
-@SLOW
-def test_several_outputs_are_saved_together():
-    energy = diffrax.SubSaveAt(steps=True, fn=lambda t, y, args: (y[0] @ y[0] + y[1] @ y[1]) / 2)
-    ends = diffrax.SubSaveAt(t0=True, t1=True)
-    run = solved(spring, "babs7o7h", 5.0, 0.5, saveat=diffrax.SaveAt(subs=[energy, ends]))
-    np.testing.assert_array_equal(run.ts[1], [0, 5])
-    assert np.abs(run.ys[0][:10] - 0.5).max() < 1e-6  # the error of babs7o7h at seven forces in half a unit of time
-    np.testing.assert_array_equal(run.ys[1][0][0], [1.0])
 
 
 @SLOW
@@ -246,14 +187,14 @@ def test_backsolve_is_refused_by_diffrax():
 def test_run_goes_on_from_the_state_of_another(method):
     calls = []
     saved = diffrax.SaveAt(t1=True, solver_state=True)
-    half = solved(counted(calls), method, 2.0, 0.5, saveat=saved)
+    half = solved(counted_spring(calls), method, 2.0, 0.5, saveat=saved)
     q, p = half.ys[0][-1], half.ys[1][-1]
     jax.block_until_ready(q)
     calls.clear()
-    terms, solver = pair(counted(calls)), Splitting(method)
+    terms, solver = pair(counted_spring(calls)), Splitting(method)
     on = diffrax.diffeqsolve(terms, solver, 2.0, 4.0, 0.5, (q, p), solver_state=half.solver_state)
     np.testing.assert_allclose(on.ys[0][-1], solved(spring, method, 4.0, 0.5).ys[0][-1], rtol=0, atol=ROUNDING)
-    assert len(calls) == 4 * stages(method)
+    assert len(calls) == 4 * nh.integrators[method].stages
 
 
 @pytest.mark.parametrize("method", ROLES)
@@ -267,27 +208,6 @@ def test_changed_state_takes_a_fresh_force(method, told):
     np.testing.assert_allclose(on.ys[0][-1], fresh.ys[0][-1], rtol=0, atol=ROUNDING)
 
 
-def test_single_precision_stays_single():
-    start = (jnp.ones(1, jnp.float32), jnp.zeros(1, jnp.float32))
-    time = jnp.float32
-    run = diffrax.diffeqsolve(pair(spring), Splitting("babs7o7h"), time(0), time(2), time(0.5), start)
-    assert run.ys[0].dtype == run.ys[1].dtype == jnp.float32
-
-
 def test_steps_without_error_estimate_are_refused_by_controllers():
     with pytest.raises((RuntimeError, ValueError), match="error estimate"):
         solved(spring, "babs7o7h", 2.0, 0.5, stepsize_controller=diffrax.PIDController(rtol=1e-6, atol=1e-6))
-
-
-def test_unfit_methods_are_refused():
-    with pytest.raises(UnknownNameError, match="'babs7o7h'"):
-        Splitting("babs7o7")
-    with pytest.raises(SettingError, match="diffrax has no hook"):
-        Splitting("chin_4a")
-    with pytest.raises(SettingError, match="cannot run in diffrax"):
-        Splitting("rowlands")
-
-
-def test_solver_states_the_order_of_its_method():
-    assert Splitting("babs7o7h").order(None) == 4
-    assert Splitting(nh.integrators["srkn_a14"]).order(None) == 6

@@ -33,7 +33,6 @@ FACE_CENTRED = np.array([[0, 0, 0], [0.5, 0.5, 0], [0.5, 0, 0.5], [0, 0.5, 0.5]]
 METHODS = ("leapfrog", "babs7o7h", "trained_light")
 #: Blocks that compile for seconds.
 LONGER = {"blackjax", "diffrax", "jax_md"}
-MOST_WORDS = 1600
 
 
 def rows(heading):
@@ -233,19 +232,6 @@ def measured(library, system, time_of_a_force, method):
     return float(SET_UPS[library, system](method, time_of_a_force * forces, stages))
 
 
-@pytest.fixture
-def _double_precision():
-    if find_spec("jax") is None:
-        yield
-        return
-    import jax
-
-    before = jax.config.jax_enable_x64
-    jax.config.update("jax_enable_x64", True)
-    yield
-    jax.config.update("jax_enable_x64", before)
-
-
 def last_digit(text):
     digits, _, exponent = text.partition("e")
     return 10.0 ** (int(exponent) - len(digits.partition(".")[2]))
@@ -257,7 +243,7 @@ def test_every_set_up_has_a_row():
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("_double_precision")
+@pytest.mark.usefixtures("double_precision")
 @pytest.mark.filterwarnings("ignore")  # of the libraries, which other tests look at
 @pytest.mark.parametrize(
     ("library", "system", "time", "method", "printed"),
@@ -271,16 +257,6 @@ def test_error_of_page_is_measured_again(library, system, time, method, printed)
     found = measured(library, system, float(time.split()[0]), method)
     # Two digits are printed; other versions of a library sum in another order, and crystals amplify it.
     assert abs(found - float(printed)) <= 0.05 * float(printed) + last_digit(printed)
-
-
-@pytest.mark.slow
-@needs("ase")
-@pytest.mark.filterwarnings("ignore")
-def test_methods_of_few_stages_win_at_large_steps():
-    errors = {
-        name: measured("ASE", "copper, 100 K", 12, name) for name in [*METHODS, "predescu_s3", "bcss_s4", "babs6o7h"]
-    }
-    assert sorted(errors, key=errors.__getitem__)[:2] == ["predescu_s3", "bcss_s4"]
 
 
 # --- code, versions ---------------------------------------------------------------------------------------------------
@@ -313,21 +289,3 @@ def test_lowest_version_of_page_is_that_of_extra(library):
     assert (bound.operator, Version(bound.version)) == (">=", tested[0])
     (pinned,) = re.findall(rf"^{normal(PACKAGES[name])}==(\S+)$", CONSTRAINTS, re.MULTILINE)
     assert Version(pinned) == tested[-1]
-
-
-@needs("ase")
-@pytest.mark.filterwarnings("ignore")
-def test_bound_of_recommend_has_the_unit_of_results():
-    import ase
-    from ase.calculators.lj import LennardJones
-
-    atoms = ase.Atoms("Ar2", positions=[[0, 0, 0], [1.1, 0, 0]], momenta=[[0.1, 0, 0], [-0.1, 0, 0]])
-    atoms.calc = LennardJones()
-    found = nh.adapters.ase.recommend(atoms, 1.0, time=1, methods=["verlet"])
-    error = found.max_energy_error.attrs
-    assert error["long_name"].endswith("per atom")
-    assert f"at\nmost 0.01 {error['units']} per atom on your atoms" in PAGE
-
-
-def test_page_is_short():
-    assert len(re.sub(r"```.*?```", "", PAGE, flags=re.DOTALL).split()) <= MOST_WORDS

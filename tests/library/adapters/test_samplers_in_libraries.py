@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import nearharmonic as nh
 from nearharmonic_studies.samplers.gaussian import moments, power, steps_matrix
 from nearharmonic_studies.samplers.targets import frequencies_of, quartic
+from support.oracles.counted_jax import counted_density
 from support.results.page_inputs import benchmark
 
 pytestmark = pytest.mark.slow  # JAX compiles each sampler
@@ -42,30 +43,12 @@ def problem(density=None, chains=4):
                            observed=lambda kept, potentials: potentials[..., None])  # fmt: skip
 
 
-def counted(calls):
-    """Log density of the Gaussian that counts its gradients at run time."""
-    squares = jnp.asarray(frequencies_of(N) ** 2)
-
-    def host(q):
-        calls.append(1)
-        return np.asarray(-squares * q)
-
-    @jax.custom_vjp
-    def density(q):
-        return -(squares * q * q).sum() / 2
-
-    density.defvjp(
-        lambda q: (density(q), jax.pure_callback(host, jax.ShapeDtypeStruct(q.shape, q.dtype), q)),
-        lambda gradient, g: (g * gradient,),
-    )
-    return density
-
-
 @pytest.mark.parametrize("name", ["leapfrog", "babs7o7h"])
 @pytest.mark.parametrize("kind", ["Nuts", "Mclmc"])
 def test_gradients_of_blackjax_are_those_of_a_counter(kind, name, chains):
     calls, method = [], nh.integrators[name]
-    given = problem(counted(calls))
+    squares = frequencies_of(N) ** 2
+    given = problem(counted_density(lambda q: -(jnp.asarray(squares) * q * q).sum() / 2, lambda q: -squares * q, calls))
     sampler = getattr(chains, kind)
     first, one = sampler.functions(given, sampler.own if name == "leapfrog" else sampler.adapter(method))
     state = jax.block_until_ready(first(jnp.asarray(given.starts[0]), jax.random.PRNGKey(1)))

@@ -12,7 +12,7 @@ from itertools import chain, pairwise
 from pathlib import Path
 
 import pytest
-from mpmath import cbrt, log, mpf
+from mpmath import log, mpf
 
 import nearharmonic as nh
 from support.methods.tableau_files import failing, names, verdict
@@ -78,11 +78,6 @@ def observed_order(file, system, start):
     ends = ([*chain(*trajectory(file, system, mpf(2) / n, n, start)[-1])] for n in (64, 128, 256))
     errors = [max(abs(x - y) for x, y in zip(a, b, strict=True)) for a, b in pairwise(ends)]
     return float(log(errors[0] / errors[1], 2))
-
-
-def test_every_file_is_in_a_table_of_this_test():
-    assert names("published") == sorted(PUBLISHED)
-    assert names("libraries") == sorted([*LIBRARIES, "teloy_8a17c"])
 
 
 @pytest.mark.slow
@@ -201,15 +196,6 @@ def test_energy_order_on_oscillator_is_that_of_many_steps(kind, name, position, 
 # --- the page ---------------------------------------------------------------------------------------------------------
 
 
-def page():
-    return " ".join(
-        " ".join(
-            path.read_text(encoding="utf-8")
-            for path in sorted((Path(__file__).parents[3] / "docs").glob("*/exchange*.md"))
-        ).split()
-    )
-
-
 def tables():
     """Sets of rows of the two tables: orders that are wrong, and orders that hold."""
     place = Path(__file__).parents[3] / "docs/how_to/exchange.md"
@@ -241,28 +227,3 @@ def test_table_holds_every_library_method_that_keeps_its_word():
             rows.add(f"| {' | '.join(map(str, cells))} |{ours} |")
     assert len(rows) == 15
     assert tables()[1] == rows
-
-
-def test_the_wrong_decimal_is_that_of_the_page():
-    found = verdict("libraries", "teloy_8a17c")
-    (decimal,) = re.findall(r"as decimal (\d+)", found.suspects[0].says)
-    assert re.search(rf"\b{decimal}st decimal of `drift\[5\]` and of its mirror image", page())
-    assert f"the drifts sum to 1 + {float(found.sums['drift'].value):.0e}" in page()
-
-
-@pytest.mark.parametrize("n", [3, 5])
-def test_weights_of_gromacs_have_root_of_page_upside_down(n):
-    weights = [mpf(text) for text in verdict("libraries", f"suzuki_yoshida_{n}").file.kick]
-    root = cbrt(mpf(n - 1))
-    assert abs(weights[0] - 1 / (n - 1 - 1 / root)) < 1e-15
-    assert abs(sum(weights) - 1) < 1e-15
-    assert abs(sum(w**3 for w in weights)) > 0.02
-    right = [1 / (n - 1 - root)] * (n - 1)
-    right.insert(n // 2, 1 - sum(right))
-    assert abs(sum(w**3 for w in right)) < 1e-14
-
-
-def test_ordinarydiffeq_methods_have_page_orders_with_exchanged_roles():
-    warning = verdict("libraries", "ordinarydiffeq_calvosanz4").warnings[0]
-    assert warning == "for quadratic T the order is 3 with the drift first, and 4 with the roles exchanged"
-    assert "CalvoSanz4 has order 4 for quadratic T" in page()

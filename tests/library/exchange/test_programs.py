@@ -94,6 +94,13 @@ for dt in (0.2, 0.1):
     run.steps(round(20 / dt))
     assert abs(run.t - 20) < 1e-12
     errors.append(abs(run.energy() / start - 1))
+# v' = t from 0 to 2 ends at 2 exactly in a method of order 2, and at another number if times are wrong.
+driven = rebound.Simulation()
+driven.add(m=1.0)
+driven.additional_forces = lambda given: setattr(given.contents.particles[0], "ax", given.contents.t)
+driven.integrator, driven.dt = "nearharmonic_{name}", 0.25
+driven.steps(8)
+assert abs(driven.particles[0].vx - 2) < 1e-12
 print(errors[0] / errors[1])
 """
 
@@ -105,3 +112,26 @@ def test_integrator_of_rebound_moves_its_planets_with_order_of_integrator(name, 
     (tmp_path / "planets.py").write_text(PLANETS.format(name=name), encoding="utf-8")
     ratio = float(run([sys.executable, "planets.py"], tmp_path))
     assert ratio > 2**4 / 1.5  # order 4 halves the step: 16, less what higher orders add
+
+
+#: v' = t from 0 to 2 ends at 2 exactly in a method of order 2, and at another number if times are wrong.
+DRIVEN = """
+import diffrax
+import jax
+import {name}
+
+terms = diffrax.ODETerm(lambda t, p, args: p), diffrax.ODETerm(lambda t, q, args: t + 0 * q)
+start, solver = (jax.numpy.zeros(1), jax.numpy.zeros(1)), {name}.{Name}()
+print(solver.order(terms), diffrax.diffeqsolve(terms, solver, 0.0, 2.0, 0.25, start).ys[1][-1, 0])
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not find_spec("diffrax"), reason="diffrax is not installed")
+@pytest.mark.parametrize("name", ROLES)
+def test_exported_solver_of_diffrax_evaluates_forces_at_the_time_of_positions(name, tmp_path):
+    written(tmp_path, name, "diffrax", "py")
+    (tmp_path / "driven.py").write_text(DRIVEN.format(name=name, Name=name.capitalize()), encoding="utf-8")
+    order, velocity = run([sys.executable, "driven.py"], tmp_path).split()
+    assert int(order) == nh.integrators[name].order
+    assert float(velocity) == pytest.approx(2, rel=1e-6)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import ctypes
 import re
-import sys
 from itertools import product
 from textwrap import dedent
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -103,101 +100,3 @@ def test_the_table_of_sundials_gives_our_states(name):
             z += c * tau * rate
     check(name, re.sub(r"z\[(\d)\]", lambda found: repr(float(z[int(found[1])])), "q = z[0] z[1]\np = z[2] z[3]"))
     assert re.findall(r"\(double\)(z\[\d\])", text) == ["z[0]", "z[1]", "z[2]", "z[3]"]
-
-
-class Particle(ctypes.Structure):
-    """As REBOUND's, whose first nine doubles are position, velocity and acceleration."""
-
-    _fields_ = [(key, ctypes.c_double) for key in ("x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az", "m")]
-
-
-class Simulation(ctypes.Structure):
-    """Simulation of one particle, as an integrator of REBOUND sees it."""
-
-    _fields_ = [(key, ctypes.c_double) for key in ("t", "dt", "dt_last_done")]
-
-    def add(self, **values):
-        self.particles = (Particle * 1)(Particle(**values))
-        self._particles, self.N = self.particles, 1
-
-    def steps(self, count):
-        for _ in range(count):
-            REGISTERED[self.integrator](SimpleNamespace(contents=self), None)
-
-
-REGISTERED = {}
-
-
-@pytest.fixture
-def rebound(monkeypatch):
-    """Module that stands for REBOUND: its integrators are functions of a pointer to a simulation."""
-
-    def accelerate(pointer):
-        for one in pointer.contents.particles:
-            one.ax = one.ay = one.az = 0.0
-        pointer.contents.additional_forces(pointer)
-
-    def register(step, name):
-        REGISTERED[name.decode()] = step
-
-    library = SimpleNamespace(reb_simulation_update_acceleration=accelerate, reb_integrator_register=register)
-    module = SimpleNamespace(Simulation=Simulation, Particle=Particle, clibrebound=library)
-    monkeypatch.setitem(sys.modules, "rebound", module)
-    monkeypatch.setitem(sys.modules, "rebound.integrator", SimpleNamespace(Integrator=lambda step: step))
-    monkeypatch.setattr(ctypes, "CFUNCTYPE", lambda *types: lambda function: function)
-    monkeypatch.setattr(
-        ctypes, "cast", lambda value, kind, cast=ctypes.cast: value if callable(value) else cast(value, kind)
-    )
-
-
-@METHODS
-def test_rebound_program_gives_our_states_with_forces_at_position_times(name, rebound, capsys):
-    space = {"__name__": "__main__"}
-    exec(export(nh.integrators[name], "rebound"), space)
-    check(name, capsys.readouterr().out)
-    simulation = space["simulation"]
-    assert (simulation.t, simulation.dt_last_done) == (pytest.approx(20, rel=1e-13), 0.25)
-    # Order 2 integrates the force t exactly.
-    simulation.t, simulation.particles[0].vx = 0.0, 0.0
-    simulation.additional_forces = lambda pointer: setattr(pointer.contents.particles[0], "ax", pointer.contents.t)
-    simulation.steps(8)
-    assert simulation.particles[0].vx == pytest.approx(2, rel=1e-13)
-
-
-@pytest.fixture
-def diffrax(monkeypatch):
-    """Modules that stand for diffrax and JAX: numpy, and a loop of steps of constant size."""
-
-    class Term:
-        def __init__(self, vf):
-            self.vf = vf
-
-        def contr(self, t0, t1):
-            return t1 - t0
-
-        def vf_prod(self, t, y, args, control):
-            return self.vf(t, y, args) * control
-
-    def solve(terms, solver, t0, t1, dt0, y0, stepsize_controller=None):
-        for i in range(round((t1 - t0) / dt0)):
-            y0, _, dense, _, _ = solver.step(terms, t0 + i * dt0, t0 + (i + 1) * dt0, y0, None, None, False)
-            assert all(a is b for a, b in zip(dense["y1"], y0, strict=True))
-        return SimpleNamespace(ys=[[part] for part in y0], order=solver.order(terms))
-
-    named = {"AbstractSolver": object, "AbstractTerm": Term, "ODETerm": Term, "ConstantStepSize": lambda: None}
-    rest = {"LocalLinearInterpolation": None, "RESULTS": SimpleNamespace(successful=0), "diffeqsolve": solve}
-    tree = SimpleNamespace(map=lambda function, *leaves: function(*leaves))
-    jax = SimpleNamespace(config=SimpleNamespace(update=lambda *_: None), tree=tree, numpy=np)
-    for key, module in (("diffrax", SimpleNamespace(**named, **rest)), ("jax", jax), ("jax.numpy", np)):
-        monkeypatch.setitem(sys.modules, key, module)
-
-
-@METHODS
-def test_diffrax_solver_gives_our_states_with_forces_at_position_times(name, diffrax, capsys):
-    space = {"__name__": "__main__"}
-    exec(export(nh.integrators[name], "diffrax"), space)
-    check(name, capsys.readouterr().out)
-    assert space["solution"].order == nh.integrators[name].order
-    terms = [space["diffrax"].ODETerm(rate) for rate in (lambda t, p, args: p, lambda t, q, args: t)]
-    driven = space["diffrax"].diffeqsolve(terms, space[name.capitalize()](), 0.0, 2.0, 0.25, (0.0, 0.0))
-    assert driven.ys[1] == [pytest.approx(2, rel=1e-13)]

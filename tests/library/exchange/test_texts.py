@@ -14,7 +14,7 @@ import pytest
 from nearharmonic import Tableau, integrators
 from nearharmonic.errors import SettingError
 from nearharmonic.exchange import TARGETS
-from nearharmonic.exchange.export import WRITERS, export
+from nearharmonic.exchange.export import export
 from nearharmonic.exchange.method import comment, identifier
 from support.methods.ten_methods import EVERY_METHOD
 from support.oracles.word_series import operators_of
@@ -34,10 +34,6 @@ def arrays(tableau, to, text):
         "diffrax": ("KICK", "DRIFT"),
     }.get(to, (f"{name}_kick", f"{name}_drift"))
     return tuple(array(text, one) for one in names)
-
-
-def test_there_is_a_writer_for_each_target():
-    assert tuple(WRITERS) == TARGETS
 
 
 @EVERY_METHOD
@@ -104,15 +100,6 @@ def test_stages_of_sundials_apply_substeps_of_step_in_their_order(name):
 
 
 @EVERY_METHOD
-def test_loop_order_in_c_follows_the_first_operator(name):
-    """The loops of the other languages are run by test_read_as_python.py."""
-    tableau = integrators[name]
-    other = "drift" if tableau.first == "kick" else "kick"
-    called = re.findall(r"^ +(kick|drift)\(", export(tableau, "c"), flags=re.MULTILINE)
-    assert called[:3] == [tableau.first, other, tableau.first]
-
-
-@EVERY_METHOD
 @pytest.mark.parametrize("to", PROGRAMS)
 def test_the_head_says_name_orders_roles_and_source(name, to):
     tableau = integrators[name]
@@ -137,22 +124,6 @@ def test_head_says_if_step_takes_more_force_evaluations_than_stages(name, to):
     said = re.findall(r" (\d+) times", " ".join(comments.replace("//", "").replace("#", "").split()))
     more = tableau.symmetric if to == "sundials" else tableau.first == "kick"
     assert said == ([str(tableau.stages + 1)] if more else [])
-
-
-@pytest.mark.parametrize(
-    ("to", "says"),
-    [
-        ("rebound", "double precision"),
-        ("diffrax", "double precision at most"),
-        ("c", "_Float128"),
-        ("fortran", "real128"),
-        ("julia", "BigFloat"),
-    ],
-)
-def test_program_with_extra_digits_states_their_use(to, says):
-    tableau = integrators["babps8o7h"]
-    heads = [export(tableau, to, digits).split("\n\n")[0] for digits in (17, 18)]
-    assert [says in head for head in heads] == [False, True]
 
 
 @pytest.mark.parametrize("to", TARGETS)

@@ -102,11 +102,3 @@ def test_the_published_method_has_the_digits_of_its_paper():
     ]
     for text, digits in printed:
         assert float(text) == pytest.approx(float(digits), rel=2e-15)
-
-
-def test_four_stages_have_no_small_coefficients_of_order_six():
-    family = Family(stages=4, first="kick", order=6, squares=(0, 1, 2))
-    assert family.unknowns == len(family.equations)
-    found = solutions(family)
-    assert len(found) > 0
-    assert sums(family, found).min() > 4

@@ -82,22 +82,6 @@ def test_polishing_of_an_isolated_method_finds_its_printed_digits():
             assert abs(Fraction(ours) - Fraction(printed)) < Fraction(1, 10 ** (min(tableau.digits, DIGITS) - 1))
 
 
-def test_fewer_digits_are_those_of_more_digits_rounded():
-    family = Family(stages=6, first="drift")
-    x = members(family, 1)[0]
-    short, long = (tableau_of(family, x, digits=n, name="one", source="here") for n in (25, 90))
-    for row in ("kick", "drift"):
-        for a, b in zip(getattr(short, row), getattr(long, row), strict=True):
-            assert abs(Fraction(a) - Fraction(b)) <= Fraction(1, 10**27)
-
-
-def test_kicks_without_a_square_have_none():
-    family = Family(stages=5, first="drift", squares=(1,))
-    tableau = tableau_of(family, members(family, 1)[0], name="one", source="here")
-    assert [m != "0" for m in tableau.square] == [False, True, False, True, False]
-    assert tableau.gradients == family.gradients == 2
-
-
 @pytest.mark.parametrize("away", [1e-7, 1e-3, 5.0])
 def test_a_point_that_is_no_member_is_refused(away):
     family = Family(stages=6, first="drift")

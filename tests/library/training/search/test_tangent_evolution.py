@@ -47,23 +47,6 @@ def test_it_ends_where_no_member_nearby_is_closer():
     assert np.linalg.norm(rest) < 1e-4 * np.linalg.norm(way)
 
 
-@pytest.mark.slow
-def test_after_equal_trials_it_is_nearer_to_the_minimum():
-    """Eight unknowns and six equations: two directions are left, and on average the distance is a tenth or less."""
-    family = Family(stages=9, first="drift", order=6)
-    x, ratios = members(family, 1)[0], []
-    for seed in (2, 3, 4, 5):
-        target = x + 0.1 * np.random.default_rng(seed).normal(size=len(x))
-        least = descended(Distance(family, target), x, "tangent_evolution", 800)[0]
-        few, many = Distance(family, target), Distance(family, target)
-        tangent = descended(few, x, "tangent_evolution", 120)[0] - least
-        plain = descended(many, x, "evolution", 160)[0] - least
-        assert few.trials < many.trials
-        ratios.append(np.log10(plain / tangent))
-    assert min(ratios) > 0
-    assert np.mean(ratios) > 1
-
-
 def test_all_its_points_lie_in_a_tangent_space():
     objective = Distance(FAMILY, members(FAMILY, 2)[1])
     start = members(FAMILY, 1)[0]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
+from nearharmonic.theory.order import harmonic_order
 from nearharmonic.training.question import orbit_of, question
 from nearharmonic.training.tailor import Gain, NoGainWarning, comparison, ensembles, tailored
 
@@ -103,7 +104,7 @@ def test_henon_heiles_method_gains_third_of_decade_on_other_starts():
     found = nh.tailor("henon_heiles", window=(0.08, 0.12), trials=900)
     assert (found.stages, found.order, found.symmetric, found.digits) == (8, 4, True, 60)
     assert nh.order_of(found) == 4
-    assert nh.integrators.theory.order.harmonic_order(found) == found.harmonic_order
+    assert harmonic_order(found) == found.harmonic_order
     # a start that is neither of the search nor of the test: the system's own, and many others on its surface
     random = np.random.default_rng(5)
     q, p = random.normal(size=(2, 64, 2)) * 0.15

@@ -13,6 +13,7 @@ from nearharmonic.training import searcher as module
 from nearharmonic.training import tailor_search as budget_module
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import Objective, mean_errors
+from nearharmonic.training.published import published
 from nearharmonic.training.question import orbit_of, question
 from nearharmonic.training.tailor import ensembles
 from nearharmonic.training.tailor_search import (
@@ -22,7 +23,6 @@ from nearharmonic.training.tailor_search import (
     TailorSearch,
     contenders,
     families,
-    published,
     registered,
     step_sizes,
     window_at,
