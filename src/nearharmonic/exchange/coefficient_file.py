@@ -78,11 +78,6 @@ def read(path: str) -> CoefficientFile:
     -------
     CoefficientFile
         The rows and the claims.
-
-    Raises
-    ------
-    TableauError
-        The file cannot be read, a key is unknown, or a value is not what its key allows.
     """
     readers: Mapping[str, Callable[[str], Any]] = {
         ".json": partial(json.loads, parse_float=Decimal, object_pairs_hook=_once),

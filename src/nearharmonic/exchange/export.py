@@ -195,12 +195,6 @@ def export(tableau: Tableau, to: str, digits: int | None = None) -> str:
     digits : int, optional
         Significant digits of the coefficients. By default data have the digits of the tableau, and programs those of
         the nearest doubles.
-
-    Raises
-    ------
-    SettingError
-        ``digits`` is below 1 or above the number of digits to which the coefficients are known; or the integrator is
-        implicit or has modified potentials.
     """
     if digits is not None:
         coefficients = rounded(tableau, digits)

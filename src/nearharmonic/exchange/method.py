@@ -74,15 +74,7 @@ class Method:
 
 
 def method_for(library: str, method: str | Tableau) -> Method:
-    """Return a method for a library, named as it writes itself, that evaluates the forces of V and nothing else.
-
-    Raises
-    ------
-    UnknownNameError
-        There is no such integrator; the message has the nearest names.
-    SettingError
-        The method has modified potentials or a processor.
-    """
+    """Return a method for a library, named as it writes itself, that evaluates the forces of V and nothing else."""
     tableau = method if isinstance(method, OneStepMethod) else integrators[method]
     if tableau.implicit:
         raise SettingError(
@@ -290,11 +282,6 @@ class Coefficients(Composition):
 
     ``digits`` are the significant digits to which the rows are rounded, or those that the source guarantees;
     ``rounding`` says in one sentence how the rows are rounded.
-
-    Raises
-    ------
-    SettingError
-        The integrator is implicit, or has modified potentials.
     """
 
     tableau: Tableau
@@ -328,13 +315,7 @@ def as_registered(tableau: Tableau) -> Coefficients:
 
 
 def rounded(tableau: Tableau, digits: int) -> Coefficients:
-    """Return the coefficients of ``tableau`` rounded to ``digits`` significant digits, ties to even.
-
-    Raises
-    ------
-    SettingError
-        ``digits`` is below 1 or above the number of digits to which the coefficients are known.
-    """
+    """Return the coefficients of ``tableau`` rounded to ``digits`` significant digits, ties to even."""
     if not 1 <= digits <= tableau.digits:
         allowed = f"an integer from 1 to {tableau.digits}, the digits to which {tableau.name} is known"
         raise bad_setting("digits", digits, allowed)

@@ -52,12 +52,6 @@ class Family(ConditionedSteps):
         T may be an oscillator that is solved exactly.
     squares : tuple of int
         Indices of the kicks with a modified potential, counted from the outermost kick.
-
-    Raises
-    ------
-    SettingError
-        Another order, the square of a kick that does not exist, two squares of one kick, or fewer unknowns than
-        equations.
     """
 
     stages: int

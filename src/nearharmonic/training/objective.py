@@ -161,11 +161,6 @@ def polished(
     """Return the member of a family next to a point of n unknowns, as mpf, to this number of decimals.
 
     ``fixed`` has decimal values of fixed unknowns, by their index; no other unknown changes by more than ``nearest``.
-
-    Raises
-    ------
-    NotConvergedError
-        The equations have no solution within ``nearest``.
     """
     values = dict(fixed or {})
     with mp.workdps(2 * digits + 20):

@@ -71,11 +71,6 @@ class Population:
     ``shape`` is a method with the stages and the role of all methods. The step sizes are over the ``cost`` of a step in
     force evaluations, by default the stages, in the ensemble's unit of time. A run has at most so many ``samples``,
     from the start to the end.
-
-    Raises
-    ------
-    SettingError
-        The system, or the exactly solved oscillator, has no kicks of a modified potential.
     """
 
     def __init__(

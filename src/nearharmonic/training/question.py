@@ -39,11 +39,6 @@ def read_starts(place: str | os.PathLike[str], dimension: int) -> Floats:
     """Return the starts (R, 2 d) of a CSV file, with d positions and d momenta per line, d = ``dimension``.
 
     The first line may be a header; ``#`` begins a comment.
-
-    Raises
-    ------
-    SettingError
-        The file cannot be read, a line has no 2 d finite numbers, or there are fewer than :data:`FEWEST`.
     """
     path = Path(place)
     try:
@@ -150,13 +145,7 @@ def question(
     energy: object = None,
     seed: object = None,
 ) -> TailorRequest:
-    """Validate a request; arguments as for :func:`nearharmonic.tailor`.
-
-    Raises
-    ------
-    NearharmonicError
-        An unknown name, an invalid setting, or a system for which no method can be made.
-    """
+    """Validate a request; arguments as for :func:`nearharmonic.tailor`."""
     if window is not None and error is not None:
         raise bad_setting("error", error, "a window is given, and an error selects the window: give one of the two")
     if starts is not None and energy is not None:
@@ -293,13 +282,7 @@ class Orbit:
 
 
 def orbit_of(system: System) -> Orbit:
-    """Return the orbit from the initial values of a system over twelve periods of its fastest oscillation.
-
-    Raises
-    ------
-    SettingError
-        The orbit diverges, is at rest, or has no oscillation.
-    """
+    """Return the orbit from the initial values of a system over twelve periods of its fastest oscillation."""
     q, p = (np.array([row]) for row in system.start(float))
     frequency = fastest(system, q, p)
     for _ in range(2):  # the frequency at the start may differ from that on the orbit
@@ -316,11 +299,6 @@ def fastest(system: System, q: Floats, p: Floats) -> float:
 
     The square of the frequency is the largest |eigenvalue| of T'' V'', computed by repeated products. A negative
     eigenvalue is the square of a growth rate, which limits the step size in the same way.
-
-    Raises
-    ------
-    SettingError
-        The frequency is 0 at all states, or not finite.
     """
     with np.errstate(all="ignore"):
         squares = _squares(system, q.T, p.T)
@@ -401,11 +379,6 @@ def starts_of(asked: TailorRequest, orbit: Orbit, t_end: float, tau: float) -> t
 
     All starts have to stay on their energy surface in runs of length ``t_end`` with the step size ``tau`` per stage, in
     the unit of time of the system.
-
-    Raises
-    ------
-    SettingError
-        Too few starts stay on their energy surface, or none has the requested energy.
     """
     random = np.random.default_rng([asked.seed, 1])
     if asked.starts is not None:
@@ -451,11 +424,6 @@ def _box(orbit: Orbit, count: int, random: np.random.Generator) -> tuple[Floats,
 
 def _on_surface(asked: TailorRequest, orbit: Orbit, q: Floats, p: Floats) -> tuple[Floats, Floats]:
     """Return states of the requested energy: momenta are scaled, and positions moved to lower V if this is necessary.
-
-    Raises
-    ------
-    SettingError
-        The potential is above the requested energy on the whole orbit.
     """
     energy, system = asked.energy, asked.system
     assert energy is not None

@@ -316,13 +316,7 @@ def _minimum(
 
 
 def library() -> Any:
-    """Import pycma, which takes a second.
-
-    Raises
-    ------
-    MissingPackageError
-        It is not installed.
-    """
+    """Import pycma, which takes a second."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # warnings about optional packages

@@ -334,11 +334,6 @@ def tailored(
 
     ``show`` is called with the spent fraction of the budget and the smallest objective. ``starts`` returns the starts
     of the search and those of the test in place of :func:`ensembles`.
-
-    Raises
-    ------
-    SettingError
-        A window in which no gain is possible, or starts that leave their energy surface.
     """
     subject, methods = asked.system, registered(asked.system)
     orbit = orbit_of(subject)

@@ -57,13 +57,7 @@ class Budget:
         return time.monotonic() - self._begin
 
     def spend(self, trials: int, best: float) -> None:
-        """Count trials.
-
-        Raises
-        ------
-        BudgetSpentError
-            The budget is spent.
-        """
+        """Count trials."""
         self.trials += trials
         parts = [(self.seconds, self._seconds), (self.trials, self._most)]
         spent = max(used / allowed for used, allowed in parts if allowed is not None)
@@ -188,13 +182,7 @@ class TailorSearch:
         return OUTSIDE if self.best is None else self.best.value
 
     def run(self) -> SearchResult:
-        """Search until the budget is spent or Ctrl-C is pressed, and return the result.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            Ctrl-C before the first result.
-        """
+        """Search until the budget is spent or Ctrl-C is pressed, and return the result."""
         try:
             self._search()
         except BudgetSpentError:
@@ -322,11 +310,6 @@ def window_at(ensemble: Ensemble, methods: list[Tableau], error: float, frequenc
 
     The error is the geometric mean of max |dH| over the problems, relative to the energy; ``frequency`` is the angular
     frequency of the fastest oscillation.
-
-    Raises
-    ------
-    SettingError
-        No step size of :data:`LADDER` has this error.
     """
     ladder, few = LADDER / frequency, ensemble.part(slice(PROBLEMS))
     best = np.minimum.accumulate(mean_errors(few, methods, ladder.tolist(), CHARGE).min(axis=0)[::-1])[::-1]
@@ -355,11 +338,6 @@ def check_window(best: Floats, window: tuple[float, float], unit: str) -> None:
 
     ``best`` (T,) is the mean of log10 max |dH| of the best registered method at each step size of the window; ``unit``
     is the unit of time.
-
-    Raises
-    ------
-    SettingError
-        All methods diverge at the upper end, or one method reaches the rounding errors of doubles in the whole window.
     """
     shown = f"{window[0]:g}:{window[1]:g}"
     time = "" if unit == "1" else f" {unit}"

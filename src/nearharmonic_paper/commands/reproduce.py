@@ -24,14 +24,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def answer(chosen: argparse.Namespace) -> Answer:
-    """Run Snakemake in the working directory; the exit status is 1 if a job failed, 2 for bad input.
-
-    Raises
-    ------
-    SettingError
-        The number of jobs is no number, the config cannot be read, the folder has another Snakefile, or the package
-        has come without the workflow.
-    """
+    """Run Snakemake in the working directory; the exit status is 1 if a job failed, 2 for bad input."""
     import subprocess
 
     from nearharmonic.engine.settings import whole_number
@@ -55,13 +48,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
 
 def put_into(folder: Path) -> None:
-    """Copy the files of the workflow that are not in ``folder``; those that are there stay as they are.
-
-    Raises
-    ------
-    SettingError
-        The Snakefile of the folder is another one, or the package has come without the workflow.
-    """
+    """Copy the files of the workflow that are not in ``folder``; those that are there stay as they are."""
     from nearharmonic.errors import bad_setting
     from nearharmonic.output.atomic import write_bytes
     from nearharmonic_paper.record.description import workflow_root

@@ -41,11 +41,6 @@ def define(asked: Mapping[str, SystemSettings], methods: Mapping[str, Sequence[s
 
     ``asked`` has the section of each system by its name, ``methods`` the lists of integrators, names and paths of
     files, by their keys. Files are searched for in ``folders``, in this order.
-
-    Raises
-    ------
-    NearharmonicError
-        The first fault found: key, value, what is allowed and the nearest match.
     """
     defined = {name: _definition(name, one, folders) for name, one in asked.items() if _is_own(name, one)}
     systems.define(defined)

@@ -25,15 +25,7 @@ MOST_BYTES, MOST_ENTRIES, MOST_LEVELS = 10**6, 10**4, 20
 
 
 def read_mapping(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return the keys and values of a config in YAML 1.1 or JSON.
-
-    Raises
-    ------
-    SettingError
-        The file is missing or is no file; it is too large, too deep, no text in UTF-8, or neither YAML nor JSON; an
-        alias repeats the entry that it is a part of; a key occurs twice in a mapping: YAML would use the last one; a
-        number has another value for YAML than its decimal digits have; it is a template; or there is no mapping.
-    """
+    """Return the keys and values of a config in YAML 1.1 or JSON."""
     import yaml
 
     try:
@@ -135,15 +127,7 @@ def _loader() -> Any:
 
 
 def checked_configs(words: Sequence[str], given: Mapping[str, Any]) -> list[str]:
-    """Return the configs of a command of Snakemake after a check of each: those that it gives, or :data:`CONFIGS`.
-
-    Parameters
-    ----------
-    words : sequence of str
-        The command without its first word.
-    given : mapping
-        The config as Snakemake has it so far; one with all required keys needs no file.
-    """
+    """Return the configs of a command of Snakemake after a check of each: those that it gives, or :data:`CONFIGS`."""
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--configfile", "--configfiles", nargs="+", default=[])
     places = list(parser.parse_known_args(words)[0].configfile)

@@ -23,19 +23,6 @@ def load(mapping: Mapping[str, Any], files: Iterable[Path | str] = ()) -> Config
     """Return ``mapping`` as a :class:`Config`, after validation of the types and then of relations between keys.
 
     Systems and integrators of the config are then in the registries, in place of those of a previous config.
-
-    Parameters
-    ----------
-    mapping : mapping
-        The keys, as read from YAML.
-    files : iterable of path
-        The files of the keys. Files of systems and integrators that are not in the working directory are searched for
-        in their folders.
-
-    Raises
-    ------
-    NearharmonicError
-        The first error in the order of the keys, with key, value, allowed values and the nearest match.
     """
     places = list(files)
     config = _typed(mapping)
@@ -53,13 +40,7 @@ def load(mapping: Mapping[str, Any], files: Iterable[Path | str] = ()) -> Config
 
 
 def read(place: Path) -> Config:
-    """Return the config of a YAML file, with the checks of :func:`load`.
-
-    Raises
-    ------
-    NearharmonicError
-        The file does not exist, is no YAML mapping, or :func:`load` finds an error.
-    """
+    """Return the config of a YAML file, with the checks of :func:`load`."""
     return load(read_mapping(place), [place])
 
 

@@ -61,13 +61,7 @@ def files(runs: Sequence[str], cubes: Sequence[str]) -> dict[str, str]:
 
 @fills
 def variables(files: Sequence[str], kinds: Sequence[str], explained: str) -> dict[str, str]:
-    """Variables of a file of each kind, named with placeholders; ``explained`` is the page with all attributes.
-
-    Raises
-    ------
-    NearharmonicError
-        A file has an attribute that the page does not explain.
-    """
+    """Variables of a file of each kind, named with placeholders; ``explained`` is the page with all attributes."""
     _, _, attributes = Path(explained).read_text(encoding="utf-8").partition("\n## Attributes\n")
     told = re.findall(r"^\| `(\w+)` \|", attributes, re.MULTILINE)
     lines: list[str] = []

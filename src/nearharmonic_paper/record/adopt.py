@@ -30,16 +30,6 @@ def adopt(folder: Path, configfile: str | None = None) -> int:
 
     ``configfile`` is the config of the results; by default the recorded one, or the one in ``config/`` with their name.
     The number of files is returned.
-
-    Raises
-    ------
-    RefusedError
-        The results differ from their manifest, were made with another code or config or in another folder, or Snakemake
-        fails; the message gives the reason.
-    SettingError
-        The config cannot be read, or is a template in which Snakemake would run Python.
-    UntrustedFileError
-        The results need a user's file that is not trusted. The process of Snakemake runs no such file either.
     """
     if folder.absolute().parent != Path("results").absolute() or not Path("Snakefile").is_file():
         says = "is not in results/ of the folder of the workflow: copy it there, and adopt it from there"
@@ -101,11 +91,6 @@ def check_tasks(folder: Path, tasks: Iterable[Mapping[str, Any]]) -> None:
     """Compare the manifest of ``folder`` with the tasks of the workflow, before files are touched.
 
     Snakemake has described the tasks of all requested files by then.
-
-    Raises
-    ------
-    RefusedError
-        A file was made with other settings, code or coefficients than any task has.
     """
     keys = ("settings", "code", "coefficients")
     here = {(one["function"], settings_digest(one), one["code"], one["coefficients"]) for one in tasks}

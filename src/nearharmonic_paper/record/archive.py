@@ -222,13 +222,6 @@ def save(
 
     The caller calls :func:`reasons_against` first. Digests are checked again while files are copied. An existing file
     is replaced. ``with_runs`` includes the trajectories below ``runs/``.
-
-    Raises
-    ------
-    SettingError
-        ``place`` is no zip file outside of ``folder``, or it cannot be written.
-    ResultFileError
-        The manifest or the history is missing, or a file is missing or differs from the manifest.
     """
     result = Path(folder).absolute()
     zipped = target(result, place)

@@ -259,15 +259,7 @@ def doubts_in(folder: Path) -> list[str]:
 
 
 def run_named(prefix: str, runs: Sequence[Run]) -> Run:
-    """Return the run whose id begins with ``prefix``, the first of ``runs`` if that is empty.
-
-    Raises
-    ------
-    UnknownNameError
-        No id begins with it; the message has the nearest match.
-    SettingError
-        Several ids begin with it, or there are no runs.
-    """
+    """Return the run whose id begins with ``prefix``, the first of ``runs`` if that is empty."""
     if not runs:
         raise SettingError("no run is recorded: snakemake -j2 makes results and records the run")
     found = list({str(run.get("id")): run for run in runs if str(run.get("id")).startswith(prefix)}.values())

@@ -48,11 +48,6 @@ def read(folder: Path) -> dict[str, Any]:
 
     Its keys are ``format``; ``configfiles``; ``files``, the entries by name; and lists of file names: files ``changed``
     after their jobs wrote them, files of a ``former`` config, and ``unrecorded`` files without a receipt.
-
-    Raises
-    ------
-    ResultFileError
-        The manifest is missing or invalid; the message names the command that makes it again.
     """
     from nearharmonic_paper.tasks.schema import complaint
 

@@ -57,13 +57,6 @@ def rows_where(text: str, columns: Mapping[str, np.ndarray]) -> np.ndarray:
     """Return the mask of the rows that fulfil a condition, such as ``max_energy_error < 1e-9 and status == 'ok'``.
 
     Columns are arrays of numbers or of texts, of the same length. A comparison with NaN is false.
-
-    Raises
-    ------
-    SettingError
-        The text is no such condition, or compares numbers with texts; the message has the position.
-    UnknownNameError
-        A name is no column.
     """
     source = " ".join(text.split())
     try:
@@ -301,13 +294,6 @@ def single_run(
         ``origin``, versions and digests of the trajectory or else of the cube; ``python``, code that repeats the run.
     dict
         Users' ``definitions`` of the system and of integrators.
-
-    Raises
-    ------
-    UnknownNameError
-        The result has no such system or integrator.
-    SettingError
-        No run of this precision, or none within the spacing of the grid from ``tau``.
     """
     cubes = {path.stem: path for path in system_cubes(folder)}
     if system not in cubes:

@@ -51,22 +51,7 @@ class Rerun:
 
 
 def rerun(folder: Path, number: int, seed: int = 1) -> list[Rerun]:
-    """Repeat random runs from all run files of ``folder``, and compare them bitwise.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of results.
-    number, seed : int
-        Number of runs, all if there are fewer, and seed of their random selection.
-
-    Raises
-    ------
-    ResultFileError
-        The manifest or a run file is missing or damaged.
-    UntrustedFileError
-        A system or an integrator is that of a user's file which is not trusted.
-    """
+    """Repeat random runs from all run files of ``folder``, and compare them bitwise."""
     entries = {n: entry for n, entry in manifest.read(folder)["files"].items() if entry["function"] in REPEATED}
     cells = [cell for name in entries for cell in _cells(folder, name)]
     drawn = [cells[i] for i in sorted(random.Random(seed).sample(range(len(cells)), min(number, len(cells))))]

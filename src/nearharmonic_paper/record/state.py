@@ -36,22 +36,7 @@ Observed = list[int] | None
 
 
 def save(folder: Path, makeable: Iterable[str]) -> None:
-    """Write the state of ``folder`` after a run; files that are not as their job wrote them count as unknown.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of results, with a manifest.
-    makeable : iterable of str
-        Names of all files that jobs of the present config make.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-    ResultFileError
-        The manifest is missing or damaged.
-    """
+    """Write the state of ``folder`` after a run; files that are not as their job wrote them count as unknown."""
     told = manifest.read(folder)
     unknown = {*told["changed"], *told["unrecorded"]}
     receipts = (place.relative_to(folder).as_posix() for place, _ in receipts_in(folder))
@@ -82,22 +67,7 @@ def differing(folder: Path) -> set[str] | None:
 
 
 def files_to_remake(folder: Path, makeable: Collection[str], different: Collection[str] | None) -> list[str]:
-    """Return the sorted names of the present files that jobs make, and that are not as their job wrote them.
-
-    Parameters
-    ----------
-    folder : Path
-        Folder of results.
-    makeable : collection of str
-        Names of all files that jobs of the present config make.
-    different : collection of str, optional
-        Names of the files that :func:`differing` returned; None if that is not known.
-
-    Raises
-    ------
-    OSError
-        A file cannot be read.
-    """
+    """Return the sorted names of the present files that jobs make, and that are not as their job wrote them."""
     names = set(makeable) if different is None else set(makeable).intersection(different)
     there = [name for name in sorted(names) if os.path.lexists(folder / name)]
     entries = manifest.entries_of(folder) if there else {}
@@ -169,11 +139,6 @@ def lock(folder: Path) -> None:
     """Hold the lock of ``folder`` until this process ends.
 
     In a folder without locks, for example a read-only one, there is a warning and no lock.
-
-    Raises
-    ------
-    RefusedError
-        Another run holds the lock; the message names its host and process.
     """
     place = folder / LOCK
     try:

@@ -36,19 +36,7 @@ FIELDS = (
 
 
 class WorkflowRun:
-    """One run of the workflow, in the process of Snakemake.
-
-    Parameters
-    ----------
-    folder : path
-        Folder of results.
-    config : Config
-        The config of the run.
-    makeable : collection of str
-        Names of all files that jobs of this config make, in the folder of results.
-    configfiles : sequence of str
-        Files of the config.
-    """
+    """One run of the workflow, in the process of Snakemake."""
 
     def __init__(
         self,
@@ -101,13 +89,7 @@ class WorkflowRun:
         self._complete()
 
     def begin(self, command: Sequence[str], targets: Sequence[str], cores: int | None) -> None:
-        """Record the start: write a marker, and pass the ids of run and process to the jobs.
-
-        Raises
-        ------
-        RefusedError
-            Another run is at work in the folder of results.
-        """
+        """Record the start: write a marker, and pass the ids of run and process to the jobs."""
         lock(self._folder)
         self._told = dict.fromkeys(FIELDS) | {
             "id": f"{self._began:%Y%m%dT%H%M%SZ}-{secrets.token_hex(4)}",

@@ -63,20 +63,7 @@ class Figure:
 
 
 def figures_of(systems: Collection[str], cubes: Collection[str] = ()) -> list[Figure]:
-    """Return the declared figures whose cubes a config has.
-
-    Parameters
-    ----------
-    systems : collection of str
-        Systems of the config; each has a cube of its name.
-    cubes : collection of str
-        Names of the other cubes.
-
-    Returns
-    -------
-    list of Figure
-        A figure of :data:`EVERY_SYSTEM` occurs once for each system.
-    """
+    """Return the declared figures whose cubes a config has."""
 
     declared = [
         replace(figure, stem=stem, target=figure.target or stem, experiment=experiment.name)
@@ -175,13 +162,7 @@ class Experiment:
         return next(folder for folder in folders() if folder.endswith(f".{self.name}"))
 
     def files(self, **values: Iterable[str]) -> list[str]:
-        """Return the names of the files of its target, relative to the folder of results.
-
-        Parameters
-        ----------
-        **values
-            Values of each placeholder; values of unknown placeholders are ignored.
-        """
+        """Return the names of the files of its target, relative to the folder of results."""
         return [name for file in self._unfilled() for name in _filled(file, values)]
 
     def run_files(self, **values: Iterable[str]) -> list[str]:
@@ -247,13 +228,7 @@ def folders() -> tuple[str, ...]:
 
 @cache
 def experiments() -> dict[str, Experiment]:
-    """Return all experiments by name, in the order of their positions.
-
-    Raises
-    ------
-    LookupError
-        A folder has no declaration, or a declaration with another name.
-    """
+    """Return all experiments by name, in the order of their positions."""
     found = [_declared_in(folder) for folder in folders()]
     return {one.name: one for one in sorted(found, key=lambda one: (one.place, one.name))}
 

@@ -41,11 +41,6 @@ def run(snakemake: Any) -> None:
     The function is called with its settings, and with the paths of the inputs of the rule under their names. Its
     optional parameter ``threads`` is the number of threads of the job; ``earlier`` is made by the class in
     ``params.earlier``. It returns a mapping with a result for each named output, of the types of :func:`write`.
-
-    Raises
-    ------
-    SystemExit
-        Any error, with status 1 and one message.
     """
     with logged(snakemake.log[0]), rarely_collected():
         task = snakemake.params.task
@@ -138,12 +133,6 @@ def rarely_collected() -> Iterator[None]:
 @contextmanager
 def covered(task: Mapping[str, Any]) -> Iterator[None]:
     """Restrict registries to entries that the digests of ``task`` cover: edits of other entries would not be detected.
-
-    Raises
-    ------
-    NearharmonicError
-        A file of a user's system or integrator has changed since the task was described; or the block looks up a system
-        or an integrator that is neither among the settings nor in a module that the function imports.
     """
     named, reached = named_in(task["settings"]), task["modules"]
     with defined(task["definitions"]):
@@ -209,13 +198,7 @@ class _Log(FileIO):
 
 @contextmanager
 def logged(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Write printed text and tracebacks to the file ``path``; the terminal shows an error in one sentence.
-
-    Raises
-    ------
-    SystemExit
-        Any error inside the block, with status 1.
-    """
+    """Write printed text and tracebacks to the file ``path``; the terminal shows an error in one sentence."""
     _end_with_leader()
     try:
         file = _Log(os.fspath(path), "w")

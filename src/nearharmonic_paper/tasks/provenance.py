@@ -46,13 +46,7 @@ def defined(definitions: Definitions) -> Iterator[None]:
 
 
 def read_definitions(document: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Definitions:
-    """Return definitions from their form in JSON.
-
-    Raises
-    ------
-    NearharmonicError
-        The document has no definitions.
-    """
+    """Return definitions from their form in JSON."""
     from nearharmonic.integrators.user_file import TableauDefinition
     from nearharmonic.systems.user_file import SystemDefinition
 
@@ -89,13 +83,6 @@ Task = dict[str, Any]
 def task(function: str, **settings: Any) -> Task:
     """Describe the task of a rule: a package function, its settings, and the digest of all dependencies of the result.
 
-    Parameters
-    ----------
-    function : str
-        ``module:name`` below the package, such as ``nearharmonic_paper.experiments.paper.run:integrate``.
-    **settings
-        Keyword arguments of the function: numbers, strings, sequences, mappings and frozen dataclasses of them.
-
     Returns
     -------
     dict
@@ -104,11 +91,6 @@ def task(function: str, **settings: Any) -> Task:
         that the settings hold. ``code`` covers these modules, those of these systems, and the versions of numpy, numba
         and llvmlite. ``coefficients`` covers these integrators. ``definitions`` has the users' systems and integrators
         among them, from which the job creates them; ``code`` covers their files.
-
-    Raises
-    ------
-    NearharmonicError
-        The package has no such module.
     """
     named = named_in(settings)
     problems = [name for name in systems if name in named]
@@ -125,13 +107,7 @@ def task(function: str, **settings: Any) -> Task:
 
 
 def digests(function: str, problems: Iterable[str], methods: Iterable[str]) -> dict[str, str]:
-    """Return ``code`` and ``coefficients`` of a task from its function and the names of its systems and integrators.
-
-    Raises
-    ------
-    NearharmonicError
-        There is no such module, system, integrator or user's file.
-    """
+    """Return ``code`` and ``coefficients`` of a task from its function and the names of its systems and integrators."""
     names = list(problems)
     coefficients = coefficients_digest(integrators[name] for name in methods)
     files = {name: one.file for name, one in systems.definitions.items() if name in names and one.file is not None}
@@ -193,18 +169,6 @@ def code_digest(*modules: str, root: Path | None = None) -> str:
 
     The code of a module is its syntax tree without docstrings. Imports inside functions count; imports under
     TYPE_CHECKING do not. The digest includes versions of the libraries that affect numbers.
-
-    Parameters
-    ----------
-    *modules : str
-        Dotted names within the package.
-    root : Path, optional
-        Folder of the package; by default that of the running package.
-
-    Raises
-    ------
-    NearharmonicError
-        The package has no such module.
     """
     versions = tuple(f"{library} {library_version(library)}" for library in NUMERICAL_LIBRARIES)
     return _digest_of_running(versions, modules) if root is None else _digest_of(versions, modules, root)

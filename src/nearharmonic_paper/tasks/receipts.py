@@ -41,15 +41,7 @@ def measures_time(function: Measuring) -> Measuring:
 
 
 class Receipt:
-    """Files that one job wrote.
-
-    Parameters
-    ----------
-    log : path
-        Log file of the job, somewhere in ``results/<name>/logs``; the receipt stands beside it.
-    inputs : iterable of str
-        Files that the job reads.
-    """
+    """Files that one job wrote."""
 
     def __init__(self, log: str | os.PathLike[str], inputs: Iterable[str] = ()) -> None:
         self._place = Path(log).with_suffix(".json")
@@ -70,19 +62,7 @@ class Receipt:
     def add(
         self, places: Sequence[str], task: Mapping[str, Any], *, volatile: Sequence[str] = (), evaluations: int = 0
     ) -> None:
-        """Add results that a task has written.
-
-        Parameters
-        ----------
-        places : sequence of str
-            The files.
-        task : mapping
-            The task, as :func:`nearharmonic_paper.tasks.provenance.task` describes it.
-        volatile : sequence of str
-            Names of columns or variables with measured times; :data:`WHOLE` for all.
-        evaluations : int
-            Number of force evaluations for the files.
-        """
+        """Add results that a task has written."""
         for place in filter(self._is_result, places):
             self._files[self._name(place)] = {
                 **measured(place),

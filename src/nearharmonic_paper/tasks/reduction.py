@@ -25,15 +25,7 @@ class Reductions:
         self._declared: list[tuple[Reduction, tuple[str, ...], str]] = []
 
     def __call__(self, *needs: str, over: str = "sample") -> Callable[[Reduction], Reduction]:
-        """Declare the decorated function a reduction.
-
-        Parameters
-        ----------
-        *needs : str
-            Required variables of the dataset; without them the reduction is skipped.
-        over : str
-            Dimension that is reduced.
-        """
+        """Declare the decorated function a reduction."""
 
         def declare(function: Reduction) -> Reduction:
             self._declared.append((function, needs, over))

@@ -41,19 +41,6 @@ def closure(*modules: str, root: Path | None = None) -> tuple[str, ...]:
     """Return ``modules`` and every module of the package that they import, directly or not, sorted.
 
     The ``__init__`` of the package is excluded: it imports all layers for their names, and computes nothing.
-
-    Parameters
-    ----------
-    *modules : str
-        Dotted names within the package.
-    root : Path, optional
-        Folder of the packages, which is read again at each call; by default the running package, whose files are read
-        once.
-
-    Raises
-    ------
-    NearharmonicError
-        The package has no such module.
     """
     return _files(root).closure(modules)
 
@@ -76,15 +63,7 @@ def module_digest(module: str, root: Path | None = None) -> str:
 
 
 def read_source(path: Path) -> Source:
-    """Return digest and imports of any Python file in its present state.
-
-    Raises
-    ------
-    OSError
-        It cannot be read.
-    SyntaxError
-        It is not valid Python.
-    """
+    """Return digest and imports of any Python file in its present state."""
     return _running().parse(path.read_bytes())
 
 
@@ -231,11 +210,6 @@ def files_of(place: str | os.PathLike[str]) -> tuple[Path, ...]:
     """Return a user's file, followed by the sorted files in its folder that it imports, directly or indirectly.
 
     Files that it reads in another way, for example with ``open``, are not included.
-
-    Raises
-    ------
-    SettingError
-        The file cannot be read.
     """
     first = Path(place)
     return first, *sorted(reached([first], partial(_beside, first.parent)) - {first})
@@ -262,24 +236,13 @@ def package_modules_of(place: str | os.PathLike[str]) -> set[str]:
     """Return the dotted names of this package that a user's file and its imported files import.
 
     A name may also be that of a function or class.
-
-    Raises
-    ------
-    SettingError
-        The file cannot be read.
     """
     written = (name for path in files_of(place) for name in _source(path).imports)
     return {name for name in written if name.split(".")[0] in PACKAGES}
 
 
 def digest_of(place: str | os.PathLike[str]) -> str:
-    """Return the SHA-256 of the syntax trees of the files of :func:`files_of` without docstrings and comments.
-
-    Raises
-    ------
-    SettingError
-        The file cannot be read.
-    """
+    """Return the SHA-256 of the syntax trees of the files of :func:`files_of` without docstrings and comments."""
     first, *others = files_of(place)
     digest = sha256(_source(first).digest.encode())
     for path in others:

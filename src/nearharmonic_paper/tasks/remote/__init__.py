@@ -112,13 +112,7 @@ def is_in_array(job: Any, arrays: str | None) -> bool:
 
 
 def read(place: str | Path) -> FrozenJob:
-    """Return the job in a file of :meth:`FrozenJob.write`.
-
-    Raises
-    ------
-    NearharmonicError
-        The file is absent, or its bytes are not those that its name tells.
-    """
+    """Return the job in a file of :meth:`FrozenJob.write`."""
     path = Path(place)
     try:
         content = read_bytes(path)

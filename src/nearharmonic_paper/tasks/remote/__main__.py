@@ -14,14 +14,7 @@ from nearharmonic_paper.tasks.remote import FrozenJob, read
 
 
 def main(place: str) -> None:
-    """Run the frozen job in the file ``place``.
-
-    Raises
-    ------
-    SystemExit
-        The job cannot be read, its code is not that of this node, an input is missing, or the job fails; with status 1
-        and one message.
-    """
+    """Run the frozen job in the file ``place``."""
     try:
         frozen = read(place)
         check_code(frozen)
@@ -33,13 +26,7 @@ def main(place: str) -> None:
 
 
 def check_code(frozen: FrozenJob) -> None:
-    """Compare the digests of a job with those of the package on this node; users' files are checked by the job.
-
-    Raises
-    ------
-    NearharmonicError
-        They differ.
-    """
+    """Compare the digests of a job with those of the package on this node; users' files are checked by the job."""
     for task in frozen.tasks:
         if task["definitions"]:
             continue
@@ -50,13 +37,7 @@ def check_code(frozen: FrozenJob) -> None:
 
 
 def wait_for(files: Iterable[str], patience: float) -> None:
-    """Wait until files exist: a shared folder may show files of another node late.
-
-    Raises
-    ------
-    NearharmonicError
-        A file is missing after ``patience`` seconds.
-    """
+    """Wait until files exist: a shared folder may show files of another node late."""
     end = time.monotonic() + patience
     for file in files:
         while not Path(file).exists():

@@ -1,4 +1,7 @@
-"""The house stays small enough to own: lines of each room, modules and lines of tests, as budget.toml allows."""
+"""The house stays small enough to own: lines of each room, modules and lines of tests, as budget.toml allows.
+
+A room above its budget may only shrink: ``today`` in budget.toml is what it has.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +24,10 @@ def lines(*places: Path) -> int:
     return sum(len(file.read_text(encoding="utf-8").splitlines()) for file in files)
 
 
+def allowed(room: dict[str, int]) -> int:
+    return max(room["budget"], room.get("today", 0))
+
+
 def places(package: str, rooms: str) -> list[Path]:
     folder = ROOT / "src" / PACKAGES[package]
     named = [folder / room for room in rooms.split(", ")]
@@ -38,7 +45,7 @@ def modules() -> list[Path]:
 
 @pytest.mark.parametrize(("package", "rooms"), [(package, rooms) for package in PACKAGES for rooms in BUDGET[package]])
 def test_a_room_keeps_to_its_budget(package, rooms):
-    assert lines(*places(package, rooms)) <= BUDGET[package][rooms]
+    assert lines(*places(package, rooms)) <= allowed(BUDGET[package][rooms])
 
 
 def test_every_module_belongs_to_a_room_with_a_budget():
@@ -48,5 +55,5 @@ def test_every_module_belongs_to_a_room_with_a_budget():
 
 
 def test_modules_and_lines_of_tests_keep_to_their_budget():
-    assert len(modules()) <= BUDGET["modules"]
-    assert lines(ROOT / "tests") <= BUDGET["tests"]
+    assert len(modules()) <= allowed(BUDGET["all"]["modules"])
+    assert lines(ROOT / "tests") <= allowed(BUDGET["all"]["tests"])

@@ -55,13 +55,7 @@ class Errors(NamedTuple):
 
 
 def errors_on_random_potentials(results: Results) -> Errors:
-    """Return the errors of the methods of ``results`` on both ensembles together.
-
-    Raises
-    ------
-    Undecided
-        An ensemble is missing.
-    """
+    """Return the errors of the methods of ``results`` on both ensembles together."""
     cube = results.cube("trained")
     for name in ENSEMBLES:
         require(name in cube["ensemble"].values, f"the results do not have the random potentials {name}")
