@@ -24,7 +24,6 @@ import numpy as np
 from nearharmonic import __version__
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.exact.step import Step, composed
-from nearharmonic.exchange.coefficient_file import CoefficientFile
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.composition import Composition, OneStepMethod
 from nearharmonic.integrators.tableau import First, Row, Tableau
@@ -188,7 +187,7 @@ class Digits(NamedTuple):
         return f"{self.number} digits" if self.number else "exact coefficients"
 
 
-def digits_of(file: CoefficientFile) -> Digits:
+def digits_of(file: Any) -> Digits:
     """Return the number of significant digits of the coefficients, as claimed or as counted in the file.
 
     The counted number is the median over the coefficients with more than :data:`EXACT_DIGITS` digits. If no coefficient

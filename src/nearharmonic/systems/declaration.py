@@ -6,14 +6,11 @@ from collections.abc import Mapping
 from decimal import Decimal
 from fractions import Fraction
 from math import isinf
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from nearharmonic.errors import SystemDefinitionError, shown
 from nearharmonic.numerics.written import any_decimal_of, exact_number, is_extreme, is_real
 from nearharmonic.systems.quantities import Observable, is_list
-
-if TYPE_CHECKING:
-    from nearharmonic.systems.system import System
 
 #: Quantities that a system has units of.
 UNITS = ("q", "p", "t", "energy")
@@ -26,7 +23,7 @@ VARIABLES = frozenset((
 ))  # fmt: skip
 
 
-def check_members(system: System) -> None:
+def check_members(system: Any) -> None:
     """Refuse members of a system that have a wrong type."""
     name: Any = system.name  # a user may pass anything
     if not isinstance(name, str) or not name:
@@ -44,11 +41,11 @@ def check_members(system: System) -> None:
         raise _not_allowed(system, "surface_limit", limit, "a number above 0")
 
 
-def _not_allowed(system: System, key: str, value: object, allowed: str) -> SystemDefinitionError:
+def _not_allowed(system: Any, key: str, value: object, allowed: str) -> SystemDefinitionError:
     return SystemDefinitionError(f"{system.name}: {key} = {value!r} is not allowed: {allowed}")
 
 
-def _check_names(system: System) -> None:
+def _check_names(system: Any) -> None:
     name = system.name
     units: Mapping[str, Any] = system.units
     for key in UNITS:
@@ -72,7 +69,7 @@ def _check_names(system: System) -> None:
             raise SystemDefinitionError(f"{name}: parameters has {key!r}, which is not allowed: {allowed}")
 
 
-def _check_functions(system: System) -> None:
+def _check_functions(system: Any) -> None:
     name = system.name
     for key in ("V", "grad_V", "T", "grad_T"):
         function = getattr(system, key)
@@ -90,7 +87,7 @@ def _check_functions(system: System) -> None:
                 raise _not_allowed(system, f"{key}[{entry!r}]", function, allowed)
 
 
-def check_numbers(system: System) -> None:
+def check_numbers(system: Any) -> None:
     """Refuse initial values, parameters and times that are not finite doubles."""
     named: dict[str, Any] = {f"parameter {k}": v.value for k, v in system.parameters.items()}
     named |= {"t_end": system.t_end}
@@ -110,7 +107,7 @@ def check_numbers(system: System) -> None:
         raise SystemDefinitionError(f"{system.name}: energy_scale = {system.energy_scale!r} is not positive")
 
 
-def written_frequencies(system: System) -> tuple[Fraction | str, ...]:
+def written_frequencies(system: Any) -> tuple[Fraction | str, ...]:
     """Return the frequencies that ``system`` declares, one per coordinate: exact numbers from 0, and parameters."""
     given: Any = system.frequencies
     if not is_list(given) or not hasattr(given, "__len__") or len(given) != system.dimension:
@@ -119,7 +116,7 @@ def written_frequencies(system: System) -> tuple[Fraction | str, ...]:
     return tuple(_frequency(system, i, value) for i, value in enumerate(given))
 
 
-def _frequency(system: System, i: int, value: Any) -> Fraction | str:
+def _frequency(system: Any, i: int, value: Any) -> Fraction | str:
     if isinstance(value, str) and value in system.parameters:
         return value
     try:

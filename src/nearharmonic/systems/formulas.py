@@ -13,16 +13,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from nearharmonic.core.formulas.number import NO_SUCH_COMPONENT, Constant, FormulaError, components
 from nearharmonic.core.formulas.tracing import Hamiltonian
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.energy import Energy, MassKineticEnergy, Vector, takes_parameters
 from nearharmonic.systems.regularisation import RegularisedFormulas
-
-if TYPE_CHECKING:
-    from nearharmonic.systems.system import System
 
 
 class DerivedGradient:
@@ -104,7 +101,7 @@ class Formulas(Hamiltonian):
         return self.energies[0].traced and any(energy.is_long for energy in self.energies)
 
 
-def formulas_of(system: System, potential: Energy, kinetic_energy: Energy) -> Formulas:
+def formulas_of(system: Any, potential: Energy, kinetic_energy: Energy) -> Formulas:
     """Return the integrated formulas of ``system``, with derived gradients where it has none.
 
     V is a function of the integrated coordinates, which include the time if V depends on it, T of the system's momenta.
@@ -136,7 +133,7 @@ def formulas_of(system: System, potential: Energy, kinetic_energy: Energy) -> Fo
     )
 
 
-def regularised_formulas(system: System) -> Formulas:
+def regularised_formulas(system: Any) -> Formulas:
     """Return the formulas of the oscillator of ``system``, which has a ``regularisation`` that fits it."""
     given = system.regularisation
     assert given is not None
@@ -170,14 +167,14 @@ def regularised_formulas(system: System) -> Formulas:
     )
 
 
-def _acceleration(system: System, kinetic_energy: Energy, force: Vector, *parameters: Any) -> Vector:
+def _acceleration(system: Any, kinetic_energy: Energy, force: Vector, *parameters: Any) -> Vector:
     """The acceleration in a system whose T is quadratic; that of the time coordinate of an extended system is 0."""
     if system.time_dependent:
         return *_of_force(system, kinetic_energy, force[:-1], *parameters), Constant(0)
     return _of_force(system, kinetic_energy, force, *parameters)
 
 
-def _of_force(system: System, kinetic_energy: Energy, force: Vector, *parameters: Any) -> Vector:
+def _of_force(system: Any, kinetic_energy: Energy, force: Vector, *parameters: Any) -> Vector:
     if isinstance(system.T, MassKineticEnergy):
         return system.T.velocity(force, *parameters)
     return force if system.unit_masses else kinetic_energy.hessian_times(force, force, *parameters)

@@ -26,7 +26,6 @@ from nearharmonic.systems.energy import Energy
 
 if TYPE_CHECKING:
     from nearharmonic.core.machine.numba_functions import NumbaCode
-    from nearharmonic.systems.system import System
 
 
 #: Step of a difference of gradients, relative to the coordinates: truncation and rounding errors are then equally
@@ -150,7 +149,7 @@ def is_numba_function(function: object) -> bool:
     return dispatcher is not None and isinstance(function, dispatcher.Dispatcher)
 
 
-def potential_of(system: System) -> NumbaPotential | None:
+def potential_of(system: Any) -> NumbaPotential | None:
     """Return V and grad_V of ``system`` if they are functions of numba, else None; refuse what such a system cannot
     have.
     """
@@ -203,7 +202,7 @@ def given_function(function: Any) -> Any:
     return function
 
 
-def numba_potential(system: System) -> NumbaPotential | None:
+def numba_potential(system: Any) -> NumbaPotential | None:
     """Return the functions of numba of a complete system, or None."""
     owner = getattr(system.V, "__self__", None)
     return owner if isinstance(owner, NumbaPotential) else None

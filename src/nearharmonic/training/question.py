@@ -423,8 +423,7 @@ def _box(orbit: Orbit, count: int, random: np.random.Generator) -> tuple[Floats,
 
 
 def _on_surface(asked: TailorRequest, orbit: Orbit, q: Floats, p: Floats) -> tuple[Floats, Floats]:
-    """Return states of the requested energy: momenta are scaled, and positions moved to lower V if this is necessary.
-    """
+    """Return states of the requested energy: momenta are scaled, and positions moved to lower V if necessary."""
     energy, system = asked.energy, asked.system
     assert energy is not None
     still = np.zeros_like(p)

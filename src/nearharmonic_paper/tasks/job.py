@@ -132,8 +132,7 @@ def rarely_collected() -> Iterator[None]:
 
 @contextmanager
 def covered(task: Mapping[str, Any]) -> Iterator[None]:
-    """Restrict registries to entries that the digests of ``task`` cover: edits of other entries would not be detected.
-    """
+    """Restrict registries to entries that the digests of ``task`` cover: edits of others would not be detected."""
     named, reached = named_in(task["settings"]), task["modules"]
     with defined(task["definitions"]):
         if task["definitions"]:

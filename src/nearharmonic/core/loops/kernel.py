@@ -63,7 +63,7 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
     rules = Rules(physics, extended, compensated)
 
     def make() -> tuple[str, bytes]:
-        from nearharmonic.core.machine import native as link
+        from nearharmonic.core.machine import link
 
         return link.alone(*_loops("run"))
 
@@ -99,7 +99,7 @@ def build_landing(
     module = formulas.maps_module(rules, maps)
 
     def make() -> tuple[str, bytes]:
-        from nearharmonic.core.machine import native as link
+        from nearharmonic.core.machine import link
 
         loops = _loops("land", extended=extended, compensated=compensated)
         return link.linked(*loops, module, formulas.kinds_of(rules, 1))
@@ -182,7 +182,7 @@ def _form(rules: Rules, energy: str) -> Form:
 
 def _loops(entry: str, **choice: Any) -> tuple[str, bytes]:
     """Name and text of a function that numba compiles for some options, from the cache or compiled into it."""
-    from nearharmonic.core.machine import native as link
+    from nearharmonic.core.machine import link
 
     def compiled() -> tuple[str, bytes]:
         from nearharmonic.core import stepper as single_step
@@ -201,7 +201,7 @@ def _loops(entry: str, **choice: Any) -> tuple[str, bytes]:
 def _linked(entry: str, choice: dict[str, Any], rules: Rules, width: int, energy: str = "every") -> tuple[str, bytes]:
     """Name and object code of a function of loops with the formulas of a system."""
     from nearharmonic.core.formulas import emission as formulas
-    from nearharmonic.core.machine import native as link
+    from nearharmonic.core.machine import link
     from nearharmonic.core.machine import values as operations
 
     loops = _loops(entry, **choice)

@@ -83,7 +83,7 @@ def test_only_figures_import_matplotlib():
 def test_every_package_that_is_imported_is_declared():
     found = distributions_of(path for path in [*PYTHON, *RULES] if not {PEERS, ADAPTERS} & {*path.parents})
     assert {"llvmlite", "pyyaml", "snakemake"} <= found.keys()  # the walk sees Python, other names, and rules
-    declared = names_of([*of_library(), *of_extra("workflow")])
+    declared = names_of([*of_library(), *of_extra("workflow"), *of_extra("cluster")])
     assert {name: place for name, place in found.items() if name not in declared} == {}
 
 
