@@ -24,11 +24,11 @@ from nearharmonic.integrators import integrators
 from nearharmonic.integrators.collocation import Collocation, gauss
 from nearharmonic.integrators.composition import Composition
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.theory.linear_stability import stability_limit
-from nearharmonic.theory.order import harmonic_order, nystrom_order_of, order_of
 from nearharmonic.output.page import pipes
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
+from nearharmonic.theory.linear_stability import stability_limit
+from nearharmonic.theory.order import harmonic_order, nystrom_order_of, order_of
 
 ROOT = Path(__file__).parents[2]
 #: Folder of the generated pages, relative to that of the configuration; git ignores it.

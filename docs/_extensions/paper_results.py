@@ -16,9 +16,7 @@ from nearharmonic.output.table import Table, in_markdown
 from nearharmonic_paper.claims.summary import in_words
 from nearharmonic_paper.experiments.paper.tableaus import paper_tables
 from nearharmonic_paper.report.page import WORST_FIRST, figure_6_alive
-from nearharmonic_paper.report.shown import ShownFigure
-from nearharmonic_paper.report.shown import Places
-from nearharmonic_paper.report.shown import ShownTable
+from nearharmonic_paper.report.shown import Places, ShownFigure, ShownTable
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx

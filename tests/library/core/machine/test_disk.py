@@ -20,8 +20,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.core.layout import Signature, floats
-from nearharmonic.core.machine import disk, native
-from nearharmonic.core.machine import link
+from nearharmonic.core.machine import disk, link, native
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import CompiledCodeError

@@ -18,8 +18,7 @@ from nearharmonic.core.formulas import expression as size
 from nearharmonic.core.formulas.emission import fingerprint
 from nearharmonic.core.formulas.number import FUNCTIONS
 from nearharmonic.core.formulas.tracing import Rules
-from nearharmonic.core.machine import native
-from nearharmonic.core.machine import link
+from nearharmonic.core.machine import link, native
 from nearharmonic.core.machine.disk import cache_folder
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.kernels import kernel_of, physics_of
