@@ -22,8 +22,6 @@ rule displaced:
     resources:
         compiler=1,
     params:
-        task=task(
-            "nearharmonic_paper.experiments.paper.orbits:displaced", integrator="babs7o7h", iterations=100_000
-        ),
+        task=task("nearharmonic_paper.experiments.paper.orbits:displaced", integrator="babs7o7h", iterations=100_000),
     script:
         "../scripts/task.py"

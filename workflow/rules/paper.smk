@@ -36,7 +36,9 @@ rule compile:
         compiler=1,  # the profile allows one: half of the first system's kernel is common to all systems
     params:
         task=lambda wildcards: task(
-            "nearharmonic.engine.trajectory:warm_up", system=wildcards.system, precisions=SWEEPS[wildcards.system].precision
+            "nearharmonic.engine.trajectory:warm_up",
+            system=wildcards.system,
+            precisions=SWEEPS[wildcards.system].precision,
         ),
     script:
         "../scripts/task.py"
@@ -89,7 +91,9 @@ rule reduce:
         system="|".join(SWEEPS),  # other cubes have rules of their own
     params:
         task=lambda wildcards: task(
-            "nearharmonic_paper.experiments.paper.reduce:reduce", sweep=SWEEPS[wildcards.system], integrators=CONFIG.methods
+            "nearharmonic_paper.experiments.paper.reduce:reduce",
+            sweep=SWEEPS[wildcards.system],
+            integrators=CONFIG.methods,
         ),
     script:
         "../scripts/task.py"
@@ -114,9 +118,7 @@ rule skipped:
     log:
         LOG("tables/skipped"),
     params:
-        task=task(
-            "nearharmonic_paper.experiments.paper.plan:table", sweeps=CONFIG.sweeps, integrators=CONFIG.methods
-        ),
+        task=task("nearharmonic_paper.experiments.paper.plan:table", sweeps=CONFIG.sweeps, integrators=CONFIG.methods),
     script:
         "../scripts/task.py"
 

@@ -7,7 +7,9 @@ TWO_STEPS["kinetic_energy"] = {
     "results": {"cube": CUBE("kinetic_energy"), "table": TABLE("kinetic_energy")},
     "logs": ("stability/kinetic_energy_run", "stability/kinetic_energy"),
     "measure": task("nearharmonic_paper.experiments.stability.run:kinetic_energy_measure", integrators=CONFIG.methods),
-    "reduce": task("nearharmonic_paper.experiments.stability.kinetic_energy_reductions:reduce", integrators=CONFIG.methods),
+    "reduce": task(
+        "nearharmonic_paper.experiments.stability.kinetic_energy_reductions:reduce", integrators=CONFIG.methods
+    ),
 }
 
 
