@@ -22,7 +22,7 @@ from support.methods.numba_potentials import walled
 #: In another order and with other counters, behind a loop that numba did not optimise.
 ELSEWHERE = """
 from nearharmonic.core.layout import BEGIN
-from nearharmonic.core.machine.native import loops
+from nearharmonic.core.machine.link import loops
 loops(lambda rows: None, BEGIN)
 import nearharmonic as nh
 from support.methods import numba_potentials
