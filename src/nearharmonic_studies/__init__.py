@@ -1,1 +1,1 @@
-"""What goes beyond the paper: each study is a folder that can be deleted."""
+"""Studies beyond the paper: each is a folder that can be deleted."""

@@ -141,10 +141,12 @@ def test_adding_a_reduction_integrates_nothing(finished):
     assert jobs == {"reduce": 3, **shown, "all": 1}
 
 
+@pytest.mark.slow
 def test_a_comment_runs_nothing(drawn):
     assert jobs_after_edit(drawn, "nearharmonic/systems/henon_heiles.py", "# a comment\n", "fig3", *TINY) == {}
 
 
+@pytest.mark.slow
 def test_an_edit_of_coefficients_runs_their_method_and_nothing_else(drawn):
     swapped = 'TABLEAUS = tuple(tableau.role("kick") for tableau in TABLEAUS)\n'
     jobs = jobs_after_edit(

@@ -26,7 +26,7 @@ rule stability_compile:
     resources:
         compiler=1,  # as in the rule compile
     params:
-        task=lambda wildcards: task(f"nearharmonic_paper.experiments.stability.run:{wildcards.ensemble}_warm_up"),
+        task=lambda wildcards: task("nearharmonic_paper.experiments.stability.run:warm_up", ensemble=wildcards.ensemble),
     script:
         "../scripts/task.py"
 

@@ -1,16 +1,6 @@
 """Arguments of compiled functions and layout of the arrays of a kernel, for callers and for compiled code.
 
 An :class:`Argument` is a number or an array. A :class:`Signature` holds the arguments and the result of a function.
-
-Coefficients of a collocation method as pairs of doubles, in the form in which rounded numbers stay symplectic.
-
-With the increments L_j = h b_j f(Q_j) of the momentum, the stages of q'' = a(f(q)) are Q_i = q + h (c_i v + sum_j
-alpha_ij a(L_j)), and the step is p += sum_j L_j, q += h (v + sum_j (1 - c_j) a(L_j)). It is symplectic for any weights
-b_j if alpha_ij - alpha_ji = c_i - c_j. For a kinetic energy that is not quadratic, P_i = p + sum_j mu_ij L_j and Q_i =
-q + sum_j mu_ij M_j with M_j = h b_j v(P_j), which is symplectic if mu_ij + mu_ji = 1. Both hold exactly for the numbers
-of a :class:`StageTable`: Antonana, Makazaga & Murua (2017), arXiv:1702.03354, and for second order arXiv:2511.03655.
-
-Forms of compiled loops: systems of one form share the loops, for all numbers of coordinates and lanes.
 """
 
 from __future__ import annotations
@@ -262,6 +252,15 @@ def aligned_zeros(count: int) -> NDArray[np.float64]:
     return room[skip : skip + count]
 
 
+# --- Coefficients of a collocation method as pairs of doubles, in the form in which rounded numbers stay symplectic.
+#
+# With the increments L_j = h b_j f(Q_j) of the momentum, the stages of q'' = a(f(q)) are Q_i = q + h (c_i v + sum_j
+# alpha_ij a(L_j)), and the step is p += sum_j L_j, q += h (v + sum_j (1 - c_j) a(L_j)). It is symplectic for any
+# weights b_j if alpha_ij - alpha_ji = c_i - c_j. For a kinetic energy that is not quadratic, P_i = p + sum_j mu_ij
+# L_j and Q_i = q + sum_j mu_ij M_j with M_j = h b_j v(P_j), which is symplectic if mu_ij + mu_ji = 1. Both hold
+# exactly for the numbers of a :class:`StageTable`: Antonana, Makazaga & Murua (2017), arXiv:1702.03354, and for
+# second order arXiv:2511.03655.
+
 #: A double and the digits below it.
 Number = tuple[float, float]
 Vector = tuple[Number, ...]
@@ -283,6 +282,7 @@ class StageTable:
         return len(self.nodes)
 
 
+# --- Forms of compiled loops: systems of one form share the loops, for all numbers of coordinates and lanes.
 @dataclass(frozen=True, kw_only=True)
 class Form:
     """Arithmetic and order of a step."""

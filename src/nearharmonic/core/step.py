@@ -1,32 +1,4 @@
-"""The definition of a step.
-
-A step is a sequence of kicks p -= k dV/dq and drifts q += e dT/dp. A kick and the next drift are one *move*, from the
-force at a position to the next position. If T is quadratic, with dT/dp = v(p) and the acceleration a(f) by a force f,
-the new position is (q + e v(p)) + (e k) a(f). The sum in brackets is ready before the force, so that only one operation
-follows the force. This shortens the chain of operations that bounds the time of one trajectory. The product e k is
-rounded once, and differs from the product of the rounded e and k. This rounding would break symplecticity and make the
-energy drift, so the difference, ``rest``, is added one move later. The chain does not bound the time of double-double
-operations. For these, and for T that is not quadratic, the momentum is computed first.
-
-A state is (q, q_low, p, p_low, late): positions and momenta, their low parts (carries of compensated sums, low halves
-of double-doubles), and the rest that the next move adds. All are points (:mod:`nearharmonic.core.machine.reals`).
-Coefficients of kicks carry the minus sign of dp/dt = -dV/dq.
-
-The functions at the end of this module return a ``move(state, row, force, parameters)`` for the formulas of a system:
-``row`` holds the coefficients of the move, and ``force`` is the force at the position of the state.
-
-The move of a system with an exactly solved oscillator: a kick by the rest of V, then a rotation.
-
-A coordinate of frequency w rotates by an angle x in its phase plane. A rotation is three shears: with T = w tan(x/2)
-and S = sin(x)/w, p -= T q, q += S p, p -= T q. The last shear of one move, the kick, and the first shear of the next
-move are at the same position. Together they are one kick k f + b q with b = -(T + T'). The move is therefore a kick and
-a drift again, with a force that has a linear part. Rounded coefficients give a slightly different map. It still
-consists of shears and is symplectic, so the energy does not drift. The new position is (q + S p + S b q) + (S k) f, as
-in :mod:`nearharmonic.core.step`. The rounding errors of S k and S b are added one move later.
-
-Between moves the momentum lacks the shear that is part of the next kick. The first move of a run and the output state
-at the end of a step have a separate shear.
-"""
+"""The definition of a step, and the rotation of an oscillator that is solved exactly."""
 
 from __future__ import annotations
 
@@ -35,6 +7,24 @@ from typing import Any
 from nearharmonic.core.arithmetic import dd_add, dd_mul, fma
 from nearharmonic.core.layout import TURNS, Form
 from nearharmonic.core.machine.reals import POINT, compiled, linked, load_real
+
+# --- The definition of a step.
+#
+# A step is a sequence of kicks p -= k dV/dq and drifts q += e dT/dp. A kick and the next drift are one *move*, from
+# the force at a position to the next position. If T is quadratic, with dT/dp = v(p) and the acceleration a(f) by a
+# force f, the new position is (q + e v(p)) + (e k) a(f). The sum in brackets is ready before the force, so that only
+# one operation follows the force. This shortens the chain of operations that bounds the time of one trajectory. The
+# product e k is rounded once, and differs from the product of the rounded e and k. This rounding would break
+# symplecticity and make the energy drift, so the difference, ``rest``, is added one move later. The chain does not
+# bound the time of double-double operations. For these, and for T that is not quadratic, the momentum is computed
+# first.
+#
+# A state is (q, q_low, p, p_low, late): positions and momenta, their low parts (carries of compensated sums, low halves
+# of double-doubles), and the rest that the next move adds. All are points (:mod:`nearharmonic.core.machine.reals`).
+# Coefficients of kicks carry the minus sign of dp/dt = -dV/dq.
+#
+# The functions at the end of this module return a ``move(state, row, force, parameters)`` for the formulas of a system:
+# ``row`` holds the coefficients of the move, and ``force`` is the force at the position of the state.
 
 #: A compiled function.
 Move = Any
@@ -126,6 +116,20 @@ def modified(form: Form, move: Move) -> Move:
         return move(state, (1.0, drift, drift, 0.0) if ahead else (1.0, drift), fma(m, g, kick * f), parameters)
 
     return modified_move
+
+
+# --- The move of a system with an exactly solved oscillator: a kick by the rest of V, then a rotation.
+#
+# A coordinate of frequency w rotates by an angle x in its phase plane. A rotation is three shears: with T = w
+# tan(x/2) and S = sin(x)/w, p -= T q, q += S p, p -= T q. The last shear of one move, the kick, and the first shear
+# of the next move are at the same position. Together they are one kick k f + b q with b = -(T + T'). The move is
+# therefore a kick and a drift again, with a force that has a linear part. Rounded coefficients give a slightly
+# different map. It still consists of shears and is symplectic, so the energy does not drift. The new position is (q +
+# S p + S b q) + (S k) f, as in :mod:`nearharmonic.core.step`. The rounding errors of S k and S b are added one move
+# later.
+#
+# Between moves the momentum lacks the shear that is part of the next kick. The first move of a run and the output state
+# at the end of a step have a separate shear.
 
 
 @compiled

@@ -1,29 +1,4 @@
-"""Products of exact coefficients and powers of a run-time step size, each rounded once.
-
-A coefficient is a rational number, stored as a sum of doubles of decreasing size. Its product with a power of tau is
-computed in double-double. If the error of this product leaves two candidates for the nearest double, an exact sum of
-all doubles decides. This is not rare: 7 tau / 24 is half-way between two doubles for many tau, and for a coefficient
-with 76 decimals in place of 7/24 the product is very near to half-way.
-
-The module is separate from :mod:`nearharmonic.core.stepper` because these functions do not depend on a system and
-are compiled once.
-
-Cache of the moves of recent step sizes, shared by threads without locks.
-
-The multiplication of coefficients by tau takes longer than a step of leapfrog, and most steps have the same tau as the
-previous step. Each of SLOTS slots holds the moves of one tau and a counter. A thread adds 1 to the counter before it
-writes and 1 after. A reader copies the moves, and uses them if the counter was even and has not changed: a sequence
-lock (Boehm 2012, doi:10.1145/2247684.2247688). Otherwise the reader computes the moves.
-
-Functions of numba that advance arrays by one step, for use inside other functions of numba.
-
-They call the machine code of kernels by its address. They use the stack or memory of their own, so that threads may
-call them concurrently. The module is separate because it imports numba, which takes longer to load than most runs take.
-
-A single step on arrays of the caller, without energy or samples.
-
-It makes the moves of :mod:`nearharmonic.core.loops.advance`, and is bitwise identical to a run of one step.
-"""
+"""Steps inside compiled functions of users: moves of a step size, their cache, and calls by address."""
 
 from __future__ import annotations
 
@@ -71,6 +46,16 @@ from nearharmonic.core.machine.reals import (
 )
 from nearharmonic.core.points import motion, row_loader
 from nearharmonic.errors import bad_setting
+
+# --- Products of exact coefficients and powers of a run-time step size, each rounded once.
+#
+# A coefficient is a rational number, stored as a sum of doubles of decreasing size. Its product with a power of tau is
+# computed in double-double. If the error of this product leaves two candidates for the nearest double, an exact sum of
+# all doubles decides. This is not rare: 7 tau / 24 is half-way between two doubles for many tau, and for a coefficient
+# with 76 decimals in place of 7/24 the product is very near to half-way.
+#
+# The module is separate from :mod:`nearharmonic.core.stepper` because these functions do not depend on a system and
+# are compiled once.
 
 #: Smallest number of bits that a double of a sum adds.
 BITS = 53
@@ -214,6 +199,13 @@ def fill_all(table: Floats, flags: Floats, n: int, taus: Floats, moves: Floats) 
         fill(table, flags, n, taus[i], moves[i])
 
 
+# --- Cache of the moves of recent step sizes, shared by threads without locks.
+#
+# The multiplication of coefficients by tau takes longer than a step of leapfrog, and most steps have the same tau as
+# the previous step. Each of SLOTS slots holds the moves of one tau and a counter. A thread adds 1 to the counter
+# before it writes and 1 after. A reader copies the moves, and uses them if the counter was even and has not changed:
+# a sequence lock (Boehm 2012, doi:10.1145/2247684.2247688). Otherwise the reader computes the moves.
+
 #: Number of slots, a power of two: threads with different step sizes seldom share a slot.
 SLOTS_BITS = 6
 SLOTS = 1 << SLOTS_BITS
@@ -303,6 +295,12 @@ def recall(slots: Floats, table: Floats, flags: Floats, n: int, tau: float, move
             slot[at + HEAD + i] = moves[i]
         _written(slots, at, counter + 2)
 
+
+# --- Functions of numba that advance arrays by one step, for use inside other functions of numba.
+#
+# They call the machine code of kernels by its address. They use the stack or memory of their own, so that threads may
+# call them concurrently. The module is separate because it imports numba, which takes longer to load than most runs
+# take.
 
 #: What a step takes beside the step size.
 ARRAY = "writable, C-contiguous array of float64 with one dimension"
@@ -518,6 +516,10 @@ def _fixed(address: int, kind: Any) -> Any:
 
     return place
 
+
+# --- A single step on arrays of the caller, without energy or samples.
+#
+# It makes the moves of :mod:`nearharmonic.core.loops.advance`, and is bitwise identical to a run of one step.
 
 _columns = linked_number("columns")
 

@@ -1,7 +1,4 @@
-"""Many runs of one system and one tableau through the compiled kernel: exact settings in, numpy arrays out.
-
-Runs of regularised systems: equal steps of a fictitious time, samples that land on physical times.
-"""
+"""Many runs of one system and one tableau through the compiled kernel: exact settings in, numpy arrays out."""
 
 from __future__ import annotations
 
@@ -42,6 +39,7 @@ if TYPE_CHECKING:
     from nearharmonic.core.machine.native import PreparedCall
 
 
+# --- Runs of regularised systems: equal steps of a fictitious time, samples that land on physical times.
 @remembered
 def landing_of(system: System, numerics: Numerics, stages: int = 0) -> Callable[..., PreparedCall]:
     """Return a function that prepares calls of the compiled runs of ``system``, cached on disk.

@@ -1,7 +1,4 @@
-"""Trajectories as described variables and Datasets: names, units, observables and invariants.
-
-States at times that the caller chooses: those between two steps by one shorter step from the step before.
-"""
+"""Trajectories as described variables and Datasets: names, units, observables, invariants; states at chosen times."""
 
 from __future__ import annotations
 
@@ -27,6 +24,8 @@ from nearharmonic.output.dataset import Variable, Variables, assembled, describe
 if TYPE_CHECKING:
     import xarray as xr
 
+
+# --- Trajectories as described variables and Datasets: names, units, observables and invariants.
 
 #: Extent of a block of steps.
 SINCE = "since the previous sample"
@@ -296,6 +295,7 @@ def sampled(problem: Setup, steps: Sequence[int], samples: int) -> Variables:
     return {**leading, **block_variables(problem, paths), **path, **counts, "tau": step_used(problem, paths.steps)}
 
 
+# --- States at times that the caller chooses: those between two steps by one shorter step from the step before.
 def checked_times(t: object, problem: Setup) -> list[Fraction]:
     """Return output times exactly, sorted from 0 towards the end of the interval, which may be negative.
 

@@ -1,9 +1,4 @@
-"""Interrupt handling and progress bars for long kernel calls.
-
-Results of a batch of runs as named arrays: states, energy errors, divergence flags.
-
-A queue of runs with their arrays, ready to run.
-"""
+"""Execution of a queue of runs: interrupts, bars of progress, and results as named arrays."""
 
 from __future__ import annotations
 
@@ -24,6 +19,8 @@ from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Bools, Floats, Integers
 from nearharmonic.systems.system import System
+
+# --- Interrupt handling and progress bars for long kernel calls.
 
 #: Product of steps, stages and the cost of a force below which a call takes less than about 20 ms and is not watched.
 SHORT = 5_000_000
@@ -140,6 +137,8 @@ class _Progress:
             self._bar = tqdm(total=self._steps, unit=" steps", unit_scale=True, leave=False)
         self._bar.update(done - self._bar.n)
 
+
+# --- Results of a batch of runs as named arrays: states, energy errors, divergence flags.
 
 #: Samples at which the energy of a processed method is measured if its errors alone are wanted.
 SAMPLES_OF_PROCESSED = 1000
@@ -341,6 +340,7 @@ def surface_limit(system: System, scale: float) -> float:
     return inf if system.time_dependent and scale == system.typical_energy else system.surface_limit
 
 
+# --- A queue of runs with their arrays, ready to run.
 @dataclass(frozen=True, kw_only=True)
 class Batch:
     """A queue of R runs with their arrays, which may be filled anew and run again.

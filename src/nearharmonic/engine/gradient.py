@@ -1,7 +1,4 @@
-"""Gradients of observables at the end of a run, by the tangent map of the run backwards.
-
-Observables as expressions of states and parameters, for their derivatives.
-"""
+"""Gradients of observables at the end of a run, by the tangent map of the run backwards."""
 
 from __future__ import annotations
 
@@ -43,6 +40,8 @@ from nearharmonic.systems.system import System
 if TYPE_CHECKING:
     import xarray as xr
 
+
+# --- Observables as expressions of states and parameters, for their derivatives.
 
 #: Digits of the derivatives of an observable in extended precision, more than the 32 of its numbers.
 DIGITS = 50

@@ -1,9 +1,4 @@
-"""Kernels of systems: description of a system for the compiler, and compiled code for one choice of arithmetic.
-
-Runs of systems whose V is a function of numba: settings that they refuse, and the floor of their energy errors.
-
-Number of SIMD lanes; it affects the speed, not the results.
-"""
+"""Kernels of systems: description of a system for the compiler, and compiled code for one choice of arithmetic."""
 
 from __future__ import annotations
 
@@ -28,6 +23,8 @@ from nearharmonic.systems.system import System
 if TYPE_CHECKING:
     from nearharmonic.core.loops.kernel import Kernel
 
+
+# --- Runs of systems whose V is a function of numba: settings that they refuse, and the floor of their energy errors.
 
 #: An energy error of at most so many times the floor is near it.
 NEAR_FLOOR = 10.0
@@ -154,6 +151,8 @@ def physics_of(system: System, numerics: Numerics = STANDARD, *, modified: bool 
     )
 
 
+# --- Number of SIMD lanes; it affects the speed, not the results.
+
 #: Registers of AVX-512, of which a state may fill half; the other half is for the force.
 REGISTERS = 32
 #: Time of a step with one, two and four registers of lanes, over that of a step of a single run. One run and one
@@ -162,7 +161,7 @@ REGISTERS = 32
 TIMES = {1: 1.0, WIDTH: 1.2, 2 * WIDTH: 2.0, 4 * WIDTH: 3.6}
 #: Members of an ensemble that an implicit method solves together, beside its stages. One is bound by a chain of
 #: operations; four took 0.75 to 0.9 of its time a member, eight 1.1 to 1.2, on a processor with AVX2.
-LANES_MEMBERS = 4
+MEMBERS_TOGETHER = 4
 
 
 def most_lanes_of(system: System, numerics: Numerics, step: Composition) -> int:
@@ -170,7 +169,7 @@ def most_lanes_of(system: System, numerics: Numerics, step: Composition) -> int:
     if numba_potential(system) is not None:
         return 1
     if step.implicit:
-        return 1 if numerics.precision == "extended" else LANES_MEMBERS
+        return 1 if numerics.precision == "extended" else MEMBERS_TOGETHER
     d = system.formulas().dimension
     return most_lanes(d, compensated=numerics.compensated, extended=numerics.precision == "extended")
 

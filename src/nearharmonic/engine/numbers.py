@@ -1,17 +1,4 @@
-"""Coefficients of the moves of a kernel that solves an oscillator exactly, from exact numbers.
-
-Numbers and arrays of numbers as callers give them: the one place in which they are read.
-
-Decimal strings, fractions and numbers of any precision are exact: a double and the digits below it. Floats mean their
-binary value. What is no number of the system's units is refused: truth values, complex numbers, differences of times,
-masked entries, and numbers that bring a unit of their own.
-
-Coefficients of a collocation method with oscillators inside its equations, for a step size.
-
-Kernel arguments in doubles, from exact numbers: coefficients times step sizes, initial states, parameters.
-
-Initial values and parameters that a caller gives in place of a system's own, as the rows that a kernel takes.
-"""
+"""Numbers of callers and arguments of kernels: arrays, initial values, and coefficients of moves, each rounded once."""
 
 from __future__ import annotations
 
@@ -51,6 +38,8 @@ from nearharmonic.systems.gradients import frequencies_of, frequency_parameters
 from nearharmonic.systems.quantities import is_list
 from nearharmonic.systems.remembered import remembered
 from nearharmonic.systems.system import System
+
+# --- Coefficients of the moves of a kernel that solves an oscillator exactly, from exact numbers.
 
 #: Bits of sines and cosines: twice the bits of a double-double.
 BITS = 212
@@ -141,6 +130,12 @@ def pair_of(x: Fraction) -> tuple[float, float]:
     """Return the double nearest to x, and the digits below it."""
     return rounded_pair(*x.as_integer_ratio())
 
+
+# --- Numbers and arrays of numbers as callers give them: the one place in which they are read.
+#
+# Decimal strings, fractions and numbers of any precision are exact: a double and the digits below it. Floats mean their
+# binary value. What is no number of the system's units is refused: truth values, complex numbers, differences of times,
+# masked entries, and numbers that bring a unit of their own.
 
 #: Description of a valid number in errors.
 NUMBER = "a finite number in the system's units: a float, or an exact decimal string or fraction"
@@ -266,6 +261,7 @@ def _pairs_of(key: str, array: Any) -> Floats:
     return pairs
 
 
+# --- Coefficients of a collocation method with oscillators inside its equations, for a step size.
 @lru_cache(maxsize=1024)
 def equations(stages: int, tau: Fraction, frequencies: tuple[Fraction, ...]) -> Floats:
     """Return the moves (3, columns) of a method of s stages, as :func:`collocation_columns` has them.
@@ -309,6 +305,7 @@ def _solved(matrix: Floats, known: Floats) -> Floats:
     return rows[:, size:]
 
 
+# --- Kernel arguments in doubles, from exact numbers: coefficients times step sizes, initial states, parameters.
 def start_row(q: Sequence[Fraction], p: Sequence[Fraction], *, plain: bool = False) -> Floats:
     """Return one start (4 d,) as the kernel takes it: q, the digits below q, p, the digits below p.
 
@@ -430,6 +427,7 @@ def exact_products(step: Composition) -> list[tuple[tuple[int, int], ...]]:
     return [tuple(c.as_integer_ratio() for c in (k, e, k * e)) for k, e, _ in step.moves()]
 
 
+# --- Initial values and parameters that a caller gives in place of a system's own, as the rows that a kernel takes.
 @remembered
 def standard_start(system: System, plain: bool) -> Floats:
     """Return the initial values (4 d,) of ``system`` as :func:`start_array` does; not to be changed."""

@@ -1,10 +1,4 @@
-"""Validation of run settings before any job runs; functions and configs share it.
-
-A function returns a value that is allowed. Anything else raises a SettingError with the key, the value, what is allowed
-and the nearest match.
-
-Grids of step sizes, numbers of steps, and methods that fit a system.
-"""
+"""Validation of run settings before any job runs, and grids of step sizes; functions and configs share it."""
 
 from __future__ import annotations
 
@@ -26,6 +20,11 @@ from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau
 from nearharmonic.numerics.portable import Floats, Integers, decades
 from nearharmonic.numerics.written import ALL_DIGITS, decimal, decimal_of, is_integer, is_real
 from nearharmonic.systems.system import System
+
+# --- Validation of run settings before any job runs; functions and configs share it.
+#
+# A function returns a value that is allowed. Anything else raises a SettingError with the key, the value, what is
+# allowed and the nearest match.
 
 #: Steps of one run: at 3 ns a stage, half a minute for ten stages. More is a slip of the decimal point.
 MOST_STEPS = 10**9
@@ -215,6 +214,7 @@ class Sweep(SharedSettings):
     shards: int
 
 
+# --- Grids of step sizes, numbers of steps, and methods that fit a system.
 def grid_points(lowest: float, highest: float, points_per_decade: float) -> int:
     """Return the number of step sizes of :func:`tau_grid`, 0 if ``highest`` is below ``lowest``."""
     # The slack admits a highest that is itself written with few digits, such as 158.489 for 10^2.2.

@@ -1,10 +1,4 @@
-"""Validated description of runs: a system, a method, and how to integrate.
-
-Start of a run: values that the caller gives, or the end of an earlier result.
-
-A result keeps ``running``, the state of the last force, from which a continuation has the bits of one long run. It is
-used only if the last sample is as the run left it, which a digest in the attribute ``end`` tells.
-"""
+"""Validated description of runs: a system, a method, how to integrate, and where a run starts."""
 
 from __future__ import annotations
 
@@ -63,6 +57,8 @@ from nearharmonic.systems.system import System
 if TYPE_CHECKING:
     import xarray as xr
 
+
+# --- Validated description of runs: a system, a method, and how to integrate.
 
 #: Relative difference between the steps that are asked for and that run, from which on a user is warned.
 WARNED = 0.01
@@ -250,6 +246,11 @@ def checked_scale(value: object) -> float:
         raise bad_setting("energy_scale", value, "a finite number above 0, in the unit of energy")
     return scale
 
+
+# --- Start of a run: values that the caller gives, or the end of an earlier result.
+#
+# A result keeps ``running``, the state of the last force, from which a continuation has the bits of one long run. It is
+# used only if the last sample is as the run left it, which a digest in the attribute ``end`` tells.
 
 #: Variables of a result that a continuation needs.
 CONTINUED = ("q", "p", "t", "status", "diverged_at", "initial_energy", "initial_energy_low")

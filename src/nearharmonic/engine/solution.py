@@ -1,7 +1,4 @@
-"""Result of one run of a prepared problem: lightweight; derived values are computed lazily.
-
-Runs of one method on one system, prepared once for many calls.
-"""
+"""Prepared problems, and the lightweight result of one run."""
 
 from __future__ import annotations
 
@@ -25,6 +22,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+# --- Result of one run of a prepared problem: lightweight; derived values are computed lazily.
 @dataclass(frozen=True, slots=True)
 class StepSize:
     """A step size as used and as asked for, with its marks and moves."""
@@ -143,6 +141,8 @@ class Solution:
         begin = self._begin or start_of(self.problem)
         return trajectory_dataset(self.problem, self.trajectories, begin=begin, asked=self.tau_requested)
 
+
+# --- Runs of one method on one system, prepared once for many calls.
 
 #: Step sizes whose coefficients a problem keeps: half a kilobyte each.
 MOST_STEP_SIZES = 4096

@@ -1,7 +1,4 @@
-"""Deviations from orbits: Lyapunov exponents and other indicators of chaos, from the derivative of the discrete map.
-
-Results of deviations as described variables and Datasets.
-"""
+"""Deviations from orbits: Lyapunov exponents and other indicators of chaos, from the derivative of the discrete map."""
 
 from __future__ import annotations
 
@@ -43,6 +40,7 @@ if TYPE_CHECKING:
     from nearharmonic.engine.variation import Deviations, Evolution
 
 
+# --- Results of deviations as described variables and Datasets.
 def deviations_dataset(
     problem: Setup, runs: Deviations, found: Evolution, *, only_end: bool, several: bool, asked_tau: float
 ) -> xr.Dataset:

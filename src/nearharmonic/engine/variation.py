@@ -1,26 +1,4 @@
-"""Systems whose runs are derivatives of runs of another system.
-
-The derivative of a splitting step is the same step applied to a separable Hamiltonian of twice as many coordinates, K =
-grad T(p).w + grad V(q).u, with coordinates (q, u) and momenta (w, p): q and p follow the orbit, u and w are the exact
-derivative of the discrete map times the initial deviation. Deviations therefore use the kernels of ordinary systems.
-Poisson brackets commute with this extension, so that kicks of a modified potential have the same property.
-
-Frames of deviations: orthonormal bases that follow a tangent map, and the indicators of chaos that they give.
-
-Deviations of a chaotic orbit turn into one direction, and their differences would be lost in rounding errors. A frame
-keeps an orthonormal basis Q instead and the triangular factors R of each part of a run (Benettin, Galgani, Giorgilli &
-Strelcyn 1980, Meccanica 15, 9 and 21). The deviations themselves are Q C, with C the product of the factors and its
-columns scaled to length 1, so that their volumes are products of diagonal entries, without cancellation.
-
-Evolution of orbits with their deviations: short parts of a run, after each of which the deviations are rescaled.
-
-Derivatives of an observable with respect to the coefficients of a tableau.
-
-Along the run backwards u = -lambda_p and w = lambda_q are the derivatives of the observable at the end with respect to
-the state of each operator. A kick by c tau adds -c tau grad V(q) to p; the derivative with respect to c is therefore
-tau u.grad V(q), which is tau times the potential of the sensitive system. For a drift it is tau times its kinetic
-energy. All steps are reversed at once, from the states at their ends.
-"""
+"""Derivatives of runs: linearised systems, frames of deviations, and their evolution."""
 
 from __future__ import annotations
 
@@ -48,6 +26,13 @@ from nearharmonic.systems.energy import MassKineticEnergy, takes_parameters
 from nearharmonic.systems.quantities import Vector
 from nearharmonic.systems.remembered import remembered
 from nearharmonic.systems.system import System
+
+# --- Systems whose runs are derivatives of runs of another system.
+#
+# The derivative of a splitting step is the same step applied to a separable Hamiltonian of twice as many coordinates,
+# K = grad T(p).w + grad V(q).u, with coordinates (q, u) and momenta (w, p): q and p follow the orbit, u and w are the
+# exact derivative of the discrete map times the initial deviation. Deviations therefore use the kernels of ordinary
+# systems. Poisson brackets commute with this extension, so that kicks of a modified potential have the same property.
 
 
 @remembered
@@ -123,6 +108,14 @@ def _product(one: Vector, other: Vector) -> Any:
     terms = [a * b for a, b in zip(one, other, strict=True)]
     return sum(terms[1:], terms[0])
 
+
+# --- Frames of deviations: orthonormal bases that follow a tangent map, and the indicators of chaos that they give.
+#
+# Deviations of a chaotic orbit turn into one direction, and their differences would be lost in rounding errors. A
+# frame keeps an orthonormal basis Q instead and the triangular factors R of each part of a run (Benettin, Galgani,
+# Giorgilli & Strelcyn 1980, Meccanica 15, 9 and 21). The deviations themselves are Q C, with C the product of the
+# factors and its columns scaled to length 1, so that their volumes are products of diagonal entries, without
+# cancellation.
 
 #: Smallest part of a deviation of length 1 that is perpendicular to those before it.
 INDEPENDENT = 1e-10
@@ -234,6 +227,8 @@ def _lengths(vectors: Floats) -> Floats:
     found: Floats = np.sqrt((vectors * vectors).sum(axis=0))
     return found
 
+
+# --- Evolution of orbits with their deviations: short parts of a run, after each of which the deviations are rescaled.
 
 #: Most steps between two rescalings. Methods take some ten steps a period, so that a deviation grows by few powers of
 #: ten between them, of the hundreds that a double has, and the vectors of a frame remain apart.
@@ -497,6 +492,13 @@ class _Megno:
         self._last = 2 * (length - integral)
         self.at_bounds[0] = length
 
+
+# --- Derivatives of an observable with respect to the coefficients of a tableau.
+#
+# Along the run backwards u = -lambda_p and w = lambda_q are the derivatives of the observable at the end with respect
+# to the state of each operator. A kick by c tau adds -c tau grad V(q) to p; the derivative with respect to c is
+# therefore tau u.grad V(q), which is tau times the potential of the sensitive system. For a drift it is tau times its
+# kinetic energy. All steps are reversed at once, from the states at their ends.
 
 #: Maximum number of numbers of the states at all steps, 1 GB.
 MOST_NUMBERS = 125_000_000

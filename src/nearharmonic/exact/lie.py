@@ -1,30 +1,4 @@
-"""Coefficients of a logarithm as linear functions of the coefficients of a step.
-
-A step S is a product of exponentials of Lie elements. Then the product of its coefficients on two words is the sum of
-its coefficients on all shuffles of the words (Ree 1958, Ann. Math. 68, 210; Reutenauer 1993, Free Lie Algebras, Theorem
-3.2). Each power of S - 1 in log S = (S - 1) - (S - 1)^2 / 2 + ... has products of coefficients, which become sums.
-
-Brackets of A and B as Hamiltonians: combinations of trees, of which some vanish if V is a polynomial.
-
-For T = p.p/2 every bracket of T and V is a sum of contractions of derivatives of V and of momenta. A contraction is a
-free tree: a vertex is a derivative of V, an edge contracts two of them, and a vertex has a number of momenta. The order
-of the derivative is the number of its edges and momenta. {V, T} is the vertex with one momentum, {V, {V, T}} two
-vertices with an edge. Different trees are linearly independent functions of q and p for general V: these Hamiltonians
-are the Lie algebra of classical mechanics, McLachlan & Murua (2019), J. Comput. Dyn. 6, 345,
-doi:10.3934/jcd.2019017. A tree vanishes for every V of degree k if it has a derivative of higher order than k, and the
-others stay independent. Fewer conditions for cubic and quartic V: Escorihuela-Tomas (2026), arXiv:2605.06975.
-
-Order conditions as linear conditions on the logarithm of a step, in the free Lie algebra and in a quotient of it.
-
-The logarithm of a product of exponentials is a Lie series. In degree n it has one coordinate for each Lyndon word of n
-letters (A < B), in the *Lyndon basis*. The basis element of a word w = uv, where v is the longest proper suffix of w
-that is a Lyndon word, is the bracket [u, v]. Reutenauer (1993), Free Lie Algebras, chapter 5.
-
-For the kinetic energy T = p.p/2 some brackets vanish for every potential: V and the modified potentials [X, [Y, T]] of
-potentials X and Y depend only on q, and therefore commute. These identities generate an ideal. The quotient by this
-ideal is the Lie algebra of classical mechanics, McLachlan & Murua (2019), J. Comput. Dyn. 6, 345,
-doi:10.3934/jcd.2019017. The one identity [B, [B, [B, A]]] = 0 generates all of it up to degree 7, but not beyond.
-"""
+"""Order conditions in the free Lie algebra: logarithms of steps, brackets as Hamiltonians, linear conditions."""
 
 from __future__ import annotations
 
@@ -38,6 +12,13 @@ from operator import mul
 from typing import NamedTuple
 
 from nearharmonic.exact.words import LETTERS
+
+# --- Coefficients of a logarithm as linear functions of the coefficients of a step.
+#
+# A step S is a product of exponentials of Lie elements. Then the product of its coefficients on two words is the sum
+# of its coefficients on all shuffles of the words (Ree 1958, Ann. Math. 68, 210; Reutenauer 1993, Free Lie Algebras,
+# Theorem 3.2). Each power of S - 1 in log S = (S - 1) - (S - 1)^2 / 2 + ... has products of coefficients, which
+# become sums.
 
 
 @cache
@@ -76,6 +57,16 @@ def _shuffles(u: str, v: str) -> Mapping[str, int]:
             found[first + rest] += count
     return found
 
+
+# --- Brackets of A and B as Hamiltonians: combinations of trees, of which some vanish if V is a polynomial.
+#
+# For T = p.p/2 every bracket of T and V is a sum of contractions of derivatives of V and of momenta. A contraction is
+# a free tree: a vertex is a derivative of V, an edge contracts two of them, and a vertex has a number of momenta. The
+# order of the derivative is the number of its edges and momenta. {V, T} is the vertex with one momentum, {V, {V, T}}
+# two vertices with an edge. Different trees are linearly independent functions of q and p for general V: these
+# Hamiltonians are the Lie algebra of classical mechanics, McLachlan & Murua (2019), J. Comput. Dyn. 6, 345,
+# doi:10.3934/jcd.2019017. A tree vanishes for every V of degree k if it has a derivative of higher order than k, and
+# the others stay independent. Fewer conditions for cubic and quartic V: Escorihuela-Tomas (2026), arXiv:2605.06975.
 
 #: A tree seen from one of its vertices: the momenta there, and the branches in ascending order.
 Tree = tuple[int, tuple["Tree", ...]]
@@ -163,6 +154,17 @@ def surviving_rows(elements: Sequence[Hamiltonian], potential_degree: int) -> It
         if highest_derivative(tree) <= potential_degree:
             yield [one.get(tree, 0) for one in elements]
 
+
+# --- Order conditions as linear conditions on the logarithm of a step, in the free Lie algebra and in a quotient of it.
+#
+# The logarithm of a product of exponentials is a Lie series. In degree n it has one coordinate for each Lyndon word
+# of n letters (A < B), in the *Lyndon basis*. The basis element of a word w = uv, where v is the longest proper
+# suffix of w that is a Lyndon word, is the bracket [u, v]. Reutenauer (1993), Free Lie Algebras, chapter 5.
+#
+# For the kinetic energy T = p.p/2 some brackets vanish for every potential: V and the modified potentials [X, [Y, T]]
+# of potentials X and Y depend only on q, and therefore commute. These identities generate an ideal. The quotient by
+# this ideal is the Lie algebra of classical mechanics, McLachlan & Murua (2019), J. Comput. Dyn. 6, 345,
+# doi:10.3934/jcd.2019017. The one identity [B, [B, [B, A]]] = 0 generates all of it up to degree 7, but not beyond.
 
 #: An element of the free Lie algebra, as coefficients of words.
 Element = dict[str, int]

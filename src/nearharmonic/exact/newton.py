@@ -1,7 +1,4 @@
-"""Newton's method in multiprecision for smooth functions.
-
-Interval proof that a box about a point contains exactly one zero (Krawczyk 1969).
-"""
+"""Newton's method in multiprecision for smooth functions, and a proof that a box contains exactly one zero."""
 
 from __future__ import annotations
 
@@ -12,6 +9,8 @@ from dataclasses import dataclass
 from mpmath import iv, lu_solve, matrix, mp, mpf
 
 from nearharmonic.exact.decimals import BigFloat, as_mpf
+
+# --- Newton's method in multiprecision for smooth functions.
 
 #: The values of a function at a point.
 Function = Callable[[Sequence[BigFloat]], Sequence[BigFloat]]
@@ -110,6 +109,7 @@ def _shortest_step(
 KRAWCZYK_GUARD = 40
 
 
+# --- Interval proof that a box about a point contains exactly one zero (Krawczyk 1969).
 @dataclass(frozen=True)
 class Proof:
     """Result of the test for exactly one zero in the box of half width ``radius``.

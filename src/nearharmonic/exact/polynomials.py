@@ -1,16 +1,4 @@
-"""Exact polynomials in one variable with integer coefficients: common divisors, Sturm's chain, and real roots.
-
-A polynomial is the list of its coefficients of x^0, x^1, ..., the last one not 0. Real roots are isolated by Descartes'
-rule of signs and bisection, and refined by the signs of exact values. Sturm's chain counts them independently.
-Polynomials are evaluated only at integers divided by a power of 2.
-
-Sources: Sturm (1829); Collins & Akritas (1976), doi:10.1145/800205.806346, for the isolation; Yun (1976),
-doi:10.1145/800205.806320, for multiple roots; Abbott (2014), doi:10.1145/2644288.2644291, for the narrowing.
-
-Sparse polynomials in several variables with rational coefficients, and power series with such coefficients.
-
-Exact linear algebra in the ring of polynomials modulo weighted conditions, one per variable.
-"""
+"""Exact polynomials in one and in several variables, and linear algebra modulo conditions."""
 
 from __future__ import annotations
 
@@ -20,6 +8,15 @@ from itertools import accumulate, pairwise
 from itertools import product as cartesian
 from math import gcd, isqrt, lcm
 from typing import NamedTuple, TypeVar
+
+# --- Exact polynomials in one variable with integer coefficients: common divisors, Sturm's chain, and real roots.
+#
+# A polynomial is the list of its coefficients of x^0, x^1, ..., the last one not 0. Real roots are isolated by
+# Descartes' rule of signs and bisection, and refined by the signs of exact values. Sturm's chain counts them
+# independently. Polynomials are evaluated only at integers divided by a power of 2.
+#
+# Sources: Sturm (1829); Collins & Akritas (1976), doi:10.1145/800205.806346, for the isolation; Yun (1976),
+# doi:10.1145/800205.806320, for multiple roots; Abbott (2014), doi:10.1145/2644288.2644291, for the narrowing.
 
 Polynomial = list[int]
 
@@ -289,6 +286,8 @@ def _without_high_zeros(row: Sequence[int]) -> Polynomial:
     return kept
 
 
+# --- Sparse polynomials in several variables with rational coefficients, and power series with such coefficients.
+
 Key = TypeVar("Key")
 #: Exponents of a monomial in y_1, ..., y_k.
 Monomial = tuple[int, ...]
@@ -348,6 +347,8 @@ def variable(i: int, variables: int) -> Multivariate:
     """y_(i+1)."""
     return {tuple(int(j == i) for j in range(variables)): Fraction(1)}
 
+
+# --- Exact linear algebra in the ring of polynomials modulo weighted conditions, one per variable.
 
 #: Nonzero entries by index.
 SparseVector = dict[int, Fraction]

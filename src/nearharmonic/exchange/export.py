@@ -13,7 +13,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from nearharmonic.exchange.method import COEFFICIENTS_DOUBLE_DIGITS as DOUBLE_DIGITS
+from nearharmonic.exchange.method import DISTINGUISHING_DIGITS as DOUBLE_DIGITS
 from nearharmonic.exchange.method import (
     Coefficients,
     as_registered,

@@ -1,11 +1,4 @@
-"""The method of another library: kicks and drifts in double precision.
-
-A step as a product of drifts and kicks, with the uncertainty of each coefficient due to its digits.
-
-The coefficients of a tableau, rounded to the digits of a file.
-
-Description of an integrator at the head of an exported program, and its names in the program.
-"""
+"""Steps of coefficients: kicks and drifts in double precision, compositions, rows for a file, names in programs."""
 
 from __future__ import annotations
 
@@ -27,6 +20,8 @@ from nearharmonic.exact.step import Step, composed
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.composition import Composition, OneStepMethod
 from nearharmonic.integrators.tableau import First, Row, Tableau
+
+# --- The method of another library: kicks and drifts in double precision.
 
 Flow = Literal["kick", "drift"]
 
@@ -148,6 +143,8 @@ class VelocityCheck:
                 return False
         return True
 
+
+# --- A step as a product of drifts and kicks, with the uncertainty of each coefficient due to its digits.
 
 #: Numbers with at most this number of significant digits are considered exact: no source rounds a method to four
 #: digits.
@@ -272,9 +269,10 @@ def symmetrised(step: Step) -> Step:
 
 
 #: Number of significant decimal digits that distinguishes any two doubles.
-COEFFICIENTS_DOUBLE_DIGITS = 17
+DISTINGUISHING_DIGITS = 17
 
 
+# --- The coefficients of a tableau, rounded to the digits of a file.
 @dataclass(frozen=True, kw_only=True)
 class Coefficients(Composition):
     """The rows of a tableau as they are written to a file, decimal numbers without exponents.
@@ -329,7 +327,7 @@ def nearest_doubles(tableau: Tableau) -> Coefficients:
     differ.
     """
     rounding = "the nearest doubles, in the shortest decimals that read as them"
-    digits = min(tableau.digits, COEFFICIENTS_DOUBLE_DIGITS)
+    digits = min(tableau.digits, DISTINGUISHING_DIGITS)
     return _written(tableau, lambda text: _with_point(Decimal(repr(float(text)))), digits, rounding)
 
 
@@ -343,6 +341,8 @@ def _with_point(number: Decimal) -> str:
     text = format(number, "f")
     return text if "." in text else f"{text}.0"
 
+
+# --- Description of an integrator at the head of an exported program, and its names in the program.
 
 #: Columns of a comment.
 WIDTH = 96
@@ -446,6 +446,6 @@ def remarks_of_python(coefficients: Coefficients, own_force: str, doubles: str) 
     remarks = []
     if coefficients.first_same_as_last:
         remarks.append(own_force.format(count=coefficients.stages + 1))
-    if coefficients.digits > COEFFICIENTS_DOUBLE_DIGITS:
+    if coefficients.digits > DISTINGUISHING_DIGITS:
         remarks.append(doubles)
     return remarks

@@ -1,28 +1,4 @@
-"""Search for the registered method nearest to given coefficients, for any roles, direction and scale.
-
-A step and its reversed step have the same distance to a palindrome. A registered method that is no palindrome is
-compared in both directions.
-
-Exact residuals of the order conditions of a step, and their bounds due to the digits of its coefficients.
-
-Let c be the coefficients of a file. Each differs by at most u_i, a few units of its last digit, from the number that
-its author rounded. One coefficient of each row may in addition have been changed to make the sum of the row exact, by
-at most the sum of the u_i of the row. A condition of degree n is a polynomial r(c) of degree n, and with g_i = dr/dc_i
-
-    |r(c) - r(true c)|  <=  sum_i |g_i| u_i  +  sum_rows max |g_i| sum u_i  +  2 U^2 d^2/dM^2 [f_n M^n]  at M + 2 U,
-
-with M the sum of all |c_i| and U that of all u_i. This is Taylor's formula. The second derivative is bounded by
-replacing every term of log(product of exponentials) by its absolute value; f_n = [x^n] (-log(2 - e^x)). The true
-coefficients fulfil a condition only if |r(c)| is within this bound. A larger residual therefore proves that no
-coefficients that round to the given ones fulfil the condition. A residual within the bound is zero to the given digits;
-more cannot be concluded from them.
-
-Search for a single transcription error that explains the failed claims of a file.
-
-All single changes are tried: another digit, another sign, and exchanged adjacent digits, coefficients, lines or roles.
-The sum of the row or a check in double precision excludes most changes. For the remaining ones all claims have to be
-proved.
-"""
+"""Proofs about the coefficients of a file: the nearest registered method, residuals, and suspected digits."""
 
 from __future__ import annotations
 
@@ -45,6 +21,11 @@ from nearharmonic.exchange.method import is_palindrome, size_of, step_of, uncert
 from nearharmonic.integrators import plain_integrators
 from nearharmonic.integrators.tableau import First, Row, Tableau
 from nearharmonic.theory.order_conditions import errors_on_words, weighted
+
+# --- Search for the registered method nearest to given coefficients, for any roles, direction and scale.
+#
+# A step and its reversed step have the same distance to a palindrome. A registered method that is no palindrome is
+# compared in both directions.
 
 #: Fraction of the coefficients that must agree so that the others count as wrong digits of the method.
 MOST = Fraction(1, 2)
@@ -125,6 +106,21 @@ def _difference(
             differing.append((a.place, a, expected))
     return tuple(differing), largest
 
+
+# --- Exact residuals of the order conditions of a step, and their bounds due to the digits of its coefficients.
+#
+# Let c be the coefficients of a file. Each differs by at most u_i, a few units of its last digit, from the number that
+# its author rounded. One coefficient of each row may in addition have been changed to make the sum of the row exact, by
+# at most the sum of the u_i of the row. A condition of degree n is a polynomial r(c) of degree n, and with g_i =
+# dr/dc_i
+#
+#     |r(c) - r(true c)|  <=  sum_i |g_i| u_i  +  sum_rows max |g_i| sum u_i  +  2 U^2 d^2/dM^2 [f_n M^n]  at M + 2 U,
+#
+# with M the sum of all |c_i| and U that of all u_i. This is Taylor's formula. The second derivative is bounded by
+# replacing every term of log(product of exponentials) by its absolute value; f_n = [x^n] (-log(2 - e^x)). The true
+# coefficients fulfil a condition only if |r(c)| is within this bound. A larger residual therefore proves that no
+# coefficients that round to the given ones fulfil the condition. A residual within the bound is zero to the given
+# digits; more cannot be concluded from them.
 
 #: Addition to the bound for the rounding errors of derivatives in double precision, relative to the bound of the
 #: derivatives.
@@ -223,6 +219,12 @@ def majorant(degree: int) -> Fraction:
 def _fubini(n: int) -> int:
     return 1 if n == 0 else sum(comb(n, k) * _fubini(n - k) for k in range(1, n + 1))
 
+
+# --- Search for a single transcription error that explains the failed claims of a file.
+#
+# All single changes are tried: another digit, another sign, and exchanged adjacent digits, coefficients, lines or
+# roles. The sum of the row or a check in double precision excludes most changes. For the remaining ones all claims
+# have to be proved.
 
 #: Maximum numbers of changes for which the claims are proved, and of changes that are reported.
 MOST_PROVED, MOST_REPORTED = 40, 3

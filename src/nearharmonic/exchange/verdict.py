@@ -1,10 +1,4 @@
-"""Proved properties of the coefficients of a file, and the claims that hold.
-
-Orders of a step on the harmonic oscillator H = (p^2 + q^2)/2, proved to the digits of its coefficients.
-
-The step matrix is exact. The error of its coefficient of tau^n is bounded as for the order conditions
-(:mod:`nearharmonic.exchange.proof`), with M^n / n! as the bound of the sum of absolute values of all terms.
-"""
+"""Proved properties of the coefficients of a file, and the claims that hold."""
 
 from __future__ import annotations
 
@@ -42,6 +36,11 @@ from nearharmonic.exchange.proof import (
     suspects,
 )
 from nearharmonic.theory.linear_stability import gaps_of, limit_of
+
+# --- Orders of a step on the harmonic oscillator H = (p^2 + q^2)/2, proved to the digits of its coefficients.
+#
+# The step matrix is exact. The error of its coefficient of tau^n is bounded as for the order conditions
+# (:mod:`nearharmonic.exchange.proof`), with M^n / n! as the bound of the sum of absolute values of all terms.
 
 #: Linear combination of the four entries (K11, K12, K21, K22) of the step matrix.
 _Weights = tuple[int, int, int, int]

@@ -1,15 +1,4 @@
-"""Numerical functions for result files, whose results are bitwise identical on every processor.
-
-numpy, BLAS, LAPACK and the C library select their code by the processor, so the rounding of their logarithms, sines,
-powers and matrix products differs between processors. Here elementary functions are those of :mod:`nearharmonic.math`,
-sums are exact and rounded once, and all other operations are ``+ - * /`` and ``sqrt`` in a fixed order.
-
-Geometric progressions in decimal arithmetic, bitwise identical on every processor, without numpy.
-
-A double means the shortest decimal that it prints as.
-
-Types of arrays.
-"""
+"""Numerical functions whose results are bitwise identical on every processor, and types of arrays."""
 
 from __future__ import annotations
 
@@ -23,6 +12,10 @@ from numpy.typing import NDArray
 
 from nearharmonic.core.layout import Floats
 from nearharmonic.math import log
+
+# --- Geometric progressions in decimal arithmetic, bitwise identical on every processor, without numpy.
+#
+# A double means the shortest decimal that it prints as.
 
 #: Digits of the arithmetic: a double rounded from them is correctly rounded, except for one in 10^20.
 DIGITS = 40
@@ -56,9 +49,18 @@ def _decimal(x: float) -> Decimal:
 
 __all__ = ["Bools", "Floats", "Integers"]
 
+# --- Types of arrays.
+
 Integers = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
+
+# --- Numerical functions for result files, whose results are bitwise identical on every processor.
+#
+# numpy, BLAS, LAPACK and the C library select their code by the processor, so the rounding of their logarithms, sines,
+# powers and matrix products differs between processors. Here elementary functions are those of
+# :mod:`nearharmonic.math`,
+# sums are exact and rounded once, and all other operations are ``+ - * /`` and ``sqrt`` in a fixed order.
 
 #: Largest number of sweeps of rotations, each of which squares the off-diagonal elements, and their final relative
 #: size.

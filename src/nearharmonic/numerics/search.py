@@ -1,19 +1,4 @@
-"""Levenberg-Marquardt iteration, for a number of equations not above that of the unknowns.
-
-An iteration from x subtracts the shortest step that solves the damped equations. With residuals F and their Jacobian J
-the step is J^T (J J^T + damping D)^-1 F, where D is the identity (Levenberg) or the diagonal of J J^T (Marquardt). A
-step that lowers the residuals is accepted, and the damping falls; otherwise the damping rises. Without damping,
-and with every step taken, the iteration is a projection on the solutions by Newton's method.
-
-A problem is two compiled functions: ``residuals(problem, x)`` returns F, its size, and intermediate results, which
-``slopes(problem, x, intermediate)`` reuses for J.
-
-K. Levenberg, Quart. Appl. Math. 2, 164 (1944); D. W. Marquardt, J. Soc. Indust. Appl. Math. 11, 431 (1963).
-
-Distinct points among many that lie close together; separate because it needs no compiler.
-
-Settings of a search from random points.
-"""
+"""Searches for zeros: Levenberg-Marquardt iteration, distinct points, and settings of random starts."""
 
 from __future__ import annotations
 
@@ -29,6 +14,18 @@ from nearharmonic.core.machine.reals import jit
 from nearharmonic.core.machine.reals import jit_compiled as compiled
 from nearharmonic.errors import bad_setting
 from nearharmonic.numerics.portable import Floats
+
+# --- Levenberg-Marquardt iteration, for a number of equations not above that of the unknowns.
+#
+# An iteration from x subtracts the shortest step that solves the damped equations. With residuals F and their
+# Jacobian J the step is J^T (J J^T + damping D)^-1 F, where D is the identity (Levenberg) or the diagonal of J J^T
+# (Marquardt). A step that lowers the residuals is accepted, and the damping falls; otherwise the damping rises.
+# Without damping, and with every step taken, the iteration is a projection on the solutions by Newton's method.
+#
+# A problem is two compiled functions: ``residuals(problem, x)`` returns F, its size, and intermediate results, which
+# ``slopes(problem, x, intermediate)`` reuses for J.
+#
+# K. Levenberg, Quart. Appl. Math. 2, 164 (1944); D. W. Marquardt, J. Soc. Indust. Appl. Math. 11, 431 (1963).
 
 
 class Damping(NamedTuple):
@@ -180,6 +177,7 @@ def _combined_rows(J: Floats, y: Floats, step: Floats) -> None:
             step[u] += J[i, u] * y[i]
 
 
+# --- Distinct points among many that lie close together.
 def distinct(points: Floats, closest: float, *, relative: bool = False, most: float = inf) -> tuple[Floats, list[int]]:
     """Return those of ``points`` (R, n) that are far from all before, at most ``most``, and the number near each.
 
@@ -202,6 +200,7 @@ def distinct(points: Floats, closest: float, *, relative: bool = False, most: fl
     return np.array(kept).reshape(len(kept), points.shape[1]), hits
 
 
+# --- Settings of a search from random points.
 @dataclass(frozen=True)
 class RandomStarts:
     """Random points that a search begins from, and which of its ends count."""

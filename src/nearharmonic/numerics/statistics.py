@@ -1,9 +1,4 @@
-"""Statistics of runs: slopes above the round-off plateau, trends and their intervals, Student's t, the jackknife.
-
-All results may be written to result files, so they are computed by :mod:`nearharmonic.numerics.portable`.
-
-Quasi-random points that are bitwise identical on every machine for the same seed.
-"""
+"""Statistics of runs: slopes above the round-off plateau, trends, Student's t, the jackknife; quasi-random points."""
 
 from __future__ import annotations
 
@@ -22,6 +17,10 @@ from nearharmonic.numerics.portable import Floats, dot, total
 if TYPE_CHECKING:
     import xarray as xr
 
+
+# --- Statistics of runs: slopes above the round-off plateau, trends and their intervals, Student's t, the jackknife.
+#
+# All results may be written to result files, so they are computed by :mod:`nearharmonic.numerics.portable`.
 
 #: Points of a curve below this multiple of its lowest point may be round-off errors rather than truncation errors.
 PLATEAU = 100.0
@@ -161,6 +160,7 @@ def student_975(freedom: int) -> float:
     return z + float(polyval(1 / n, [0.0, *terms]))
 
 
+# --- Quasi-random points that are bitwise identical on every machine for the same seed.
 def quasi_random(count: int, dimension: int, seed: int) -> Floats:
     """Return points (count, dimension) of the additive recurrence x_n = x_0 + n alpha mod 1, in [0, 1).
 

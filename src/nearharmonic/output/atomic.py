@@ -1,16 +1,4 @@
-"""Atomic file writes: a file is written under a temporary name and then moved to its place.
-
-A reader sees the old file or the new one, never a part of either, also after a power failure: the bytes are on disk
-before the file gets its name. Temporary names are hidden and hold the host and the process, so that two machines never
-write to the same file in a shared folder. A killed process (SIGKILL, power loss) leaves its temporary file behind;
-the next run of the workflow deletes it. No rule and no reader uses such a name.
-
-Reading of files: a pipe, a device or a folder in place of a file is refused, and never blocks the reader.
-
-Seals of JSON documents: the last member, ``sha256``, is the digest of the others.
-
-A seal reveals accidental changes, such as a flipped bit. It is no signature: anybody can seal a changed document again.
-"""
+"""Files: atomic writes, reads that never block, and seals of JSON documents."""
 
 from __future__ import annotations
 
@@ -28,6 +16,13 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from nearharmonic.errors import FileWriteError
+
+# --- Atomic file writes: a file is written under a temporary name and then moved to its place.
+#
+# A reader sees the old file or the new one, never a part of either, also after a power failure: the bytes are on disk
+# before the file gets its name. Temporary names are hidden and hold the host and the process, so that two machines
+# never write to the same file in a shared folder. A killed process (SIGKILL, power loss) leaves its temporary file
+# behind; the next run of the workflow deletes it. No rule and no reader uses such a name.
 
 #: Ending of the names of temporary files.
 PART = ".part"
@@ -107,6 +102,7 @@ def opened(path: str | os.PathLike[str]) -> BinaryIO:
     return os.fdopen(number, "rb")
 
 
+# --- Reading of files: a pipe, a device or a folder in place of a file is refused, and never blocks the reader.
 def read_bytes(path: str | os.PathLike[str]) -> bytes:
     """Return the bytes of a regular file; errors are those of :func:`opened`."""
     with opened(path) as file:
@@ -119,6 +115,12 @@ def read_text(path: str | os.PathLike[str], errors: str = "strict") -> str:
     ``errors`` says what becomes of bytes that are no UTF-8: ``strict`` raises UnicodeDecodeError, a ValueError.
     """
     return read_bytes(path).decode("utf-8", errors)
+
+
+# --- Seals of JSON documents: the last member, ``sha256``, is the digest of the others.
+#
+# A seal reveals accidental changes, such as a flipped bit. It is no signature: anybody can seal a changed document
+# again.
 
 
 def digest_of(document: Any) -> str:
@@ -138,7 +140,7 @@ def sealed(document: Mapping[str, Any]) -> dict[str, Any]:
     return {**document, "sha256": digest_of(document)}
 
 
-def sealed_json_opened(text: str | bytes) -> dict[str, Any] | None:
+def unsealed(text: str | bytes) -> dict[str, Any] | None:
     """Return the document in a JSON text without its seal; None if there is no document, no seal or a wrong one."""
     try:
         found = json.loads(text)

@@ -1,31 +1,4 @@
-"""Result files in HDF5 with netCDF-4 conventions, bitwise identical for identical numbers.
-
-Names of result files within their folder of results, which each file states: a copy under another name is found.
-
-The name of the folder of results is not part of it, so results can be renamed, copied and adopted as a whole.
-
-Commands that make a result file again, for messages about a file that is missing or damaged.
-
-The last line of a result file: the SHA-256 of all bytes before it.
-
-HDF5 ignores bytes after its own end of file. The digest is checked before a file is opened: with a damaged file the
-HDF5 library may crash, return wrong numbers, or never end.
-
-HDF5 files that are opened after a check of their digest and of their members, and their attributes and groups.
-
-Anybody can seal a file. HDF5 follows links and storage out of a file, to any other file or pipe, and reads types and
-sizes that this package never writes. The members are therefore checked before one of them is read.
-
-Reader of result files as datasets.
-
-It opens what ``xarray.open_dataset(path, engine="h5netcdf")`` opens, in a tenth of the time, which is 3 ms for each
-variable there.
-
-Writer of result files: atomic, and without timestamps.
-
-It writes described variables, so that integration jobs need not load xarray, which would take a third of their time.
-A file is built in memory: if the disk is full, the HDF5 library crashes at the exit of the process.
-"""
+"""Result files in HDF5 with netCDF-4 conventions, bitwise identical for identical numbers."""
 
 from __future__ import annotations
 
@@ -49,6 +22,10 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+# --- Names of result files within their folder of results, which each file states: a copy under another name is found.
+#
+# The name of the folder of results is not part of it, so results can be renamed, copied and adopted as a whole.
+
 #: Attribute with the name of a file: ``runs/kepler/ruth/0.h5``.
 NAME_KEY = "file"
 #: Folders of HDF5 files in a folder of results.
@@ -71,6 +48,8 @@ def misplaced(path: str | os.PathLike[str], said: Any) -> str:
     name = name_of(path)
     return f"says it is {said}" if name and said not in {None, name} else ""
 
+
+# --- Commands that make a result file again, for messages about a file that is missing or damaged.
 
 #: Config of ``snakemake`` without ``--configfile``.
 DEFAULT_CONFIG = "config/config.yaml"
@@ -124,6 +103,11 @@ def usable_configs(recorded: object, folder: Path) -> list[str]:
     harmful = any(one.startswith("-") or Path(os.path.realpath(one)).is_relative_to(inside) for one in recorded)
     return [] if harmful else recorded
 
+
+# --- The last line of a result file: the SHA-256 of all bytes before it.
+#
+# HDF5 ignores bytes after its own end of file. The digest is checked before a file is opened: with a damaged file the
+# HDF5 library may crash, return wrong numbers, or never end.
 
 #: Name and value of the attribute that identifies the result files of this package.
 FORMAT_KEY, FORMAT = "format", "nearharmonic 2"
@@ -179,6 +163,11 @@ def sealed_digest(path: str | os.PathLike[str]) -> str:
 def _line(digest: str) -> bytes:
     return SEAL + digest.encode() + b"\n"
 
+
+# --- HDF5 files that are opened after a check of their digest and of their members, and their attributes and groups.
+#
+# Anybody can seal a file. HDF5 follows links and storage out of a file, to any other file or pipe, and reads types and
+# sizes that this package never writes. The members are therefore checked before one of them is read.
 
 #: Attributes of HDF5 dimension scales.
 SCALES = {"CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST"}
@@ -334,6 +323,12 @@ def groups_in(file: Any) -> tuple[str, ...]:
     return tuple(name for name in file if file.get(name, getclass=True) is h5py.Group)
 
 
+# --- Reader of result files as datasets.
+#
+# It opens what ``xarray.open_dataset(path, engine="h5netcdf")`` opens, in a tenth of the time, which is 3 ms for each
+# variable there.
+
+
 def read(path: str | os.PathLike[str], group: str | None = None, *, leave_out: Collection[str] = ()) -> xr.Dataset:
     """Load the root of a file, or one of its groups, with the attributes of the file, but variables to leave out.
 
@@ -381,6 +376,11 @@ def _variables(group: Any, leave_out: Collection[str]) -> Iterator[tuple[str, Va
                 values = np.array(notes[FLAG_MEANINGS].split())[place]
             yield name, (dims, values, notes)
 
+
+# --- Writer of result files: atomic, and without timestamps.
+#
+# It writes described variables, so that integration jobs need not load xarray, which would take a third of their time.
+# A file is built in memory: if the disk is full, the HDF5 library crashes at the exit of the process.
 
 #: For trajectories, whose low bits are noise, level 1 compresses as well as level 4 within a percent, in half the time.
 GZIP_LEVEL = 1

@@ -1,7 +1,4 @@
-"""Tables as CSV, Markdown, LaTeX and text, written atomically, and tables read from CSV.
-
-Text for a terminal: escape sequences in names from files never reach it.
-"""
+"""Tables as CSV, Markdown, LaTeX and text, written atomically, and tables read from CSV."""
 
 from __future__ import annotations
 
@@ -19,6 +16,8 @@ from typing import Any
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.atomic import write_text
+
+# --- Text for a terminal: escape sequences in names from files never reach it.
 
 #: Control characters except tab and line feed; marks of direction and of no width; separators; halves of surrogates.
 _UNSAFE = re.compile(

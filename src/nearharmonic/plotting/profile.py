@@ -1,4 +1,4 @@
-"""What figures of energy errors show, on paper and in a browser: curves, levels and labels, without matplotlib."""
+"""Content of figures of energy errors, on paper and in a browser: curves, levels and labels, without matplotlib."""
 
 from __future__ import annotations
 

@@ -4,9 +4,7 @@
 ``sys.modules`` in the place of its package. If it only hid the package, ``import nearharmonic.systems.kepler`` would
 succeed or fail depending on earlier imports.
 
-Objects in a notebook: one line of text, and an HTML table.
-
-Views of a registry: mappings of the entries that fulfil a condition.
+Views are mappings of the entries that fulfil a condition. In a notebook an object is a line of text and an HTML table.
 """
 
 from __future__ import annotations

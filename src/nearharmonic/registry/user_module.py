@@ -1,9 +1,4 @@
-"""Python files of users as modules: loaded once, and again after an edit of the file or of modules that it imports.
-
-They are compiled from their text always. Python's kept bytecode hides an edit within a second that keeps the length.
-
-Trust in users' Python files: commands that read results run none of them but those on their own command line.
-"""
+"""Users' Python files: loaded once, and again after an edit; trust in them."""
 
 from __future__ import annotations
 
@@ -22,6 +17,8 @@ from types import CodeType, ModuleType
 from typing import Any
 
 from nearharmonic.errors import NearharmonicError, UntrustedFileError
+
+# --- Trust in users' Python files: commands that read results run none of them but those on their own command line.
 
 #: Environment variable with the trusted files as a JSON list of absolute paths: child processes obey it too.
 TRUSTED = "NEARHARMONIC_TRUSTED"
@@ -59,15 +56,19 @@ def check_trust(*files: str | os.PathLike[str]) -> None:
     """
     refused = [os.fspath(file) for file in files if not is_trusted(file)]
     if refused:
-        told = ", ".join(f"{file} (SHA-256 {_trust_digest_of(Path(file))})" for file in refused)
+        told = ", ".join(f"{file} (SHA-256 {_file_digest(Path(file))})" for file in refused)
         options = " ".join(f"--trust {quote(file)}" for file in refused)
         is_code = "is Python code, which" if len(refused) == 1 else "are Python code, which"
         raise UntrustedFileError(f"{told} {is_code} is not run: read it, and allow it by {options}")
 
 
-def _trust_digest_of(file: Path) -> str:
+def _file_digest(file: Path) -> str:
     return sha256(file.read_bytes()).hexdigest() if file.is_file() else "unknown, there is no such file"
 
+
+# --- Python files of users as modules: loaded once, and again after an edit of the file or of modules that it imports.
+#
+# They are compiled from their text always. Python's kept bytecode hides an edit within a second that keeps the length.
 
 #: Text of each file that a module was loaded from.
 Files = dict[Path, bytes]

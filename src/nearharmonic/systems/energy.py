@@ -1,9 +1,4 @@
-"""The energies of a system as expressions, with derivatives for numbers of any type, and proved properties.
-
-A formula is traced at its first use. A gradient or a Hessian is derived at its first call.
-
-Kinetic energies p.M^-1 p / 2: for unit masses, for masses, and for a constant mass matrix with exact inverse.
-"""
+"""Energies of a system as expressions, with derivatives and proved properties; kinetic energies of masses."""
 
 from __future__ import annotations
 
@@ -39,6 +34,11 @@ if TYPE_CHECKING:
 
 
 Components = tuple[Any, ...]
+
+
+# --- The energies of a system as expressions, with derivatives for numbers of any type, and proved properties.
+#
+# A formula is traced at its first use. A gradient or a Hessian is derived at its first call.
 
 
 class _Traced(NamedTuple):
@@ -260,6 +260,8 @@ def _sign(x: Any) -> Any:
 
 
 Vector = tuple[Any, ...]
+
+# --- Kinetic energies p.M^-1 p / 2: for unit masses, for masses, and for a constant mass matrix with exact inverse.
 
 #: The inverse of the largest double, about 5.6e-309.
 SMALLEST_MASS = 1 / Fraction(float_info.max)

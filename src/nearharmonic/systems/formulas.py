@@ -1,12 +1,4 @@
-"""Integrated formulas of a system: its own, those of the extended phase space, or those of a regularised system.
-
-Formulas of the extended phase space, and adapters for formulas without parameters.
-
-A system with V(q, t) is extended to an autonomous system, whose last coordinate is the time t with the conjugate
-momentum p_t: H = T(p) + p_t + V(q, t). Then dt/dt = 1, dp_t/dt = -dV/dt, and H is conserved. p_t starts at 0, so that
--p_t is the energy that the system has received. T + p_t has degree 2 in the momenta if T has. Source: Hairer, Lubich &
-Wanner (2006), Geometric Numerical Integration, Sec. VI.1 (extended phase space).
-"""
+"""Integrated formulas of a system: its own, those of the extended phase space, or those of a regularised system."""
 
 from __future__ import annotations
 
@@ -20,6 +12,14 @@ from nearharmonic.core.formulas.tracing import Hamiltonian
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.energy import Energy, MassKineticEnergy, Vector, takes_parameters
 from nearharmonic.systems.regularisation import RegularisedFormulas
+
+# --- Formulas of the extended phase space, and adapters for formulas without parameters.
+#
+# A system with V(q, t) is extended to an autonomous system, whose last coordinate is the time t with the conjugate
+# momentum p_t: H = T(p) + p_t + V(q, t). Then dt/dt = 1, dp_t/dt = -dV/dt, and H is conserved. p_t starts at 0, so that
+# -p_t is the energy that the system has received. T + p_t has degree 2 in the momenta if T has. Source: Hairer,
+# Lubich &
+# Wanner (2006), Geometric Numerical Integration, Sec. VI.1 (extended phase space).
 
 
 class DerivedGradient:

@@ -1,16 +1,4 @@
-"""Comparison of the formulas and declarations of a system in multiprecision, at its first use.
-
-Integrators use only gradients: a gradient that contradicts its potential gives orbits of another system without an
-error. The numbers are decimals of the standard library, because mpmath takes longer to load than a kernel.
-
-V as declared oscillators and the rest: [p.p + sum (w_i q_i)^2] / 2 + [V - sum (w_i q_i)^2 / 2].
-
-The rest has exact constants, so that the quadratic terms of V cancel as expressions, not as numbers.
-
-Equations of motion as the text of a Python function, for libraries that compile or differentiate it.
-
-The gradient of the square of a force, for kicks of a modified potential.
-"""
+"""Formulas that follow from those of a system: checks, declared oscillators, Python text, squared forces."""
 
 from __future__ import annotations
 
@@ -45,6 +33,11 @@ from nearharmonic.systems.numba_potential import SMALL, bisected, check_numba_gr
 from nearharmonic.systems.quantities import Vector
 from nearharmonic.systems.remembered import remembered
 from nearharmonic.systems.system import System
+
+# --- Comparison of the formulas and declarations of a system in multiprecision, at its first use.
+#
+# Integrators use only gradients: a gradient that contradicts its potential gives orbits of another system without an
+# error. The numbers are decimals of the standard library, because mpmath takes longer to load than a kernel.
 
 # Sizes below are relative to the coordinates. A point has a displacement r from the start, so that length scales of a
 # formula (singularities, the width of a zero) are hardly shorter than r. A central difference over a step h then has a
@@ -272,6 +265,11 @@ def _random(random: Random) -> Decimal:
     return Decimal(random.choice((-0.5, 0.5)) * (1 + random.random()))
 
 
+# --- V as declared oscillators and the rest: [p.p + sum (w_i q_i)^2] / 2 + [V - sum (w_i q_i)^2 / 2].
+#
+# The rest has exact constants, so that the quadratic terms of V cancel as expressions, not as numbers.
+
+
 @dataclass(frozen=True, eq=False)
 class Remainder:
     """V - sum w_i^2 q_i^2 / 2 as a function of the coordinates and the parameters."""
@@ -341,6 +339,7 @@ def remainder_formulas(system: System) -> Formulas:
     )
 
 
+# --- Equations of motion as the text of a Python function, for libraries that compile or differentiate it.
 class SourceTracer(Number):
     """A symbolic number that records each arithmetic operation as one line of Python source.
 
@@ -432,6 +431,7 @@ def velocity(system: System, functions: Mapping[str, Callable[..., Any]] | None 
     return made
 
 
+# --- The gradient of the square of a force, for kicks of a modified potential.
 class SquareGradient:
     """grad |grad V|^2 as a function of the coordinates and the parameters.
 

@@ -1,10 +1,6 @@
 """Potentials that are functions decorated with ``numba.njit``: evaluation, and substitutes for an expression.
 
 Such functions are not traced, so operations that need an expression of V raise an error.
-
-Checks of functions of numba in double precision: comparison of grad_V with differences of V, rounding noise of V.
-
-The module is separate from :mod:`nearharmonic.systems.gradients`, which evaluates formulas in 200 digits.
 """
 
 from __future__ import annotations
@@ -207,6 +203,10 @@ def numba_potential(system: Any) -> NumbaPotential | None:
     owner = getattr(system.V, "__self__", None)
     return owner if isinstance(owner, NumbaPotential) else None
 
+
+# --- Checks of functions of numba in double precision: comparison of grad_V with differences of V, rounding noise of V.
+#
+# The module is separate from :mod:`nearharmonic.systems.gradients`, which evaluates formulas in 200 digits.
 
 #: Number of coordinates up to which each component is compared; beyond, the slope along random directions.
 SMALL = 12

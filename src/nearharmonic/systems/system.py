@@ -1,9 +1,4 @@
-"""Definition of a separable Hamiltonian system H(q, p) = T(p) + V(q).
-
-Comparison of the signatures of formulas with the arguments of their calls.
-
-Systems in Python files of users.
-"""
+"""Definition of a separable Hamiltonian system H(q, p) = T(p) + V(q)."""
 
 from __future__ import annotations
 
@@ -42,6 +37,8 @@ from nearharmonic.systems.numba_potential import NumbaEnergy, given_function, nu
 from nearharmonic.systems.quantities import Observable, Parameter, ReadOnly, Vector, fixed, is_list
 from nearharmonic.systems.regularisation import Regularisation
 from nearharmonic.systems.remembered import read_by
+
+# --- Comparison of the signatures of formulas with the arguments of their calls.
 
 #: What cannot be split, and what solves it.
 SEPARABLE = (
@@ -531,6 +528,8 @@ def _refusing(init: Any) -> Any:
 
 System.__init__ = _refusing(System.__init__)  # type: ignore[method-assign]
 
+
+# --- Systems in Python files of users.
 
 DECLARES = "A system of your own is a Python file that defines SYSTEM"
 

@@ -1,21 +1,4 @@
-"""Orders of an integrator, proved from its printed coefficients in exact arithmetic, and its leading error terms.
-
-A step is the product of exponentials of the operators of a tableau. The exact flow is exp(A + B), with the drift A and
-the kick B. The logarithm of the step is A + B + error terms; :mod:`nearharmonic.theory.order_conditions` computes
-these terms.
-
-Nielsen's decomposition of a step on the harmonic oscillator: the recursion of Table 2, the closed sums of Table 3.
-
-With m = k = 1 the momentum is eliminated from the step (2015, Eq. 6): the position after the h-th drift c_h is
-
-    q_h = q_(h-1) (1 + C_h) - C_h q_(h-2) + tau^2 D_h q_(h-1),    C_h = c_h / c_(h-1),    D_h = -c_h d_h,
-
-where d_h is the kick just before that drift. Q_(h,lambda) is the coefficient of tau^lambda, in units of q_a for even
-and of p_a for odd lambda. The paper prints C_h = c_(h+1)/c_h below Eq. 6, which contradicts its own Eq. 6.
-
-The paper treats the BAB composition, which begins with a kick. The ABA composition has no kick before the first drift:
-all formulas of the paper hold for it with the kicks (0, d_1, ..., d_s). All numbers here are exact.
-"""
+"""Orders of an integrator, proved in exact arithmetic, and Nielsen's decomposition of a step."""
 
 from __future__ import annotations
 
@@ -35,6 +18,12 @@ from nearharmonic.integrators.tableau import HIGHEST_ORDER, First, Tableau
 from nearharmonic.numerics.written import is_real
 from nearharmonic.theory.order_conditions import errors_of, highest_of, proved_order, step_of, tolerance, weighted
 from nearharmonic.theory.oscillator import method_of, tableau_of
+
+# --- Orders of an integrator, proved from its printed coefficients in exact arithmetic, and its leading error terms.
+#
+# A step is the product of exponentials of the operators of a tableau. The exact flow is exp(A + B), with the drift A
+# and the kick B. The logarithm of the step is A + B + error terms; :mod:`nearharmonic.theory.order_conditions`
+# computes these terms.
 
 #: Length of the words that are examined first for a generalised order: most methods fail at these.
 _SHORT = 7
@@ -290,6 +279,19 @@ def _integer(key: str, number: Any) -> int:
         raise bad_setting(key, number, "an integer >= 1")
     return int(number)
 
+
+# --- Nielsen's decomposition of a step on the harmonic oscillator: the recursion of Table 2, the closed sums of Table
+# 3.
+#
+# With m = k = 1 the momentum is eliminated from the step (2015, Eq. 6): the position after the h-th drift c_h is
+#
+#     q_h = q_(h-1) (1 + C_h) - C_h q_(h-2) + tau^2 D_h q_(h-1),    C_h = c_h / c_(h-1),    D_h = -c_h d_h,
+#
+# where d_h is the kick just before that drift. Q_(h,lambda) is the coefficient of tau^lambda, in units of q_a for even
+# and of p_a for odd lambda. The paper prints C_h = c_(h+1)/c_h below Eq. 6, which contradicts its own Eq. 6.
+#
+# The paper treats the BAB composition, which begins with a kick. The ABA composition has no kick before the first
+# drift: all formulas of the paper hold for it with the kicks (0, d_1, ..., d_s). All numbers here are exact.
 
 Powers = list[Fraction]
 

@@ -3,16 +3,6 @@
 The step is a linear map (q, p) -> K (q, p) whose entries are polynomials in tau: a drift by c is the shear q += c tau
 p, a kick by d the shear p -= d tau q. Every coefficient of a tableau is a decimal number, so the polynomials are
 rational and have no rounding errors. mpmath only evaluates them at a step size.
-
-Force gradients by differences: two opposite kicks around a short drift act as a kick of a modified potential.
-
-exp(a B) exp(d A) exp(b B) has the logarithm (a + b) B + d A + (d/2) (a - b) [B, A] + m C + ..., where C = [B, [A, B]]
-is the kick of the square of grad V and m = -d (a^2 - 4 a b + b^2) / 12. With kicks of opposite sign and a short
-backward drift the net kick is that of V - (m / (a + b)) tau^2 |grad V|^2, like the middle kick of Chin (1997), but it
-needs no second derivative of V. Yin & Mawhinney (2011), arXiv:1111.5059, use a force at a shifted position for this
-purpose.
-
-Table 4 of the paper: the independent coefficients of each set, printed and derived.
 """
 
 from __future__ import annotations
@@ -240,6 +230,14 @@ def _value(coefficients: tuple[BigFloat, ...], tau: BigFloat) -> BigFloat:
     return total
 
 
+# --- Force gradients by differences: two opposite kicks around a short drift act as a kick of a modified potential.
+#
+# exp(a B) exp(d A) exp(b B) has the logarithm (a + b) B + d A + (d/2) (a - b) [B, A] + m C + ..., where C = [B, [A, B]]
+# is the kick of the square of grad V and m = -d (a^2 - 4 a b + b^2) / 12. With kicks of opposite sign and a short
+# backward drift the net kick is that of V - (m / (a + b)) tau^2 |grad V|^2, like the middle kick of Chin (1997), but it
+# needs no second derivative of V. Yin & Mawhinney (2011), arXiv:1111.5059, use a force at a shifted position for this
+# purpose.
+
 #: Longest drift, and smallest absolute value of a kick, in units of tau.
 SHORT, LARGE = 0.03, 0.2
 
@@ -276,6 +274,8 @@ def shifted_kicks(tableau: Tableau) -> list[ShiftedKick]:
         if letter == "B" and a * b < 0 and abs(d) < SHORT and min(abs(a), abs(b)) > LARGE
     ]
 
+
+# --- Table 4 of the paper: the independent coefficients of each set, printed and derived.
 
 #: The sets of Table 4 by name, in its order.
 SETS: Mapping[str, Tableau] = {tableau.name: tableau for tableau in TABLEAUS}

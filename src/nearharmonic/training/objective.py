@@ -2,8 +2,6 @@
 
 The objective is the largest difference to the best known method over a window of step sizes, at equal cost, plus a
 multiple of the mean difference. A method that is better only at a single step size gains nothing.
-
-Refinement of a member of a family from doubles to a tableau of many digits, with minimal change.
 """
 
 from __future__ import annotations
@@ -139,6 +137,8 @@ class Objective:
             for population, reference in zip(self._populations, self.references, strict=True)
         ])  # fmt: skip
 
+
+# --- Refinement of a member of a family from doubles to a tableau of many digits, with minimal change.
 
 #: Guaranteed decimals of a polished tableau.
 DIGITS = 60

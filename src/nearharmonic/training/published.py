@@ -1,7 +1,4 @@
-"""Methods for comparison with trained ones: all registered methods except those of this project.
-
-Coefficients as Python text, for files that define a tableau.
-"""
+"""Methods for comparison with trained ones: all registered methods except those of this project."""
 
 from __future__ import annotations
 
@@ -42,6 +39,7 @@ def published(methods: Iterable[Tableau]) -> list[Tableau]:
     return [one for one in methods if module_of(one.name) not in OURS]
 
 
+# --- Coefficients as Python text, for files that define a tableau.
 def palindrome_lines(name: str, row: Row, indent: str) -> list[str]:
     """Return the lines, indented by ``indent``, of a symmetric row as the argument ``name`` of a tableau."""
     half = len(row) // 2

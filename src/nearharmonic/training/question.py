@@ -1,11 +1,4 @@
-"""Request for a method for one system, validated before any computation.
-
-Files of starts: one line per start, with the positions and then the momenta.
-
-The orbit from the initial values of a system: states and fastest oscillation.
-
-Starts in a box around the orbit of the given one, on an energy surface, or from the user; half are for the test.
-"""
+"""Request for a method for one system, its orbit and its starts, validated before any search."""
 
 from __future__ import annotations
 
@@ -30,6 +23,8 @@ from nearharmonic.numerics.portable import Floats
 from nearharmonic.numerics.written import decimal_of, integer_of, is_real
 from nearharmonic.systems.quantities import is_list
 from nearharmonic.systems.system import System
+
+# --- Files of starts: one line per start, with the positions and then the momenta.
 
 #: Minimum number of starts: four for the search, and four for the test.
 FEWEST = 8
@@ -95,6 +90,8 @@ def _is_header(cells: list[str]) -> bool:
         return False
     return True
 
+
+# --- Request for a method for one system, validated before any computation.
 
 #: Smallest number of stages of a method of order four with free coefficients, and largest number that is searched.
 FEWEST_STAGES, MOST_STAGES = 4, 20
@@ -251,6 +248,8 @@ def _starts(given: Any, system: System) -> Floats:
     return rows
 
 
+# --- The orbit from the initial values of a system: states and fastest oscillation.
+
 #: Integrator of the orbit, for every separable H, and its step per stage in radians of the fastest oscillation.
 METHOD, STEP = "blanes_moan_s6o4", 0.03
 #: Number of states that are kept, and number of states at which the frequency is computed.
@@ -361,6 +360,8 @@ def _spread(rows: Floats) -> Floats:
     return spread
 
 
+# --- Starts in a box around the orbit of the given one, on an energy surface, or from the user; half are for the test.
+
 #: Half of the edge length of the box around a state of the orbit, in amplitudes of each coordinate.
 HALF_EDGE = 0.1
 #: Bounds of the number of starts: the cheaper the force, the more starts are drawn.
@@ -383,7 +384,7 @@ def starts_of(asked: TailorRequest, orbit: Orbit, t_end: float, tau: float) -> t
     random = np.random.default_rng([asked.seed, 1])
     if asked.starts is not None:
         d = asked.system.dimension
-        rows = _starts_rows(asked.system, asked.starts[:, :d], asked.starts[:, d:])
+        rows = _finite_rows(asked.system, asked.starts[:, :d], asked.starts[:, d:])
         fine = _stays(asked, rows, t_end, tau)
         if not fine.all():
             number = int(np.argmin(fine)) + 1
@@ -402,7 +403,7 @@ def _drawn(asked: TailorRequest, orbit: Orbit, t_end: float, tau: float, random:
         q, p = _box(orbit, 2 * count, random)
         if asked.energy is not None:
             q, p = _on_surface(asked, orbit, q, p)
-        rows = _starts_rows(asked.system, q, p)
+        rows = _finite_rows(asked.system, q, p)
         kept.extend(rows[_stays(asked, rows, t_end, tau)])
         if len(kept) >= count:
             return np.array(kept[:count])
@@ -462,7 +463,7 @@ def _energies(system: System, q: Floats, p: Floats) -> Floats:
     return np.array(H, dtype=float)
 
 
-def _starts_rows(system: System, q: Floats, p: Floats) -> Floats:
+def _finite_rows(system: System, q: Floats, p: Floats) -> Floats:
     finite = np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1)
     return start_array(system, q[finite], p[finite], plain=True)
 

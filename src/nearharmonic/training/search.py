@@ -1,24 +1,4 @@
-"""Settings of searches, their starts and their results.
-
-Descent by Gauss-Newton steps on energy errors, within the surface of the order conditions.
-
-The mean logarithm of energy errors has narrow valleys, because each error is close to a linear function of the
-coefficients that passes through 0. A Gauss-Newton step uses this. It needs the signed errors at samples of each run and
-their derivatives along the surface, which are differences between a member and its neighbours. With the weight 1/|e|^2
-for the errors e of each run it is a step for the sum of their logarithms, as in iteratively reweighted least squares;
-damping is that of Levenberg & Marquardt. Nocedal & Wright (2006), Numerical Optimization, chapter 10.
-
-Descents from a start to a minimum, by Gauss-Newton steps or an evolution strategy.
-
-Evolution: N. Hansen, The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772; library: pycma,
-doi:10.5281/zenodo.2559634. It runs among all points near the start, each of which is projected onto the family, or in
-the tangent space of the family at the best member so far. The latter has fewer dimensions by the number of equations.
-
-Members of a family near random points, for families with so many equations that a projection hardly ever converges.
-
-The method of Levenberg and Marquardt (Marquardt 1963, J. SIAM 11, 431) lowers the sum of the squared residuals. Points
-that stay behind others are given up early.
-"""
+"""Searches on the surface of the order conditions: settings, descents, and random members."""
 
 from __future__ import annotations
 
@@ -35,6 +15,8 @@ from nearharmonic.numerics.portable import Floats
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE, WEIGHT_OF_MEAN, Objective
 from nearharmonic.training.population import LEAST, LOST
+
+# --- Settings of searches, their starts and their results.
 
 #: Names of the ways from a start to a minimum.
 DescentName = Literal["evolution", "tangent_evolution", "gauss_newton"]
@@ -127,6 +109,15 @@ class Found:
     origin: str
     trials: int
 
+
+# --- Descent by Gauss-Newton steps on energy errors, within the surface of the order conditions.
+#
+# The mean logarithm of energy errors has narrow valleys, because each error is close to a linear function of the
+# coefficients that passes through 0. A Gauss-Newton step uses this. It needs the signed errors at samples of each run
+# and their derivatives along the surface, which are differences between a member and its neighbours. With the weight
+# 1/|e|^2 for the errors e of each run it is a step for the sum of their logarithms, as in iteratively reweighted
+# least squares; damping is that of Levenberg & Marquardt. Nocedal & Wright (2006), Numerical Optimization, chapter
+# 10.
 
 #: Samples of a run, and the distance to the neighbours whose differences are derivatives.
 SAMPLES, DISTANCE = 65, 3e-5
@@ -242,6 +233,13 @@ class Descent:
         return mean
 
 
+# --- Descents from a start to a minimum, by Gauss-Newton steps or an evolution strategy.
+#
+# Evolution: N. Hansen, The CMA Evolution Strategy: A Tutorial, arXiv:1604.00772; library: pycma,
+# doi:10.5281/zenodo.2559634. It runs among all points near the start, each of which is projected onto the family, or in
+# the tangent space of the family at the best member so far. The latter has fewer dimensions by the number of equations.
+
+
 def descend(objective: Objective, start: Start, effort: Effort, seed: int) -> tuple[float, Floats]:
     """Return the smallest objective that a descent from a start finds, and its member (n,)."""
     family, point = objective.family, start.point
@@ -332,6 +330,12 @@ def _scales(family: Family) -> Floats:
     scales[family.stages - 1 :] = 1 / family.stages
     return scales
 
+
+# --- Members of a family near random points, for families with so many equations that a projection hardly ever
+# converges.
+#
+# The method of Levenberg and Marquardt (Marquardt 1963, J. SIAM 11, 431) lowers the sum of the squared residuals.
+# Points that stay behind others are given up early.
 
 #: Number of points whose equations are evaluated together.
 AT_ONCE = 250

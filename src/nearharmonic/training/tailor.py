@@ -1,9 +1,4 @@
-"""Gain of a tailored method on starts of the test, with a confidence interval.
-
-Provenance of a tailored method, in the fields of its tableau and as a Python file.
-
-``nearharmonic.tailor``: starts, window, search, digits and test of a method for one system, in this order.
-"""
+"""Tailored methods: the order of the work, gains on starts of the test, and provenance."""
 
 from __future__ import annotations
 
@@ -39,6 +34,8 @@ from nearharmonic.training.tailor_search import (
     step_sizes,
     window_at,
 )
+
+# --- Gain of a tailored method on starts of the test, with a confidence interval.
 
 #: Number of resamples of the starts, and coverage of the interval.
 RESAMPLES, CONFIDENCE = 2000, 0.95
@@ -155,6 +152,8 @@ class Tailored:
         return tuple((tau, gain) for tau, gain in pairs if not gain.is_one)
 
 
+# --- Provenance of a tailored method, in the fields of its tableau and as a Python file.
+
 #: Width of the lines of a file, except for coefficients, which are not wrapped.
 WIDTH = 100
 
@@ -235,6 +234,8 @@ def _literal(value: object) -> str:
 def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False)  # Python reads the same text from them
 
+
+# --- ``nearharmonic.tailor``: starts, window, search, digits and test of a method for one system, in this order.
 
 Starts = Callable[[TailorRequest, Orbit], tuple[Ensemble, Ensemble]]
 

@@ -1,14 +1,4 @@
-"""Budget of a search, in time or in trials.
-
-Search for a tailored method: many short searches, whose best third continues, until a budget is spent.
-
-Starts in every family are registered methods, and methods with one stage less that are extended by a stage. Starts far
-behind the best are omitted. All starts get the same number of trials. The best third continues with three times as many
-trials, and so on. Searches around the last one then alternate with searches from random starts until time or trials are
-spent.
-
-Registered methods for comparison with a tailored one, and the window of step sizes.
-"""
+"""Search for a tailored method within a budget, and the registered methods that it is compared with."""
 
 from __future__ import annotations
 
@@ -33,6 +23,7 @@ from nearharmonic.training.search import Effort, Found, Start, library
 from nearharmonic.training.searcher import Searcher, starts_of
 
 
+# --- Budget of a search, in time or in trials.
 class BudgetSpentError(NearharmonicError):
     """Time or trials of a search are spent; the results so far are kept."""
 
@@ -66,6 +57,13 @@ class Budget:
         if spent >= 1:
             raise BudgetSpentError("the budget of the search is spent")
 
+
+# --- Search for a tailored method: many short searches, whose best third continues, until a budget is spent.
+#
+# Starts in every family are registered methods, and methods with one stage less that are extended by a stage. Starts
+# far behind the best are omitted. All starts get the same number of trials. The best third continues with three times
+# as many trials, and so on. Searches around the last one then alternate with searches from random starts until time
+# or trials are spent.
 
 #: Orders of families: (order, harmonic order, True if T has to be quadratic).
 CONDITIONS = ((4, 4, False), (4, 6, False), (6, 6, True))
@@ -270,6 +268,8 @@ def families(stages: Sequence[int], *, quadratic: bool) -> list[Family]:
                     found.append(family)
     return found
 
+
+# --- Registered methods for comparison with a tailored one, and the window of step sizes.
 
 #: Step sizes per stage, in radians of the fastest oscillation, for the search for a window.
 LADDER = np.geomspace(0.01, 1.0, 25)

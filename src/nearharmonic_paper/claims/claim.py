@@ -4,8 +4,6 @@ A statement is a row: a :class:`Claim` in a file of its group; there is no other
 example :data:`result`, takes its words and its threshold, and the function below it decides. The name of the function,
 with hyphens, is the id. Statements with a common method of decision are rows of a tuple, with an ``id`` each:
 ``result(...)(judge)``, where a function with the parameters of the row returns the judge.
-
-Margins: the range of thresholds of a statement that leave its verdict unchanged.
 """
 
 from __future__ import annotations
@@ -18,6 +16,8 @@ from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output.store import workflow_command
 from nearharmonic_paper.claims.results import Results, Undecided, short
 from nearharmonic_paper.tasks.experiment import experiments
+
+# --- Margins: the range of thresholds of a statement that leave its verdict unchanged.
 
 #: The margin of proofs, counts and comparisons of digits.
 EXACT = "exact: no threshold"

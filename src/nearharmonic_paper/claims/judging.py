@@ -1,17 +1,4 @@
-"""Definitions of the paper's general words and of terms in verdicts, used for all statements.
-
-Curves of errors over step sizes: where they are truncation, over which steps one is the lower, and whether they have
-the order of something else.
-
-Statements about curves are decided at every step size of a range. Unless a statement says otherwise it is the range of
-:meth:`Curves.compared`: from the first step size at which every curve is clear of rounding to the last before one of
-them passes :data:`LOST`.
-
-Local slopes of errors over step sizes, and lengths of ranges where they agree with an order.
-
-All statements about slopes are decided in this way. A fit over half a decade would mix the end of one power law with
-the beginning of the next one; local slopes with the length of their range distinguish them.
-"""
+"""Judging of statements: general words, curves of errors, and local slopes."""
 
 from __future__ import annotations
 
@@ -33,6 +20,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+# --- Definitions of the paper's general words and of terms in verdicts, used for all statements.
 class Meaning(NamedTuple):
     """A number, its definition with the origin, and a short form for thresholds."""
 
@@ -122,6 +110,13 @@ MEANINGS = (
     MODERATE, SMALL, STABLE, RANGE, EDGES, SLOPES,
 )  # fmt: skip
 
+
+# --- Curves of errors over step sizes: where they are truncation, over which steps one is the lower, and whether they
+# have the order of something else.
+#
+# Statements about curves are decided at every step size of a range. Unless a statement says otherwise it is the range
+# of :meth:`Curves.compared`: from the first step size at which every curve is clear of rounding to the last before
+# one of them passes :data:`LOST`.
 
 LOST = RANGE.number
 #: Minimum width of a part of a range: half a decade, the width of fits of observed orders.
@@ -264,6 +259,11 @@ def rank_correlation(one: Floats, other: Floats) -> Floats:
     found: Floats = (first * second).sum(axis=0) / np.where(spread > 0, spread, 1.0)
     return found
 
+
+# --- Local slopes of errors over step sizes, and lengths of ranges where they agree with an order.
+#
+# All statements about slopes are decided in this way. A fit over half a decade would mix the end of one power law with
+# the beginning of the next one; local slopes with the length of their range distinguish them.
 
 #: Half width in decades of the fit of a local slope: five step sizes in total, with forty per decade.
 WINDOW = 0.05

@@ -1,7 +1,4 @@
-"""All statements, decided on a folder of results, as a table and as JSON.
-
-Statements of experiments, found in the modules ``claims`` of their folders.
-"""
+"""All statements, decided on a folder of results, as a table and as JSON."""
 
 from __future__ import annotations
 
@@ -26,6 +23,7 @@ from nearharmonic_paper.tasks.provenance import code_digest
 from nearharmonic_paper.tasks.sources import ROOT, path_of
 
 
+# --- Statements of experiments, found in the modules ``claims`` of their folders.
 def modules() -> list[str]:
     """Return the dotted names of the modules with statements."""
     return [name for name in (f"{folder}.claims" for folder in folders()) if path_of(name, ROOT).is_file()]

@@ -1,10 +1,4 @@
-"""The config: its keys as frozen dataclasses.
-
-Generator of the JSON schema, and of tables in documents: keys, cubes and targets.
-
-The sources are the types of the config and the declarations of the experiments. ``python -m
-nearharmonic_paper.config.config`` writes all of them.
-"""
+"""The config: its keys as frozen dataclasses."""
 
 from __future__ import annotations
 
@@ -185,6 +179,11 @@ def adapter() -> Any:
 
     return TypeAdapter(whole_config())
 
+
+# --- Generator of the JSON schema, and of tables in documents: keys, cubes and targets.
+#
+# The sources are the types of the config and the declarations of the experiments. ``python -m
+# nearharmonic_paper.config.config`` writes all of them.
 
 #: The generated files, from the root of the project.
 SCHEMA, KEYS = Path("workflow/schemas/config.schema.yaml"), Path("config/README.md")

@@ -1,4 +1,4 @@
-"""What all pages share: the task that fills the marks of a page, tables, and cells."""
+"""Parts that all pages share: the task that fills the marks of a page, tables, and cells."""
 
 from __future__ import annotations
 

@@ -366,7 +366,7 @@ OTHER_STEPS, OTHER_ENERGIES = (0.03, 0.05, 0.065, 0.08, 0.1, 0.12, 0.15, 0.18), 
 
 @fills
 def tailor(files: Sequence[str]) -> dict[str, str]:
-    """What the command prints, gains on ten systems, over-fitting, and gains elsewhere. ``files`` are the examples.
+    """Output of the command, gains on ten systems, over-fitting, and gains elsewhere. ``files`` are the examples.
 
     Budgets are numbers of trials, so that a seed gives the same rows on one kind of processor.
     """

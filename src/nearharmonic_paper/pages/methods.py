@@ -79,7 +79,7 @@ REPEATS = Patience(least=7, most=15, seconds=0.05)
 
 
 class Place(NamedTuple):
-    """What a method takes to an error: evaluations, interpolated, and the steps and sums of a run that meets it."""
+    """Cost of a method at an error: evaluations, interpolated, and the steps and sums of a run that meets it."""
 
     evaluations: float
     method: str
@@ -154,7 +154,7 @@ def curve(system: System, t_end: str, name: str) -> Floats | None:
 
 
 def reached(name: str, found: Floats, error: float) -> Place | None:
-    """What a method takes to an error which all finer runs meet; None if it does not reach it."""
+    """Cost of a method at an error which all finer runs meet; None if it does not reach it."""
     steps, evaluations, errors, plain = found
     missed = np.flatnonzero(~(errors <= error))
     first = int(missed[-1]) + 1 if missed.size else 0

@@ -1,15 +1,4 @@
-"""Check of an archive: its seal, then each file against the digest in the metadata of the crate.
-
-The seal is a digest of all bytes of the zip file in the comment at its end. A zip file itself protects the contents of
-its members by 32-bit checksums, and leaves names, dates, sizes and its directory unprotected. The seal protects from
-damage and says nothing about who made the file: a member that ``nearharmonic archive`` never writes is a fault, so that
-an archive without a fault can be unpacked by any program.
-
-A result as one self-describing zip file: an RO-Crate with the digest of every file and every run of the workflow.
-
-Equal results give equal bytes on every machine: members are sorted, have one fixed date and are stored without
-compression, because its output depends on the version of zlib. Almost all members already have compressed formats.
-"""
+"""A result as one self-describing zip file, and the check of such a file."""
 
 from __future__ import annotations
 
@@ -45,6 +34,13 @@ from nearharmonic_paper.record.description import (
 )
 from nearharmonic_paper.record.manifest import is_edited, recorded_digests
 from nearharmonic_paper.tasks.sources import files_of
+
+# --- Check of an archive: its seal, then each file against the digest in the metadata of the crate.
+#
+# The seal is a digest of all bytes of the zip file in the comment at its end. A zip file itself protects the contents
+# of its members by 32-bit checksums, and leaves names, dates, sizes and its directory unprotected. The seal protects
+# from damage and says nothing about who made the file: a member that ``nearharmonic archive`` never writes is a
+# fault, so that an archive without a fault can be unpacked by any program.
 
 #: Text of the comment of the zip file before the digest, and with a placeholder until the digest is known.
 WORDS = b"nearharmonic archive 1; sha256 of all bytes before this comment: "
@@ -171,6 +167,11 @@ def _described(metadata: Mapping[str, Any]) -> dict[str, tuple[int, str]]:
     files = [entity for entity in entities if "File" in several(entity.get("@type"))]
     return {unquote(str(file["@id"])): (int(str(file.get("contentSize"))), str(file.get("sha256"))) for file in files}
 
+
+# --- A result as one self-describing zip file: an RO-Crate with the digest of every file and every run of the workflow.
+#
+# Equal results give equal bytes on every machine: members are sorted, have one fixed date and are stored without
+# compression, because its output depends on the version of zlib. Almost all members already have compressed formats.
 
 #: Folder of users' Python files in an archive.
 USER_FILES = "user_files"

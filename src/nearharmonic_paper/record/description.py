@@ -213,7 +213,7 @@ def workflow_files() -> list[Member]:
 
 @dataclass(frozen=True)
 class Archive:
-    """What all descriptions of an archive tell: the history, oldest first, has at least one run."""
+    """Content that all descriptions of an archive share: the history, oldest first, has at least one run."""
 
     result: str
     runs: Sequence[Run]

@@ -2,15 +2,6 @@
 
 A run writes a marker at its start and removes it at its end. The next start records runs without a live process as
 "killed".
-
-Lines of a history: each one is sealed and holds the digest of the line before.
-
-A changed, lost or added line is therefore found, and named by its number. A damaged line never hides a run: it is read
-as a run with the status "damaged", of which only id and start are shown. Lines of older versions have no seals.
-
-Markers of unfinished runs: ``logs/running/ID.json``, with the process of the run.
-
-Queries of the history: the runs of one folder of results or of several.
 """
 
 from __future__ import annotations
@@ -30,6 +21,12 @@ from typing import Any
 from nearharmonic.errors import SettingError, unknown_name
 from nearharmonic.output.atomic import digest_of, read_bytes, sealed, write_text
 from nearharmonic_paper.tasks.receipts import MARKED, names_made_by
+
+# --- Lines of a history: each one is sealed and holds the digest of the line before.
+#
+# A changed, lost or added line is therefore found, and named by its number. A damaged line never hides a run: it is
+# read as a run with the status "damaged", of which only id and start are shown. Lines of older versions have no
+# seals.
 
 #: A line of the history.
 Run = dict[str, Any]
@@ -152,6 +149,8 @@ def _damaged(number: int, digest: str, text: bytes, fault: str) -> Line:
     return Line(number=number, digest=digest, run=run, is_sealed=False, fault=fault, known=())
 
 
+# --- Markers of unfinished runs: ``logs/running/ID.json``, with the process of the run.
+
 MARKERS = Path("logs", MARKED)
 
 
@@ -226,6 +225,7 @@ def is_alive(process: Mapping[str, Any]) -> bool:
         return False
 
 
+# --- Queries of the history: the runs of one folder of results or of several.
 def runs_of(folder: Path) -> list[Run]:
     """Return the runs in the history of ``folder``, oldest first; a damaged line is a run with the status "damaged"."""
     return [line.run for line in lines_of(folder / HISTORY)]

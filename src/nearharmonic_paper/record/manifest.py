@@ -1,11 +1,4 @@
-"""The manifest of a folder of results: size, digest and origin of every file, as written by its job.
-
-Tables, documents and pictures of a result, each checked against its record before use.
-
-Result folders by name.
-
-Users' Python files of a result: those that its record names, and a check of those that the user trusts.
-"""
+"""The manifest of a folder of results, and the files that it vouches for."""
 
 from __future__ import annotations
 
@@ -26,7 +19,7 @@ from nearharmonic.errors import (
     unknown_name,
 )
 from nearharmonic.output.atomic import read_bytes, read_text, sealed, write_text
-from nearharmonic.output.atomic import sealed_json_opened as opened
+from nearharmonic.output.atomic import unsealed as opened
 from nearharmonic.output.store import command_for, unusable
 from nearharmonic.output.table import Table, from_csv
 from nearharmonic.registry.user_module import check_trust, is_file, is_trusted
@@ -34,6 +27,8 @@ from nearharmonic_paper.record.history import HISTORY, runs_newest_first
 from nearharmonic_paper.tasks.provenance import files_in, read_definitions
 from nearharmonic_paper.tasks.receipts import BESIDE, measured, receipts_in
 from nearharmonic_paper.tasks.sources import digest_of
+
+# --- The manifest of a folder of results: size, digest and origin of every file, as written by its job.
 
 MANIFEST = "manifest.json"
 FORMAT = "nearharmonic manifest 1"
@@ -131,6 +126,7 @@ def is_changed(place: Path, entry: Mapping[str, Any]) -> bool:
         return True
 
 
+# --- Tables, documents and pictures of a result, each checked against its record before use.
 class Texts:
     """The text files of a folder of results, ``results/<name>``."""
 
@@ -171,6 +167,8 @@ class Texts:
         return unusable(self._folder / name, complaint)
 
 
+# --- Result folders by name.
+
 #: The folder of all results, below that of the project.
 RESULTS = Path("results")
 #: Files and folders that identify a folder of results: it has at least one.
@@ -200,6 +198,8 @@ def is_result(folder: Path) -> bool:
     """Return True if ``folder`` has a manifest, a history or a folder of cubes."""
     return any((folder / sign).exists() for sign in SIGNS)
 
+
+# --- Users' Python files of a result: those that its record names, and a check of those that the user trusts.
 
 Entries = Iterable[Mapping[str, Any]]
 

@@ -1,12 +1,4 @@
-"""Conditions on columns, written as Python comparisons: parsed by ``ast`` and evaluated with numpy, node by node.
-
-Allowed are comparisons (chained ones too), ``and``, ``or``, ``not``, parentheses, ``+ - * /``, numbers, texts, names of
-columns, ``inf``, and ``in`` with a list of numbers or texts. No other node is evaluated: no call and no attribute.
-
-Single runs of the cubes of systems as rows of a table, selected by a condition and sorted.
-
-One run of a result: its numbers, its files, and Python code that repeats it.
-"""
+"""Single runs of a result: conditions on columns, a table, and one run with code that repeats it."""
 
 from __future__ import annotations
 
@@ -41,6 +33,12 @@ from nearharmonic_paper.tasks.schema import complaint
 if TYPE_CHECKING:
     import xarray as xr
 
+
+# --- Conditions on columns, written as Python comparisons: parsed by ``ast`` and evaluated with numpy, node by node.
+#
+# Allowed are comparisons (chained ones too), ``and``, ``or``, ``not``, parentheses, ``+ - * /``, numbers, texts,
+# names of columns, ``inf``, and ``in`` with a list of numbers or texts. No other node is evaluated: no call and no
+# attribute.
 
 NUMBER, TEXT, TRUTH = "a number", "a text", "a condition"
 
@@ -163,6 +161,8 @@ class _Condition:
         return SettingError(f"{message}{reason}")
 
 
+# --- Single runs of the cubes of systems as rows of a table, selected by a condition and sorted.
+
 #: Columns of every system, in the displayed order; columns of single systems follow.
 COLUMNS = (
     "system", "integrator", "precision", "tau", "tau_per_stage", "steps", "evaluations", "max_energy_error",
@@ -273,6 +273,8 @@ def column_of(name: str, runs: pd.DataFrame) -> pd.Series:
         raise unknown_name("column", name, runs)
     return runs[name]
 
+
+# --- One run of a result: its numbers, its files, and Python code that repeats it.
 
 #: Relative tolerance for a grid of one step size, for values typed with few digits.
 LEAST_SPACING = 1e-3

@@ -1,13 +1,4 @@
-"""State of a folder of results at the end of a run: sizes and times of all its files, and the end of its history.
-
-A start compares it with the present state, which takes milliseconds, and computes digests only of what differs.
-
-Damaged results, set aside while Snakemake plans a run, so that it makes them again.
-
-Files that no job has made again by the end of the process return to their places, where ``verify`` names them.
-
-Lock of a folder of results: one run of the workflow at a time. It ends with its process, also with a killed one.
-"""
+"""State of a folder of results between runs: its files, damage set aside, and a lock."""
 
 from __future__ import annotations
 
@@ -24,9 +15,13 @@ from typing import Any
 
 from nearharmonic.errors import RefusedError
 from nearharmonic.output.atomic import read_bytes, sealed, write_text
-from nearharmonic.output.atomic import sealed_json_opened as opened
+from nearharmonic.output.atomic import unsealed as opened
 from nearharmonic_paper.record import history, manifest
 from nearharmonic_paper.tasks.receipts import receipts_in
+
+# --- State of a folder of results at the end of a run: sizes and times of all its files, and the end of its history.
+#
+# A start compares it with the present state, which takes milliseconds, and computes digests only of what differs.
 
 STATE = Path("logs", "state")
 #: Files of the record, which are compared too.
@@ -108,6 +103,10 @@ def _observed(folder: Path, name: str) -> Observed:
     return [found.st_size, found.st_mtime_ns]
 
 
+# --- Damaged results, set aside while Snakemake plans a run, so that it makes them again.
+#
+# Files that no job has made again by the end of the process return to their places, where ``verify`` names them.
+
 #: Folder of these files, in the folder of results.
 ASIDE = Path("logs", "aside")
 
@@ -130,6 +129,8 @@ def restore(folder: Path) -> None:
             kept.rename(place)
     shutil.rmtree(folder / ASIDE, ignore_errors=True)
 
+
+# --- Lock of a folder of results: one run of the workflow at a time. It ends with its process, also with a killed one.
 
 #: File with the host and the number of the process that holds the lock, or held it last.
 LOCK = Path("logs", "lock")

@@ -1,20 +1,4 @@
-"""Declared figures on the page: their order, ids and pages of their own; read while the workflow is parsed.
-
-Static pictures of pages.
-
-The page of results has reduced SVG files and small pictures as data URIs for img elements; pages below docs have PNG
-files of few colours.
-
-Formats of numbers and verdicts on the page.
-
-Tables of the page, from CSV files of the results, or from Markdown files with headings.
-
-Content of the page for a folder of results: claims, tables and figures, read from files.
-
-Figures of the page, interactive and static, with their texts and the legend of the methods.
-
-Links from the claims to the figures and tables with their numbers.
-"""
+"""Content of the page of results: figures, tables, claims and links, read from files."""
 
 from __future__ import annotations
 
@@ -52,6 +36,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
+# --- Declared figures on the page: their order, ids and pages of their own; read while the workflow is parsed.
+
 #: Experiment of the figures that may have interactive panels.
 PAPER = "paper"
 #: Interactive figures of other quantities than energy errors.
@@ -87,6 +73,11 @@ def pages_alone(figures: Iterable[Figure]) -> dict[str, str]:
     anchors = [anchor_of(one) for one in in_order(figures) if is_interactive(one)]
     return {anchor.replace("-", "_").replace(".", "_"): f"{anchor}.html" for anchor in anchors}
 
+
+# --- Static pictures of pages.
+#
+# The page of results has reduced SVG files and small pictures as data URIs for img elements; pages below docs have PNG
+# files of few colours.
 
 #: Redundant parts of the SVG files of matplotlib, and their replacements. Coordinates keep a hundredth of a point.
 _SHORTER = (
@@ -154,6 +145,8 @@ def few_colours(figure: str, colours: int) -> dict[str, bytes]:
         return {"picture": file.getvalue()}
 
 
+# --- Formats of numbers and verdicts on the page.
+
 #: Pattern of a Python float; a number with more digits is an exact decimal.
 _FLOAT = re.compile(r"-?\d+(\.\d+)?(e[+-]?\d+)?")
 _MOST_DIGITS_OF_A_FLOAT = 17
@@ -194,6 +187,7 @@ def counted(number: int, one: str, more: str = "") -> str:
     return f"{number} {one if number == 1 else more or one + 's'}"
 
 
+# --- Tables of the page, from CSV files of the results, or from Markdown files with headings.
 @dataclass(frozen=True, kw_only=True)
 class ShownTable(Table):
     """A table of the page, with formatted cells, the id of its element, and the file with all digits.
@@ -243,6 +237,8 @@ def _anchor_of(stem: str) -> str:
     digits = name.removeprefix("table")
     return f"table-{digits}" if digits.isdigit() and rest != "derived" else f"table-{stem}"
 
+
+# --- Content of the page for a folder of results: claims, tables and figures, read from files.
 
 #: Verdicts in the order of the page, each with the name of its style.
 VERDICTS = {
@@ -351,6 +347,8 @@ class ShownResults:
         except NearharmonicError as error:
             raise self._texts.unusable(name, "holds no totals") from error
 
+
+# --- Figures of the page, interactive and static, with their texts and the legend of the methods.
 
 _HINT = "A cross on the upper edge is the smallest step size at which a method leaves its energy surface."
 
@@ -489,6 +487,8 @@ def entries(figures: Iterable[ShownFigure]) -> list[Entry]:
         for name, one in zip(ordered, map(style_of, ordered), strict=True)
     ]
 
+
+# --- Links from the claims to the figures and tables with their numbers.
 
 #: A piece of text, and the anchor of its link, "" without a link.
 Piece = tuple[str, str]

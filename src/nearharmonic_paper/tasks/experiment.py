@@ -2,8 +2,6 @@
 
 Each folder of :data:`ROOMS` declares ``EXPERIMENT`` in its module ``experiment``; there is no other list
 of experiments. No job imports these modules, so that a new title invalidates no result.
-
-Figures that the workflow draws of cubes, as experiments declare them.
 """
 
 from __future__ import annotations
@@ -18,6 +16,8 @@ from itertools import product
 from typing import Any
 
 from nearharmonic_paper.tasks.sources import ROOT
+
+# --- Figures that the workflow draws of cubes, as experiments declare them.
 
 #: Cube of a figure that is drawn for each system; its name holds the same placeholder.
 EVERY_SYSTEM = "{system}"

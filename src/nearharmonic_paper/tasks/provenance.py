@@ -1,7 +1,4 @@
-"""Provenance of a result: digests of its code, settings, coefficients, versions; no timestamps.
-
-Users' definitions of systems and integrators, passed from the planning process to the jobs.
-"""
+"""Provenance of a result: digests of its code, settings, coefficients, versions; no timestamps."""
 
 from __future__ import annotations
 
@@ -21,6 +18,8 @@ from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems import systems
 from nearharmonic_paper.tasks.sources import PACKAGE, closure, module_digest, module_of
+
+# --- Users' definitions of systems and integrators, passed from the planning process to the jobs.
 
 #: Definitions by name, of "systems" and of "integrators".
 Definitions = Mapping[str, Mapping[str, Any]]

@@ -3,8 +3,6 @@
 A receipt holds the size and the SHA-256 of each file as the job left it, so that a file that was edited later can be
 distinguished from a file that was made again. It is not a result file, so it may contain timestamps. A receipt is
 sealed; one whose seal does not match is not believed.
-
-Receipts of jobs, and the schema of the record that is assembled from them.
 """
 
 from __future__ import annotations
@@ -18,7 +16,7 @@ from typing import Any, TypeVar
 
 from nearharmonic.output import atomic as reading
 from nearharmonic.output.atomic import sealed, write_text
-from nearharmonic.output.atomic import sealed_json_opened as opened
+from nearharmonic.output.atomic import unsealed as opened
 from nearharmonic.output.store import sealed_digest
 from nearharmonic_paper.tasks.provenance import settings_digest, settings_text
 
@@ -143,6 +141,8 @@ def forget(folder: Path, entries: Mapping[str, Mapping[str, Any]]) -> None:
         if any(name in entries and entry["sha256"] != entries[name]["sha256"] for name, entry in receipt.items()):
             place.unlink(missing_ok=True)
 
+
+# --- Receipts of jobs, and the schema of the record that is assembled from them.
 
 __all__ = [
     "BESIDE",

@@ -1,7 +1,4 @@
-"""Source files of the packages: imports of each module, and digests that do not depend on docstrings and comments.
-
-Digests of users' Python files, and of the modules that they import from their folder.
-"""
+"""Source files of the packages: imports of each module, and digests that do not depend on docstrings and comments."""
 
 from __future__ import annotations
 
@@ -206,6 +203,7 @@ def _statements(tree: ast.AST, skip: Callable[[ast.AST], bool] = lambda _: False
                 waiting += getattr(node, part, ())
 
 
+# --- Digests of users' Python files, and of the modules that they import from their folder.
 def files_of(place: str | os.PathLike[str]) -> tuple[Path, ...]:
     """Return a user's file, followed by the sorted files in its folder that it imports, directly or indirectly.
 

@@ -1,9 +1,4 @@
-"""Settings of the experiment on crystals.
-
-The method that was trained on model crystals, to be compared with the registered ones.
-
-The search is that of the target ``trained`` with the key ``trained: {purposes: [crystal_coarse]}``.
-"""
+"""Settings of the experiment on crystals."""
 
 from __future__ import annotations
 
@@ -83,6 +78,10 @@ class CrystalsSettings:
             return CELLS[crystal]
         return 2 ** (3 * self.cells) if crystal == "chain" else self.cells
 
+
+# --- The method that was trained on model crystals, to be compared with the registered ones.
+#
+# The search is that of the target ``trained`` with the key ``trained: {purposes: [crystal_coarse]}``.
 
 TRAINED_ON_CRYSTALS = Tableau(
     name="trained_on_crystals",

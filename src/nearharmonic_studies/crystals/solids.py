@@ -1,18 +1,4 @@
-"""A crystal as a mechanical system: masses, the gradient of V in displacements, and its phonons at rest.
-
-Sites of crystals, and pairs of neighbours as fixed vectors between sites.
-
-Forces depend on displacements u from the sites: the distance of two neighbours is that of their sites plus the
-difference of their displacements. The lists are made once, because atoms of a crystal do not leave their sites.
-
-Argon: the Lennard-Jones potential with a switched cut-off on a face-centred cubic lattice.
-
-A chain of two masses in turns, whose neighbours are bound by Morse's potential.
-
-Copper: effective medium theory on a face-centred cubic lattice.
-
-Silicon: the potential of Stillinger and Weber on a diamond lattice.
-"""
+"""Crystals as mechanical systems: masses, the gradient of V in displacements, and phonons at rest."""
 
 from __future__ import annotations
 
@@ -27,6 +13,8 @@ import numpy as np
 
 from nearharmonic.numerics.compiled import compiled, exponential
 from nearharmonic.numerics.portable import Floats
+
+# --- A crystal as a mechanical system: masses, the gradient of V in displacements, and its phonons at rest.
 
 #: Boltzmann constant in eV/K (exact in the SI of 2019), and the unit of time, Angstrom (u/eV)^(1/2), in femtoseconds.
 BOLTZMANN, FEMTOSECONDS = 8.617333262e-5, 10.180505710
@@ -88,6 +76,11 @@ class Solid:
         return 2 * np.pi / float(self.frequencies[-1])
 
 
+# --- Sites of crystals, and pairs of neighbours as fixed vectors between sites.
+#
+# Forces depend on displacements u from the sites: the distance of two neighbours is that of their sites plus the
+# difference of their displacements. The lists are made once, because atoms of a crystal do not leave their sites.
+
 FCC = ((0.0, 0.0, 0.0), (0.0, 0.5, 0.5), (0.5, 0.0, 0.5), (0.5, 0.5, 0.0))
 DIAMOND = (*FCC, *((x + 0.25, y + 0.25, z + 0.25) for x, y, z in FCC))
 
@@ -144,6 +137,7 @@ SWITCH, CUTOFF, REACH = 2.0, 2.25, 2.3
 EDGE = 1.5519
 
 
+# --- Argon: the Lennard-Jones potential with a switched cut-off on a face-centred cubic lattice.
 @compiled
 def pair(square):  # type: ignore[no-untyped-def]
     """Return the energy of a pair at a squared distance, in units of depth and diameter, and its derivative by it."""
@@ -204,6 +198,8 @@ def argon(cells: int) -> Solid:
     )
 
 
+# --- A chain of two masses in turns, whose neighbours are bound by Morse's potential.
+
 #: Masses in turns, and the inverse width of the bond; its depth is 1.
 LIGHT, HEAVY, WIDTH = 1.0, 3.0, 1.0
 #: k_B T in place of a melting point, which a chain does not have: a tenth of the depth of a bond.
@@ -243,6 +239,8 @@ def chain(cells: int) -> Solid:
         source="Morse (1929), Phys. Rev. 34, 57, doi:10.1103/PhysRev.34.57",
     )
 
+
+# --- Copper: effective medium theory on a face-centred cubic lattice.
 
 BOHR = 0.529177210903
 #: Parameters of Jacobsen, Stoltze and Norskov (1996): eV, Angstrom, 1/Angstrom; beta is (16 pi / 3)^(1/3) / sqrt 2.
@@ -337,6 +335,8 @@ def copper(cells: int) -> Solid:
         source="Jacobsen, Stoltze & Norskov (1996), Surf. Sci. 366, 394, doi:10.1016/0039-6028(96)00816-3",
     )
 
+
+# --- Silicon: the potential of Stillinger and Weber on a diamond lattice.
 
 #: Depth in eV and length in Angstrom; cut-off, and coefficients of pairs and triplets, in these units.
 SILICON_DEPTH, LENGTH, SILICON_CUTOFF = 2.16826, 2.0951, 1.80

@@ -1,12 +1,4 @@
-"""Effective samples of several chains by Geyer's initial monotone sequence, and intervals over the chains.
-
-C. J. Geyer, Statist. Sci. 7, 473 (1992), doi:10.1214/ss/1177011137.
-
-Chains of Hamiltonian Monte Carlo with one method, compiled for each target.
-
-The force at the end of a trajectory is that of the next first kick: a trajectory of N steps of s stages takes N s
-gradients. A method that begins with a drift evaluates U once more, without its gradient.
-"""
+"""Chains of Hamiltonian Monte Carlo, and their effective samples."""
 
 from __future__ import annotations
 
@@ -20,6 +12,10 @@ from nearharmonic.math import exp, log
 from nearharmonic.numerics.compiled import Normal, compiled
 from nearharmonic.numerics.portable import Floats
 from nearharmonic_studies.samplers.targets import Target
+
+# --- Effective samples of several chains by Geyer's initial monotone sequence, and intervals over the chains.
+#
+# C. J. Geyer, Statist. Sci. 7, 473 (1992), doi:10.1214/ss/1177011137.
 
 #: Autocovariances are formed up to this lag at most, and up to a quarter of a chain; the number that is tried first.
 LAGS, FIRST = 400, 32
@@ -92,6 +88,11 @@ def student(degrees: int) -> float:
     """Return Student's t at a probability of 0.975, for at least this number of degrees of freedom in a table."""
     return STUDENT[max(one for one in STUDENT if one <= degrees)]
 
+
+# --- Chains of Hamiltonian Monte Carlo with one method, compiled for each target.
+#
+# The force at the end of a trajectory is that of the next first kick: a trajectory of N steps of s stages takes N s
+# gradients. A method that begins with a drift evaluates U once more, without its gradient.
 
 #: Times of a trajectory are uniform in this range around the chosen one, so that no mode returns to its start.
 JITTER = (0.8, 1.2)

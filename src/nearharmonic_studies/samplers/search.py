@@ -1,12 +1,4 @@
-"""Methods of order 2 with the fewest gradients for an accepted proposal on products of quartic oscillators.
-
-The modes are x'' = -w^2 (x + b x^3) at equilibrium. With many independent modes the energy error of a proposal is
-normal, with a variance twice its mean, and the acceptance is erfc(sqrt(<dH^2>/8)): A. Beskos et al., Bernoulli 19, 1501
-(2013), doi:10.3150/12-BEJ414. A trial of a method needs <dH^2> of one mode of each kind, from starts that are the same
-for all methods.
-
-Gain of a method that is trained for one strength of the anharmonicity alone, and its cost at other strengths.
-"""
+"""Search for methods with the fewest gradients for an accepted proposal, and its limits."""
 
 from __future__ import annotations
 
@@ -33,6 +25,13 @@ from nearharmonic_studies.samplers.targets import quantiles
 
 #: Strengths b, ratio of the frequencies, the number of modes, and the mean length.
 STRENGTHS, RATIO, MODES, LENGTH = (0.1, 0.5, 2.0), 10.0, 1000, 8.0
+# --- Methods of order 2 with the fewest gradients for an accepted proposal on products of quartic oscillators.
+#
+# The modes are x'' = -w^2 (x + b x^3) at equilibrium. With many independent modes the energy error of a proposal is
+# normal, with a variance twice its mean, and the acceptance is erfc(sqrt(<dH^2>/8)): A. Beskos et al., Bernoulli 19,
+# 1501 (2013), doi:10.3150/12-BEJ414. A trial of a method needs <dH^2> of one mode of each kind, from starts that are
+# the same for all methods.
+
 #: Step sizes per stage times the highest frequency, of which each method takes its best.
 TAUS = tuple(0.15 * 8 ** (k / 15) for k in range(16))
 #: Ratios of a sequence of points that fill a cube evenly: powers of 1/x with x^5 = x + 1.
@@ -207,6 +206,8 @@ def methods_of(runs: Iterable[Any]) -> dict[str, Tableau]:
             found[name] = family.method(run.unknowns.values, name, f"searched, {family.stages} stages")
     return dict(sorted(found.items()))
 
+
+# --- Gain of a method that is trained for one strength of the anharmonicity alone, and its cost at other strengths.
 
 #: Strengths of the quartic term, the family, and the sets of starts, and how much larger they are than in training.
 STRENGTHS_ALONE, FAMILY, SETS, LARGER = (0.0, 0.1, 0.5, 2.0), SecondOrder(stages=4, first="kick"), 6, 4

@@ -1,18 +1,4 @@
-"""A target exp(-U) of Hamiltonian Monte Carlo with unit masses: gradient, observables and starts.
-
-The phi^4 field on a square lattice with periodic edges, in its symmetric phase near the transition.
-
-U = sum over sites of (differences to two neighbours)^2/2 + m phi^2/2 + l phi^4/4. For l = 1 the transition is at
-m = -1.2723: W. Loinaz and R. S. Willey, Phys. Rev. D 58, 076003 (1998), doi:10.1103/PhysRevD.58.076003.
-
-Three posteriors of posteriordb, with the published means and squares of their reference draws.
-
-Models, data and summaries: M. Magnusson et al., posteriordb, https://github.com/stan-dev/posteriordb, commit 28f8d3d6,
-licence BSD-3-Clause. Positive parameters are exponentials of coordinates, as in Stan; coordinates are shifted and
-scaled by constants near their posterior means and standard deviations, in place of an adaptation of the masses.
-
-A product of quartic oscillators with frequencies over a decade: U = sum x^2/2 + b x^4/4 with x = omega q.
-"""
+"""Targets exp(-U) of Hamiltonian Monte Carlo with unit masses: a field, posteriors, a quartic product."""
 
 from __future__ import annotations
 
@@ -27,6 +13,7 @@ from nearharmonic.numerics.compiled import Normal, compiled, exponential, logari
 from nearharmonic.numerics.portable import Floats
 
 
+# --- A target exp(-U) of Hamiltonian Monte Carlo with unit masses: gradient, observables and starts.
 @dataclass(frozen=True, kw_only=True)
 class Target:
     """A target.
@@ -81,6 +68,12 @@ def observe(q, potential, out):  # type: ignore[no-untyped-def]
     out[1], out[2] = out[0] * out[0], potential
 
 
+# --- The phi^4 field on a square lattice with periodic edges, in its symmetric phase near the transition.
+#
+# U = sum over sites of (differences to two neighbours)^2/2 + m phi^2/2 + l phi^4/4. For l = 1 the transition is at
+# m = -1.2723: W. Loinaz and R. S. Willey, Phys. Rev. D 58, 076003 (1998), doi:10.1103/PhysRevD.58.076003.
+
+
 def lattice(n: int) -> Target:
     """Return the target on a lattice of at most n sites."""
     edge = int(n**0.5)
@@ -105,6 +98,14 @@ def lattice(n: int) -> Target:
 
 #: Proposals from a start near the mean.
 POSTERIORS_WARM = 500
+
+
+# --- Three posteriors of posteriordb, with the published means and squares of their reference draws.
+#
+# Models, data and summaries: M. Magnusson et al., posteriordb, https://github.com/stan-dev/posteriordb, commit
+# 28f8d3d6, licence BSD-3-Clause. Positive parameters are exponentials of coordinates, as in Stan; coordinates are
+# shifted and scaled by constants near their posterior means and standard deviations, in place of an adaptation of the
+# masses.
 
 
 class Reference(NamedTuple):
@@ -306,6 +307,8 @@ POSTERIORS: dict[str, Callable[[], Target]] = {
     "eight_schools": eight_schools, "gp_regr": gp_regr, "mesquite": mesquite,
 }  # fmt: skip
 
+
+# --- A product of quartic oscillators with frequencies over a decade: U = sum x^2/2 + b x^4/4 with x = omega q.
 
 #: Strength b of the quartic term; the ratio of the frequencies; modes that the slowest observables see.
 STRENGTH, RATIO, SLOW = 1.0, 10.0, 10

@@ -1,13 +1,4 @@
-"""Search for sixth-order near-harmonic methods: a cascade of random starts, walks along families, and a ranking.
-
-For each number of stages and each first operator, the search from random points finds solutions of order six. Starts
-near these find solutions of the next harmonic order, and so on until there are no free parameters. Without the cascade
-one of fifty random starts would find an isolated solution of eight stages, and one of thousands a solution of ten.
-
-Conversion of a candidate in doubles to a registered tableau: name, rounded free parameters, and all digits.
-
-Newton's method in multiprecision gives any number of digits; free parameters are fixed as short decimals.
-"""
+"""Search for sixth-order near-harmonic methods: a cascade of random starts, a ranking, and registration."""
 
 from __future__ import annotations
 
@@ -33,6 +24,13 @@ from nearharmonic_studies.sixth_order.criterion import (
 )
 from nearharmonic_studies.sixth_order.kernels import Walk, assess, descend, solve
 from nearharmonic_studies.sixth_order.settings import SixthOrderSettings
+
+# --- Search for sixth-order near-harmonic methods: a cascade of random starts, walks along families, and a ranking.
+#
+# For each number of stages and each first operator, the search from random points finds solutions of order six.
+# Starts near these find solutions of the next harmonic order, and so on until there are no free parameters. Without
+# the cascade one of fifty random starts would find an isolated solution of eight stages, and one of thousands a
+# solution of ten.
 
 #: Bound of the unknowns of the solutions that are kept: methods with longer substeps are not useful.
 BOUND = 2.0
@@ -195,6 +193,10 @@ def _sentence(count: Count, best: list[Candidate]) -> str:
         f"{count.hits} of {count.starts} starts, {count.solutions} solutions{merit}"
     )
 
+
+# --- Conversion of a candidate in doubles to a registered tableau: name, rounded free parameters, and all digits.
+#
+# Newton's method in multiprecision gives any number of digits; free parameters are fixed as short decimals.
 
 #: Decimals of rounded free parameters: the criterion changes by less than 1e-3.
 DECIMALS = 4

@@ -17,22 +17,6 @@
 
 Both factors are at least 1. h and epsilon set the scale: h = 0.1 corresponds to 63 evaluations of the force per period,
 where such methods begin to be efficient, and epsilon = 0.1 is the meaning of "near".
-
-Equations of symmetric integrators of Nystrom order six with a harmonic order, which are linear in word sums.
-
-A step is a product of exponentials exp(c X), X being A for a drift and B for a kick; S(w) is the coefficient of the
-word w in this product; in the exact exp(A + B) it is 1/n! for a word of n letters. The logarithm of a symmetric step
-has no terms of even degree. The equations by degree are therefore:
-
-- degree 1: both rows sum to 1, which eliminates the innermost value of each row;
-- degree 3: the two order conditions of :func:`~nearharmonic.exact.lie`;
-- degree 5: the four that remain for quadratic kinetic energy. If the lower degrees are exact, the logarithm of the step
-  has the coefficients S(w) - 1/n! on words of five letters, and each condition is a weighted sum of these;
-- degree 7 and beyond, for the harmonic oscillator only: there A and B are nilpotent, so that the powers of tau in the
-  step matrix are the alternating words, and kappa_l = 0 (Nielsen 2015, Eq. 17) reads S(ABAB...) = 1/l!, l letters.
-  Up to l = 6 that follows from the order.
-
-With s stages there are s + 1 coefficients, two sums and lambda_H further equations: s - 1 - lambda_H are free.
 """
 
 from __future__ import annotations
@@ -50,6 +34,23 @@ from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.exact.words import LETTERS
 from nearharmonic.integrators.tableau import First
 from nearharmonic.theory.symmetric import ConditionedSteps, Equation, alternating
+
+# --- Equations of symmetric integrators of Nystrom order six with a harmonic order, which are linear in word sums.
+#
+# A step is a product of exponentials exp(c X), X being A for a drift and B for a kick; S(w) is the coefficient of the
+# word w in this product; in the exact exp(A + B) it is 1/n! for a word of n letters. The logarithm of a symmetric step
+# has no terms of even degree. The equations by degree are therefore:
+#
+# - degree 1: both rows sum to 1, which eliminates the innermost value of each row;
+# - degree 3: the two order conditions of :func:`~nearharmonic.exact.lie`;
+# - degree 5: the four that remain for quadratic kinetic energy. If the lower degrees are exact, the logarithm of the
+# step
+#   has the coefficients S(w) - 1/n! on words of five letters, and each condition is a weighted sum of these;
+# - degree 7 and beyond, for the harmonic oscillator only: there A and B are nilpotent, so that the powers of tau in the
+#   step matrix are the alternating words, and kappa_l = 0 (Nielsen 2015, Eq. 17) reads S(ABAB...) = 1/l!, l letters.
+#   Up to l = 6 that follows from the order.
+#
+# With s stages there are s + 1 coefficients, two sums and lambda_H further equations: s - 1 - lambda_H are free.
 
 Doubles = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

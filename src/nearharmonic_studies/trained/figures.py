@@ -1,7 +1,4 @@
-"""Figures of the comparison: errors of the best methods on each ensemble, and gains of trained ones.
-
-The figure of ideas: gains against anharmonicity, and a map of the best idea.
-"""
+"""Figures of the comparison with published methods, and of the ideas behind trained ones."""
 
 from __future__ import annotations
 
@@ -21,6 +18,8 @@ from matplotlib.ticker import LogLocator, MultipleLocator
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.plotting.style import house_style, lettered, log_scale, new_figure, panel_letter, style_of
 from nearharmonic_studies.trained.proof_settings import ORBITS
+
+# --- Figures of the comparison: errors of the best methods on each ensemble, and gains of trained ones.
 
 #: Range of the published methods, their best one, and the best trained one.
 RANGE, BEST, AHEAD = "#dcdcdc", "#0072b2", "#d55e00"
@@ -206,6 +205,8 @@ def _band(name: str) -> str:
     """Return the label of a curve in a panel whose title has the number of coordinates."""
     return name.partition(", ")[2] if name.startswith("d = ") else name
 
+
+# --- The figure of ideas: gains against anharmonicity, and a map of the best idea.
 
 #: Name, colour and marker of each idea.
 LOOKS = {

@@ -206,7 +206,7 @@ def training(**landscapes: str) -> dict[str, str]:
 
 
 def properties(one: Tableau) -> Sequence[object]:
-    """What a trained method is for, its proved properties, and the sum of its coefficients."""
+    """Purpose of a trained method, its proved properties, and the sum of its coefficients."""
     purpose = PURPOSES[one.name.removeprefix("trained_")]
     low, high = purpose.window
     total = sum(abs(float(c)) for c in (*one.kick, *one.drift))

@@ -1,48 +1,4 @@
-"""Anharmonicity of orbits: the variation of the Hessian of V along them.
-
-delta = rms |W - mean W| / rms |W| along the orbit, W = V'' and |.| the Frobenius norm, for masses of 1. It is 0 for
-every harmonic system, for all frequencies and amplitudes, and at most 1.
-
-Near-harmonic systems with cubic potentials, drawn at random.
-
-    V = sum_i w_i^2 q_i^2 / 2 + sum_(i <= j <= k) c_ijk q_i q_j q_k
-
-One frequency is 1, the others are uniform in [0.6, 1]. Along a direction n the potential falls beyond a barrier of the
-height w(n)^6 / (54 c(n)^2), with w(n)^2 = sum w_i^2 n_i^2 and c(n) the cubic form. The coefficients are normal, scaled
-so that the energy of the start is a fraction of the lowest barrier, log-uniform in a band: no orbit escapes. For the
-system of Henon & Heiles (1964), doi:10.1086/109234, the barrier is 1/6. The amplitude is 1, its square distributed over
-the coordinates uniformly on the simplex; phases are uniform.
-
-Named systems, with starts at given energies; no method is trained on them.
-
-All have T = p.p/2 and rest at q = 0, where V is 0. The energy of a start is log-uniform in a given range. Its direction
-is uniform on the energy surface of the small oscillations, and its length is the first at which H along this direction
-reaches the energy. Directions of frequency 0, such as the translation of the Toda ring, are omitted: the total momentum
-is 0.
-
-Kepler orbits of random eccentricity, in the plane, of semi-major axis 1 and period 2 pi.
-
-Near-harmonic systems drawn at random: potentials to degree four in two or three coordinates.
-
-    V = sum_i q_i^2 (w_i^2 / 2 + sum_j c_ij q_j + sum_(j >= i) e_ij q_j^2) + sum_(i < j < k) c_ijk q_i q_j q_k
-
-One frequency is 1, the others are uniform in [0.2, 1]. The strength s is log-uniform in a band; every cubic coefficient
-is normal with the deviation 0.4 s, every quartic one 0.1 s plus the modulus of such a number. All quartic coefficients
-are positive, so that H is bounded from below for every draw. The amplitude is uniform in [0.4, 1]; its square is
-distributed over the coordinates uniformly on the simplex; phases are uniform. A momentum is an amplitude times a sine.
-A coordinate is an amplitude times a cosine, divided by the frequency or 0.5, whichever is larger.
-
-Model crystals drawn at random: rings of masses in turns, with cubic and quartic bonds, in thermal equilibrium.
-
-    V = sum_i k_i (d_i^2 / 2 - d_i^3 / 2 + c d_i^4),  d_i = w_(i+1) q_(i+1) - w_i q_i
-
-q are coordinates times the square roots of the masses, so that T = p.p/2. The unit of length is the softness of the
-bonds, the length for which the cubic term of every pair potential of this form is -d^3/2. Then c is 7/24 for Morse's
-bond and 53/168 for that of Lennard-Jones; it is uniform between the two. The ratio of the masses is log-uniform from 1
-to 4, and so are all k_i from 0.7 to 1.4. The highest frequency is 1. Every phonon has random coordinates and momenta of
-one temperature, which makes the rms change of a bond log-uniform in a band, as long as bonds are harmonic. The total
-momentum is 0.
-"""
+"""Problems of trained methods: random potentials, rings, orbits and named systems, and their anharmonicity."""
 
 from __future__ import annotations
 
@@ -66,6 +22,11 @@ from nearharmonic.systems import henon_heiles, kepler
 from nearharmonic.systems.quantities import Parameter, Vector
 from nearharmonic.systems.system import System
 from nearharmonic.training.population import Ensemble
+
+# --- Anharmonicity of orbits: the variation of the Hessian of V along them.
+#
+# delta = rms |W - mean W| / rms |W| along the orbit, W = V'' and |.| the Frobenius norm, for masses of 1. It is 0 for
+# every harmonic system, for all frequencies and amplitudes, and at most 1.
 
 #: Time between the states at which the Hessian is evaluated, in units of the ensemble, and minimum number of states. It
 #: is no simple fraction of a period, to avoid aliasing.
@@ -106,6 +67,16 @@ def hessians(system: System, q: Floats, parameters: Floats | None = None) -> Flo
     rows = [np.stack([np.broadcast_to(x, shape) for x in column], axis=-1) for column in columns]
     return np.stack(rows, axis=-1)
 
+
+# --- Near-harmonic systems with cubic potentials, drawn at random.
+#
+#     V = sum_i w_i^2 q_i^2 / 2 + sum_(i <= j <= k) c_ijk q_i q_j q_k
+#
+# One frequency is 1, the others are uniform in [0.6, 1]. Along a direction n the potential falls beyond a barrier of
+# the height w(n)^6 / (54 c(n)^2), with w(n)^2 = sum w_i^2 n_i^2 and c(n) the cubic form. The coefficients are normal,
+# scaled so that the energy of the start is a fraction of the lowest barrier, log-uniform in a band: no orbit escapes.
+# For the system of Henon & Heiles (1964), doi:10.1086/109234, the barrier is 1/6. The amplitude is 1, its square
+# distributed over the coordinates uniformly on the simplex; phases are uniform.
 
 #: Bounds of the slower frequencies.
 CUBIC_FREQUENCIES = (0.6, 1.0)
@@ -179,6 +150,13 @@ def _scale(n: Floats, squares: Floats, terms: Any, cubic: Floats, q: Floats, fra
         s -= ((0.5 + own * s) * s * s - fraction * lowest) / (s + 3 * own * s * s)
     return s
 
+
+# --- Named systems, with starts at given energies; no method is trained on them.
+#
+# All have T = p.p/2 and rest at q = 0, where V is 0. The energy of a start is log-uniform in a given range. Its
+# direction is uniform on the energy surface of the small oscillations, and its length is the first at which H along
+# this direction reaches the energy. Directions of frequency 0, such as the translation of the Toda ring, are omitted:
+# the total momentum is 0.
 
 #: Sites of the chains of Fermi, Pasta, Ulam and Tsingou, of Toda's ring, and atoms of the chain of Lennard-Jones.
 CHAIN_SITES, RING, ATOMS = 8, 6, 5
@@ -339,6 +317,8 @@ def _lengths(system: System, q: Floats, p: Floats, energies: Floats) -> Floats:
     return low
 
 
+# --- Kepler orbits of random eccentricity, in the plane, of semi-major axis 1 and period 2 pi.
+
 #: Number of Newton steps that solve Kepler's equation to double precision from E = M, for e below 0.9.
 ITERATIONS = 12
 
@@ -369,6 +349,17 @@ def orbit_ensemble(count: int, seed: int, *, eccentricities: tuple[float, float]
 
 #: Bounds of the slower frequencies, and of amplitudes.
 FREQUENCIES, AMPLITUDES = (0.2, 1.0), (0.4, 1.0)
+# --- Near-harmonic systems drawn at random: potentials to degree four in two or three coordinates.
+#
+#     V = sum_i q_i^2 (w_i^2 / 2 + sum_j c_ij q_j + sum_(j >= i) e_ij q_j^2) + sum_(i < j < k) c_ijk q_i q_j q_k
+#
+# One frequency is 1, the others are uniform in [0.2, 1]. The strength s is log-uniform in a band; every cubic
+# coefficient is normal with the deviation 0.4 s, every quartic one 0.1 s plus the modulus of such a number. All
+# quartic coefficients are positive, so that H is bounded from below for every draw. The amplitude is uniform in [0.4,
+# 1]; its square is distributed over the coordinates uniformly on the simplex; phases are uniform. A momentum is an
+# amplitude times a sine. A coordinate is an amplitude times a cosine, divided by the frequency or 0.5, whichever is
+# larger.
+
 #: Standard deviations of coefficients over the strength, and smallest quartic coefficient.
 DEVIATION, LEAST = 0.4, 0.1
 #: Frequency below which the amplitude of a coordinate does not increase, because its potential is soft.
@@ -466,6 +457,18 @@ def random_ensemble(dimension: int, count: int, seed: int, *, band: tuple[float,
 SITES, RATIO, BONDS = 8, 4.0, (0.7, 1.4)
 #: Coefficient of d^4 for Morse's bond and for that of Lennard-Jones: V''''/V'' over 24, and over (V'''/(3 V''))^2.
 QUARTIC = (7 / 24, 53 / 168)
+
+
+# --- Model crystals drawn at random: rings of masses in turns, with cubic and quartic bonds, in thermal equilibrium.
+#
+#     V = sum_i k_i (d_i^2 / 2 - d_i^3 / 2 + c d_i^4),  d_i = w_(i+1) q_(i+1) - w_i q_i
+#
+# q are coordinates times the square roots of the masses, so that T = p.p/2. The unit of length is the softness of the
+# bonds, the length for which the cubic term of every pair potential of this form is -d^3/2. Then c is 7/24 for
+# Morse's bond and 53/168 for that of Lennard-Jones; it is uniform between the two. The ratio of the masses is log-
+# uniform from 1 to 4, and so are all k_i from 0.7 to 1.4. The highest frequency is 1. Every phonon has random
+# coordinates and momenta of one temperature, which makes the rms change of a bond log-uniform in a band, as long as
+# bonds are harmonic. The total momentum is 0.
 
 
 @cache

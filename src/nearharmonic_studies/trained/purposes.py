@@ -1,7 +1,4 @@
-"""Purposes of trained methods.
-
-Kinds of purposes of trained methods: a window of step sizes, the problems, and the families that are searched.
-"""
+"""Purposes of trained methods."""
 
 from __future__ import annotations
 
@@ -23,6 +20,8 @@ from nearharmonic_studies.trained.problems import (
     ring_ensemble,
     with_exact_oscillators,
 )
+
+# --- Kinds of purposes of trained methods: a window of step sizes, the problems, and the families that are searched.
 
 #: Ranges of the strength of random potentials: for most methods, and for methods for small anharmonicity.
 STRONG, WEAK = (0.01, 0.5), (0.001, 0.03)

@@ -1,15 +1,4 @@
-"""Energy errors of all methods on each problem of the test ensembles, at equal cost.
-
-Long runs of the trained methods, backward runs, and runs with steps so short that rounding errors dominate.
-
-Energy errors of the methods of each idea on potentials of all strengths, at equal cost.
-
-Random potentials at all strengths, whose oscillators can be solved exactly.
-
-Each is drawn as :mod:`nearharmonic_studies.trained.problems` has it, with strength
-1; its cubic and quartic coefficients are then multiplied by each strength, with the same start. The frequencies do not
-change, so that they can be declared.
-"""
+"""Runs of the comparison, of long times, and of the ideas behind trained methods."""
 
 from __future__ import annotations
 
@@ -44,6 +33,8 @@ from nearharmonic_studies.trained.problems import (
 from nearharmonic_studies.trained.proof_settings import ORBITS, ProofSettings
 from nearharmonic_studies.trained.purposes import CHARGE as CHARGE_OF_AN_EVALUATION
 from nearharmonic_studies.trained.purposes import CHARGE_OF_ORBITS, ECCENTRICITIES
+
+# --- Energy errors of all methods on each problem of the test ensembles, at equal cost.
 
 #: Auxiliary coordinates.
 COORDINATES = ("label", "kind", "panel", "problems", "tau_per_stage")
@@ -123,6 +114,8 @@ def proof_ensembles(settings: ProofSettings) -> Iterator[Trial]:
     evaluations = np.array(settings.evaluations_per_orbit, dtype=float)
     yield Trial(with_anharmonicity(orbits), 2 * np.pi / evaluations, "Kepler orbits", CHARGE_OF_ORBITS)
 
+
+# --- Long runs of the trained methods, backward runs, and runs with steps so short that rounding errors dominate.
 
 #: Systems of the runs, and number of starts on each of them.
 SYSTEMS, STARTS = ("henon_heiles", "morse"), 16
@@ -226,6 +219,12 @@ def _computed(ensemble: Ensemble, method: Tableau, steps: int) -> dict[str, Floa
     return found
 
 
+# --- Random potentials at all strengths, whose oscillators can be solved exactly.
+#
+# Each is drawn as :mod:`nearharmonic_studies.trained.problems` has it, with strength 1; its cubic and quartic
+# coefficients are then multiplied by each strength, with the same start. The frequencies do not change, so that they
+# can be declared.
+
 #: Number of coordinates and of frequencies, which are the first parameters.
 DIMENSION = 2
 #: Smallest and largest strength.
@@ -266,6 +265,8 @@ def exact_errors(scaled: Scaled, method: Tableau, tau_per_stage: Floats) -> Floa
     found = errors_of(with_exact_oscillators(scaled.ensemble()), method, (tau_per_stage * CHARGE).tolist())
     return np.maximum(found, LEAST)
 
+
+# --- Energy errors of the methods of each idea on potentials of all strengths, at equal cost.
 
 #: Ratio of the number of potentials to the problems of an ensemble; each potential has several strengths.
 PART, STRENGTHS = 3, 13

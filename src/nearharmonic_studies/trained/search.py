@@ -1,7 +1,4 @@
-"""Search for the method of one purpose: families one after another, selection on a validation set, all digits.
-
-Generator of the modules that register trained methods, from the results of their searches.
-"""
+"""Search for the method of one purpose, and the modules that register what is found."""
 
 from __future__ import annotations
 
@@ -30,6 +27,8 @@ from nearharmonic.training.search import Found
 from nearharmonic.training.searcher import Searcher, search, starts_of
 from nearharmonic_studies.trained.purposes import PURPOSES, Purpose
 from nearharmonic_studies.trained.settings import SearchSettings
+
+# --- Search for the method of one purpose: families one after another, selection on a validation set, all digits.
 
 SOURCE = "trained by nearharmonic_studies.trained"
 CAPTION = (
@@ -197,6 +196,8 @@ def _digest(goal: Purpose, settings: SearchSettings, tableau: Tableau) -> str:
     asked = {"purpose": asdict(goal), "settings": asdict(settings), "rows": rows}
     return sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()
 
+
+# --- Generator of the modules that register trained methods, from the results of their searches.
 
 #: Head of the module of methods for T and V.
 HEAD = '''"""Methods trained on near-harmonic systems.

@@ -244,6 +244,7 @@ def half_trace(tableau, x):
     return abs(np.trace(K)) / 2
 
 
+@pytest.mark.slow
 def test_steps_are_stable_for_modes_that_do_not_move(monkeypatch):
     monkeypatch.setattr(choices.Search, "_further_error", lambda *_: 0.0)  # which would find some of these steps
     sites = 32

@@ -21,7 +21,7 @@ from nearharmonic.cli import main
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.exchange.coefficient_file import read as read_coefficients
 from nearharmonic.output import store
-from nearharmonic.output.atomic import sealed_json_opened as opened
+from nearharmonic.output.atomic import unsealed as opened
 from nearharmonic.plotting.profile import problem_of
 from nearharmonic.recommendation.measure import read_parts
 from nearharmonic.registry.user_module import trusting_only

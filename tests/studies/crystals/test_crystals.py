@@ -56,6 +56,7 @@ def test_without_friction_the_thermostatted_loop_is_the_other():
         assert average == pytest.approx(both[1:, ::-1].sum(axis=0), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_leapfrog_with_friction_samples_a_cold_crystal_exactly():
     """BAOAB has the exact mean potential energy for harmonic V at every step size; 6 standard errors of blocks."""
     energy, tau, normal = 1e-6, 0.25 * SOLID.period, Normal([3])

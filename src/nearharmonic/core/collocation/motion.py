@@ -1,20 +1,4 @@
-"""Steps of a collocation method for the loops of :mod:`nearharmonic.core.loops.advance`: one move is a whole step.
-
-A state is (q, q_low, p, p_low, f, ready, iterations, failed): with f, the forces at the stages of the last step, which
-are extrapolated to those of the next one where ``ready`` is 1. Coefficients and conditions of symplecticity are those
-of :mod:`nearharmonic.core.layout`.
-
-For f = -w^2 q - n(q) with declared frequencies w, the oscillator can be part of the equations, so that only n is
-iterated. With A the matrix of the method, G = (I + (h w A)^2)^-1 and B = G A A, the stages are Q = G (q + h c v) - h^2
-B n(Q). One iteration on all forces follows: it removes the rounding of G and B, which would not be symplectic.
-
-Fixed-point iteration on the forces at the stages of a step, to the rounding of the arithmetic.
-
-Changes shrink by about the same factor from iteration to iteration, so that the next one is known before it is made. A
-lane stops when that is below the rounding of the forces, or when the changes no longer shrink. A change that is far
-above the rounding of doubles may grow for once and shrink again in a long step: only if none of several is a new least
-one, it is the rounding of forces that cancel. What a lane computes is independent of the other lanes.
-"""
+"""Steps of a collocation method for the loops of :mod:`nearharmonic.core.loops.advance`: one move is a whole step."""
 
 from __future__ import annotations
 
@@ -43,6 +27,14 @@ from nearharmonic.core.machine.reals import (
 )
 from nearharmonic.core.points import load_state, store_state, with_time
 from nearharmonic.core.step import compensated, plain
+
+# --- Fixed-point iteration on the forces at the stages of a step, to the rounding of the arithmetic.
+#
+# Changes shrink by about the same factor from iteration to iteration, so that the next one is known before it is
+# made. A lane stops when that is below the rounding of the forces, or when the changes no longer shrink. A change
+# that is far above the rounding of doubles may grow for once and shrink again in a long step: only if none of several
+# is a new least one, it is the rounding of forces that cancel. What a lane computes is independent of the other
+# lanes.
 
 _lanes = linked_number("lanes")
 
@@ -169,6 +161,16 @@ def iteration(form: Form, forces_behind: Any) -> Any:
 
     return solve
 
+
+# --- Steps of a collocation method for the loops of :mod:`nearharmonic.core.loops.advance`: one move is a whole step.
+#
+# A state is (q, q_low, p, p_low, f, ready, iterations, failed): with f, the forces at the stages of the last step,
+# which are extrapolated to those of the next one where ``ready`` is 1. Coefficients and conditions of symplecticity
+# are those of :mod:`nearharmonic.core.layout`.
+#
+# For f = -w^2 q - n(q) with declared frequencies w, the oscillator can be part of the equations, so that only n is
+# iterated. With A the matrix of the method, G = (I + (h w A)^2)^-1 and B = G A A, the stages are Q = G (q + h c v) -
+# h^2 B n(Q). One iteration on all forces follows: it removes the rounding of G and B, which would not be symplectic.
 
 _dimension, _running, _counters = (linked_number(name) for name in ("dimension", "running", "counters"))
 _at_stages, _summed = linked("at_stages", STAGES), linked("summed", POINT)

@@ -1,19 +1,4 @@
-"""Nodes of expressions, and their exact numbers.
-
-Expressions of formulas: a directed acyclic graph in which equal subexpressions are one node.
-
-A formula that is called with the variables of a :class:`Graph` records its operations there. Nodes are tuples in a list
-and refer to earlier nodes by their index. Nodes can therefore be evaluated in the order of the list, and a deep formula
-does not reach Python's recursion limit. Every value is a coefficient times a node. A node has no constant factor, and
-the first coefficient of a sum is positive, so that a - b and b - a share a node.
-
-Derivatives of expressions: the gradient in reverse mode, and the Hessian times a vector.
-
-In reverse mode a gradient takes a small multiple of the operations of the formula, for any number of variables. Source:
-Griewank & Walther, Evaluating Derivatives (2008), doi:10.1137/1.9780898717761, Sections 3.2 and 5.2.
-
-Size of expressions in operations: the limit above which they become loops, and the largest size.
-"""
+"""Expressions of formulas: exact numbers, a graph of nodes, derivatives, and sizes."""
 
 from __future__ import annotations
 
@@ -22,6 +7,8 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from nearharmonic.core.formulas.number import FUNCTIONS, Constant, FormulaError, Number
+
+# --- Nodes of expressions, and their exact numbers.
 
 #: An exact number. Integers are of type ``int``, whose arithmetic is faster than that of ``Fraction``.
 Exact = int | Fraction
@@ -88,6 +75,13 @@ def children(node: Node) -> Iterable[int]:
         return (child for child, _ in node.factors)
     return node.operands if isinstance(node, Application) else ()
 
+
+# --- Expressions of formulas: a directed acyclic graph in which equal subexpressions are one node.
+#
+# A formula that is called with the variables of a :class:`Graph` records its operations there. Nodes are tuples in a
+# list and refer to earlier nodes by their index. Nodes can therefore be evaluated in the order of the list, and a
+# deep formula does not reach Python's recursion limit. Every value is a coefficient times a node. A node has no
+# constant factor, and the first coefficient of a sum is positive, so that a - b and b - a share a node.
 
 #: Largest number of nodes: that of three hundred bodies, which take half a minute and 650 megabytes to compile.
 MOST_NODES = 500_000
@@ -340,6 +334,12 @@ def displacements(graph: Graph, roots: Sequence[Value]) -> frozenset[int]:
     )
 
 
+# --- Derivatives of expressions: the gradient in reverse mode, and the Hessian times a vector.
+#
+# In reverse mode a gradient takes a small multiple of the operations of the formula, for any number of variables.
+# Source: Griewank & Walther, Evaluating Derivatives (2008), doi:10.1137/1.9780898717761, Sections 3.2 and 5.2.
+
+
 def gradient(graph: Graph, root: Value, variables: Sequence[Value]) -> tuple[Value, ...]:
     """Return the derivatives of ``root`` with respect to ``variables``, in reverse mode."""
     adjoints: dict[int, Value] = {} if root.node is None else {root.node: Value(root.coefficient, None)}
@@ -394,6 +394,8 @@ def _number(graph: Graph, node: int) -> Expression:
     value = Value(found.value, None) if isinstance(found, Literal) else graph.times(1, Value(1, node))
     return Expression(graph, value)
 
+
+# --- Size of expressions in operations: the limit above which they become loops, and the largest size.
 
 #: Coordinates and operations up to which a kernel has no loops over coordinates. It takes 5 to 20 ms per operation to
 #: compile; larger formulas become loops.

@@ -1,14 +1,4 @@
-"""The arithmetic of formulas: operations of a number in a formula, and the meaning of constants.
-
-Every number that replaces a value while a formula is called (traced into a kernel, written as source text, evaluated in
-multiprecision) is a :class:`Number`. All of them accept the same formulas, and refuse others with the same messages. A
-constant in a formula is exact: a float literal means the shortest decimal that it prints as.
-
-Exact constants of formulas: meaning of literals, powers, roots, functions, and operations with numpy numbers.
-
-The module is separate from :mod:`nearharmonic.core.formulas.number` because constants have values; numbers of a formula
-have none.
-"""
+"""The arithmetic of formulas: operations of a number, exact constants, and the functions with their derivatives."""
 
 from __future__ import annotations
 
@@ -24,6 +14,8 @@ from typing import Any, NoReturn, Protocol, Self
 
 from nearharmonic.core.arithmetic import whole_pi
 from nearharmonic.errors import SystemDefinitionError
+
+# --- Exact constants of formulas: meaning of literals, powers, roots, functions, and operations with numpy numbers.
 
 #: Operations of a formula, as errors list them.
 OPERATIONS = "formulas use + - * / **, abs and the functions of nearharmonic.math"
@@ -223,6 +215,12 @@ FUNCTIONS: dict[str, tuple[Callable[..., Any], ...]] = {
     "hypot": (lambda f, x, y: x / f, lambda f, x, y: y / f),
 }
 
+
+# --- The arithmetic of formulas: operations of a number in a formula, and the meaning of constants.
+#
+# Every number that replaces a value while a formula is called (traced into a kernel, written as source text,
+# evaluated in multiprecision) is a :class:`Number`. All of them accept the same formulas, and refuse others with the
+# same messages. A constant in a formula is exact: a float literal means the shortest decimal that it prints as.
 
 __all__ = [
     "FUNCTIONS", "OPERATIONS", "PI", "ROOT_BITS", "Constant", "FormulaError", "Formulas", "Number", "applied", "call",

@@ -1,13 +1,4 @@
-"""Sequences of operations that run on numbers of any type.
-
-The operations that compute expressions, in an order with short chains of operations.
-
-One trajectory is bound by the latency of the longest chain from the coordinates to the force. The latencies of the
-processor decide the order of sums and products: operands that are ready late come last, and a product that is added is
-fused.
-
-Expressions as polynomials: expansion where it takes fewer operations, and degree in some variables.
-"""
+"""Programs of expressions: operations in an order with short chains, and expansion into polynomials."""
 
 from __future__ import annotations
 
@@ -33,6 +24,8 @@ from nearharmonic.core.formulas.expression import (
     modulus,
 )
 from nearharmonic.core.formulas.number import Constant
+
+# --- Sequences of operations that run on numbers of any type.
 
 #: Number of operations from which on their order is chosen to save registers.
 MANY_OPERATIONS = 200
@@ -136,6 +129,12 @@ def _moved(operation: Operation, moved: dict[int, int]) -> Operation:
     name, *operands = operation
     return operation if name in ("constant", "variable") else (name, *(moved[x] for x in operands))
 
+
+# --- The operations that compute expressions, in an order with short chains of operations.
+#
+# One trajectory is bound by the latency of the longest chain from the coordinates to the force. The latencies of the
+# processor decide the order of sums and products: operands that are ready late come last, and a product that is added
+# is fused.
 
 #: Cycles from an operand to a result on current processors; a function is counted as a polynomial of degree ten.
 LATENCY = {
@@ -385,6 +384,8 @@ class _Writer:
             heappush(left, (self.ready[product], i, product))
         return left[0][2]
 
+
+# --- Expressions as polynomials: expansion where it takes fewer operations, and degree in some variables.
 
 #: A product of powers of nodes, sorted by node.
 Monomial = tuple[tuple[int, Exact], ...]

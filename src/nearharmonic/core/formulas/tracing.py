@@ -1,19 +1,4 @@
-"""Numbers that write machine code when the Python formulas of a system are called, once for each kernel.
-
-:class:`LLVMValue` is one LLVM value (a double, or a vector of doubles in SIMD lanes); each operation on it is one
-instruction. Formulas are called with numbers of :class:`Double` or :class:`DoubleDouble`. Because the formulas are
-*called*, not parsed, they may use loops over components, ``sum`` and their own functions. Operations on constants alone
-are exact. A formula cannot branch on a value.
-
-Hamiltonian of a kernel, as functions of numbers of any type.
-
-Numbers with a bound of their rounding error: kernels choose a precision by it, and gradients are compared within it.
-
-``size`` x u bounds, to first order in u, the change of ``value`` when every operand and result of the formula changes
-by a relative u (running error analysis: Higham, Accuracy and Stability of Numerical Algorithms, 3.3).
-
-The formulas of a system in the arithmetic of a kernel, written as plain Python on traced numbers.
-"""
+"""The formulas of a system as numbers that write machine code, once for each kernel."""
 
 from __future__ import annotations
 
@@ -31,6 +16,13 @@ if TYPE_CHECKING:
     from nearharmonic.core.layout import StageTable
     from nearharmonic.core.machine.numba_functions import NumbaCode
 
+
+# --- Numbers that write machine code when the Python formulas of a system are called, once for each kernel.
+#
+# :class:`LLVMValue` is one LLVM value (a double, or a vector of doubles in SIMD lanes); each operation on it is one
+# instruction. Formulas are called with numbers of :class:`Double` or :class:`DoubleDouble`. Because the formulas are
+# *called*, not parsed, they may use loops over components, ``sum`` and their own functions. Operations on constants
+# alone are exact. A formula cannot branch on a value.
 
 __all__ = ["Double", "DoubleDouble", "LLVMValue"]
 
@@ -198,6 +190,14 @@ class DoubleDouble(Number):
         return DoubleDouble(*extended.FUNCTIONS[function](*(x.pair for x in operands)))
 
 
+# --- Hamiltonian of a kernel, as functions of numbers of any type.
+#
+# Numbers with a bound of their rounding error: kernels choose a precision by it, and gradients are compared within it.
+#
+# ``size`` x u bounds, to first order in u, the change of ``value`` when every operand and result of the formula changes
+# by a relative u (running error analysis: Higham, Accuracy and Stability of Numerical Algorithms, 3.3).
+
+
 @dataclass(frozen=True, kw_only=True)
 class Hamiltonian:
     """A separable Hamiltonian of an autonomous system: formulas ``f(q, *parameters)`` or ``f(p, *parameters)``."""
@@ -299,6 +299,8 @@ class Conditioned(Number):
         value = values[0].apply(function, *values[1:])
         return value, [slope(value, *values) for slope in FUNCTIONS[function]]
 
+
+# --- The formulas of a system in the arithmetic of a kernel, written as plain Python on traced numbers.
 
 Entries = list[LLVMValue]
 

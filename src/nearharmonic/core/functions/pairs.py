@@ -1,16 +1,4 @@
-"""Double-doubles in functions: series, constants, choices and scaling of pairs of carriers.
-
-Operations that functions share: polynomials, scaling by powers of two, exponents and mantissas.
-
-Functions of the module that is being built: long code is emitted once for each number of lanes, and called.
-
-Angles modulo pi/2, to full accuracy for every double and double-double.
-
-Up to :data:`MODERATE` the multiple of pi/2 is subtracted by fused multiplications. For larger angles the fraction of x
-/ (2 pi) is an integer product with the relevant bits of 1 / (2 pi) (Payne & Hanek 1983, doi:10.1145/1057600.1057602).
-
-Cube roots and lengths, of doubles and of double-doubles.
-"""
+"""Parts that functions of doubles and double-doubles share: polynomials, reductions of angles, and roots."""
 
 from __future__ import annotations
 
@@ -32,6 +20,8 @@ from nearharmonic.core.arithmetic import (
 )
 from nearharmonic.core.functions import coefficients as table
 from nearharmonic.core.machine.values import LLVMBits, LLVMMask, LLVMValue
+
+# --- Operations that functions share: polynomials, scaling by powers of two, exponents and mantissas.
 
 #: The sum with this number is rounded to an integer, which is in the low bits of the sum.
 ROUNDER = 1.5 * 2.0**52
@@ -106,6 +96,8 @@ def unit_scale(size: LLVMValue) -> tuple[LLVMValue, LLVMValue]:
     forth = low.choose(2.0**1000, high.choose(2.0**-1000, forth))
     return forth, low.choose(2.0**-1000, high.choose(2.0**1000, back))
 
+
+# --- Double-doubles in functions: series, constants, choices and scaling of pairs of carriers.
 
 Pair = tuple[LLVMValue, LLVMValue]
 Triple = tuple[LLVMValue, LLVMValue, LLVMValue]
@@ -188,6 +180,8 @@ def quotient(a: Triple, b: Triple) -> Triple:
     return distilled(digits, 3)
 
 
+# --- Functions of the module that is being built: long code is emitted once for each number of lanes, and called.
+
 Body = Callable[..., Sequence[LLVMValue]]
 
 
@@ -244,6 +238,12 @@ def where_needed(
         results.append(LLVMValue(builder, phi))
     return results
 
+
+# --- Angles modulo pi/2, to full accuracy for every double and double-double.
+#
+# Up to :data:`MODERATE` the multiple of pi/2 is subtracted by fused multiplications. For larger angles the fraction
+# of x / (2 pi) is an integer product with the relevant bits of 1 / (2 pi) (Payne & Hanek 1983,
+# doi:10.1145/1057600.1057602).
 
 #: Largest angle whose multiple of pi/2 is subtracted in floating point.
 MODERATE = 2.0**20
@@ -392,6 +392,7 @@ def _leading(builder: ir.IRBuilder, size: ir.Value) -> list[LLVMValue]:
     return parts
 
 
+# --- Cube roots and lengths, of doubles and of double-doubles.
 def cbrt(x: LLVMValue) -> LLVMValue:
     m, guess, k = cube_parts(x)
     value = (cube_root(m, guess) * power_of_two(k)).with_sign_of(x)

@@ -1,10 +1,4 @@
-"""Machine code of an energy and its gradient as loops, for numbers of one kind.
-
-Formulas of many coordinates as functions of LLVM that read the rows of a kernel and store gradients behind them.
-
-:mod:`nearharmonic.core.large.state` calls them. The rows end with memory for intermediate results of the loops, see
-:func:`room`.
-"""
+"""Machine code of formulas of many coordinates: an energy and its gradient as loops, and functions that call them."""
 
 from __future__ import annotations
 
@@ -32,6 +26,8 @@ from nearharmonic.core.large.memory import (
 from nearharmonic.core.large.terms import BLOCK, COORDINATES, LoopedEnergy, Places, Totals, Work
 from nearharmonic.core.layout import COUNTERS, TALLY, running_at, running_rows
 from nearharmonic.core.machine.values import DOUBLE, INDEX, Kinds, write_function, write_numbers
+
+# --- Machine code of an energy and its gradient as loops, for numbers of one kind.
 
 #: Computes a block of numbers from the index of its first number and its number of lanes; loads one from an address.
 Computed = Callable[[Index, int], Any]
@@ -268,6 +264,12 @@ def _function(name: str, x: Any, *others: Any) -> Any:
     if name == "root":
         return x.sqrt()
     return x.sign() if name == "sign" else applied(name, x, *others)
+
+
+# --- Formulas of many coordinates as functions of LLVM that read the rows of a kernel and store gradients behind them.
+#
+# :mod:`nearharmonic.core.large.state` calls them. The rows end with memory for intermediate results of the loops, see
+# :func:`room`.
 
 
 def room(physics: Physics, extended: bool) -> int:

@@ -1,21 +1,4 @@
-"""The long sums of an expression and their terms; terms of one pattern have the same key.
-
-A few terms of a sum that use the same coordinates form one term: d^2/2 + d^4/40 of one distance is one term.
-
-Tables of places: neighbouring places are loaded as a block, any others are looked up one by one.
-
-Loops over the terms of one pattern, such as the thousand terms of two neighbours in a chain of a thousand sites.
-
-A hundred bodies have 4950 pairs of one pattern, each of six coordinates and a product of masses. A :class:`Loop` is a
-pattern with the tables of its operands and data. Sums on which the terms of other sums depend come first, in levels of
-their own.
-
-An energy and its gradient as loops: their computations, the places of results, and sums of results.
-
-A loop over the terms of a sum stores the derivatives of each term with respect to its operands. Each component of the
-gradient is then the sum of its derivatives, in the order of the loops. No repetition changes a result of another, so a
-block of repetitions can be computed in SIMD lanes.
-"""
+"""Sums of many terms as loops: terms, tables of places, patterns, and an energy with its gradient."""
 
 from __future__ import annotations
 
@@ -46,6 +29,10 @@ from nearharmonic.core.formulas.expression import (
     operations_of,
 )
 from nearharmonic.core.formulas.program import Program, shortest_program
+
+# --- The long sums of an expression and their terms; terms of one pattern have the same key.
+#
+# A few terms of a sum that use the same coordinates form one term: d^2/2 + d^4/40 of one distance is one term.
 
 #: Number of terms from which on a sum is computed in loops, and not as a part of another term.
 LONG_SUM = 16
@@ -246,6 +233,8 @@ def _described(entries: Iterable[Entry], number: dict[int, int]) -> tuple[object
     )
 
 
+# --- Tables of places: neighbouring places are loaded as a block, any others are looked up one by one.
+
 Places = NDArray[np.int64]
 
 #: Number of repetitions in SIMD lanes: the doubles of the widest registers. The order of sums depends on it, so it is
@@ -282,6 +271,13 @@ def runs(columns: Sequence[Places], count: int) -> Iterator[slice | Places]:
         left[run] = False
     if left.any():
         yield np.flatnonzero(left)
+
+
+# --- Loops over the terms of one pattern, such as the thousand terms of two neighbours in a chain of a thousand sites.
+#
+# A hundred bodies have 4950 pairs of one pattern, each of six coordinates and a product of masses. A :class:`Loop` is
+# a pattern with the tables of its operands and data. Sums on which the terms of other sums depend come first, in
+# levels of their own.
 
 
 @dataclass(frozen=True, eq=False)
@@ -399,6 +395,13 @@ def _nodes(graph: Graph, term: Term) -> set[int]:
     """The nodes of a term, parameters included and operands excluded."""
     found = {child for entries in term.nodes.values() for _, _, child in entries if child is not None}
     return found - set(term.operands)
+
+
+# --- An energy and its gradient as loops: their computations, the places of results, and sums of results.
+#
+# A loop over the terms of a sum stores the derivatives of each term with respect to its operands. Each component of
+# the gradient is then the sum of its derivatives, in the order of the loops. No repetition changes a result of
+# another, so a block of repetitions can be computed in SIMD lanes.
 
 
 @dataclass(frozen=True, eq=False)

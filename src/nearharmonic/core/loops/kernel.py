@@ -195,7 +195,7 @@ def _loops(entry: str, **choice: Any) -> tuple[str, bytes]:
         signature, function = made[entry]
         return link.loops(function(**choice), signature)
 
-    return link.link_kept(entry, repr(choice), compiled)
+    return link.kept_loops(entry, repr(choice), compiled)
 
 
 def _linked(entry: str, choice: dict[str, Any], rules: Rules, width: int, energy: str = "every") -> tuple[str, bytes]:

@@ -33,7 +33,7 @@ _FORMULA = re.compile(rf"^declare .* @{re.escape(PREFIX)}(\w+)\(", re.MULTILINE)
 _MADE: dict[str, tuple[str, bytes]] = {}
 
 
-def link_kept(name: str, choice: str, make: Callable[[], tuple[str, bytes]]) -> tuple[str, bytes]:
+def kept_loops(name: str, choice: str, make: Callable[[], tuple[str, bytes]]) -> tuple[str, bytes]:
     """Return the loops of a name and of options from the cache, or call ``make`` and put its result there.
 
     If nothing can be kept on disk, each process makes them once.

@@ -5,10 +5,6 @@ Stages are points of the stages of an implicit method, side by side.
 Code that numba compiles does not depend on the number of coordinates, the number of lanes, or the system. An operation
 on reals and points is a call of a function (:mod:`nearharmonic.core.machine.values`), and so is a formula of a
 system. These functions are linked to the compiled loops, and inlined, for a system and a number of lanes.
-
-Decorators of functions that numba compiles: flags, and the folder of the machine code.
-
-The module is separate because numba takes longer to load than most runs take.
 """
 
 from __future__ import annotations
@@ -30,6 +26,10 @@ from nearharmonic.core.layout import Signature
 from nearharmonic.core.machine import disk
 from nearharmonic.core.machine.native import code_key
 from nearharmonic.core.machine.values import PLACEHOLDERS, PREFIX, TRUTH, argument_types, result_type
+
+# --- Decorators of functions that numba compiles: flags, and the folder of the machine code.
+#
+# The module is separate because numba takes longer to load than most runs take.
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -2,15 +2,6 @@
 
 An operation on :class:`LLVMValue`, :class:`LLVMBits` or :class:`LLVMMask` is one instruction of the function that is
 being built. A Python number beside one of them is the same in every lane.
-
-LLVM operations on reals and points, for given numbers of coordinates and lanes.
-
-Compiled loops (:mod:`nearharmonic.core.machine.reals`) call them by names that tell their operands, as in
-``nearharmonic.fma.RPP``: R is a real, P a point, S the points of the stages of an implicit method, D a double that is
-the same in every lane, C the parameters, I an integer, A an array of doubles. A result may also be B, a truth value, or
-V, none. An operation is one instruction per coordinate, rounded once, for any number of lanes.
-
-A coordinate of S is one vector of ``stages * lanes`` doubles: all lanes of the first stage, of the second, and so on.
 """
 
 from __future__ import annotations
@@ -22,6 +13,15 @@ from typing import Any, TypeVar
 from llvmlite import ir
 
 from nearharmonic.core.layout import Signature
+
+# --- LLVM operations on reals and points, for given numbers of coordinates and lanes.
+#
+# Compiled loops (:mod:`nearharmonic.core.machine.reals`) call them by names that tell their operands, as in
+# ``nearharmonic.fma.RPP``: R is a real, P a point, S the points of the stages of an implicit method, D a double that
+# is the same in every lane, C the parameters, I an integer, A an array of doubles. A result may also be B, a truth
+# value, or V, none. An operation is one instruction per coordinate, rounded once, for any number of lanes.
+#
+# A coordinate of S is one vector of ``stages * lanes`` doubles: all lanes of the first stage, of the second, and so on.
 
 PREFIX = "nearharmonic."
 DOUBLE, INDEX, TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(1)

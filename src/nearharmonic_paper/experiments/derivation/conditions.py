@@ -1,18 +1,4 @@
-"""The harmonic order conditions of a symmetric tableau, in the arithmetic of their unknowns.
-
-All solutions of a case without free parameters, by exact elimination: numbers of complex and real solutions.
-
-Half a symmetric step, up to the centre of the tableau, is a matrix H = [[A, B], [C, D]] of polynomials in tau with A D
-- B C = 1, A and D even, B and C odd; the step is K = [[A D + B C, 2 B D], [2 A C, A D + B C]]. The conditions on the
-position up to tau^lambda then read A D = cos(tau/2)^2 and B D = sin(tau/2) cos(tau/2) up to that power, so that one of
-the polynomials (B or D) determines the others as truncated series. The remaining conditions are that A D - B C has no
-higher powers. Let y_i, with weight i, be the coefficients of tau^(2i) of this polynomial. The remaining conditions in
-y_i have weights w_1, ..., w_k, and their leading parts have y = 0 as the only common zero. By Bezout's theorem there
-are then exactly w_1 ... w_k / k! complex solutions with their multiplicities, and the quotient ring has that dimension.
-
-The coefficients follow from A and B by Euclid's algorithm, so different solutions in y have different tableaus.
-Solutions without a tableau (a degree is too low) can only reduce the number of tableaus.
-"""
+"""Harmonic order conditions of a symmetric tableau, and their solutions by exact elimination."""
 
 from __future__ import annotations
 
@@ -46,6 +32,8 @@ from nearharmonic.exact.polynomials import multivariate_product as product
 from nearharmonic.exact.step import POSITION, slopes, states
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.theory.symmetric import SymmetricSteps
+
+# --- The harmonic order conditions of a symmetric tableau, in the arithmetic of their unknowns.
 
 Numbers = list[BigFloat]
 
@@ -161,6 +149,22 @@ def _folded(gradients: list[Numbers]) -> list[Numbers]:
     # The centre of an odd row changes by -2 times the change of an unknown; the fold above has counted it twice.
     return [[a - b for a, b in zip(mirrored[i], mirrored[count], strict=True)] for i in range(count)]
 
+
+# --- All solutions of a case without free parameters, by exact elimination: numbers of complex and real solutions.
+#
+# Half a symmetric step, up to the centre of the tableau, is a matrix H = [[A, B], [C, D]] of polynomials in tau with
+# A D
+# - B C = 1, A and D even, B and C odd; the step is K = [[A D + B C, 2 B D], [2 A C, A D + B C]]. The conditions on the
+# position up to tau^lambda then read A D = cos(tau/2)^2 and B D = sin(tau/2) cos(tau/2) up to that power, so that one
+# of
+# the polynomials (B or D) determines the others as truncated series. The remaining conditions are that A D - B C has no
+# higher powers. Let y_i, with weight i, be the coefficients of tau^(2i) of this polynomial. The remaining conditions in
+# y_i have weights w_1, ..., w_k, and their leading parts have y = 0 as the only common zero. By Bezout's theorem there
+# are then exactly w_1 ... w_k / k! complex solutions with their multiplicities, and the quotient ring has that
+# dimension.
+#
+# The coefficients follow from A and B by Euclid's algorithm, so different solutions in y have different tableaus.
+# Solutions without a tableau (a degree is too low) can only reduce the number of tableaus.
 
 #: Bits of the isolating intervals of the roots of the eliminant: sufficient as starts of Newton's method.
 BITS = 400

@@ -1,11 +1,4 @@
-"""Comparison of printed sets with derived solutions: isolated roots and families.
-
-A set in a family with free parameters is proved, continued to more digits, and ranked among random members.
-
-All real solutions of a case without free parameters: search, exact count, refinement and proof.
-
-They determine the largest harmonic order for a number of stages (the remark on Eq. 17 in Nielsen 2015).
-"""
+"""Derived solutions of a case: isolated roots and families, compared with printed sets."""
 
 from __future__ import annotations
 
@@ -33,6 +26,10 @@ from nearharmonic_paper.experiments.derivation.conditions import (
     reduced_system,
 )
 from nearharmonic_paper.experiments.derivation.search import sample, search
+
+# --- All real solutions of a case without free parameters: search, exact count, refinement and proof.
+#
+# They determine the largest harmonic order for a number of stages (the remark on Eq. 17 in Nielsen 2015).
 
 #: The cases of Nielsen (2015) without free parameters, as (stages, harmonic order).
 CASES = ((5, 6), (6, 7), (7, 8))
@@ -257,6 +254,10 @@ def _exists(equations: Equations, starts: RandomStarts) -> bool:
             return True
     return False
 
+
+# --- Comparison of printed sets with derived solutions: isolated roots and families.
+#
+# A set in a family with free parameters is proved, continued to more digits, and ranked among random members.
 
 #: The sets of Nielsen (2015), Table 4, that the conditions determine uniquely.
 UNIQUE = tuple(tableau.name for tableau in TABLEAUS if equations_of(tableau).free_parameters == 0)

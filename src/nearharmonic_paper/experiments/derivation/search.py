@@ -1,10 +1,4 @@
-"""Compiled part of the search: conditions and derivatives in doubles, and the iteration from many points.
-
-A case has its number s of stages, its highest harmonic order, and a flag for drift as the outer row. The states of a
-step are series in tau, with powers from 0 to the highest order.
-
-Random starts in double precision, and the distinct solutions that are found from them.
-"""
+"""Search for solutions in double precision from random starts."""
 
 from __future__ import annotations
 
@@ -18,6 +12,11 @@ from nearharmonic.numerics.portable import Bools, Floats
 from nearharmonic.numerics.search import Damping, RandomStarts, distinct, iteration, marquardt_step
 from nearharmonic.output.table import progress
 from nearharmonic_paper.experiments.derivation.conditions import Equations
+
+# --- Compiled part of the search: conditions and derivatives in doubles, and the iteration from many points.
+#
+# A case has its number s of stages, its highest harmonic order, and a flag for drift as the outer row. The states of a
+# step are series in tau, with powers from 0 to the highest order.
 
 #: Maximum number of steps: convergent starts need 10 to 60 steps until no unknown changes.
 DAMPING = Damping(
@@ -136,6 +135,8 @@ def slopes(case: Case, x: Floats, step: tuple[Floats, Floats, Floats]) -> Floats
 
 iterate = iteration(residuals, slopes, marquardt_step)
 
+
+# --- Random starts in double precision, and the distinct solutions that are found from them.
 
 #: Number of starts per call of the kernel, between two reports.
 BATCH = 4096

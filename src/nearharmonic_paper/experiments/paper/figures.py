@@ -1,11 +1,4 @@
-"""Figure 2: position error terms kappa of the harmonic oscillator, for both compositions of each method.
-
-Figure 4: advance of Mercury's perihelion caused by the integrator, against force evaluations per orbit.
-
-Energy errors of panel D of Figure 6 from starts outside its plane, until the paths diverge.
-
-Figure 6: substeps of two methods in phase space, coloured by the signs of the next coefficients.
-"""
+"""Figures 2, 4 and 6 of the paper."""
 
 from __future__ import annotations
 
@@ -46,6 +39,8 @@ from nearharmonic_paper.experiments.paper.shown import (
 if TYPE_CHECKING:
     import xarray as xr
 
+
+# --- Figure 2: position error terms kappa of the harmonic oscillator, for both compositions of each method.
 
 _CIRCLE: dict[str, Any] = {"marker": "o", "markersize": 8, "markerfacecolor": "none"}
 
@@ -107,6 +102,8 @@ def _draw_satisfied(axes: Axes, satisfied: xr.DataArray, labels: list[str]) -> N
     axes.set_ylim(len(labels) - 0.4, -0.6)
 
 
+# --- Figure 4: advance of Mercury's perihelion caused by the integrator, against force evaluations per orbit.
+
 #: Each point is a dot with a bar, 1.5 mm wide.
 COLUMNS = 100
 
@@ -161,6 +158,8 @@ def _add_century_axis(axes: Axes, arcseconds: float) -> None:
     write_beside(axes, text, (0.988, level), (0, 4), bbox=box, **among)
 
 
+# --- Energy errors of panel D of Figure 6 from starts outside its plane, until the paths diverge.
+
 #: Black for the plane itself, then from near to far: at least 3:1 contrast with white, and 13 CIELAB units between any
 #: two, with deuteranopia, protanopia and tritanopia as well.
 _COLOURS = ("#000000", "#0072b2", "#a03070", "#009e73", "#d55e00")
@@ -214,6 +213,8 @@ def _power(number: float) -> str:
     """Return the text of a power of ten, or zero."""
     return f"$10^{{{np.log10(number):.0f}}}$" if number else "0"
 
+
+# --- Figure 6: substeps of two methods in phase space, coloured by the signs of the next coefficients.
 
 _BLUE, _RED, _GREEN = "#0b5fb5", "#d7301f", "#1a9850"
 _PALE = LinearSegmentedColormap.from_list("pale", ["#ffffff", "#b9c3cf"])

@@ -1,9 +1,4 @@
-"""Largest Lyapunov exponents of the Henon-Heiles system: of the paper's orbit, and of a regular one for contrast.
-
-The substeps of a step in phase space, and the Hamiltonian around them (Nielsen 2015, Eqs. 3, 4 and Fig. 6).
-
-Panel D of Figure 6 from starts outside the plane q_x = 0: there the paths finally diverge.
-"""
+"""Long orbits and substeps: Lyapunov exponents, and the panels of Figure 6."""
 
 from __future__ import annotations
 
@@ -35,6 +30,8 @@ from nearharmonic.systems.quantities import Vector
 if TYPE_CHECKING:
     import xarray as xr
 
+
+# --- Largest Lyapunov exponents of the Henon-Heiles system: of the paper's orbit, and of a regular one for contrast.
 
 #: Initial q and p, decimal strings.
 Orbit = tuple[tuple[str, ...], tuple[str, ...]]
@@ -147,6 +144,8 @@ def follow(problem: Problem, tau: float, orbit: tuple[Vector, Vector], runs: int
         u, w = (tuple(x / length for x in half) for half in (u, w))
     return states, growth
 
+
+# --- The substeps of a step in phase space, and the Hamiltonian around them (Nielsen 2015, Eqs. 3, 4 and Fig. 6).
 
 Array = np.ndarray[Any, np.dtype[Any]]
 State = tuple[float, float]
@@ -298,6 +297,8 @@ def _follow(walk: Callable[[State], list[State]], start: State, plane: _Plane, l
         largest = max(largest, error)
     return largest, 0
 
+
+# --- Panel D of Figure 6 from starts outside the plane q_x = 0: there the paths finally diverge.
 
 #: Initial q_x.
 DISPLACEMENTS = ("0", "1e-12", "1e-6", "1e-3", "1e-2")

@@ -1,12 +1,4 @@
-"""Plan of the runs for a config: step sizes and precisions, and reasons for omissions. It computes no trajectories.
-
-Shards: the step sizes of one method on one system, cut into jobs of about equal cost.
-
-A job computes the ends of its own shard only, in closed form, and in decimal arithmetic, so that jobs on unlike
-processors cut a grid at the same places.
-
-Omitted runs, with reasons and saved force evaluations: as CSV, and in one line.
-"""
+"""Plan of the runs for a config: step sizes, precisions, shards, and reasons for omissions."""
 
 from __future__ import annotations
 
@@ -49,6 +41,11 @@ from nearharmonic.systems.gradients import check_oscillator
 if TYPE_CHECKING:
     import xarray as xr
 
+
+# --- Shards: the step sizes of one method on one system, cut into jobs of about equal cost.
+#
+# A job computes the ends of its own shard only, in closed form, and in decimal arithmetic, so that jobs on unlike
+# processors cut a grid at the same places.
 
 #: Seconds of a force evaluation with its share of a step, and of a run apart from its steps. They are rough: only the
 #: number of jobs depends on them.
@@ -139,6 +136,8 @@ def _cost(sweep: Sweep, count: int) -> Decimal:
     evaluations = largest * (1 - left) / (1 - ratio)
     return sum((PER_EVALUATION[each] * evaluations + PER_RUN * count for each in sweep.precision), Decimal(0))
 
+
+# --- Plan of the runs for a config: step sizes and precisions, and reasons for omissions. It computes no trajectories.
 
 #: Maximum number of step sizes of one method on one system: a million intervals.
 MOST_POINTS = 10**6 + 1
@@ -279,6 +278,8 @@ def omissions(sweep: Sweep, integrator: str) -> Iterator[Omission]:
                 saved = int(tableau.evaluations(runs).sum()) if evaluations is None else evaluations
                 yield Omission(sweep.system, integrator, precision, what, reason, runs.size, saved)
 
+
+# --- Omitted runs, with reasons and saved force evaluations: as CSV, and in one line.
 
 #: Entry for system, integrator and precision in the rows of totals.
 ALL = "all"

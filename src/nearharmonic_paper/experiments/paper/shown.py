@@ -1,4 +1,4 @@
-"""What Figures 2 and 4 show, on paper and in a browser, without matplotlib."""
+"""Content of Figures 2 and 4, on paper and in a browser, without matplotlib."""
 
 from __future__ import annotations
 

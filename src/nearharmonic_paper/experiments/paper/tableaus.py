@@ -1,15 +1,4 @@
-"""Table of all methods, computed without integration; the paper has no such table.
-
-The module is separate from the tables of the paper because its rows are cached on disk: a row depends only on the
-coefficients and the code, and its proofs take up to a second for a method of order ten.
-
-The paper's tables for a named method.
-
-Each function except :func:`paper_tables` returns ``(header, rows)``: names of columns, and rows of strings, integers
-and floats as long as the header. Symbols are the paper's, d for kicks and c for drifts, both counted from 1, k = s + 1
-and a padding 0 at the end of the shorter row. ``first`` selects the composition, "drift" for ABA and "kick" for BAB;
-None for the declared one.
-"""
+"""Tables of methods: the paper's, and one of all methods."""
 
 from __future__ import annotations
 
@@ -39,6 +28,11 @@ from nearharmonic.theory.order import (
 )
 from nearharmonic.theory.oscillator import table_4, tableau_of
 from nearharmonic_paper.tasks.provenance import code_digest, coefficients_digest
+
+# --- Table of all methods, computed without integration; the paper has no such table.
+#
+# The module is separate from the tables of the paper because its rows are cached on disk: a row depends only on the
+# coefficients and the code, and its proofs take up to a second for a method of order ten.
 
 Header = tuple[str, ...]
 Cell = str | int | float
@@ -116,6 +110,13 @@ def _leading(kind: str, error: ErrorTerm | None, tableau: Tableau) -> dict[str, 
 def _generalised(tableau: Tableau, *, quadratic: bool) -> str:
     return "(" + ", ".join(map(str, generalised_order_of(tableau, quadratic=quadratic))) + ")"
 
+
+# --- The paper's tables for a named method.
+#
+# Each function except :func:`paper_tables` returns ``(header, rows)``: names of columns, and rows of strings,
+# integers and floats as long as the header. Symbols are the paper's, d for kicks and c for drifts, both counted from
+# 1, k = s + 1 and a padding 0 at the end of the shorter row. ``first`` selects the composition, "drift" for ABA and
+# "kick" for BAB; None for the declared one.
 
 NOTHING = ""
 

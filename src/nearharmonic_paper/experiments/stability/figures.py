@@ -1,13 +1,4 @@
-"""Kepler maps: energy error, spurious perihelion advance and loss of the orbit over eccentricity and step size.
-
-Range of validity of each method on the Henon-Heiles system: energy error and escapes over step size and energy.
-
-Figure of energy errors for a kinetic energy different from p^2/2, on the relativistic oscillator.
-
-Figure of linear stability: half the trace of the oscillator's step matrix against tau/s, one panel per method.
-
-Growth of round-off over long times: energy and lag along the track, compared with Brouwer's law.
-"""
+"""Figures of the stability of each method, one for each item."""
 
 from __future__ import annotations
 
@@ -40,6 +31,8 @@ from nearharmonic.plotting.style import (
 from nearharmonic_paper.experiments.stability.henon_heiles_reductions import TOLERATED
 
 KEPLER_COLUMNS = 5
+# --- Kepler maps: energy error, spurious perihelion advance and loss of the orbit over eccentricity and step size.
+
 #: Grey, far from each colour of the maps for colour-blind readers too.
 LOST_COLOUR = "#b8b8b8"
 #: Eccentricities with a tick.
@@ -140,6 +133,8 @@ def _draw_contours(part: Any, cube: xr.Dataset, names: list[str]) -> None:
     part.legend(handles=method_handles(names, map(str, cube["label"].values)), loc="center right")
 
 
+# --- Range of validity of each method on the Henon-Heiles system: energy error and escapes over step size and energy.
+
 #: Range of energy errors of the colours; smaller and larger errors have the colours of the ends.
 SMALLEST, LARGEST = 1e-8, 1.0
 
@@ -217,6 +212,8 @@ def _annotate(figure: Figure, image: Any, height: float) -> None:
     figure.text(0.958, 1 - 0.8 / height, "$H$", va="bottom", ha="left", fontsize=8)
 
 
+# --- Figure of energy errors for a kinetic energy different from p^2/2, on the relativistic oscillator.
+
 #: Amplitudes of the panels A and B.
 SMALL, RELATIVISTIC = 0.03, 1.0
 _LARGEST_ERROR = 10.0
@@ -262,6 +259,8 @@ def _kinetic_energy_draw(axes: Axes, values: xr.DataArray, along: str) -> None:
 
 
 LINEAR_COLUMNS = 2
+# --- Figure of linear stability: half the trace of the oscillator's step matrix against tau/s, one panel per method.
+
 #: Limit of the axis: the trace is unbounded, but only its crossings of +-1 matter.
 SHOWN = 1.6
 GAP = "#d62728"
@@ -302,6 +301,8 @@ def _linear_draw(axes: Axes, method: xr.Dataset, style: Style) -> None:
     says = rf"$\tau^*$ = {first:.6f}, " + (f"growth {growth:.1e}" if np.isfinite(growth) else "for good")
     axes.set_title(f"{method.label.item()}:  {says}", loc="left", fontsize=8.5, pad=5)
 
+
+# --- Growth of round-off over long times: energy and lag along the track, compared with Brouwer's law.
 
 _LINES: dict[str, Any] = {
     "plain": "-",

@@ -1,31 +1,4 @@
-"""Kepler maps: states, energy error and loss of the orbit over eccentricity and step size.
-
-Runs for the quantities that a symplectic integrator conserves by construction.
-
-The file has the samples of a short run, of its backward run and of its neighbours, and means over all steps of a long
-run.
-
-Henon-Heiles ensembles: fraction of escaping trajectories of an energy surface, and errors of the others.
-
-Energy errors for a T that is not quadratic: the relativistic oscillator, by amplitude.
-
-At small amplitudes the system is the harmonic oscillator; at amplitude A the momentum reaches sqrt((1 + A^2/2)^2 - 1).
-Each method runs in its own roles and with the roles of T and V exchanged. Exchanged roles are equivalent, after q -> p,
-p -> -q, to the method in its own roles on p^2/2 + sqrt(1 + q^2) - 1. This system is equally anharmonic, but quadratic
-in p: only the form of T differs.
-
-Growth of round-off over long times: energy and along-track error of an ensemble of Kepler orbits.
-
-The rounding error of a run in double precision is its difference from a run with equal method, step size and
-coefficients (rounded to double) in double-double: truncation errors and rounded coefficients cancel. Rounded
-coefficients define another method, close to the exact one; they shift the phase in proportion to time. Compensated sums
-cannot remove this shift, so it is measured separately. For double-double there is no better reference run: its rounding
-error is the difference from a run of the orbit scaled by 9 (lengths), 1/3 (momenta) and 27 (times), divided by sqrt(2).
-The scaled run rounds differently at every operation.
-
-Brouwer (1937), doi:10.1086/105423: with independent rounding errors, the energy error grows as t^(1/2), and the error
-of the position along the track, due to the mean motion, as t^(3/2).
-"""
+"""Runs of the items of stability: maps, ensembles, conservation, kinetic energy, rounding."""
 
 from __future__ import annotations
 
@@ -60,6 +33,8 @@ from nearharmonic.systems.relativistic_oscillator import SYSTEM as RELATIVISTIC
 from nearharmonic.systems.system import System
 from nearharmonic_paper.experiments.stability.settings import EnsembleSettings, MapSettings, RoundingSettings
 
+# --- Kepler maps: states, energy error and loss of the orbit over eccentricity and step size.
+
 #: The Kepler problem in units of the orbit: GM = 1 and semi-major axis 1, so H = -1/2 and the period is 2 pi.
 SYSTEM: System = replace(
     MERCURY,
@@ -71,12 +46,6 @@ PERIOD = Fraction(2 * pi)
 WIDTH = 16
 #: Energy error: an orbit with smaller errors at two successive step sizes is not run at smaller step sizes.
 FLOOR = 1e-10
-
-
-def kepler_warm_up() -> dict[str, Contents]:
-    """Compile the kernel into the cache; nothing is returned."""
-    kernel_of(SYSTEM, Numerics(width=WIDTH))
-    return {}
 
 
 def eccentricities(settings: MapSettings) -> Floats:
@@ -165,6 +134,11 @@ def kepler_apoapsis(eccentricity: Floats, orientation: Floats | float = 0.0) -> 
     starts[:, 4], starts[:, 5] = -speed * sine, speed * cosine
     return starts
 
+
+# --- Runs for the quantities that a symplectic integrator conserves by construction.
+#
+# The file has the samples of a short run, of its backward run and of its neighbours, and means over all steps of a long
+# run.
 
 #: Force evaluations over [0, t_end]: tau/s = 0.05 for the oscillator over 500, 241 an orbit for Mercury over ten years.
 EVALUATIONS = 10**4
@@ -306,6 +280,8 @@ def _phase(path: Trajectories, low: str = "") -> Floats:
     return np.concatenate([getattr(path, f"{kind}{low}") for kind in "qp"], axis=2)
 
 
+# --- Henon-Heiles ensembles: fraction of escaping trajectories of an energy surface, and errors of the others.
+
 #: Box around the triangle whose corners are the saddle points: |x| up to sqrt(3)/2, and y from -1/2 to 1.
 _WIDTH, _HEIGHT, _LOWEST = sqrt(3), 1.5, -0.5
 #: Number of energy measurements, evenly spaced in time: enough to detect an escape soon.
@@ -321,12 +297,6 @@ class EnsembleResult(NamedTuple):
     quantiles: Floats  # (n, len(QUANTILES)), of the largest |dH/H0| over the measurements
     steps: int  # of a run that does not escape
     evaluations: int  # of the force, all trajectories together
-
-
-def henon_heiles_warm_up() -> dict[str, Contents]:
-    """Compile the kernel into the cache; nothing is returned."""
-    kernel_of(HENON_HEILES, Numerics(width=WIDTH, energy="samples"))
-    return {}
 
 
 def henon_heiles_surface(energy: Fraction, count: int, seed: int) -> Floats:
@@ -411,6 +381,15 @@ def henon_heiles_measure(integrator: str, settings: EnsembleSettings) -> dict[st
     return {"run": Contents(variables=variables)}
 
 
+# --- Energy errors for a T that is not quadratic: the relativistic oscillator, by amplitude.
+#
+# At small amplitudes the system is the harmonic oscillator; at amplitude A the momentum reaches sqrt((1 + A^2/2)^2 -
+# 1).
+# Each method runs in its own roles and with the roles of T and V exchanged. Exchanged roles are equivalent, after q
+# -> p,
+# p -> -q, to the method in its own roles on p^2/2 + sqrt(1 + q^2) - 1. This system is equally anharmonic, but quadratic
+# in p: only the form of T differs.
+
 AMPLITUDES = ("0.01", "0.03", "0.1", "0.3", "1", "3", "10")
 LOWEST, HIGHEST, POINTS_PER_DECADE = 0.01, 1.0, 20
 ROLES = ("own", "exchanged")
@@ -462,6 +441,18 @@ def _errors(tableau: Tableau, grid: Sequence[float]) -> tuple[Any, Any]:
     return paths.max_energy_error.reshape(shape), paths.mean_energy_error.reshape(shape)
 
 
+# --- Growth of round-off over long times: energy and along-track error of an ensemble of Kepler orbits.
+#
+# The rounding error of a run in double precision is its difference from a run with equal method, step size and
+# coefficients (rounded to double) in double-double: truncation errors and rounded coefficients cancel. Rounded
+# coefficients define another method, close to the exact one; they shift the phase in proportion to time. Compensated
+# sums cannot remove this shift, so it is measured separately. For double-double there is no better reference run: its
+# rounding error is the difference from a run of the orbit scaled by 9 (lengths), 1/3 (momenta) and 27 (times),
+# divided by sqrt(2). The scaled run rounds differently at every operation.
+#
+# Brouwer (1937), doi:10.1086/105423: with independent rounding errors, the energy error grows as t^(1/2), and the error
+# of the position along the track, due to the mean motion, as t^(3/2).
+
 #: Eccentricities of the ensemble: small, so that truncation errors and their modulation are small.
 ECCENTRICITY = (0.05, 0.3)
 #: Number of stored states of a run, evenly spaced, and number of compared times among them, evenly spaced in log t.
@@ -496,13 +487,6 @@ def rounding_schedule(settings: RoundingSettings, stages: int) -> Schedule:
     samples = min(ROUNDING_SAMPLES, settings.steps // settings.evaluations_per_orbit)
     between = ceil(settings.steps / (per_orbit * samples))
     return Schedule(steps=samples * between * per_orbit, samples=samples, periods=samples * between)
-
-
-def rounding_warm_up() -> dict[str, Contents]:
-    """Compile the kernels into the cache; nothing is returned."""
-    for precision, summation in (("double", "plain"), ("double", "compensated"), ("extended", "compensated")):
-        kernel_of(SYSTEM, Numerics(precision=precision, summation=summation, width=WIDTH, energy="samples"))
-    return {}
 
 
 def rounding_starts(settings: RoundingSettings) -> Floats:
@@ -576,3 +560,16 @@ def rounding_measure(integrator: str, settings: RoundingSettings) -> dict[str, C
         **coordinate("source", list(SOURCES), "arithmetic of the run, or its coefficients alone"),
     }
     return {"run": Contents(variables=variables, coordinates=("time",))}
+
+
+def warm_up(ensemble: str) -> dict[str, Contents]:
+    """Compile the kernels of an ensemble into the cache; nothing is returned."""
+    sums = (("double", "plain"), ("double", "compensated"), ("extended", "compensated"))
+    kernels = {
+        "kepler": [(SYSTEM, Numerics(width=WIDTH))],
+        "henon_heiles": [(HENON_HEILES, Numerics(width=WIDTH, energy="samples"))],
+        "rounding": [(SYSTEM, Numerics(precision=p, summation=s, width=WIDTH, energy="samples")) for p, s in sums],
+    }
+    for system, numerics in kernels[ensemble]:
+        kernel_of(system, numerics)
+    return {}

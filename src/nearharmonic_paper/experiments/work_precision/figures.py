@@ -1,12 +1,4 @@
-"""Work-precision diagrams: error against wall time, for methods of the paper, further methods, and peers.
-
-Figures of this package and other libraries: one trajectory, and ensembles, with a panel for each system.
-
-Figure of the regularised Kepler problem: error against time, compared with its original equations and heyoka.
-
-It compares two forms of the equations, each integrated by this package and by heyoka; the other figures compare
-programs on one form. It is drawn of the cube of times, and of the file of the tables of docs/results/regularised.md.
-"""
+"""Figures of error against time: work precision, comparison with libraries, the regularised Kepler problem."""
 
 from __future__ import annotations
 
@@ -34,6 +26,8 @@ from nearharmonic_paper.experiments.work_precision.comparison import COMPARED_ME
 from nearharmonic_paper.experiments.work_precision.comparison import ERRORS as COMPARED_ERRORS
 from nearharmonic_paper.experiments.work_precision.peers import PEERS
 from nearharmonic_paper.tasks.receipts import measures_time
+
+# --- Work-precision diagrams: error against wall time, for methods of the paper, further methods, and peers.
 
 YLABELS = {
     "max": r"$\max\,|\Delta H/H_0|$",
@@ -200,6 +194,8 @@ def machine_text(facts: Mapping[str, object]) -> str:
 
 #: Number of panels per row, and their size and the left margin in inches.
 _ACROSS, _WIDTH, _HEIGHT, _LEFT = 3, 4.6, 3.6, 0.75
+# --- Figures of this package and other libraries: one trajectory, and ensembles, with a panel for each system.
+
 _XLABELS = {
     "trajectory": "whole call for one trajectory  (ms)",
     "lanes": "whole call for an ensemble, per trajectory  (ms)",
@@ -261,6 +257,11 @@ def _draw_panel(axes: Axes, curves: Sequence[xr.Dataset], mode: str) -> None:
     scale_axes(axes, YLABELS["max"])
     draw_legend(axes, handles, handlelength=2.4)
 
+
+# --- Figure of the regularised Kepler problem: error against time, compared with its original equations and heyoka.
+#
+# It compares two forms of the equations, each integrated by this package and by heyoka; the other figures compare
+# programs on one form. It is drawn of the cube of times, and of the file of the tables of docs/results/regularised.md.
 
 #: Size of a panel, left margin, space above the first row, space for a title, lower margin, and space below it for the
 #: machine, in inches.

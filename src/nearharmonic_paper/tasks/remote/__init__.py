@@ -1,8 +1,7 @@
 """Jobs on other computers: each gets a frozen description and does not read the workflow again.
 
-Frozen jobs: all that a job of the workflow needs, in a file of its own that is named after its digest.
-
-The module is separate because a job on a node imports it, and nothing of Snakemake.
+A frozen job has all that a job of the workflow needs, in a file that is named after its digest. A job on a node imports
+this module, and nothing of Snakemake.
 """
 
 from __future__ import annotations

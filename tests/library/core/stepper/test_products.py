@@ -80,6 +80,7 @@ def test_ties_and_what_is_near_them_are_rounded_once(name):
         assert found[REST] == float(rest)
 
 
+@pytest.mark.slow
 def test_a_step_size_that_is_no_number_gives_none():
     for tau in (np.nan, np.inf):
         assert not np.isfinite(filled([(Fraction(1, 3), Fraction(1, 3), Fraction(1, 9))], 2, tau)).any()

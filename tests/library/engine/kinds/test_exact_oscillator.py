@@ -48,6 +48,7 @@ def test_runs_are_those_of_rotations_by_cosine_and_sine(name, method, first):
         assert run.energy_error.values == pytest.approx(wanted, rel=4e-16, abs=10 * tolerance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["leapfrog", "aba864", "babps9o7h"])
 def test_harmonic_oscillator_is_exact_to_rounding_over_hundred_thousand_steps(method):
     """A coefficient rounded once turns by an angle that is wrong by 1.5 * 2^-53 of it: in phase 1.7e-16 t. The energy

@@ -102,6 +102,7 @@ def test_long_steps_are_solved_to_rounding(q0, p0):
         assert max(abs(x - y) for x, y in zip(found.values[-1], numbers, strict=True)) < 2.0**-46
 
 
+@pytest.mark.slow
 def test_the_oscillator_turns_by_the_diagonal_pade_approximant():
     h = 1.5
     # Hairer & Wanner (1996), Solving ODEs II, Theorem IV.3.12.

@@ -104,6 +104,7 @@ def test_dense_samples_of_a_near_collision_are_those_by_hand():
     assert int(run.steps) == len(states)
 
 
+@pytest.mark.slow
 def test_the_error_of_a_landing_counts_in_the_mean():
     run = nh.integrate(SYSTEM, "ruth", 200, t_end=200, samples=2)
     assert run.steps.item() == 1

@@ -66,6 +66,7 @@ def test_part_of_objective_has_its_first_problems_at_same_cost():
     assert whole.trials == 0
 
 
+@pytest.mark.slow
 def test_trials_of_a_descent_are_counted_and_bounded():
     family = Family(stages=7, first="drift")
     objective, start = objective_of(family), members(family, 1)[0]

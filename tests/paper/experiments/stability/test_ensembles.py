@@ -13,9 +13,7 @@ from nearharmonic.engine import batch
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
-from nearharmonic_paper.experiments.stability import run as hh
-from nearharmonic_paper.experiments.stability import run as maps
-from nearharmonic_paper.experiments.stability import run as rounding
+from nearharmonic_paper.experiments.stability import run
 from nearharmonic_paper.experiments.stability.run import henon_heiles_surface
 from nearharmonic_paper.experiments.stability.settings import EnsembleSettings, EvenStepSizes
 
@@ -27,7 +25,7 @@ def dataset(contents):
 
 def looked_at(integrator, tau, start, samples=2, **how):
     """Runs of ``start`` at one step size, looked at as the ensembles are."""
-    steps, look = hh.henon_heiles_schedule(Fraction(100), tau)
+    steps, look = run.henon_heiles_schedule(Fraction(100), tau)
     numerics = Numerics(**{"energy": "samples", "look": look, **how})
     return integrate_batch(
         nh.systems["henon_heiles"], nh.integrators[integrator], t_end=steps * tau, steps=[steps] * len(start),
@@ -37,10 +35,10 @@ def looked_at(integrator, tau, start, samples=2, **how):
 
 @pytest.mark.parametrize("tau", [Fraction(7, 20), Fraction(22, 10), Fraction(45, 10)])
 def test_looks_divide_run_without_change_of_step_or_interval(tau):
-    steps, look = hh.henon_heiles_schedule(Fraction(250), tau)
+    steps, look = run.henon_heiles_schedule(Fraction(250), tau)
     assert steps % look == 0
     assert 250 <= steps * tau < 250 + look * tau
-    assert steps // look >= hh.LOOKS - 5
+    assert steps // look >= run.LOOKS - 5
 
 
 @pytest.mark.parametrize("tau", [Fraction(1, 2), Fraction(11, 4)])
@@ -67,7 +65,7 @@ def test_looks_measure_energy_only_at_their_instants():
     """
     start = henon_heiles_surface(Fraction(1, 12), 64, 1)
     tau = Fraction(7, 10)
-    steps, look = hh.henon_heiles_schedule(Fraction(100), tau)
+    steps, look = run.henon_heiles_schedule(Fraction(100), tau)
     looks = looked_at("aba864", tau, start)
     every = looked_at("aba864", tau, start, energy="every", look=None, samples=steps // look + 1)
     assert (np.diff(every.marks, axis=1) == look).all()
@@ -83,10 +81,10 @@ def test_all_escape_beyond_last_linear_limit_none_at_its_tenth():
     start = np.concatenate(
         [henon_heiles_surface(Fraction(1, 24), 100, 1), henon_heiles_surface(Fraction(1, 6), 100, 1)]
     )
-    beyond = hh.integrate_ensemble(nh.integrators["ruth"], Fraction("1.6"), Fraction(250), start, surfaces=2)
+    beyond = run.integrate_ensemble(nh.integrators["ruth"], Fraction("1.6"), Fraction(250), start, surfaces=2)
     assert beyond.escaped.tolist() == [1.0, 1.0]
     assert np.isinf(beyond.quantiles).all()
-    below = hh.integrate_ensemble(nh.integrators["ruth"], Fraction("0.16"), Fraction(250), start, surfaces=2)
+    below = run.integrate_ensemble(nh.integrators["ruth"], Fraction("0.16"), Fraction(250), start, surfaces=2)
     assert below.escaped.tolist() == [0.0, 0.0]
     assert (np.diff(below.quantiles, axis=1) >= 0).all()
     assert np.isfinite(below.quantiles).all()
@@ -99,11 +97,11 @@ def test_all_escape_beyond_last_linear_limit_none_at_its_tenth():
 def test_quantiles_and_fraction_are_those_of_the_sorted_runs(tau, escapes):
     """The quantile f of 30 errors is the smallest that a fraction f of them does not exceed."""
     start = henon_heiles_surface(Fraction(1, 6), 30, 1)
-    result = hh.integrate_ensemble(nh.integrators["aba864"], tau, Fraction(100), start, surfaces=1)
+    result = run.integrate_ensemble(nh.integrators["aba864"], tau, Fraction(100), start, surfaces=1)
     errors = looked_at("aba864", tau, start).max_energy_error
     assert (result.escaped[0] > 0) == escapes
     assert result.escaped[0] == np.isinf(errors).mean()
-    expected = [min(e for e in errors if (errors <= e).mean() >= f) for f in hh.QUANTILES]
+    expected = [min(e for e in errors if (errors <= e).mean() >= f) for f in run.QUANTILES]
     assert result.quantiles[0].tolist() == expected
 
 
@@ -111,7 +109,7 @@ def test_ensemble_map_is_bitwise_reproducible_and_depends_on_seed():
     grid = EvenStepSizes(lowest="0.2", highest="0.3", spacing="0.1")
     settings = {"trajectories": 20, "energies": ("1/12",), "t_end": "20", "tau_per_stage": grid}
     first, again, other = (
-        dataset(hh.henon_heiles_measure("ruth", EnsembleSettings(**settings, seed=seed))) for seed in (1, 1, 2)
+        dataset(run.henon_heiles_measure("ruth", EnsembleSettings(**settings, seed=seed))) for seed in (1, 1, 2)
     )
     assert first.identical(again)
     assert not np.array_equal(first.energy_error, other.energy_error)
@@ -120,11 +118,11 @@ def test_ensemble_map_is_bitwise_reproducible_and_depends_on_seed():
 
 @pytest.mark.slow
 def test_warming_up_compiles_what_the_runs_use():
-    for module, uses in (
-        (hh, [("henon_heiles", "double", "compensated", "samples")]),
-        (maps, [("kepler", "double", "compensated", "every")]),
+    for ensemble, uses in (
+        ("henon_heiles", [("henon_heiles", "double", "compensated", "samples")]),
+        ("kepler", [("kepler", "double", "compensated", "every")]),
         (
-            rounding,
+            "rounding",
             [
                 ("kepler", p, s, "samples")
                 for p, s in (("double", "plain"), ("double", "compensated"), ("extended", "compensated"))
@@ -132,10 +130,10 @@ def test_warming_up_compiles_what_the_runs_use():
         ),
     ):
         kernel_of.cache_clear()
-        assert module.warm_up() == {}
+        assert run.warm_up(ensemble) == {}
         before = kernel_of.misses
         for system, precision, summation, energy in uses:
-            problem = nh.systems["henon_heiles"] if system == "henon_heiles" else maps.SYSTEM
-            how = {"precision": precision, "summation": summation, "width": module.WIDTH, "energy": energy}
+            problem = nh.systems["henon_heiles"] if system == "henon_heiles" else run.SYSTEM
+            how = {"precision": precision, "summation": summation, "width": run.WIDTH, "energy": energy}
             kernel_of(problem, Numerics(**how))
         assert kernel_of.misses == before
