@@ -57,6 +57,6 @@ def test_all_other_jobs_can_be_frozen_but_one_that_stays_here(finished, tmp_path
     jobs = _frozen(finished.copy(tmp_path / "project"), "everything")
     assert {job["rule"] for job in jobs if job["place"] is None and not job["norun"]} == {"refresh"}  # a local rule
     documented = finished.copy(tmp_path / "pages")
-    shutil.copytree(ROOT / "docs/results", documented.folder / "docs/results")
+    shutil.copytree(ROOT / "docs", documented.folder / "docs")
     pages = _frozen(documented, "pages")
     assert {job["rule"] for job in pages if job["place"] is None and not job["norun"]} == set()

@@ -129,14 +129,14 @@ def test_job_reads_results_that_its_rule_names_and_no_other(planned, makers, fol
 @pytest.mark.slow
 def test_edit_of_what_page_is_made_of_makes_it_again(finished):
     """Template, style and script, the files of the package that jobs read and that are no Python."""
-    package = "src/nearharmonic/"
+    sources_of_project = "src/"
     read = {
         (log, name)
         for log, files in read_by_jobs(finished.folder).items()
         for name in files
-        if name.startswith(package) and not name.endswith((".py", ".pyc"))
+        if name.startswith(sources_of_project) and not name.endswith((".py", ".pyc"))
     }
-    places = [f"{package}{place.relative_to(sources.ROOT)}" for place in map(assets.FOLDER.joinpath, assets.NAMES)]
+    places = [f"{sources_of_project}{place.relative_to(sources.ROOT)}" for place in map(assets.FOLDER.joinpath, assets.NAMES)]
     assert read == {(f"{RESULTS}logs/report.log", name) for name in places}
     place = finished.folder / places[-1]
     text = place.read_bytes()

@@ -9,7 +9,7 @@ import yaml
 
 ROOT = Path(__file__).parents[4]
 PROFILE = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text(encoding="utf-8"))
-TEXTS = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "workflow/rules").glob("*.smk"))
+TEXTS = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "workflow/rules").rglob("*.smk"))
 RULES = dict(re.findall(r"^rule (\w+):\n((?:\n|[ ].*\n)*)", TEXTS, re.MULTILINE))
 
 
