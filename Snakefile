@@ -23,21 +23,17 @@ if CONFIGFILES == CONFIGS:
     configfile: CONFIGS[0]
 
 
-# A file an experiment. Those of sixth_order, crystals, samplers and trained call nearharmonic_studies, all others the paper.
+# A file an experiment.
 include: "workflow/rules/common.smk"
 include: "workflow/rules/paper.smk"
 include: "workflow/rules/henon_heiles.smk"
 include: "workflow/rules/claims.smk"
 include: "workflow/rules/derivation.smk"
-include: "workflow/rules/sixth_order.smk"
 include: "workflow/rules/work_precision.smk"
 include: "workflow/rules/structure.smk"
 include: "workflow/rules/stability.smk"
 include: "workflow/rules/exact_oscillator.smk"
-include: "workflow/rules/crystals.smk"
-include: "workflow/rules/samplers.smk"
-include: "workflow/rules/trained_search.smk"
-include: "workflow/rules/trained.smk"
+include: "workflow/rules/studies.smk"
 include: "workflow/rules/two_steps.smk"
 include: "workflow/rules/figures.smk"
 include: "workflow/rules/pictures.smk"

@@ -136,7 +136,9 @@ def test_edit_of_what_page_is_made_of_makes_it_again(finished):
         for name in files
         if name.startswith(sources_of_project) and not name.endswith((".py", ".pyc"))
     }
-    places = [f"{sources_of_project}{place.relative_to(sources.ROOT)}" for place in map(assets.FOLDER.joinpath, assets.NAMES)]
+    places = [
+        f"{sources_of_project}{place.relative_to(sources.ROOT)}" for place in map(assets.FOLDER.joinpath, assets.NAMES)
+    ]
     assert read == {(f"{RESULTS}logs/report.log", name) for name in places}
     place = finished.folder / places[-1]
     text = place.read_bytes()

@@ -12,7 +12,7 @@ rule search_sixth_order:
     params:
         task=task("nearharmonic_studies.sixth_order.run:search", settings=CONFIG.beyond, integrators=CONFIG.methods),
     script:
-        "../scripts/task.py"
+        "../../scripts/task.py"
 
 
 rule sixth_order:

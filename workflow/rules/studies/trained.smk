@@ -48,7 +48,7 @@ rule trained_times_table:
     params:
         task=task("nearharmonic_studies.trained.times:measure_times", **PROOF),
     script:
-        "../scripts/task.py"
+        "../../scripts/task.py"
 
 
 rule trained_proof:

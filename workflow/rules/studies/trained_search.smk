@@ -27,7 +27,7 @@ rule train:
             known=PURPOSES[wildcards.purpose].known,
         ),
     script:
-        "../scripts/task.py"
+        "../../scripts/task.py"
 
 
 rule register_trained:
@@ -42,4 +42,4 @@ rule register_trained:
     params:
         task=task("nearharmonic_studies.trained.search:register"),
     script:
-        "../scripts/task.py"
+        "../../scripts/task.py"

@@ -20,7 +20,7 @@ rule crystals_errors:
             settings=CONFIG.crystals,
         ),
     script:
-        "../scripts/task.py"
+        "../../scripts/task.py"
 
 
 rule crystals_drift:
@@ -38,7 +38,7 @@ rule crystals_drift:
             settings=CONFIG.crystals,
         ),
     script:
-        "../scripts/task.py"
+        "../../scripts/task.py"
 
 
 rule crystals_averages:
@@ -49,7 +49,7 @@ rule crystals_averages:
     params:
         task=task("nearharmonic_studies.crystals.drift:averages", names=AVERAGED, settings=CONFIG.crystals),
     script:
-        "../scripts/task.py"
+        "../../scripts/task.py"
 
 
 rule crystals_cube:
@@ -69,7 +69,7 @@ rule crystals_cube:
             settings=CONFIG.crystals,
         ),
     script:
-        "../scripts/task.py"
+        "../../scripts/task.py"
 
 
 rule crystals:

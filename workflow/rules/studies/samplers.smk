@@ -18,7 +18,7 @@ rule samplers_search:
             settings=CONFIG.samplers,
         ),
     script:
-        "../scripts/task.py"
+        "../../scripts/task.py"
 
 
 rule samplers_limits:
@@ -31,7 +31,7 @@ rule samplers_limits:
     params:
         task=task("nearharmonic_studies.samplers.search:measure", settings=CONFIG.samplers),
     script:
-        "../scripts/task.py"
+        "../../scripts/task.py"
 
 
 rule samplers_gaussians:
@@ -44,7 +44,7 @@ rule samplers_gaussians:
     params:
         task=task("nearharmonic_studies.samplers.run:gaussians", settings=CONFIG.samplers),
     script:
-        "../scripts/task.py"
+        "../../scripts/task.py"
 
 
 rule samplers_chains:
@@ -61,7 +61,7 @@ rule samplers_chains:
             "nearharmonic_studies.samplers.run:measure", target=wildcards.target, settings=CONFIG.samplers
         ),
     script:
-        "../scripts/task.py"
+        "../../scripts/task.py"
 
 
 rule samplers_cube:
@@ -77,7 +77,7 @@ rule samplers_cube:
     params:
         task=task("nearharmonic_studies.samplers.reductions:reduce", settings=CONFIG.samplers),
     script:
-        "../scripts/task.py"
+        "../../scripts/task.py"
 
 
 rule samplers:
