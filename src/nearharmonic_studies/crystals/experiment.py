@@ -5,7 +5,7 @@ from nearharmonic_studies.crystals.settings import CrystalsSettings
 
 FIGURES = {
     "crystals_error": Figure(
-        draw="nearharmonic_studies.crystals.figure:crystals_error",
+        draw="nearharmonic_studies.crystals.results:crystals_error",
         title="Energy error on crystals",
         cube="crystals",
         category="Beyond the paper",
@@ -16,7 +16,7 @@ FIGURES = {
         ),
     ),
     "crystals_map": Figure(
-        draw="nearharmonic_studies.crystals.figure:crystals_map",
+        draw="nearharmonic_studies.crystals.results:crystals_map",
         title="The best method by temperature and step size",
         cube="crystals",
         category="Beyond the paper",
@@ -28,7 +28,7 @@ FIGURES = {
         ),
     ),
     "crystals_phonons": Figure(
-        draw="nearharmonic_studies.crystals.figure:crystals_phonons",
+        draw="nearharmonic_studies.crystals.results:crystals_phonons",
         title="Phonons, and the windows of trained methods",
         cube="crystals",
         category="Beyond the paper",
@@ -40,7 +40,7 @@ FIGURES = {
         ),
     ),
     "crystals_gain": Figure(
-        draw="nearharmonic_studies.crystals.figure:crystals_gain",
+        draw="nearharmonic_studies.crystals.results:crystals_gain",
         title="Gain of trained methods against anharmonicity",
         cube="crystals",
         category="Beyond the paper",
@@ -51,7 +51,7 @@ FIGURES = {
         ),
     ),
     "crystals_long_runs": Figure(
-        draw="nearharmonic_studies.crystals.figure:crystals_long_runs",
+        draw="nearharmonic_studies.crystals.results:crystals_long_runs",
         title="Drift of the energy, and averages with a thermostat",
         cube="crystals",
         category="Beyond the paper",

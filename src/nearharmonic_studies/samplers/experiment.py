@@ -5,7 +5,7 @@ from nearharmonic_studies.samplers.settings import SamplersSettings
 
 FIGURES = {
     "samplers_gaussian": Figure(
-        draw="nearharmonic_studies.samplers.figure:samplers_gaussian",
+        draw="nearharmonic_studies.samplers.results:samplers_gaussian",
         title="Hamiltonian Monte Carlo on Gaussians",
         cube="samplers",
         category="Beyond the paper",
@@ -16,7 +16,7 @@ FIGURES = {
         ),
     ),
     "samplers_targets": Figure(
-        draw="nearharmonic_studies.samplers.figure:samplers_targets",
+        draw="nearharmonic_studies.samplers.results:samplers_targets",
         title="Hamiltonian Monte Carlo on other targets",
         cube="samplers",
         category="Beyond the paper",
@@ -27,7 +27,7 @@ FIGURES = {
         ),
     ),
     "samplers_trained": Figure(
-        draw="nearharmonic_studies.samplers.figure:samplers_trained",
+        draw="nearharmonic_studies.samplers.results:samplers_trained",
         title="Gains of methods trained for Hamiltonian Monte Carlo",
         cube="samplers",
         category="Beyond the paper",

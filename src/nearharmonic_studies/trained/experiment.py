@@ -5,7 +5,7 @@ from nearharmonic_studies.trained.settings import TrainedSettings
 
 FIGURES = {
     "trained_error": Figure(
-        draw="nearharmonic_studies.trained.figures:trained_error",
+        draw="nearharmonic_studies.trained.page:trained_error",
         title="Energy error on ensembles",
         cube="trained",
         category="Beyond the paper",
@@ -19,7 +19,7 @@ FIGURES = {
         ),
     ),
     "trained_gain": Figure(
-        draw="nearharmonic_studies.trained.figures:trained_gain",
+        draw="nearharmonic_studies.trained.page:trained_gain",
         title="Gain over the best published method",
         cube="trained",
         category="Beyond the paper",
@@ -32,7 +32,7 @@ FIGURES = {
         ),
     ),
     "trained_ideas": Figure(
-        draw="nearharmonic_studies.trained.figures:trained_ideas",
+        draw="nearharmonic_studies.trained.page:trained_ideas",
         title="Six ideas, by anharmonicity",
         cube="trained_ideas",
         category="Beyond the paper",

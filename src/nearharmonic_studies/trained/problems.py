@@ -21,7 +21,7 @@ from nearharmonic.numerics.portable import Floats, eigen, product
 from nearharmonic.systems import henon_heiles, kepler
 from nearharmonic.systems.quantities import Parameter, Vector
 from nearharmonic.systems.system import System
-from nearharmonic.training.population import Ensemble
+from nearharmonic.training.objective import Ensemble
 
 # --- Anharmonicity of orbits: the variation of the Hessian of V along them.
 #

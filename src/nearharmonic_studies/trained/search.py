@@ -19,14 +19,11 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.table import Table, progress
 from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import generalised_order_of, harmonic_order, nystrom_order_of, order_of
-from nearharmonic.training.family import Family
-from nearharmonic.training.objective import DIGITS, Objective, mean_errors, tableau_of
-from nearharmonic.training.population import Ensemble
-from nearharmonic.training.published import TRAINED_EXACT, palindrome_lines, published
-from nearharmonic.training.search import Found
-from nearharmonic.training.searcher import Searcher, search, starts_of
-from nearharmonic_studies.trained.purposes import PURPOSES, Purpose
-from nearharmonic_studies.trained.settings import SearchSettings
+from nearharmonic.training.family import TRAINED_EXACT, Family, palindrome_lines, published
+from nearharmonic.training.objective import DIGITS, Ensemble, Objective, mean_errors, tableau_of
+from nearharmonic.training.search import Found, Searcher, search
+from nearharmonic.training.search import starts_in as starts_of
+from nearharmonic_studies.trained.settings import PURPOSES, Purpose, SearchSettings
 
 # --- Search for the method of one purpose: families one after another, selection on a validation set, all digits.
 

@@ -8,8 +8,7 @@ import pytest
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
 from nearharmonic.training.family import Family
-from nearharmonic.training.objective import errors_of
-from nearharmonic.training.population import LEAST, LOST, Ensemble, Population, mean_log
+from nearharmonic.training.objective import LEAST, LOST, Ensemble, Population, errors_of, mean_log
 from nearharmonic_studies.trained.problems import random_ensemble, with_exact_oscillators
 from support.oracles.plain_runs import (
     henon_heiles_energy,

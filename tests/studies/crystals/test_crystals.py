@@ -10,11 +10,10 @@ import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.math import exp
 from nearharmonic.numerics.compiled import Normal
-from nearharmonic_studies.crystals.dynamics import equilibrated, halves, loops_for
-from nearharmonic_studies.crystals.reductions import kind_of, reduction, trend, window_of
+from nearharmonic_studies.crystals.results import kind_of, reduction, trend, window_of
 from nearharmonic_studies.crystals.run import Start, delta, energies, energy_errors, start_of
 from nearharmonic_studies.crystals.settings import CrystalsSettings
-from nearharmonic_studies.crystals.solids import chain
+from nearharmonic_studies.crystals.solids import chain, equilibrated, halves, loops_for
 
 CELLS = 4
 SOLID = chain(CELLS)

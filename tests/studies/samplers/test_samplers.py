@@ -12,23 +12,28 @@ import xarray as xr
 import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.numerics.compiled import Normal
-from nearharmonic_studies.samplers.chains import (
+from nearharmonic_studies.samplers.results import reduction
+from nearharmonic_studies.samplers.run import Proposals, _squares, methods_of
+from nearharmonic_studies.samplers.settings import SamplersSettings
+from nearharmonic_studies.samplers.targets import (
     Chance,
     chance,
     costs,
     covariances,
+    efficiency,
     enough,
     error_of,
     loop_for,
+    moments,
+    power,
+    quantiles,
+    quartic,
     run,
+    spectrum,
+    steps_matrix,
     student,
     time_of,
 )
-from nearharmonic_studies.samplers.gaussian import efficiency, moments, power, spectrum, steps_matrix
-from nearharmonic_studies.samplers.reductions import reduction
-from nearharmonic_studies.samplers.search import Proposals, _squares, methods_of
-from nearharmonic_studies.samplers.settings import SamplersSettings
-from nearharmonic_studies.samplers.targets import quantiles, quartic
 
 #: A quartic target whose coordinates are the same oscillator but for their frequencies.
 QUARTIC = quartic(20)

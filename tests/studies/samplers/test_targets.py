@@ -7,10 +7,9 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.numerics.compiled import Normal
-from nearharmonic_studies.samplers.chains import chance, loop_for, run
 from nearharmonic_studies.samplers.run import MADE, tuned
 from nearharmonic_studies.samplers.settings import TARGETS, SamplersSettings
-from nearharmonic_studies.samplers.targets import COUPLING, MASS, REFERENCES
+from nearharmonic_studies.samplers.targets import COUPLING, MASS, REFERENCES, chance, loop_for, run
 
 pytestmark = pytest.mark.slow  # numba compiles each target
 

@@ -13,8 +13,7 @@ from nearharmonic.integrators.nearharmonic_2026 import TABLEAUS
 from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import error_norm
 from nearharmonic.training.objective import NotConvergedError, polished, tableau_of
-from nearharmonic_studies.sixth_order.cascade import candidates_of, short_decimals
-from nearharmonic_studies.sixth_order.criterion import TAU_PER_STAGE, NystromEquations
+from nearharmonic_studies.sixth_order.search import TAU_PER_STAGE, NystromEquations, candidates_of, short_decimals
 from support.oracles.nystrom_steps import equations_of, unknowns_of
 from support.oracles.reference_solutions import oscillator_step
 

@@ -13,11 +13,21 @@ from nearharmonic.integrators.nearharmonic_2026 import TABLEAUS
 from nearharmonic.systems import sho
 from nearharmonic_paper.tasks.job import covered
 from nearharmonic_paper.tasks.provenance import task
-from nearharmonic_studies.sixth_order import run
-from nearharmonic_studies.sixth_order.cascade import candidates_of, find_solutions, registered, winners
-from nearharmonic_studies.sixth_order.criterion import NystromEquations, criterion_of, system_of
-from nearharmonic_studies.sixth_order.kernels import Walk, coefficients, descend, solve
-from nearharmonic_studies.sixth_order.kernels import jacobian as derivatives
+from nearharmonic_studies.sixth_order import search as run
+from nearharmonic_studies.sixth_order.search import (
+    NystromEquations,
+    Walk,
+    candidates_of,
+    coefficients,
+    criterion_of,
+    descend,
+    find_solutions,
+    registered,
+    solve,
+    system_of,
+    winners,
+)
+from nearharmonic_studies.sixth_order.search import jacobian as derivatives
 from nearharmonic_studies.sixth_order.settings import SixthOrderSettings
 from support.oracles.nystrom_steps import equations_of, unknowns_of
 
@@ -120,7 +130,7 @@ def test_winners_are_polished_and_measured_beside_the_methods_asked_for(findings
         run, "find_solutions", lambda settings, **more: asked.update(more, settings=settings) or findings
     )
     monkeypatch.setattr(run, "MEASURED", [(sho.SYSTEM, (0.3,))])
-    with covered(task("nearharmonic_studies.sixth_order.run:search", settings=FEW, integrators=("ruth",))):
+    with covered(task("nearharmonic_studies.sixth_order.search:search", settings=FEW, integrators=("ruth",))):
         made = run.search(FEW, ("ruth",), 3)
     assert asked == {"settings": FEW, "threads": 3}
     assert [row[2] for row in made["sixth_order_measured"].rows] == ["Ruth", "6A8", "BABs8o6,7H"]

@@ -8,9 +8,8 @@ import xarray as xr
 
 from nearharmonic.integrators import integrators
 from nearharmonic.systems import kepler, sho
-from nearharmonic_studies.sixth_order import run
-from nearharmonic_studies.sixth_order.cascade import Candidate, Count, Findings
-from nearharmonic_studies.sixth_order.criterion import Merit
+from nearharmonic_studies.sixth_order import search as run
+from nearharmonic_studies.sixth_order.search import Candidate, Count, Findings, Merit
 
 METHODS = [integrators[name] for name in ("ruth", "leapfrog", "babs7o7h")]
 #: Errors of the methods by the stages that tell them apart: ruth the worst, then the best; the last diverges.

@@ -11,11 +11,12 @@ import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic_paper.tasks import job
-from nearharmonic_studies.trained.contestants import IDEAS
-from nearharmonic_studies.trained.ideas_reductions import reduce, reduction
-from nearharmonic_studies.trained.proof_settings import ProofSettings
-from nearharmonic_studies.trained.run import CHARGE, STRENGTHS, STRONGEST, WEAKEST, exact_errors, scaled_potentials
+from nearharmonic_studies.trained.reductions import ideas_reduction as reduction
+from nearharmonic_studies.trained.reductions import reduce_ideas as reduce
+from nearharmonic_studies.trained.run import CHARGE_OF_ROTATIONS as CHARGE
+from nearharmonic_studies.trained.run import STRENGTHS, STRONGEST, WEAKEST, exact_errors, scaled_potentials
 from nearharmonic_studies.trained.run import ideas_measure as measure
+from nearharmonic_studies.trained.settings import IDEAS, ProofSettings
 
 METHODS = ("ruth", "blanes_moan_s6o4", "babps8o7h", "babs7o7h", "srkn_b11", "chin_4a")
 EXACT = ("aba864",)

@@ -12,13 +12,14 @@ import nearharmonic as nh
 from nearharmonic.output.dataset import assembled
 from nearharmonic_paper.tasks import job
 from nearharmonic_studies.trained import run as proof
-from nearharmonic_studies.trained import times
-from nearharmonic_studies.trained.long_runs_reductions import long_table, reduction, trends
+from nearharmonic_studies.trained import run as times
 from nearharmonic_studies.trained.problems import NAMED, named_ensemble
-from nearharmonic_studies.trained.proof_reductions import reduce
-from nearharmonic_studies.trained.proof_settings import ProofSettings
+from nearharmonic_studies.trained.reductions import long_reduction as reduction
+from nearharmonic_studies.trained.reductions import long_table, trends
+from nearharmonic_studies.trained.reductions import reduce_proof as reduce
 from nearharmonic_studies.trained.run import STARTS, long_runs, run
 from nearharmonic_studies.trained.run import long_runs_measure as measure
+from nearharmonic_studies.trained.settings import ProofSettings
 
 SMALL = ProofSettings(
     systems=4, t_end="10", tau_per_stage=("0.1",), evaluations_per_orbit=(60,), steps=2000
@@ -108,13 +109,13 @@ def test_gains_at_equal_time_use_measured_charge(monkeypatch, tmp_path):
     assert np.mean([row["gain_lanes"] for row in rows]) < np.mean([row["gain_single"] for row in rows])
 
 
-@pytest.mark.parametrize(("width", "problems"), [(1, 1), (16, times.PROBLEMS)])
+@pytest.mark.parametrize(("width", "problems"), [(1, 1), (16, times.TIMED_PROBLEMS)])
 def test_costs_add_up_to_least_time_of_step_in_nanoseconds(monkeypatch, width, problems):
     clock = ([2e-3, 1e-3], [3.5e-3, 4e-3])  # seconds of all steps of all problems
     monkeypatch.setattr(times, "interleaved", lambda calls, patience: clock)
     nanoseconds, charge = times.costs(henon_heiles_starts(), width)
     plain, modified = times.integrators[times.PLAIN], times.integrators[times.MODIFIED]
-    steps = times.STEPS * problems
+    steps = times.TIMED_STEPS * problems
     assert plain.stages * nanoseconds == pytest.approx(1e6 / steps)
     assert (modified.stages + modified.gradients * charge) * nanoseconds == pytest.approx(3.5e6 / steps)
 

@@ -7,7 +7,7 @@ from math import cos, exp, pi, sin, sqrt
 import numpy as np
 import pytest
 
-from nearharmonic.training.population import Ensemble
+from nearharmonic.training.objective import Ensemble
 from nearharmonic_studies.trained.problems import (
     ALPHA,
     ATOMS,

@@ -15,21 +15,21 @@ from nearharmonic.errors import SettingError
 from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic_paper.config.reading import load
 from nearharmonic_paper.tasks import job
-from nearharmonic_studies.trained.contestants import contestants, exact_contestants, idea_of, kind_of
 from nearharmonic_studies.trained.problems import NAMED, named_ensemble
-from nearharmonic_studies.trained.proof_reductions import (
+from nearharmonic_studies.trained.reductions import (
+    _means,
     gain_table,
     gains,
     method_table,
-    reduce,
-    reduction,
+    resampled_means,
     stretch,
     verdict,
 )
-from nearharmonic_studies.trained.proof_settings import ProofSettings
-from nearharmonic_studies.trained.resampling import _means, resampled_means
+from nearharmonic_studies.trained.reductions import proof_reduction as reduction
+from nearharmonic_studies.trained.reductions import reduce_proof as reduce
 from nearharmonic_studies.trained.run import log_errors, proof_ensembles
 from nearharmonic_studies.trained.run import proof_measure as measure
+from nearharmonic_studies.trained.settings import ProofSettings, contestants, exact_contestants, idea_of, kind_of
 from support.oracles.plain_runs import (
     henon_heiles_energy,
     henon_heiles_gradient,

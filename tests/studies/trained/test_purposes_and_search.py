@@ -12,11 +12,10 @@ import nearharmonic as nh
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import plain_integrators
 from nearharmonic.output.table import save_document
-from nearharmonic.training.published import modified_names, published, published_names
+from nearharmonic.training.family import modified_names, published, published_names
 from nearharmonic_studies.trained import search
-from nearharmonic_studies.trained.purposes import PURPOSES, Chain, Purpose
 from nearharmonic_studies.trained.search import register
-from nearharmonic_studies.trained.settings import SearchSettings
+from nearharmonic_studies.trained.settings import PURPOSES, Chain, Purpose, SearchSettings
 
 SETTINGS = SearchSettings(seed=5, systems=4, held_out=6, trials=40, random=0, refinements=1)
 PUBLISHED = ("babs7o7h", "srkn_b6", "aba104")

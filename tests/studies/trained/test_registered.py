@@ -12,8 +12,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.theory.order import nystrom_order_of
 from nearharmonic.training.objective import mean_errors
 from nearharmonic_studies.trained import search
-from nearharmonic_studies.trained.purposes import PURPOSES, REGISTERED
-from nearharmonic_studies.trained.settings import SearchSettings
+from nearharmonic_studies.trained.settings import PURPOSES, REGISTERED, SearchSettings
 
 #: Seed of problems that no set of the search has, and how many.
 SEED, PROBLEMS = 70_001, 64

@@ -10,8 +10,7 @@ import pytest
 from nearharmonic.theory.order import order_of
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE, tableau_of
-from nearharmonic.training.search import Effort, Pursuit, random_members
-from nearharmonic.training.searcher import search
+from nearharmonic.training.search import Effort, Pursuit, random_members, search
 
 #: Five equations of order six for five unknowns: members are isolated.
 FAMILY = Family(stages=6, first="kick", order=6, potential_degree=3)

@@ -13,8 +13,8 @@ import pytest
 import nearharmonic as nh
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE
-from nearharmonic.training.search import Effort, Found, Start, descend
-from nearharmonic.training.searcher import Searcher, search, starts_of
+from nearharmonic.training.search import Effort, Found, Searcher, Start, descend, search
+from nearharmonic.training.search import starts_in as starts_of
 from support.methods.family_members import members
 
 EFFORT = Effort(trials=100, random=2, refinements=1)
@@ -183,7 +183,7 @@ from nearharmonic_studies.trained.problems import random_ensemble
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import Objective
 from nearharmonic.training.search import Effort
-from nearharmonic.training.searcher import search, starts_of
+from nearharmonic.training.search import search, starts_of
 family = Family(stages=6, first="kick", order=4, harmonic_order=5)
 ensemble = random_ensemble(2, 6, 1, band=(0.05, 0.4), t_end=10.0)
 objective = Objective(family, [ensemble], (0.1, 0.15), [np.array([-5.0, -4.0])], size=20)

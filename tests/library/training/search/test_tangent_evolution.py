@@ -7,8 +7,7 @@ import pytest
 
 from nearharmonic.training.family import Family
 from nearharmonic.training.objective import OUTSIDE
-from nearharmonic.training.search import Effort, Found, Start, descend
-from nearharmonic.training.searcher import Searcher
+from nearharmonic.training.search import Effort, Found, Searcher, Start, descend
 from support.methods.family_members import members
 
 #: Eight unknowns, two equations of order four, and two of a harmonic order of six.

@@ -9,24 +9,12 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.training import searcher as module
-from nearharmonic.training import tailor_search as budget_module
-from nearharmonic.training.family import Family
+from nearharmonic.training import search as module
+from nearharmonic.training import tailor as budget_module
+from nearharmonic.training.family import Family, published
 from nearharmonic.training.objective import Objective, mean_errors
-from nearharmonic.training.published import published
-from nearharmonic.training.question import orbit_of, question
-from nearharmonic.training.tailor import ensembles
-from nearharmonic.training.tailor_search import (
-    Budget,
-    BudgetSpentError,
-    Rounds,
-    TailorSearch,
-    contenders,
-    families,
-    registered,
-    step_sizes,
-    window_at,
-)
+from nearharmonic.training.question import contenders, orbit_of, question, registered, step_sizes, window_at
+from nearharmonic.training.tailor import Budget, BudgetSpentError, Rounds, TailorSearch, ensembles, families
 
 
 @pytest.fixture(scope="module")
