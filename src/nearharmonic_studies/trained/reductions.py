@@ -75,6 +75,15 @@ def interval(values: xr.DataArray) -> xr.DataArray:
     return ends.transpose(..., "bound").assign_coords(bounds_coordinate())
 
 
+def _with_interval(name: str, values: xr.DataArray, resampled: xr.DataArray, text: str, ends: str = "") -> xr.Dataset:
+    """Return values in decades and the interval of the same values on resamples."""
+    of_ends = described(ends or f"its {CONFIDENCE:.0%} interval", "decades")
+    return xr.Dataset({
+        name: values.assign_attrs(described(text, "decades")),
+        f"{name}_interval": interval(resampled).assign_attrs(of_ends),
+    })  # fmt: skip
+
+
 # --- Mean errors on each ensemble, and the gains of trained methods over published ones.
 #
 # The dataset has ``log_error`` over (ensemble, integrator, point, problem), ``anharmonicity`` over (ensemble, problem),
@@ -97,28 +106,20 @@ def gains(runs: xr.Dataset, resamples: int = RESAMPLES) -> xr.Dataset:
     resample has its own best methods. Without a method of a kind its best is "" and the gain is NaN.
     """
     errors, seed = runs.log_error.reset_coords(drop=True).assign_coords(kind=runs.kind), runs.attrs["seed"]
-    parts = [_gains_on(errors.sel(ensemble=name), seed, resamples) for name in runs.ensemble.values]
-    found = xr.concat(parts, "ensemble", coords="minimal", compat="override").assign_coords(ensemble=runs.ensemble)
     chosen = f"its {CONFIDENCE:.0%} interval by resampling the problems, the best of each chosen anew"
-    for name, text, unit in (
-        ("best_published", "published method with the least mean error", "1"),
-        ("best_trained", "trained method with the least mean error", "1"),
-        ("gain", "gain of best_trained", "decades"),
-        ("gain_interval", chosen, "decades"),
-    ):
-        found[name] = found[name].assign_attrs(described(text, unit))
-    return found
-
-
-def _gains_on(errors: xr.DataArray, seed: int, resamples: int) -> xr.Dataset:
-    """Gains of one ensemble."""
-    means = errors.mean("problem", skipna=False)
-    return xr.Dataset({
-        "best_published": _of(means, "published").idxmin("integrator", fill_value=""),
-        "best_trained": _of(means, "trained").idxmin("integrator", fill_value=""),
-        "gain": _gain(means),
-        "gain_interval": interval(_gain(resampled_means(errors, seed, resamples))),
-    })  # fmt: skip
+    parts = []
+    for name in runs.ensemble.values:
+        means = errors.sel(ensemble=name).mean("problem", skipna=False)
+        resampled = resampled_means(errors.sel(ensemble=name), seed, resamples)
+        best = {
+            f"best_{kind}": _of(means, kind)
+            .idxmin("integrator", fill_value="")
+            .assign_attrs(described(f"{kind} method with the least mean error"))
+            for kind in ("published", "trained")
+        }
+        gain = _with_interval("gain", _gain(means), _gain(resampled), "gain of best_trained", chosen)
+        parts.append(xr.Dataset(best).assign(gain))
+    return xr.concat(parts, "ensemble", coords="minimal", compat="override").assign_coords(ensemble=runs.ensemble)
 
 
 def _of(means: xr.DataArray, kind: str) -> xr.DataArray:
@@ -142,19 +143,18 @@ METHODS = (
 
 def gain_table(cube: xr.Dataset) -> Table:
     """Return a row for each ensemble and step size."""
-    values = {name: entry.values for name, entry in cube.variables.items()}
-    header = ["ensemble", "tau_per_stage", "best published", "log10_error", "best trained", "log10_error_trained"]
-    header += ["gain", "gain_low", "gain_high", "verdict"]
-    rows: list[list[Any]] = []
-    for e, t in np.argwhere(np.isfinite(values["tau_per_stage"])):
-        names = [str(values[key][e, t]) for key in ("best_published", "best_trained")]
-        errors = [_error(values, e, t, name) for name in names]
-        numbers = [float(values["gain"][e, t]), *map(float, values["gain_interval"][e, t])]
-        rows.append([
-            str(values["ensemble"][e]), float(values["tau_per_stage"][e, t]), names[0] or "none", errors[0],
-            names[1] or "none", errors[1], *numbers, verdict(*numbers[1:]),
-        ])  # fmt: skip
-    return Table(header=header, rows=rows, caption=GAINS)
+    rows: list[dict[str, Any]] = []
+    for e, t in np.argwhere(np.isfinite(cube.tau_per_stage.values)):
+        one = cube.isel(ensemble=e, point=t)
+        published, trained = (str(one[f"best_{kind}"].item()) for kind in ("published", "trained"))
+        low, high = one.gain_interval.values.tolist()
+        rows.append({
+            "ensemble": one.ensemble.item(), "tau_per_stage": one.tau_per_stage.item(),
+            "best published": published or "none", "log10_error": _error(one, published),
+            "best trained": trained or "none", "log10_error_trained": _error(one, trained),
+            "gain": one.gain.item(), "gain_low": low, "gain_high": high, "verdict": verdict(low, high),
+        })  # fmt: skip
+    return Table(header=[*rows[0]], rows=[[*row.values()] for row in rows], caption=GAINS)
 
 
 def verdict(low: float, high: float) -> str:
@@ -207,10 +207,9 @@ def stretch(taus: Floats, gain: Floats) -> tuple[float, float]:
     return best
 
 
-def _error(values: Any, ensemble: int, point: int, name: str) -> float:
+def _error(one: xr.Dataset, name: str) -> float:
     """Return the mean logarithm of the error of a method; NaN without a method."""
-    which = values["integrator"] == name
-    return float(values["mean_log_error"][ensemble, which, point][0]) if which.any() else float("nan")
+    return float(one.mean_log_error.sel(integrator=name)) if name else float("nan")
 
 
 def reduce_proof(methods: Sequence[str], settings: ProofSettings, run: str) -> dict[str, Any]:
@@ -257,7 +256,7 @@ def best_of_ideas(runs: xr.Dataset, resamples: int = RESAMPLES) -> xr.Dataset:
         ("mean_log_error", "mean over the potentials of log10 max |dH/H0|, best method of an idea"),
         ("best_method", "best method of an idea; empty if it has none"),
     ):
-        found[name] = found[name].assign_attrs(described(text))
+        found[name].attrs = described(text)
     meaning = f"what methods are built on; {' and '.join(EXACT_IDEAS)} cost {CHARGE} an evaluation"
     return found.assign_coords(coordinate("idea", list(IDEAS), meaning))
 
@@ -265,13 +264,11 @@ def best_of_ideas(runs: xr.Dataset, resamples: int = RESAMPLES) -> xr.Dataset:
 @ideas_reduction("mean_log_error", "resampled", over="resample")
 def idea_gains(best: xr.Dataset) -> xr.Dataset:
     """Gain of each idea over the reference, with its interval."""
-    gain, resampled = (one.sel(idea=REFERENCE, drop=True) - one for one in (best.mean_log_error, best.resampled))
-    over = ("idea", "tau_per_stage", "strength")
-    ends, text = interval(resampled).transpose(*over, "bound"), f"gain over the best method of {REFERENCE}"
-    return xr.Dataset({
-        "gain": gain.transpose(*over).assign_attrs(described(text, "decades")),
-        "gain_interval": ends.assign_attrs(described(f"its {CONFIDENCE:.0%} interval", "decades")),
-    })  # fmt: skip
+    gain, resampled = (
+        (one.sel(idea=REFERENCE, drop=True) - one).transpose("idea", "tau_per_stage", "strength", ...)
+        for one in (best.mean_log_error, best.resampled)
+    )
+    return _with_interval("gain", gain, resampled, f"gain over the best method of {REFERENCE}")
 
 
 @ideas_reduction("mean_log_error", "resampled", over="resample")
@@ -282,10 +279,7 @@ def exact_gains(best: xr.Dataset) -> xr.Dataset:
         for one in (best.mean_log_error, best.resampled)
     )
     text = f"gain of the best method of {EXACT_IDEAS[1]} over the best of {EXACT_IDEAS[0]}"
-    return xr.Dataset({
-        "exact_gain": gain.assign_attrs(described(text, "decades")),
-        "exact_gain_interval": interval(resampled).assign_attrs(described(f"its {CONFIDENCE:.0%} interval", "decades")),
-    })  # fmt: skip
+    return _with_interval("exact_gain", gain, resampled, text)
 
 
 @ideas_reduction("mean_log_error", "resampled", over="resample")
@@ -303,12 +297,9 @@ def _leaders(best: xr.Dataset, suffix: str, text: str) -> xr.Dataset:
         one.sel(idea=second).drop_vars("idea") - one.sel(idea=leader).drop_vars("idea")
         for one in (best.mean_log_error, best.resampled)
     )
-    ends = interval(resampled)
-    return xr.Dataset({
-        f"leader{suffix}": leader.assign_attrs(described(text)),
-        f"lead{suffix}": lead.assign_attrs(described("by which it is ahead of the second", "decades")),
-        f"lead{suffix}_interval": ends.assign_attrs(described("its 95 % interval", "decades")),
-    })  # fmt: skip
+    says = "by which it is ahead of the second"
+    found = _with_interval(f"lead{suffix}", lead, resampled, says, "its 95 % interval")
+    return found.assign({f"leader{suffix}": leader.assign_attrs(described(text))})
 
 
 IDEAS_CAPTION = (
@@ -322,20 +313,23 @@ IDEAS_CAPTION = (
 
 def ideas_table(cube: xr.Dataset) -> Table:
     """Return a row for each step size and strength."""
-    values = {name: entry.values for name, entry in cube.variables.items()}
-    header = ["tau_per_stage", "anharmonicity", "ahead", "method", "log10_error", "lead", "lead_low", "lead_high"]
-    header += ["ahead with T + V", "lead with T + V", "exact_gain", "exact_gain_low", "exact_gain_high"]
-    rows: list[list[Any]] = []
-    for t, j in product(range(len(values["tau_per_stage"])), range(len(values["strength"]))):
-        leader = str(values["leader"][t, j])
-        i = IDEAS.index(leader)
-        numbers = [values["mean_log_error"][i, t, j], values["lead"][t, j], *values["lead_interval"][t, j]]
-        first = [float(values["tau_per_stage"][t]), float(values["anharmonicity"][j, 1]), leader]
-        best = str(values["best_method"][i, t, j])
-        split = [str(values["leader_split"][t, j]), float(values["lead_split"][t, j])]
-        split += [float(values["exact_gain"][t, j]), *map(float, values["exact_gain_interval"][t, j])]
-        rows.append([*first, best, *map(float, numbers), *split, *map(float, values["gain"][:, t, j])])
-    return Table(header=[*header, *IDEAS], rows=rows, caption=IDEAS_CAPTION)
+    rows: list[dict[str, Any]] = []
+    for t, j in product(range(cube.sizes["tau_per_stage"]), range(cube.sizes["strength"])):
+        one = cube.isel(tau_per_stage=t, strength=j)
+        best = one.sel(idea=one.leader)
+        low, high, exact_low, exact_high = (
+            *one.lead_interval.values.tolist(),
+            *one.exact_gain_interval.values.tolist(),
+        )
+        rows.append({
+            "tau_per_stage": one.tau_per_stage.item(), "anharmonicity": one.anharmonicity[1].item(),
+            "ahead": one.leader.item(), "method": best.best_method.item(), "log10_error": best.mean_log_error.item(),
+            "lead": one.lead.item(), "lead_low": low, "lead_high": high,
+            "ahead with T + V": one.leader_split.item(), "lead with T + V": one.lead_split.item(),
+            "exact_gain": one.exact_gain.item(), "exact_gain_low": exact_low, "exact_gain_high": exact_high,
+            **dict(zip(IDEAS, one.gain.values.tolist(), strict=True)),
+        })  # fmt: skip
+    return Table(header=[*rows[0]], rows=[[*row.values()] for row in rows], caption=IDEAS_CAPTION)
 
 
 def reduce_ideas(methods: Sequence[str], exact: Sequence[str], settings: ProofSettings, run: str) -> dict[str, Any]:

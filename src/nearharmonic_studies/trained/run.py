@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from typing import Any, NamedTuple
@@ -33,8 +33,8 @@ from nearharmonic_studies.trained.problems import (
     with_anharmonicity,
     with_exact_oscillators,
 )
-from nearharmonic_studies.trained.settings import CHARGE as CHARGE_OF_AN_EVALUATION
 from nearharmonic_studies.trained.settings import (
+    CHARGE,
     CHARGE_OF_ORBITS,
     ECCENTRICITIES,
     ORBITS,
@@ -48,6 +48,7 @@ from nearharmonic_studies.trained.settings import (
 #: Auxiliary coordinates.
 COORDINATES = ("label", "kind", "panel", "problems", "tau_per_stage")
 UNIT = "radians of the fastest small oscillation"
+WHAT = "log10 of the largest |H - H0|/|H0| over every step"
 
 
 def proof_measure(methods: Sequence[str], settings: ProofSettings) -> dict[str, Contents]:
@@ -72,7 +73,7 @@ def proof_measure(methods: Sequence[str], settings: ProofSettings) -> dict[str, 
         "problems": variable("ensemble", [one.size for one in ensembles], "number of problems"),
         "tau_per_stage": variable(("ensemble", "point"), taus, f"step size over the cost of a step, in {UNIT}"),
         "log_error": variable(
-            ("ensemble", "integrator", "point", "problem"), errors, "log10 of the largest |H - H0|/|H0| over every step"
+            ("ensemble", "integrator", "point", "problem"), errors, WHAT
         ),
         "anharmonicity": variable(
             ("ensemble", "problem"), [one.strength for one in ensembles],
@@ -106,7 +107,7 @@ class Trial(NamedTuple):
     ensemble: Ensemble
     tau_per_stage: Floats
     panel: str
-    charge: float = CHARGE_OF_AN_EVALUATION
+    charge: float = CHARGE
 
 
 def proof_ensembles(settings: ProofSettings) -> Iterator[Trial]:
@@ -228,87 +229,52 @@ def _computed(ensemble: Ensemble, method: Tableau, steps: int) -> dict[str, Floa
     return found
 
 
-# --- Random potentials at all strengths, whose oscillators can be solved exactly.
+# --- Energy errors of the methods of each idea on random potentials of all strengths, at equal cost.
 #
-# Each is drawn as :mod:`nearharmonic_studies.trained.problems` has it, with strength 1; its cubic and quartic
+# Each potential is drawn as :mod:`nearharmonic_studies.trained.problems` has it, with strength 1; its cubic and quartic
 # coefficients are then multiplied by each strength, with the same start. The frequencies do not change, so that they
-# can be declared.
+# can be declared and their oscillators solved exactly.
 
 #: Number of coordinates and of frequencies, which are the first parameters.
 DIMENSION = 2
-#: Smallest and largest strength.
-WEAKEST, STRONGEST = 1e-4, 1.0
+#: Smallest and largest strength, their number, and the problems of an ensemble over the number of potentials.
+WEAKEST, STRONGEST, STRENGTHS, PART = 1e-4, 1.0, 13, 3
 #: Cost of an evaluation with the exact oscillator over one with T and V, measured: docs/results/exact_oscillator.md.
 CHARGE_OF_ROTATIONS = 1.12
 
 
-@dataclass(frozen=True, kw_only=True)
-class Scaled:
-    """K ``potentials``, given at strength 1, at J ``strengths`` each: factors of cubic and quartic coefficients."""
+def scaled_potentials(count: int, strengths: Floats, seed: int, t_end: float) -> Ensemble:
+    """Return ``count`` random potentials at each of J strengths (J,), the strengths of the first potential first.
 
-    potentials: Ensemble
-    strengths: Floats
-
-    def ensemble(self) -> Ensemble:
-        """Return all K J problems, the strengths of the first potential first."""
-        whole, count = self.potentials, len(self.strengths)
-        parameters = np.repeat(whole.parameters, count, axis=0).reshape(whole.size, count, -1)
-        parameters[:, :, 2 * DIMENSION :] *= self.strengths[:, None]
-        return Ensemble(
-            name=whole.name, system=whole.system, start=np.repeat(whole.start, count, axis=0),
-            parameters=parameters.reshape(whole.size * count, -1), t_end=whole.t_end,
-        )  # fmt: skip
-
-
-def scaled_potentials(count: int, strengths: int, seed: int, t_end: float) -> Scaled:
-    """Return random potentials at logarithmically spaced strengths; ``t_end`` is in radians of the frequency 1."""
-    whole = random_ensemble(DIMENSION, count, seed, band=(1.0, 1.0), t_end=t_end)
-    return Scaled(potentials=whole, strengths=np.array(geometric(WEAKEST, STRONGEST, strengths)))
-
-
-def exact_errors(scaled: Scaled, method: Tableau, tau_per_stage: Floats) -> Floats:
-    """Return the largest |dH/H0| (T, K J) of a method for exactly solved oscillators, at equal cost.
-
-    An evaluation costs :data:`CHARGE`. Diverged runs have the error 1.
+    Strengths multiply cubic and quartic coefficients; ``t_end`` is in radians of the frequency 1.
     """
-    found = errors_of(with_exact_oscillators(scaled.ensemble()), method, (tau_per_stage * CHARGE_OF_ROTATIONS).tolist())
-    return np.maximum(found, LEAST)
-
-
-# --- Energy errors of the methods of each idea on potentials of all strengths, at equal cost.
-
-#: Ratio of the number of potentials to the problems of an ensemble; each potential has several strengths.
-PART, STRENGTHS = 3, 13
-WHAT = "log10 of the largest |H - H0|/|H0| over every step"
+    whole = random_ensemble(DIMENSION, count, seed, band=(1.0, 1.0), t_end=t_end)
+    parameters = np.repeat(whole.parameters, len(strengths), axis=0).reshape(count, len(strengths), -1)
+    parameters[:, :, 2 * DIMENSION :] *= strengths[:, None]
+    start = np.repeat(whole.start, len(strengths), axis=0)
+    return replace(whole, start=start, parameters=parameters.reshape(len(start), -1), strength=None)
 
 
 def ideas_measure(methods: Sequence[str], exact: Sequence[str], settings: ProofSettings) -> dict[str, Contents]:
-    """Return the file ``run``: :func:`errors_of_methods` on all potentials at all strengths."""
-    taus = np.array([float(tau) for tau in settings.tau_per_stage])
-    scaled = scaled_potentials(settings.systems // PART, STRENGTHS, settings.seed, float(settings.t_end))
-    variables = errors_of_methods(scaled, methods, exact, taus)
-    return {"run": Contents(variables=variables, coordinates=("label", "idea"))}
-
-
-def errors_of_methods(scaled: Scaled, methods: Sequence[str], exact: Sequence[str], taus: Floats) -> Variables:
-    """Return ``log_error`` and ``exact_log_error`` over (integrator, tau_per_stage, strength, problem).
+    """Return ``run``: ``log_error`` and ``exact_log_error`` over (integrator, tau_per_stage, strength, problem).
 
     The former is of ``methods`` with T and V, except those with modified potentials, which belong to no idea; the
-    latter of the methods ``exact`` for the exactly solved oscillator. ``taus`` are step sizes over the cost of a step.
+    latter of the methods ``exact`` for the exactly solved oscillator.
     """
-    whole, shape = scaled.ensemble(), (len(taus), scaled.potentials.size, len(scaled.strengths))
-
-    def logarithms(errors: Sequence[Floats]) -> Floats:
-        return np.moveaxis(log10(np.maximum(np.reshape(errors, (len(errors), *shape)), LEAST)), 2, -1)
-
+    taus, count = np.array([float(tau) for tau in settings.tau_per_stage]), settings.systems // PART
+    strengths = np.array(geometric(WEAKEST, STRONGEST, STRENGTHS))
+    whole = scaled_potentials(count, strengths, settings.seed, float(settings.t_end))
     kept = [name for name in methods if idea_of(integrators[name]) is not None]
-    split = logarithms([errors_of(whole, integrators[name], taus.tolist()) for name in kept])
-    rotated = logarithms([exact_errors(scaled, integrators[name], taus) for name in exact])
+    split, rotated = (
+        np.moveaxis(log_errors(ensemble, names, steps, 0.0).reshape(len(names), len(taus), count, -1), 2, -1)
+        for ensemble, names, steps in (
+            (whole, kept, taus), (with_exact_oscillators(whole), exact, taus * CHARGE_OF_ROTATIONS),
+        )
+    )  # fmt: skip
     over = ("tau_per_stage", "strength", "problem")
-    delta = anharmonicities(whole).reshape(shape[1:]).T
-    return {
+    variables = {
         **coordinate("tau_per_stage", taus, "step size over the cost of a step, in radians of the fastest oscillation"),
-        **coordinate("strength", scaled.strengths, "by which cubic and quartic coefficients are multiplied"),
+        **coordinate("strength", strengths, "by which cubic and quartic coefficients are multiplied"),
         **method_coordinates(map(integrators.__getitem__, kept)),
         **coordinate("exact_integrator", list(exact), "integrator that solves the oscillator exactly"),
         "idea": variable("integrator", [idea_of(integrators[name]) for name in kept], "idea that it is built on"),
@@ -317,9 +283,11 @@ def errors_of_methods(scaled: Scaled, methods: Sequence[str], exact: Sequence[st
             ("exact_integrator", *over), rotated, f"{WHAT}, with the oscillator solved exactly"
         ),
         "anharmonicity": variable(
-            over[1:], delta, f"variation of the Hessian of V along the orbits of {DIMENSION} coordinates"
+            over[1:], anharmonicities(whole).reshape(count, -1).T,
+            f"variation of the Hessian of V along the orbits of {DIMENSION} coordinates",
         ),
-    }
+    }  # fmt: skip
+    return {"run": Contents(variables=variables, coordinates=("label", "idea"))}
 
 
 # --- Gains at equal time on this machine, with the measured cost of the gradient of the square of grad V.

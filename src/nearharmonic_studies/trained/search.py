@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from hashlib import sha256
+from inspect import getfile
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -196,70 +198,29 @@ def _digest(goal: Purpose, settings: SearchSettings, tableau: Tableau) -> str:
 
 # --- Generator of the modules that register trained methods, from the results of their searches.
 
-#: Head of the module of methods for T and V.
-HEAD = '''"""Methods trained on near-harmonic systems.
-
-Coefficients of symmetric compositions that make the energy error of an ensemble of problems small over a window of step
-sizes, and meet their order conditions exactly: the experiment ``trained`` has the search, and docs/results/trained.md
-compares their errors with those of other methods. Each note has the window in tau/s, in radians of the fastest
-oscillation, the ensemble, the limit of linear stability, the seed, and the digest of the run that found the method.
-"""
-
-{imports}
-
-SOURCE = (
-    "trained by nearharmonic (experiments.trained, docs/results/trained.md); searches began with published methods, "
-    "those of Blanes & Moan (2002), J. Comput. Appl. Math. 142, 313, doi:10.1016/S0377-0427(01)00492-7, among them"
-)
-
-TABLEAUS = ('''
-#: Head of the module of methods for exactly solved oscillators.
-EXACT_HEAD = '''"""Methods trained on oscillators with a small rest, for steps that solve the oscillators exactly.
-
-With H = A + epsilon B, A the oscillators and B the rest, they have the declared generalised order: errors are
-O(epsilon tau^r1 + epsilon^2 tau^r2). The rest of their freedom makes the energy error of an ensemble of such problems
-small over a window of step sizes: the experiment ``trained`` has the search, and docs/results/trained.md compares their
-errors with those of other methods. Use: ``nh.integrate(..., split="exact_oscillator")``. Each note has the window in
-tau/s, in radians of the fastest oscillation, the ensemble, the limit of linear stability with T and V, the seed, and
-the digest of the run that found the method.
-"""
-
-{imports}
-from nearharmonic.integrators.trained import SOURCE
-
-TABLEAUS = ('''
-#: Head of the module of methods for polynomial potentials.
-POLYNOMIAL_HEAD = '''"""Methods trained on polynomial potentials.
-
-They have order six or eight for quadratic T and every V of degree three or four, as their notes say, and order four for
-any H. Brackets with higher derivatives of V vanish, and their conditions are left out
-(:mod:`nearharmonic.exact.lie`). Such potentials: Escorihuela-Tomas (2026), arXiv:2605.06975. The experiment
-``trained`` has the search, and docs/results/trained.md compares the errors of the methods with those of others.
-"""
-
-{imports}
-from nearharmonic.integrators.trained import SOURCE
-
-TABLEAUS = ('''
-#: Maximum length of a line for formatters.
-LONGEST = 120
+#: Line after which the methods of a module stand, and maximum length of a line for formatters.
+BEGIN, LONGEST = "TABLEAUS = (", 120
 
 
 def register(documents: Sequence[str]) -> dict[str, str]:
     """Return the texts of ``module``, ``exact_module`` and ``polynomial_module``, from the TOML files of searches."""
     methods = [tomllib.loads(Path(place).read_text(encoding="utf-8")) for place in documents]
-    of_module: dict[str, list[Mapping[str, Any]]] = {"module": [], "exact_module": [], "polynomial_module": []}
-    for one in methods:
-        polynomial = "polynomial_module" if "potential_degree" in one else "module"
-        of_module["exact_module" if one["name"].startswith(TRAINED_EXACT) else polynomial].append(one)
-    heads = {"module": HEAD, "exact_module": EXACT_HEAD, "polynomial_module": POLYNOMIAL_HEAD}
-    return {name: _module(heads[name], chosen) for name, chosen in of_module.items()}
+    exact = [one for one in methods if one["name"].startswith(TRAINED_EXACT)]
+    polynomial = [one for one in methods if one not in exact and "potential_degree" in one]
+    others = [one for one in methods if one not in exact and one not in polynomial]
+    return {
+        "module": _module("trained", others),
+        "exact_module": _module("trained_exact", exact),
+        "polynomial_module": _module("trained_polynomial", polynomial),
+    }
 
 
-def _module(head: str, methods: Sequence[Mapping[str, Any]]) -> str:
+def _module(name: str, methods: Sequence[Mapping[str, Any]]) -> str:
+    """Return the text of a module of integrators with these methods; its head is that of the present module."""
     names = [*(["QUADRATIC_KINETIC_ENERGY"] if any(map(_needs_requirement, methods)) else []), "Tableau", "palindrome"]
-    imports = f"from nearharmonic.integrators.tableau import {', '.join(names)}"
-    lines = [head.format(imports=imports)]
+    present = Path(getfile(Tableau)).with_name(f"{name}.py").read_text(encoding="utf-8")
+    head = present[: present.index(BEGIN) + len(BEGIN)]
+    lines = [re.sub(r"(?<=import ).*palindrome$", ", ".join(names), head, count=1, flags=re.MULTILINE)]
     for one in methods:
         lines += ["    Tableau(", *(f"        {line}" for line in _fields(one)), "    ),"]
     return "\n".join([*lines, ")", ""])

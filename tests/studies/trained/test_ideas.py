@@ -11,33 +11,37 @@ import xarray as xr
 
 import nearharmonic as nh
 from nearharmonic_paper.tasks import job
-from nearharmonic_studies.trained.reductions import ideas_reduction as reduction
-from nearharmonic_studies.trained.reductions import reduce_ideas as reduce
-from nearharmonic_studies.trained.run import CHARGE_OF_ROTATIONS as CHARGE
-from nearharmonic_studies.trained.run import STRENGTHS, STRONGEST, WEAKEST, exact_errors, scaled_potentials
-from nearharmonic_studies.trained.run import ideas_measure as measure
+from nearharmonic_studies.trained.problems import random_ensemble, with_exact_oscillators
+from nearharmonic_studies.trained.reductions import ideas_reduction, reduce_ideas
+from nearharmonic_studies.trained.run import (
+    CHARGE_OF_ROTATIONS,
+    STRENGTHS,
+    STRONGEST,
+    WEAKEST,
+    ideas_measure,
+    log_errors,
+    scaled_potentials,
+)
 from nearharmonic_studies.trained.settings import IDEAS, ProofSettings
 
 METHODS = ("ruth", "blanes_moan_s6o4", "babps8o7h", "babs7o7h", "srkn_b11", "chin_4a")
 EXACT = ("aba864",)
 SMALL = ProofSettings(systems=12, t_end="15", tau_per_stage=("0.05", "0.1"))
+FOUR = np.geomspace(WEAKEST, STRONGEST, 4)
 
 
 @pytest.fixture(scope="module")
 def scaled():
-    return scaled_potentials(3, 4, 5, 20.0)
+    return scaled_potentials(3, FOUR, 5, 20.0)
 
 
 def test_strengths_scale_cubic_and_quartic_coefficients_only(scaled):
-    whole, one = scaled.ensemble(), scaled.potentials
-    assert scaled.strengths == pytest.approx(np.geomspace(WEAKEST, STRONGEST, 4))
-    for k in range(3):
-        for j, strength in enumerate(scaled.strengths):
-            row = whole.parameters[4 * k + j].reshape(-1, 2)[:, 0]
-            alone = one.parameters[k].reshape(-1, 2)[:, 0]
-            assert (row[:2] == alone[:2]).all()
-            assert row[2:] == pytest.approx(strength * alone[2:], rel=1e-15)
-            assert (whole.start[4 * k + j] == one.start[k]).all()
+    one = random_ensemble(2, 3, 5, band=(1.0, 1.0), t_end=20.0)
+    for m, strength in enumerate(np.tile(FOUR, 3)):
+        row, alone = (each.reshape(-1, 2)[:, 0] for each in (scaled.parameters[m], one.parameters[m // 4]))
+        assert (row[:2] == alone[:2]).all()
+        assert row[2:] == pytest.approx(strength * alone[2:], rel=1e-15)
+        assert (scaled.start[m] == one.start[m // 4]).all()
 
 
 def declared(whole, squares, rest):
@@ -55,12 +59,12 @@ def declared(whole, squares, rest):
 @pytest.mark.slow
 def test_exact_oscillator_errs_as_single_runs_do_at_equal_cost(scaled):
     taus = np.array([0.05, 0.1])
-    found, whole = exact_errors(scaled, nh.integrators["aba864"], taus), scaled.ensemble()
+    found = 10 ** log_errors(with_exact_oscillators(scaled), ["aba864"], taus * CHARGE_OF_ROTATIONS, 0.0)[0]
     for m in (0, 6, 11):
-        system = declared(whole, scaled.potentials.parameters[m // 4, :4:2], whole.parameters[m, 4::2])
-        start = whole.start[m].reshape(4, 2)
+        system = declared(scaled, scaled.parameters[m, :4:2], scaled.parameters[m, 4::2])
+        start = scaled.start[m].reshape(4, 2)
         for t, tau in enumerate(taus):
-            steps = round(20 / (tau * CHARGE * 7))
+            steps = round(20 / (tau * CHARGE_OF_ROTATIONS * 7))
             run = nh.integrate(
                 system, "aba864", Fraction(20, steps), t_end=20, q0=start[0], p0=start[2],
                 split="exact_oscillator", summation="plain", samples=2,
@@ -87,8 +91,8 @@ def made(values):
 
 def test_leader_has_least_mean_error_and_lead_over_second():
     values = {"exact_oscillator": [-9, -4], "harmonic_conditions": [-7, -5], "nystrom": [-6, -5.5], "general": [-5, -5]}
-    best = reduction.of(made(values), over="problem")
-    found = {name: entry.values for name, entry in best.assign(reduction.of(best, over="resample")).items()}
+    best = ideas_reduction.of(made(values), over="problem")
+    found = {name: entry.values for name, entry in best.assign(ideas_reduction.of(best, over="resample")).items()}
     assert found["leader"].tolist() == [["exact_oscillator", "nystrom"]]
     assert found["lead"][0] == pytest.approx([2, 0.5])
     assert found["leader_split"].tolist() == [["harmonic_conditions", "nystrom"]]
@@ -112,8 +116,8 @@ def test_exact_gain_is_of_trained_methods_over_published_ones():
         "log_error": (("integrator", *over), errors[:1] + 1),
         "exact_log_error": (("exact_integrator", *over), errors),
     }
-    best = reduction.of(xr.Dataset(runs, names, {"seed": 1}), over="problem")
-    found = reduction.of(best, over="resample")
+    best = ideas_reduction.of(xr.Dataset(runs, names, {"seed": 1}), over="problem")
+    found = ideas_reduction.of(best, over="resample")
     assert found.exact_gain.values == pytest.approx(np.array([[1, 0.2]]))
     low, high = found.exact_gain_interval.transpose("bound", ...).values
     assert (low < found.exact_gain).all()
@@ -125,8 +129,8 @@ def test_exact_gain_is_of_trained_methods_over_published_ones():
 
 @pytest.mark.slow
 def test_table_has_row_and_equal_numbers_for_each_cell(tmp_path):
-    job.write(measure(METHODS, EXACT, SMALL)["run"], [str(tmp_path / "run.h5")], {})
-    made_here = reduce(METHODS, EXACT, SMALL, str(tmp_path / "run.h5"))
+    job.write(ideas_measure(METHODS, EXACT, SMALL)["run"], [str(tmp_path / "run.h5")], {})
+    made_here = reduce_ideas(METHODS, EXACT, SMALL, str(tmp_path / "run.h5"))
     values = {name: entry.values for name, entry in made_here["cube"].variables.items()}
     rows = made_here["table"].records()
     assert len(rows) == 2 * STRENGTHS
