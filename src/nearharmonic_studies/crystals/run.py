@@ -18,9 +18,9 @@ from nearharmonic_studies.crystals.solids import (
     Loops,
     Solid,
     argon,
+    at_rest,
     chain,
     copper,
-    equilibrated,
     halves,
     loops_for,
     silicon,
@@ -80,13 +80,20 @@ def measure(crystal: str, names: Sequence[str], settings: CrystalsSettings) -> d
 
 
 def start_of(solid: Solid, loops: Loops, temperature: float, seed: list[int]) -> Start:
-    """Return a state in equilibrium at a temperature, relative to that of the melting point."""
-    return Start(
-        *equilibrated(
-            loops, solid.masses, temperature * solid.melting, solid.period / PER_PERIOD, EQUILIBRATION * PER_PERIOD,
-            FRICTION * float(solid.frequencies[-1]), Normal(seed),
-        )
-    )  # fmt: skip
+    """Return a state in equilibrium at a temperature, relative to that of the melting point, without total momentum.
+
+    Langevin steps from the lattice sites are those of leapfrog around friction and noise, BAOAB: Leimkuhler & Matthews
+    (2013), Appl. Math. Res. eXpress 2013, 34.
+    """
+    energy, tau, n, normal = temperature * solid.melting, solid.period / PER_PERIOD, solid.coordinates, Normal(seed)
+    u, p = np.zeros(n), np.sqrt(2 * energy * solid.masses) * normal.rows(1, n)[0]
+    keep, average = float(exp(-FRICTION * float(solid.frequencies[-1]) * tau)), np.zeros(2)
+    width = np.sqrt((1 - keep * keep) * energy * solid.masses)
+    moves, kicks, steps = np.array([tau / 2, tau / 2]), np.array([True, False]), EQUILIBRATION * PER_PERIOD
+    for begin in range(0, steps, 64):
+        noise = width * normal.rows(min(64, steps - begin), n)
+        loops.thermostatted(u, p, solid.masses, moves, kicks, False, keep, noise, average)
+    return Start(u, at_rest(p, solid.masses))
 
 
 def energies(

@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.math import exp
-from nearharmonic.numerics.compiled import Normal, compiled, exponential
+from nearharmonic.numerics.compiled import compiled, exponential
 from nearharmonic.numerics.portable import Floats
 
 # --- A crystal as a mechanical system: masses, the gradient of V in displacements, and its phonons at rest.
@@ -531,26 +530,7 @@ def halves(tableau: Tableau, tau: float) -> tuple[Floats, np.ndarray]:
     return tau * np.array(half), np.array(kicks)
 
 
-def equilibrated(
-    loops: Loops, masses: Floats, energy: float, tau: float, steps: int, friction: float, normal: Normal
-) -> tuple[Floats, Floats]:
-    """Return displacements and momenta of a crystal at k_B T = ``energy``, after Langevin steps from the lattice sites.
-
-    The steps are those of leapfrog around friction and noise, BAOAB: Leimkuhler & Matthews (2013), Appl. Math. Res.
-    eXpress 2013, 34. The total momentum is then removed.
-    """
-    n = len(masses)
-    u, p = np.zeros(n), np.sqrt(2 * energy * masses) * normal.rows(1, n)[0]
-    keep, average = float(exp(-friction * tau)), np.zeros(2)
-    width = np.sqrt((1 - keep * keep) * energy * masses)
-    moves, kicks = np.array([tau / 2, tau / 2]), np.array([True, False])
-    for begin in range(0, steps, 64):
-        noise = width * normal.rows(min(64, steps - begin), n)
-        loops.thermostatted(u, p, masses, moves, kicks, False, keep, noise, average)
-    return u, _at_rest(p, masses)
-
-
-def _at_rest(p: Floats, masses: Floats) -> Floats:
+def at_rest(p: Floats, masses: Floats) -> Floats:
     """Remove the motion of the centre of mass: three components, or one if the masses are those of a chain."""
     dimension = 3 if np.array_equal(masses[::3], masses[1::3][: len(masses[::3])]) else 1
     momenta, weights = p.reshape(-1, dimension), masses.reshape(-1, dimension)

@@ -184,12 +184,14 @@ def starts_of(family: SecondOrder, known: Sequence[str], count: int) -> list[Sta
     return found + [Start(origin="random", point=None, spread=0.05)] * count
 
 
-def trained(family: SecondOrder, proposals: Proposals, settings: SamplersSettings) -> Found:
-    """Return the best member of a family that CMA-ES finds."""
+def trained(
+    family: SecondOrder, proposals: Proposals, settings: SamplersSettings, seed: Sequence[int], random: int
+) -> Found:
+    """Return the best member of a family that CMA-ES finds, from known methods and random starts."""
     objective = cast("Any", Objective(family, proposals))
     effort = Effort(trials=settings.trials, population=12, random_points=100, small_step=1e-6)
-    searcher = Searcher(effort, [settings.seed, family.stages, int(family.first == "kick")])
-    for start in starts_of(family, settings.methods, settings.random_starts):
+    searcher = Searcher(effort, [settings.seed, *seed])
+    for start in starts_of(family, settings.methods, random):
         searcher.search(objective, start)
     return searcher.best
 
@@ -197,7 +199,8 @@ def trained(family: SecondOrder, proposals: Proposals, settings: SamplersSetting
 def train(family: str, settings: SamplersSettings) -> dict[str, Contents]:
     """Return ``run``: ``unknowns``, ``objective``, ``tried`` and the ``origin`` of the best method of a family."""
     searched = family_of(family)
-    found = trained(searched, Proposals(settings.seed, settings.starts), settings)
+    proposals, seed = Proposals(settings.seed, settings.starts), (searched.stages, int(searched.first == "kick"))
+    found = trained(searched, proposals, settings, seed, settings.random_starts)
     variables = {
         "unknowns": variable("unknown", found.unknowns, "first halves of both rows without the innermost values"),
         "objective": variable((), found.value, "log of gradients over those of leapfrog"),
@@ -231,13 +234,9 @@ STRENGTHS_ALONE, FAMILY, SETS, LARGER = (0.0, 0.1, 0.5, 2.0), SecondOrder(stages
 
 def specialist(strength: float, settings: SamplersSettings) -> Tableau:
     """Return the best method of the family for one strength."""
-    objective = cast("Any", Objective(FAMILY, Proposals(settings.seed, settings.starts, (strength,))))
-    effort = Effort(trials=settings.trials, population=12, random_points=100, small_step=1e-6)
-    searcher = Searcher(effort, [settings.seed, 400])
-    for start in starts_of(FAMILY, settings.methods, 0):
-        searcher.search(objective, start)
-    name = f"for_{strength:g}"
-    return FAMILY.method(searcher.best.unknowns, name, f"searched for b = {strength:g} alone")
+    proposals = Proposals(settings.seed, settings.starts, (strength,))
+    found = trained(FAMILY, proposals, settings, (400,), 0)
+    return FAMILY.method(found.unknowns, f"for_{strength:g}", f"searched for b = {strength:g} alone")
 
 
 def gains(methods: list[Tableau], known: list[Tableau], seed: int, starts: int) -> Floats:
@@ -344,33 +343,25 @@ def measure(target: str, settings: SamplersSettings, trained: Sequence[str]) -> 
         for name, method in methods.items():
             place = places[name]
             series[name].append(run(on, loop, method, place.tau * method.stages, place.length, start, drawn))
-    found = []
+    over, means, cost = ("integrator", "observable"), [], []
     for chains in series.values():
         observed = np.array([one.observed for one in chains])
-        parts = costs(observed, np.array([one.gradients for one in chains]))
-        found.append((np.mean([one.acceptance() for one in chains]), *_means(observed), *parts))
-    return {"run": _contents(on, methods, places, found)}
-
-
-def _means(observed: Any) -> tuple[float, ...]:
-    """Means of the observables, and their standard errors from the means of the chains."""
-    means = observed.mean(axis=1)
-    return (*means.mean(axis=0), *(means.std(axis=0, ddof=1) / np.sqrt(len(means))))
-
-
-def _contents(on: Target, methods: Mapping[str, Tableau], places: Mapping[str, Place], found: Any) -> Contents:
-    values, count, over = np.array(found), len(on.observables), ("integrator", "observable")
+        means.append(observed.mean(axis=1))
+        cost.append(costs(observed, np.array([one.gradients for one in chains])))
+    accepted = [np.mean([one.acceptance() for one in chains]) for chains in series.values()]
+    errors = np.std(means, axis=1, ddof=1) / np.sqrt(settings.chains)
     variables = {
         **method_coordinates(methods.values()),
         **coordinate("observable", list(on.observables), "observable"),
-        "cost": variable(("integrator", "part"), values[:, 1 + 2 * count :], COST),
-        "acceptance": variable("integrator", values[:, 0], "mean acceptance of the proposals"),
+        "cost": variable(("integrator", "part"), cost, COST),
+        "acceptance": variable("integrator", accepted, "mean acceptance of the proposals"),
         "tau": variable("integrator", [p.tau * on.highest for p in places.values()], "step size per stage, scaled"),
         "length": variable("integrator", [p.length * on.highest for p in places.values()], "length, scaled"),
-        "mean": variable(over, values[:, 1 : 1 + count], "mean of the observable"),
-        "mean_error": variable(over, values[:, 1 + count : 1 + 2 * count], "standard error of the mean"),
+        "mean": variable(over, np.mean(means, axis=1), "mean of the observable"),
+        "mean_error": variable(over, errors, "standard error of the mean"),
     }
-    return Contents(variables=variables, coordinates=("label",), attributes={"target_label": on.label})
+    contents = Contents(variables=variables, coordinates=("label",), attributes={"target_label": on.label})
+    return {"run": contents}
 
 
 def warmed(on: Target, loop: Callable[..., None], settings: SamplersSettings, k: int) -> Any:

@@ -463,15 +463,8 @@ class Candidate:
 
     def row(self) -> dict[str, str | int | float]:
         """The line of a table."""
-        plain: dict[str, str | int | float] = {
-            "composition": self.composition,
-            "stages": self.stages,
-            "harmonic_order": self.harmonic_order,
-            "free": self.free,
-            "hits": self.hits,
-        }
-        unknowns = " ".join(f"{x:.15g}" for x in self.unknowns)
-        return plain | asdict(self.merit) | {"unknowns": unknowns}
+        plain = {key: getattr(self, key) for key in ("composition", "stages", "harmonic_order", "free", "hits")}
+        return plain | asdict(self.merit) | {"unknowns": " ".join(f"{x:.15g}" for x in self.unknowns)}
 
 
 @dataclass(frozen=True)
@@ -703,18 +696,10 @@ def measured(methods: Iterable[Tableau]) -> Table:
 
 def document(found: Iterable[tuple[Candidate, Tableau]]) -> Mapping[str, Any]:
     """Return the polished winners with every digit, for a TOML file."""
-    return {
-        "method": [
-            {
-                "name": tableau.name,
-                "label": tableau.label,
-                "first": tableau.first,
-                "kick": list(tableau.kick),
-                "drift": list(tableau.drift),
-                "digits": tableau.digits,
-                "note": tableau.note,
-                "criterion": candidate.row(),
-            }
-            for candidate, tableau in found
-        ]
-    }
+    methods = [
+        {key: getattr(tableau, key) for key in ("name", "label", "first")}
+        | {"kick": list(tableau.kick), "drift": list(tableau.drift), "digits": tableau.digits, "note": tableau.note}
+        | {"criterion": candidate.row()}
+        for candidate, tableau in found
+    ]
+    return {"method": methods}

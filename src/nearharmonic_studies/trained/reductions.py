@@ -317,16 +317,13 @@ def ideas_table(cube: xr.Dataset) -> Table:
     for t, j in product(range(cube.sizes["tau_per_stage"]), range(cube.sizes["strength"])):
         one = cube.isel(tau_per_stage=t, strength=j)
         best = one.sel(idea=one.leader)
-        low, high, exact_low, exact_high = (
-            *one.lead_interval.values.tolist(),
-            *one.exact_gain_interval.values.tolist(),
-        )
+        lead, exact = one.lead_interval.values.tolist(), one.exact_gain_interval.values.tolist()
         rows.append({
             "tau_per_stage": one.tau_per_stage.item(), "anharmonicity": one.anharmonicity[1].item(),
             "ahead": one.leader.item(), "method": best.best_method.item(), "log10_error": best.mean_log_error.item(),
-            "lead": one.lead.item(), "lead_low": low, "lead_high": high,
+            "lead": one.lead.item(), "lead_low": lead[0], "lead_high": lead[1],
             "ahead with T + V": one.leader_split.item(), "lead with T + V": one.lead_split.item(),
-            "exact_gain": one.exact_gain.item(), "exact_gain_low": exact_low, "exact_gain_high": exact_high,
+            "exact_gain": one.exact_gain.item(), "exact_gain_low": exact[0], "exact_gain_high": exact[1],
             **dict(zip(IDEAS, one.gain.values.tolist(), strict=True)),
         })  # fmt: skip
     return Table(header=[*rows[0]], rows=[[*row.values()] for row in rows], caption=IDEAS_CAPTION)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from math import pi
 from typing import Annotated, ClassVar, Literal
@@ -77,12 +77,7 @@ class Chain:
 
     def families(self) -> Iterator[Family]:
         """Yield the families."""
-        for stages in self.stages:
-            yield Family(
-                stages=stages, first=self.first, order=self.order, harmonic_order=self.harmonic_order,
-                squares=self.squares, potential_degree=self.potential_degree,
-                generalised_order=self.generalised_order,
-            )  # fmt: skip
+        return (Family(**{**vars(self), "stages": stages}) for stages in self.stages)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,7 +93,8 @@ class Purpose:
 
     #: False if no method was good enough, or if its method is registered in a module of its own.
     registered: ClassVar[bool] = True
-    #: Problems in words, with the bounds of the band.
+    #: Draws of problems in two and three coordinates, and these problems in words, with the bounds of the band.
+    draw: ClassVar[Callable[..., Ensemble]] = staticmethod(random_ensemble)
     described: ClassVar[str] = "random potentials, d = 2 and 3, strengths {:g} to {:g}"
 
     name: str
@@ -151,7 +147,7 @@ class Purpose:
 
     def drawn(self, systems: int, seed: int, band: tuple[float, float], t_end: float) -> list[Ensemble]:
         """Return the problems of a band: half of them in two coordinates and half in three."""
-        return [random_ensemble(d, -(-systems // 2), seed, band=band, t_end=t_end) for d in (2, 3)]
+        return [self.draw(d, -(-systems // 2), seed, band=band, t_end=t_end) for d in (2, 3)]
 
 
 class CrystalPurpose(Purpose):
@@ -172,11 +168,8 @@ class CubicPurpose(Purpose):
     """Purpose of a method for cubic potentials; ``band`` bounds the energy over the lowest barrier."""
 
     registered = False
+    draw = staticmethod(cubic_ensemble)
     described = "cubic potentials, d = 2 and 3, {:g} to {:g} of the barrier"
-
-    def drawn(self, systems: int, seed: int, band: tuple[float, float], t_end: float) -> list[Ensemble]:
-        """Return the cubic potentials of a band, half of them in two coordinates and half in three."""
-        return [cubic_ensemble(d, -(-systems // 2), seed, band=band, t_end=t_end) for d in (2, 3)]
 
 
 class PrecisePurpose(Purpose):

@@ -13,7 +13,7 @@ from nearharmonic.numerics.compiled import Normal
 from nearharmonic_studies.crystals.results import kind_of, reduction, trend, window_of
 from nearharmonic_studies.crystals.run import Start, delta, energies, energy_errors, start_of
 from nearharmonic_studies.crystals.settings import CrystalsSettings
-from nearharmonic_studies.crystals.solids import chain, equilibrated, halves, loops_for
+from nearharmonic_studies.crystals.solids import chain, halves, loops_for
 
 CELLS = 4
 SOLID = chain(CELLS)
@@ -74,7 +74,7 @@ def test_leapfrog_with_friction_samples_a_cold_crystal_exactly():
 @pytest.mark.slow
 def test_starts_have_the_temperature_and_rest():
     """Means over 300 starts of seven modes: a relative error of sqrt(2 / 2100) = 3 %, five times that."""
-    found = [equilibrated(LOOPS, SOLID.masses, 1e-6, SOLID.period / 20, 1000, 0.1, Normal([4, k])) for k in range(300)]
+    found = [start_of(SOLID, LOOPS, 1e-6 / SOLID.melting, [4, k]) for k in range(300)]
     kinetic = np.mean([np.sum(p * p / SOLID.masses) / 2 for _, p in found])
     potential = np.mean([SOLID.gradient(u, np.empty(8)) for u, _ in found])
     assert kinetic == pytest.approx(7 * 1e-6 / 2, rel=0.15)
