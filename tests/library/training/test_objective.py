@@ -17,7 +17,6 @@ from nearharmonic.training.objective import (
     Objective,
     Population,
     errors_of,
-    mean_errors,
     mean_log,
     tableau_of,
 )
@@ -277,20 +276,6 @@ def test_value_is_worst_difference_and_half_of_mean(family):
             differences.append(sum(of_ensembles) / 2)
         # Coefficients of members and of the polished tableau differ by rounding, whose part of an error is 1e-6.
         assert value == pytest.approx(max(differences) + sum(differences) / 4, abs=1e-4)
-
-
-def test_gains_are_decades_below_reference_by_ensemble_and_step_size():
-    family = Family(stages=6, first="kick")
-    x = members(family, 4)
-    objective = objective_of(family)
-    gains = objective.gains(x)
-    assert gains.shape == (2, 4, 2)
-    worst = (-gains).mean(axis=0)
-    assert objective(x) == pytest.approx(worst.max(axis=1) + worst.mean(axis=1) / 2, abs=1e-6)
-    tableau = tableau_of(family, x[1], digits=20, name="one", source="here")
-    for k in range(2):
-        wanted = REFERENCES[k] - mean_errors(ENSEMBLES[k], [tableau], WINDOW)[0]
-        assert gains[k, 1] == pytest.approx(wanted, abs=1e-4)
 
 
 def test_value_of_point_is_that_of_member_next_to_it():

@@ -223,21 +223,6 @@ def test_descent_ends_at_minima_of_scans_along_members(first, exact):
 
 
 @pytest.mark.slow
-def test_spread_moves_the_start_of_a_descent():
-    family = Family(stages=7, first="drift")
-    objective, point = objective_of(family), members(family, 1)[0]
-    effort = Effort(trials=0, descent="gauss_newton")
-
-    def moved(spread, seed=1):
-        _, end = descend(objective, Start(origin="here", point=point, spread=spread), effort, seed)
-        return np.abs(end - point).max()
-
-    assert moved(0.0) < 1e-12
-    assert 1e-4 < moved(1e-3) < 1e-2
-    assert moved(1e-3) == moved(1e-3) != moved(1e-3, seed=2)
-
-
-@pytest.mark.slow
 def test_part_of_objective_has_its_first_problems_at_same_cost():
     family = Family(stages=6, first="kick", squares=(0,))
     x = members(family, 3)

@@ -21,10 +21,6 @@ from nearharmonic_paper.tasks.provenance import task
 from nearharmonic_studies.sixth_order import search as run
 from nearharmonic_studies.sixth_order.search import (
     TAU_PER_STAGE,
-    Candidate,
-    Count,
-    Findings,
-    Merit,
     NystromEquations,
     Walk,
     candidates_of,
@@ -295,26 +291,3 @@ def test_measured_error_is_that_of_steps_taken_one_by_one(monkeypatch):
         errors.append(abs(q * q + p * p - 1))
     assert largest == pytest.approx(max(errors), rel=1e-9)
     assert mean == pytest.approx(sum(errors) / 1667, rel=1e-9)
-
-
-def test_lines_of_counts_and_candidates_stand_under_their_names():
-    count = Count(stages=8, first="kick", harmonic_order=9, free=1, starts=1000, hits=40, solutions=7)
-    merit = Merit(nystrom_error=1e-3, harmonic_error=2e-4, sum_of_absolute_values=3.5, stability_limit=3.1, value=-4.0)
-    candidate = Candidate(
-        stages=8, first="drift", harmonic_order=9, free=1, unknowns=(0.25, -0.5), hits=12, merit=merit
-    )
-    table = run.counts(Findings(counts=(count,), candidates=()))
-    (row,) = table.rows
-    assert dict(zip(table.header, row, strict=True)) == {
-        "stages": 8, "first": "kick", "harmonic order": 9, "free parameters": 1, "starts": 1000, "hits": 40,
-        "distinct solutions": 7,
-    }  # fmt: skip
-    table = run.ranking([candidate] * 41)
-    assert len(table.rows) == 40
-    assert dict(zip(table.header, table.rows[0], strict=True)) == {
-        "composition": "ABA", "stages": 8, "harmonic_order": 9, "free": 1, "hits": 12, "nystrom_error": 1e-3,
-        "harmonic_error": 2e-4, "sum_of_absolute_values": 3.5, "stability_limit": 3.1, "value": -4.0,
-        "unknowns": "0.25 -0.5",
-    }  # fmt: skip
-    nothing = run.ranking([])
-    assert (nothing.header, nothing.rows) == ((), [])

@@ -63,16 +63,9 @@ def test_windows_are_wide_and_families_can_be_built(name):
 
 
 def test_published_methods_are_all_but_those_of_this_project():
-    names = published_names()
-    left = set(plain_integrators.registered) - set(names)
-    assert {"babs8o6_7h", "abas9o6_7h", "babs10o6_8h", "abas11o6_8h"} <= left
-    assert all(name in left or not name.startswith("trained_") for name in plain_integrators.registered)
-    assert {one for one in left if not one.startswith("trained_")} == {
-        "babs8o6_7h", "abas9o6_7h", "babs10o6_8h", "abas11o6_8h",
-    }  # fmt: skip
-    with_squares = {one.name for one in published(map(nh.integrators.__getitem__, [*names, *modified_names()]))} - set(
-        names
-    )
+    ours = {one for one in set(plain_integrators.registered) - set(published_names()) if not one.startswith("trained_")}
+    assert ours == {"babs8o6_7h", "abas9o6_7h", "babs10o6_8h", "abas11o6_8h"}
+    with_squares = {one.name for one in published(map(nh.integrators.__getitem__, modified_names()))}
     assert with_squares == {"chin_4a", "omelyan_g5o6"}
 
 
@@ -83,17 +76,10 @@ def test_same_seed_finds_same_method_and_another_seed_another(monkeypatch):
     other = trained(monkeypatch, settings=SearchSettings(**{**SETTINGS.__dict__, "seed": 6}))["document"]
     assert other["kick"] != one["kick"]
     assert other["digest"] != one["digest"]
-
-
-@pytest.mark.slow
-def test_found_methods_have_proved_orders_and_documented_limit(monkeypatch):
-    document = trained(monkeypatch)["document"]
-    tableau = tableau_of(document)
-    assert nh.order_of(tableau) == document["order"] == 4
-    assert document["harmonic_order"] == 4
-    assert isclose(float(nh.stability_limit(tableau)), document["stability_limit"], rel_tol=1e-12)
-    assert document["seed"] == 5
-    assert document["window"] == [0.1, 0.16]
+    tableau = tableau_of(one)
+    assert nh.order_of(tableau) == one["order"] == 4
+    assert (one["harmonic_order"], one["seed"], one["window"]) == (4, 5, [0.1, 0.16])
+    assert isclose(float(nh.stability_limit(tableau)), one["stability_limit"], rel_tol=1e-12)
 
 
 def mean_log(method, ensemble, tau_per_stage, cost):
@@ -186,20 +172,6 @@ SEED, PROBLEMS = 70_001, 64
 #: Purposes of all registered methods: those that are trained by default, and those for polynomial potentials.
 POLYNOMIAL = ("cubic", "cubic_precise", "quartic_precise")
 ALL = (*REGISTERED, *POLYNOMIAL)
-
-
-@pytest.mark.parametrize("name", ALL)
-def test_a_note_says_window_ensemble_limit_seed_and_run(name):
-    purpose, tableau = PURPOSES[name], integrators[PURPOSES[name].title]
-    low, high = purpose.window
-    assert f"tau/s {low:.3g} to {high:.3g}; {purpose.problems}; " in tableau.note
-    assert re.search(r"seed \d+; run [0-9a-f]{16}$", tableau.note)
-    assert tableau.digits == 60
-    if not tableau.modified:
-        limit = re.search(r"stability limit tau = ([\d.]+);", tableau.note)
-        assert float(limit.group(1)) == pytest.approx(float(nh.stability_limit(tableau)), abs=1e-4)
-        # A window reaches up to the limit at most.
-        assert high * tableau.stages < float(limit.group(1))
 
 
 @pytest.mark.parametrize("name", POLYNOMIAL)

@@ -232,10 +232,6 @@ BY_HAND = xr.Dataset(
 @pytest.mark.slow
 def test_the_table_of_gains_has_each_number_in_its_column():
     table = gain_table(BY_HAND)
-    assert table.header == [
-        "ensemble", "tau_per_stage", "best published", "log10_error", "best trained", "log10_error_trained", "gain",
-        "gain_low", "gain_high", "verdict",
-    ]  # fmt: skip
     assert table.rows == [
         ["one", 0.1, "a", -6.0, "b", -6.5, 0.5, 0.4, 0.6, "ahead"],
         ["one", 0.2, "a", -4.0, "b", -3.0, -1.0, -1.2, -0.9, "behind"],
@@ -338,55 +334,41 @@ def test_exact_oscillator_errs_as_single_runs_do_at_equal_cost(scaled):
 def of_ideas(values):
     """Ideas with one method each, whose errors on 6 problems are these at one step size and two strengths."""
     noise = np.linspace(-0.1, 0.1, 6)
-    exact, *split = (np.array(row)[None, :, None] + noise * (i + 1) for i, row in enumerate(values.values()))
-    over, (first, *others) = ("tau_per_stage", "strength", "problem"), values
+    errors = {one: np.array(row)[None, :, None] + noise * (i + 1) for i, (one, row) in enumerate(values.items())}
+    exact = [one for one in values if "exact" in one]
+    split, over = [one for one in values if one not in exact], ("tau_per_stage", "strength", "problem")
     return xr.Dataset(
-        {"log_error": (("integrator", *over), split), "exact_log_error": (("exact_integrator", *over), [exact])},
         {
-            "integrator": [f"method of {idea}" for idea in others],
-            "idea": ("integrator", others),
-            "exact_integrator": [f"method of {first}"],
+            "log_error": (("integrator", *over), [errors[one] for one in split]),
+            "exact_log_error": (("exact_integrator", *over), [errors[one] for one in exact]),
+        },
+        {
+            "integrator": [f"method of {idea}" for idea in split],
+            "idea": ("integrator", split),
+            "exact_integrator": [f"{idea}_one" for idea in exact],
         },
         {"seed": 1},
     )
 
 
 def test_leader_has_least_mean_error_and_lead_over_second():
-    values = {"exact_oscillator": [-9, -4], "harmonic_conditions": [-7, -5], "nystrom": [-6, -5.5], "general": [-5, -5]}
-    best = ideas_reduction.of(of_ideas(values), over="problem")
+    values = {"exact_oscillator": [-8, -4], "trained_exact": [-9, -4.25], "harmonic_conditions": [-7, -5]}
+    best = ideas_reduction.of(of_ideas(values | {"nystrom": [-6, -5.5], "general": [-5, -5]}), over="problem")
     found = {name: entry.values for name, entry in best.assign(ideas_reduction.of(best, over="resample")).items()}
-    assert found["leader"].tolist() == [["exact_oscillator", "nystrom"]]
-    assert found["lead"][0] == pytest.approx([2, 0.5])
+    assert found["leader"].tolist() == [["trained_exact", "nystrom"]]
+    assert found["lead"][0] == pytest.approx([1, 0.5])
     assert found["leader_split"].tolist() == [["harmonic_conditions", "nystrom"]]
     assert found["lead_split"][0] == pytest.approx([1, 0.5])
-    assert found["gain"][:, 0, 0] == pytest.approx([4, np.nan, 2, 1, np.nan, 0], nan_ok=True)
+    assert found["exact_gain"][0] == pytest.approx([1, 0.25])
+    assert found["gain"][:, 0, 0] == pytest.approx([3, 4, 2, 1, np.nan, 0], nan_ok=True)
     assert found["best_method"][:, 0, 0].tolist() == [
-        "method of exact_oscillator", "", "method of harmonic_conditions", "method of nystrom", "", "method of general",
+        "exact_oscillator_one", "trained_exact_one", "method of harmonic_conditions", "method of nystrom", "",
+        "method of general",
     ]  # fmt: skip
-    low, high = np.moveaxis(found["lead_interval"][0], -1, 0)
-    assert (low < found["lead"][0]).all()
-    assert (found["lead"][0] < high).all()
-
-
-def test_exact_gain_is_of_trained_methods_over_published_ones():
-    noise = np.linspace(-0.1, 0.1, 6)
-    errors = np.array([[-9, -4], [-10, -4.2]])[:, None, :, None] + noise * np.array([1, 2])[:, None, None, None]
-    over = ("tau_per_stage", "strength", "problem")
-    names = {"integrator": ["one"], "idea": ("integrator", ["general"])}
-    names |= {"exact_integrator": ["aba864", "trained_exact_one"]}
-    runs = {
-        "log_error": (("integrator", *over), errors[:1] + 1),
-        "exact_log_error": (("exact_integrator", *over), errors),
-    }
-    best = ideas_reduction.of(xr.Dataset(runs, names, {"seed": 1}), over="problem")
-    found = ideas_reduction.of(best, over="resample")
-    assert found.exact_gain.values == pytest.approx(np.array([[1, 0.2]]))
-    low, high = found.exact_gain_interval.transpose("bound", ...).values
-    assert (low < found.exact_gain).all()
-    assert (found.exact_gain < high).all()
-    assert found.leader.values.tolist() == [["trained_exact", "trained_exact"]]
-    assert found.leader_split.values.tolist() == [["general", "general"]]
-    assert best.best_method.sel(idea="exact_oscillator").values.tolist() == [["aba864", "aba864"]]
+    for name in ("lead", "exact_gain"):
+        low, high = np.moveaxis(found[f"{name}_interval"][0], -1, 0)
+        assert (low < found[name][0]).all()
+        assert (found[name][0] < high).all()
 
 
 @pytest.mark.slow
