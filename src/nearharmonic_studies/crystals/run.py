@@ -168,7 +168,13 @@ def drift(crystal: str, names: Sequence[str], settings: CrystalsSettings) -> dic
     loops = loops_for(solid.gradient)
     starts = [start_of(solid, loops, TEMPERATURE, [settings.seed, 100, k]) for k in range(settings.drift_starts)]
     steps = max(LOOKS, settings.drift_steps)
-    found = [[_changes(solid, loops, integrators[name], steps, start) for start in starts] for name in names]
+    found: list[list[Floats]] = []
+    for method in map(integrators.__getitem__, names):
+        found.append([])
+        for start in starts:
+            tau, kept = method.stages * solid.period / FORCES, steps - steps % LOOKS
+            kinetic, potential = energies(solid, loops, method, tau, kept, start, steps // LOOKS).T
+            found[-1].append(((kinetic - kinetic[0]) + (potential - potential[0])) / kinetic.mean())
     variables = {
         **coordinate("drifting", list(names), "integrator"),
         **coordinate("look", [k * (steps // LOOKS) for k in range(LOOKS + 1)], "steps"),
@@ -176,13 +182,6 @@ def drift(crystal: str, names: Sequence[str], settings: CrystalsSettings) -> dic
         "energy": variable(("drifting", "run", "look"), found, "H - H0 in units of the mean kinetic energy"),
     }
     return {"run": Contents(variables=variables, coordinates=("drifting_label",), attributes={"crystal": crystal})}
-
-
-def _changes(solid: Solid, loops: Loops, method: Tableau, steps: int, start: Start) -> Floats:
-    tau = method.stages * solid.period / FORCES
-    kinetic, potential = energies(solid, loops, method, tau, steps - steps % LOOKS, start, steps // LOOKS).T
-    change: Floats = ((kinetic - kinetic[0]) + (potential - potential[0])) / kinetic.mean()
-    return change
 
 
 def averages(names: Sequence[str], settings: CrystalsSettings) -> dict[str, Contents]:

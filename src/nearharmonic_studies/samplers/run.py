@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -26,9 +27,9 @@ from nearharmonic_studies.samplers.targets import (
     RATIO,
     Chance,
     Target,
-    best,
     chance,
     costs,
+    efficiency,
     error_of,
     lattice,
     loop_for,
@@ -239,22 +240,17 @@ def specialist(strength: float, settings: SamplersSettings) -> Tableau:
     return FAMILY.method(found.unknowns, f"for_{strength:g}", f"searched for b = {strength:g} alone")
 
 
-def gains(methods: list[Tableau], known: list[Tableau], seed: int, starts: int) -> Floats:
-    """Return the gains (methods, b) over the best known method at each strength, on starts not seen in training."""
-    proposals = Proposals(seed, starts, STRENGTHS_ALONE)
-    best = np.min([proposals.gradients(one) for one in known], axis=0)
-    found: Floats = best / np.array([proposals.gradients(one) for one in methods])
-    return found
-
-
 def measure_limits(settings: SamplersSettings, trained: Sequence[str]) -> dict[str, Contents]:
     """Return ``run``: ``gain`` over (strength, specialist, set), and of the methods trained for all strengths."""
     known = [integrators[name] for name in settings.methods]
     searched = methods_of(map(read, trained))
     special = {f"{b:g}": specialist(b, settings) for b in STRENGTHS_ALONE}
     every = [*special.values(), *searched.values()]
-    found = np.array([gains(every, known, settings.seed + 1000 + k, LARGER * settings.starts) for k in range(SETS)])
-    values = found.transpose(2, 1, 0)
+    gains = []
+    for k in range(SETS):
+        proposals = Proposals(settings.seed + 1000 + k, LARGER * settings.starts, STRENGTHS_ALONE)
+        least = np.min([proposals.gradients(one) for one in known], axis=0)
+        gains.append(least / np.array([proposals.gradients(one) for one in every]))
     plain = Objective(FAMILY, Proposals(settings.seed, settings.starts))
     variables = {
         **coordinate("strength", list(STRENGTHS_ALONE), "strength b of the quartic term"),
@@ -262,7 +258,7 @@ def measure_limits(settings: SamplersSettings, trained: Sequence[str]) -> dict[s
         "trained_label": variable("trained_for", [one.label for one in every], "name in figures"),
         "special_gain": variable(
             ("strength", "trained_for", "set"),
-            values,
+            np.transpose(gains, (2, 1, 0)),
             "gain over the best known method, on starts not seen in training",
         ),
         **coordinate("known", [*settings.methods, *searched], "integrator"),
@@ -317,8 +313,12 @@ def gaussians(settings: SamplersSettings, trained: Sequence[str]) -> dict[str, C
     methods = compared(settings, trained)
     dimensions = [float(one) for one in settings.dimensions]
     grid = taus(FINER * settings.points)
-    found = [[best(m, grid, LENGTHS, spectrum(int(n), RATIO)) for m in methods.values()] for n in dimensions]
-    values = np.array([[(*one, tau, length) for one, tau, length in row] for row in found])
+    places = [(tau, length) for length in LENGTHS for tau in grid]
+    values = np.array([
+        [min(((*efficiency(m, tau * m.stages, length, on), tau, length) for tau, length in places), key=itemgetter(0))
+         for m in methods.values()]
+        for on in (spectrum(int(n)) for n in dimensions)
+    ])  # fmt: skip
     over = ("dimension", "integrator")
     variables = {
         **coordinate("dimension", dimensions, "dimension of the Gaussian"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -39,11 +39,19 @@ class Target:
     warm: int = 0
 
 
+# --- The phi^4 field on a square lattice with periodic edges, in its symmetric phase near the transition.
+#
+# U = sum over sites of (differences to two neighbours)^2/2 + m phi^2/2 + l phi^4/4. For l = 1 the transition is at
+# m = -1.2723: W. Loinaz and R. S. Willey, Phys. Rev. D 58, 076003 (1998), doi:10.1103/PhysRevD.58.076003.
+
 #: Coefficients m and l, and proposals from a random start.
 MASS, COUPLING, WARM = -1.0, 1.0, 400
 
 
-def _gradient_of(edge: int) -> Any:
+def lattice(n: int) -> Target:
+    """Return the target on a lattice of at most n sites."""
+    edge = int(n**0.5)
+
     @compiled
     def gradient(q, out):  # type: ignore[no-untyped-def]
         total = 0.0
@@ -59,29 +67,10 @@ def _gradient_of(edge: int) -> Any:
                 total += square * (2.0 + 0.5 * MASS + 0.25 * COUPLING * square) - x * two
         return total
 
-    return gradient
-
-
-@compiled
-def observe(q, potential, out):  # type: ignore[no-untyped-def]
-    """Write the mean of the field, its square, and U."""
-    out[0] = q.sum() / len(q)
-    out[1], out[2] = out[0] * out[0], potential
-
-
-# --- The phi^4 field on a square lattice with periodic edges, in its symmetric phase near the transition.
-#
-# U = sum over sites of (differences to two neighbours)^2/2 + m phi^2/2 + l phi^4/4. For l = 1 the transition is at
-# m = -1.2723: W. Loinaz and R. S. Willey, Phys. Rev. D 58, 076003 (1998), doi:10.1103/PhysRevD.58.076003.
-
-
-def lattice(n: int) -> Target:
-    """Return the target on a lattice of at most n sites."""
-    edge = int(n**0.5)
-
-    def start(normal: Normal) -> Floats:
-        found: Floats = 0.5 * normal.rows(1, edge * edge)[0]
-        return found
+    @compiled
+    def observe(q, potential, out):  # type: ignore[no-untyped-def]
+        out[0] = q.sum() / len(q)
+        out[1], out[2] = out[0] * out[0], potential
 
     return Target(
         name="lattice",
@@ -89,16 +78,12 @@ def lattice(n: int) -> Target:
         dimension=edge * edge,
         highest=3.0,
         lengths=(1.5, 3.0, 6.0),
-        gradient=_gradient_of(edge),
+        gradient=gradient,
         observe=observe,
         observables=("mean field", "its square", "U"),
-        start=start,
+        start=lambda normal: 0.5 * normal.rows(1, edge * edge)[0],
         warm=WARM,
     )
-
-
-#: Proposals from a start near the mean.
-POSTERIORS_WARM = 500
 
 
 # --- Three posteriors of posteriordb, with the published means and squares of their reference draws.
@@ -107,6 +92,10 @@ POSTERIORS_WARM = 500
 # 28f8d3d6, licence BSD-3-Clause. Positive parameters are exponentials of coordinates, as in Stan; coordinates are
 # shifted and scaled by constants near their posterior means and standard deviations, in place of an adaptation of the
 # masses.
+
+
+#: Proposals from a start near the mean.
+POSTERIORS_WARM = 500
 
 
 class Reference(NamedTuple):
@@ -293,14 +282,10 @@ def mesquite() -> Target:
 def _posterior(name: str, label: str, n: int, gradient: Any, observe: Any, highest: float = 1.0) -> Target:
     parameters = list(REFERENCES[name].mean)
 
-    def start(normal: Normal) -> Floats:
-        found: Floats = 0.3 * normal.rows(1, n)[0]
-        return found
-
     return Target(
         name=name, label=label, dimension=n, highest=highest, lengths=(1.0, 2.0, 4.0), gradient=gradient,
-        observe=observe, observables=(*parameters, *(f"{one}^2" for one in parameters)), start=start,
-        warm=POSTERIORS_WARM,
+        observe=observe, observables=(*parameters, *(f"{one}^2" for one in parameters)),
+        start=lambda normal: 0.3 * normal.rows(1, n)[0], warm=POSTERIORS_WARM,
     )  # fmt: skip
 
 
@@ -332,7 +317,9 @@ def frequencies_of(n: int) -> Floats:
     return found
 
 
-def _quartic_gradient_of(frequencies: Floats, strength: float) -> Any:
+def quartic(n: int, strength: float = STRENGTH) -> Target:
+    """Return the target in n dimensions."""
+    frequencies = frequencies_of(n)
     squares = frequencies**2
 
     @compiled
@@ -344,23 +331,11 @@ def _quartic_gradient_of(frequencies: Floats, strength: float) -> Any:
             total += square * (2.0 + strength * square)
         return total / 4
 
-    return gradient
-
-
-@compiled
-def quartic_observe(q, potential, out):  # type: ignore[no-untyped-def]
-    """Write the slowest coordinate, the sum of squares of the slowest ones, and U."""
-    out[0], out[1], out[2] = q[0], 0.0, potential
-    for k in range(min(SLOW, len(q))):
-        out[1] += q[k] * q[k]
-
-
-def quartic(n: int, strength: float = STRENGTH) -> Target:
-    """Return the target in n dimensions."""
-    frequencies = frequencies_of(n)
-
-    def start(normal: Normal) -> Floats:
-        return quantiles(strength, normal.uniform.random(n)) / frequencies
+    @compiled
+    def observe(q, potential, out):  # type: ignore[no-untyped-def]
+        out[0], out[1], out[2] = q[0], 0.0, potential
+        for k in range(min(SLOW, len(q))):
+            out[1] += q[k] * q[k]
 
     return Target(
         name="quartic",
@@ -368,10 +343,10 @@ def quartic(n: int, strength: float = STRENGTH) -> Target:
         dimension=n,
         highest=1.0,
         lengths=(4.0, 8.0, 16.0),
-        gradient=_quartic_gradient_of(frequencies, strength),
-        observe=quartic_observe,
+        gradient=gradient,
+        observe=observe,
         observables=("slowest coordinate", "squares of the slowest", "U"),
-        start=start,
+        start=lambda normal: quantiles(strength, normal.uniform.random(n)) / frequencies,
     )
 
 
@@ -589,10 +564,10 @@ class Found(NamedTuple):
     acceptance: float
 
 
-def spectrum(dimension: int, ratio: float) -> Spectrum:
-    """Return frequencies log-uniform from 1/ratio to 1."""
+def spectrum(dimension: int) -> Spectrum:
+    """Return the frequencies of the quartic target, at most :data:`FREQUENCIES` of them."""
     count = min(FREQUENCIES, dimension)
-    return Spectrum(np.array(exp(-log(ratio) * (1 - (np.arange(count) + 0.5) / count))), dimension / count)
+    return Spectrum(frequencies_of(count), dimension / count)
 
 
 def steps_matrix(method: Tableau, angles: Floats) -> Floats:
@@ -653,15 +628,3 @@ def efficiency(method: Tableau, tau: float, length: float, on: Spectrum) -> Foun
     least = float(jumps.min())
     gradients = sum(counts) / JITTER_LENGTHS * method.stages
     return Found(gradients / least if least > 0 else np.inf, acceptance)
-
-
-def best(
-    method: Tableau, taus_per_stage: Sequence[float], lengths: Sequence[float], on: Spectrum
-) -> tuple[Found, float, float]:
-    """Return the fewest gradients over all step sizes and lengths, and where they are."""
-    every = [
-        (efficiency(method, tau * method.stages, length, on), tau, length)
-        for length in lengths
-        for tau in taus_per_stage
-    ]
-    return min(every, key=lambda one: one[0].gradients)

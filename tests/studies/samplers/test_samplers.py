@@ -129,7 +129,7 @@ def test_gaussian_acceptance_and_jumps_are_those_of_random_proposals():
 def test_gaussian_gradients_are_those_of_a_chain():
     """A chain of the package on the Gaussian, b = 0, at the step and length of the exact result: 5 standard errors."""
     target = quartic(100, strength=0.0)
-    on, tau, length = spectrum(100, 10.0), 0.8, 6.0
+    on, tau, length = spectrum(100), 0.8, 6.0
     exact = efficiency(nh.integrators["bcss_s4"], 4 * tau, length, on)
     drawn = chance(Normal([1]), 4000, 100)
     start = target.start(Normal([2]))
