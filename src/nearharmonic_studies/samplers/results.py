@@ -15,7 +15,6 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from nearharmonic.math import exp
-from nearharmonic.numerics.portable import Floats
 from nearharmonic.output.dataset import coordinate, described
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table
@@ -38,39 +37,24 @@ PLACE = ("acceptance", "tau", "length")
 
 @reduction("cost", over="part")
 def cost(runs: xr.Dataset) -> xr.Dataset:
-    """Gradients per effective sample, and the gain over the first method."""
-    values = runs.cost.transpose(..., "integrator", "part").values
-    return xr.Dataset({
-        **_with_interval(runs, "cost", values, "gradients per effective sample of the slowest observable"),
-        **_with_interval(runs, "gain", values[..., :1, :] - values, "gradients of the first method over those of one"),
-    })  # fmt: skip
-
-
-@reduction("cost", over="part")
-def over_best(runs: xr.Dataset) -> xr.Dataset:
-    """Gain over the best of the methods that the experiment does not train."""
-    values = runs.cost.transpose(..., "integrator", "part").values
-    known = np.array([not str(name).startswith(SEARCHED) for name in runs.integrator.values])
-    best = np.where(known[:, None], values, np.inf)[..., :, 0].argmin(axis=-1)
-    reference = np.take_along_axis(values, best[..., None, None], axis=-2)
-    found = _with_interval(
-        runs, "over_best", reference - values, "gradients of the best known method over those of one"
-    )
-    names = xr.DataArray(runs.integrator.values[best], dims=runs.cost.dims[:-2]).assign_attrs(
-        described("method that is not trained here with the fewest gradients per effective sample")
-    )
-    return xr.Dataset({**found, "best": names})
-
-
-def _with_interval(runs: xr.Dataset, name: str, logs: Floats, text: str) -> dict[str, xr.DataArray]:
-    """Return exp of logs (..., chains + 1) and their 95 % intervals, by name."""
-    over = runs.cost.transpose(..., "integrator", "part").isel(part=0, drop=True)
-    half = np.apply_along_axis(error_of, -1, logs) * student(logs.shape[-1] - 2)
-    middle, found = logs[..., 0], {}
-    for end, value, which in (("", middle, ""), ("_low", middle - half, "lower"), ("_high", middle + half, "upper")):
-        notes = described(f"{which} end of the 95 % interval of the {text}" if which else text)
-        found[name + end] = over.copy(data=np.array(exp(np.clip(value, -50, 50)))).assign_attrs(notes)
-    return found
+    """Gradients per effective sample, and gains over the first method and over the best that is not trained here."""
+    logs, known = runs.cost, ~runs.integrator.str.startswith(SEARCHED)
+    best = logs.isel(part=0, drop=True).where(known, np.inf).idxmin("integrator")
+    of_best = "method that is not trained here with the fewest gradients per effective sample"
+    found = {"best": best.assign_attrs(described(of_best))}
+    for name, shifted, text in (
+        ("cost", logs, "gradients per effective sample of the slowest observable"),
+        ("gain", logs.isel(integrator=0, drop=True) - logs, "gradients of the first method over those of one"),
+        ("over_best", logs.sel(integrator=best.item()) - logs, "gradients of the best known method over those of one"),
+    ):
+        values = shifted.transpose(*logs.dims)
+        middle = values.isel(part=0, drop=True)
+        half = np.apply_along_axis(error_of, -1, values.values) * student(values.sizes["part"] - 2)
+        for end, sign, which in (("", 0, ""), ("_low", -1, "lower"), ("_high", 1, "upper")):
+            notes = described(f"{which} end of the 95 % interval of the {text}" if which else text)
+            shown = np.array(exp(np.clip(middle.values + sign * half, -50, 50)))
+            found[name + end] = middle.copy(data=shown).assign_attrs(notes)
+    return xr.Dataset(found)
 
 
 def reduce(settings: SamplersSettings, gaussians: str, limits: str, chains: Sequence[str]) -> dict[str, Any]:
@@ -81,11 +65,11 @@ def reduce(settings: SamplersSettings, gaussians: str, limits: str, chains: Sequ
     """
     runs = [read(path) for path in chains]
     names = xr.Dataset(coords=coordinate("target", list(settings.targets), "target")).target
-    parts = [reduction.of(one, over="part").assign(one[["acceptance", "tau", "length"]]) for one in runs]
+    parts = [reduction.of(one, over="part").assign(one[[*PLACE]]) for one in runs]
     cube = xr.concat(parts, names, coords="minimal", compat="override")
     cube["target_label"] = ("target", [one.attrs["target_label"] for one in runs], described("name of the target"))
     exact = read(gaussians)
-    for name in ("gradients", "acceptance", "tau", "length"):
+    for name in ("gradients", *PLACE):
         cube[f"gaussian_{name}"] = exact[name]
     first = exact["gradients"].isel(integrator=0, drop=True)
     text = "gradients of the first method over those of one, on a Gaussian"
