@@ -15,14 +15,12 @@ from nearharmonic.numerics.portable import Floats
 from nearharmonic.output.dataset import Contents, coordinate, variable
 from nearharmonic_studies.crystals.settings import TRAINED_ON_CRYSTALS, CrystalsSettings
 from nearharmonic_studies.crystals.solids import (
-    Loops,
     Solid,
     argon,
     at_rest,
     chain,
     copper,
     halves,
-    loops_for,
     silicon,
 )
 
@@ -50,16 +48,16 @@ def measure(crystal: str, names: Sequence[str], settings: CrystalsSettings) -> d
     start), in units of the mean kinetic energy; ``delta`` over temperature; ``frequency`` over mode.
     """
     solid = SOLIDS[crystal](settings.size(crystal))
-    loops, methods = loops_for(solid.gradient), [*map(integrators.__getitem__, names), TRAINED_ON_CRYSTALS]
+    methods = [*map(integrators.__getitem__, names), TRAINED_ON_CRYSTALS]
     temperatures, forces = (list(map(float, one)) for one in (settings.temperatures, settings.forces))
     shape = (len(temperatures), len(methods), len(forces), settings.starts)
     errors, deltas = np.empty((2, *shape)), []
     for a, temperature in enumerate(temperatures):
-        starts = [start_of(solid, loops, temperature, [settings.seed, a, k]) for k in range(settings.starts)]
-        deltas.append(delta(solid, loops, starts[0], settings.seed))
+        starts = [start_of(solid, temperature, [settings.seed, a, k]) for k in range(settings.starts)]
+        deltas.append(delta(solid, starts[0], settings.seed))
         for b, method in enumerate(methods):
             for c, per_period in enumerate(forces):
-                errors[:, a, b, c] = energy_errors(solid, loops, method, per_period, settings.periods, starts)
+                errors[:, a, b, c] = energy_errors(solid, method, per_period, settings.periods, starts)
     over = ("temperature", "integrator", "forces", "start")
     what = "energy error |H - H0| over steps, in units of the mean kinetic energy"
     variables = {
@@ -79,7 +77,7 @@ def measure(crystal: str, names: Sequence[str], settings: CrystalsSettings) -> d
     return {"run": Contents(variables=variables, coordinates=("label",), attributes=attributes)}
 
 
-def start_of(solid: Solid, loops: Loops, temperature: float, seed: list[int]) -> Start:
+def start_of(solid: Solid, temperature: float, seed: list[int]) -> Start:
     """Return a state in equilibrium at a temperature, relative to that of the melting point, without total momentum.
 
     Langevin steps from the lattice sites are those of leapfrog around friction and noise, BAOAB: Leimkuhler & Matthews
@@ -92,24 +90,20 @@ def start_of(solid: Solid, loops: Loops, temperature: float, seed: list[int]) ->
     moves, kicks, steps = np.array([tau / 2, tau / 2]), np.array([True, False]), EQUILIBRATION * PER_PERIOD
     for begin in range(0, steps, 64):
         noise = width * normal.rows(min(64, steps - begin), n)
-        loops.thermostatted(u, p, solid.masses, moves, kicks, False, keep, noise, average)
+        solid.loops.thermostatted(u, p, solid.masses, moves, kicks, False, keep, noise, average)
     return Start(u, at_rest(p, solid.masses))
 
 
-def energies(
-    solid: Solid, loops: Loops, method: Tableau, tau: float, steps: int, start: Start, every: int = 1
-) -> Floats:
+def energies(solid: Solid, method: Tableau, tau: float, steps: int, start: Start, every: int = 1) -> Floats:
     """Return kinetic and potential energy (k, 2) at the start and after each ``every`` steps."""
     outer, inner = (tau * np.array(row) for row in method.rows_double())
     found = np.empty((steps // every + 1, 2))
     u, p = start.u.copy(), start.p.copy()
-    loops.run(u, p, solid.masses, method.first == "kick", outer, inner, steps, every, found)
+    solid.loops.run(u, p, solid.masses, method.first == "kick", outer, inner, steps, every, found)
     return found
 
 
-def energy_errors(
-    solid: Solid, loops: Loops, method: Tableau, per_period: float, periods: int, starts: Sequence[Start]
-) -> Floats:
+def energy_errors(solid: Solid, method: Tableau, per_period: float, periods: int, starts: Sequence[Start]) -> Floats:
     """Return the maximum and the mean energy error (2, starts) at a number of forces in the fastest period.
 
     A run covers at least ``periods`` periods; the error of a run that diverges is infinite.
@@ -118,7 +112,7 @@ def energy_errors(
     steps = max(1, round(periods * solid.period / tau))
     found = []
     for start in starts:
-        kinetic, potential = energies(solid, loops, method, tau, steps, start).T
+        kinetic, potential = energies(solid, method, tau, steps, start).T
         change = np.abs((kinetic - kinetic[0]) + (potential - potential[0]))
         scale = kinetic.mean()
         lost = not np.isfinite(change).all() or not np.isfinite(scale)
@@ -126,7 +120,7 @@ def energy_errors(
     return np.array(found).T
 
 
-def delta(solid: Solid, loops: Loops, start: Start, seed: int) -> float:
+def delta(solid: Solid, start: Start, seed: int) -> float:
     """Return the variation of the Hessian W along a trajectory, rms |W - mean W| / rms |W|, |.| the Frobenius norm.
 
     Norms are means of |W z|^2 over vectors z of random signs. Products W z are differences of gradients, between
@@ -144,7 +138,7 @@ def delta(solid: Solid, loops: Loops, start: Start, seed: int) -> float:
             solid.gradient(u + DIFFERENCE * z / roots, above)
             solid.gradient(u - DIFFERENCE * z / roots, below)
             products[k, m] = (above - below) / (2 * DIFFERENCE) / roots
-        loops.run(u, p, solid.masses, True, tau * outer, tau * inner, PER_PERIOD, PER_PERIOD, unused)
+        solid.loops.run(u, p, solid.masses, True, tau * outer, tau * inner, PER_PERIOD, PER_PERIOD, unused)
     varying = products - products.mean(axis=0)
     return float(np.sqrt((varying**2).sum() / (products**2).sum()))
 
@@ -165,15 +159,14 @@ BLOCKS, WARM, AT_ONCE = 32, 4, 2048
 def drift(crystal: str, names: Sequence[str], settings: CrystalsSettings) -> dict[str, Contents]:
     """Return ``run``: ``energy`` over (method, start, look) of a small crystal, in units of the mean kinetic energy."""
     solid = SOLIDS[crystal](SMALL[crystal])
-    loops = loops_for(solid.gradient)
-    starts = [start_of(solid, loops, TEMPERATURE, [settings.seed, 100, k]) for k in range(settings.drift_starts)]
+    starts = [start_of(solid, TEMPERATURE, [settings.seed, 100, k]) for k in range(settings.drift_starts)]
     steps = max(LOOKS, settings.drift_steps)
     found: list[list[Floats]] = []
     for method in map(integrators.__getitem__, names):
         found.append([])
         for start in starts:
             tau, kept = method.stages * solid.period / FORCES, steps - steps % LOOKS
-            kinetic, potential = energies(solid, loops, method, tau, kept, start, steps // LOOKS).T
+            kinetic, potential = energies(solid, method, tau, kept, start, steps // LOOKS).T
             found[-1].append(((kinetic - kinetic[0]) + (potential - potential[0])) / kinetic.mean())
     variables = {
         **coordinate("drifting", list(names), "integrator"),
@@ -191,9 +184,8 @@ def averages(names: Sequence[str], settings: CrystalsSettings) -> dict[str, Cont
     same number of forces.
     """
     solid = SOLIDS["chain"](SMALL["chain"])
-    loops = loops_for(solid.gradient)
     runs = [
-        _blocks(solid, loops, integrators[name], forces, place == "ends", settings)
+        _blocks(solid, integrators[name], forces, place == "ends", settings)
         for place in BATHS
         for name in names
         for forces in SPACINGS
@@ -212,9 +204,7 @@ def averages(names: Sequence[str], settings: CrystalsSettings) -> dict[str, Cont
     return {"run": Contents(variables=variables, coordinates=("averaged_label",))}
 
 
-def _blocks(
-    solid: Solid, loops: Loops, method: Tableau, forces: float, ends: bool, settings: CrystalsSettings
-) -> Floats:
+def _blocks(solid: Solid, method: Tableau, forces: float, ends: bool, settings: CrystalsSettings) -> Floats:
     """Return the blocks (b, 2) of potential and kinetic energy, over (n - 1) k_B T / 2 and n k_B T / 2.
 
     The chain as a whole has kinetic energy and no potential energy.
@@ -229,5 +219,5 @@ def _blocks(
     for block in found:
         for begin in range(0, steps, AT_ONCE):
             noise = width * normal.rows(rows * min(AT_ONCE, steps - begin), n)
-            loops.thermostatted(u, p, solid.masses, moves, kicks, ends, keep, noise, block)
+            solid.loops.thermostatted(u, p, solid.masses, moves, kicks, ends, keep, noise, block)
     return found[WARM:] / (steps * np.array([n - 1, n]) * energy / 2)

@@ -71,6 +71,11 @@ class Solid:
         kept = np.where(squares > 1e-6 * squares[-1], squares, 0.0)
         return np.array([float(f"{one:.6g}") for one in np.sqrt(kept)])
 
+    @cached_property
+    def loops(self) -> Loops:
+        """Loops over steps, compiled for its gradient."""
+        return loops_for(self.gradient)
+
     @property
     def period(self) -> float:
         """Period of the fastest phonon."""

@@ -23,8 +23,7 @@ from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import generalised_order_of, harmonic_order, nystrom_order_of, order_of
 from nearharmonic.training.family import TRAINED_EXACT, Family, palindrome_lines, published
 from nearharmonic.training.objective import DIGITS, Ensemble, Objective, mean_errors, tableau_of
-from nearharmonic.training.search import Found, Searcher, search
-from nearharmonic.training.search import starts_in as starts_of
+from nearharmonic.training.search import Found, Searcher, search, starts_in
 from nearharmonic_studies.trained.settings import PURPOSES, Purpose, SearchSettings
 
 # --- Search for the method of one purpose: families one after another, selection on a validation set, all digits.
@@ -35,12 +34,6 @@ CAPTION = (
     "window of the mean log10 of the largest energy error against the best published method, and half of its mean; "
     "gains in decades on other problems and intervals twice as long, the least in the window and the mean."
 )
-HEADER = (
-    "composition", "stages", "order for quadratic T", "harmonic order", "squares", "searches", "methods tried",
-    "ended at the best", "best from", "objective", "validation", "least gain", "mean gain",
-)  # fmt: skip
-
-
 #: Number of methods of each family that are compared on the validation set.
 SHORT_LIST = 3
 #: Ratio of the intervals of validation and test to those of training.
@@ -49,12 +42,7 @@ LONGER = 2.0
 Candidate = tuple[float, Found]
 
 
-def train(
-    purpose: str,
-    settings: SearchSettings,
-    known: Sequence[str],
-    before: Sequence[str] = (),
-) -> dict[str, Any]:
+def train(purpose: str, settings: SearchSettings, known: Sequence[str], before: Sequence[str] = ()) -> dict[str, Any]:
     """Search for the method of a purpose.
 
     Starts are the ``known`` methods, of which the published ones are the reference, and the methods of other purposes,
@@ -76,7 +64,7 @@ def train(
     caption = CAPTION.format(title=goal.title, what=goal.what, low=low, high=high, problems=goal.problems)
     return {
         "document": _document(goal, settings, best, test),
-        "landscape": Table(header=HEADER, rows=rows, caption=caption),
+        "landscape": Table(header=[*rows[0]], rows=[[*row.values()] for row in rows], caption=caption),
     }
 
 
@@ -92,7 +80,7 @@ def _all_findings(
     for chain in goal.chains:
         before: list[Searcher] = []
         for family in chain.families():
-            starts = starts_of(family, begun, [one.best for one in before if one.found], effort)
+            starts = starts_in(family, begun, [one.best for one in before if one.found], effort)
             before.append(search(training.objective(family, effort.population), starts, effort, settings.seed))
             if not before[-1].found:  # no published method has its shape, and there are no random starts
                 continue
@@ -147,15 +135,18 @@ def _short_list(findings: Searcher, validation: _Judge) -> list[Candidate]:
     return list(zip(values, ranked, strict=True))
 
 
-def _row(findings: Searcher, short: Sequence[Candidate], test: _Judge) -> list[Any]:
+def _row(findings: Searcher, short: Sequence[Candidate], test: _Judge) -> dict[str, Any]:
     family, best = findings.best.family, findings.best
     validation, own = min((one for one in short if one[1].family == family), key=itemgetter(0))
     gains = test.gains(own)
-    return [
-        "BAB" if family.first == "kick" else "ABA", family.stages, family.order, family.harmonic_order,
-        " ".join(map(str, family.squares)), len(findings.found), findings.trials, findings.again, best.origin,
-        best.value, validation, float(gains.min()), float(gains.mean()),
-    ]  # fmt: skip
+    return {
+        "composition": "BAB" if family.first == "kick" else "ABA", "stages": family.stages,
+        "order for quadratic T": family.order, "harmonic order": family.harmonic_order,
+        "squares": " ".join(map(str, family.squares)), "searches": len(findings.found),
+        "methods tried": findings.trials, "ended at the best": findings.again, "best from": best.origin,
+        "objective": best.value, "validation": validation, "least gain": float(gains.min()),
+        "mean gain": float(gains.mean()),
+    }  # fmt: skip
 
 
 def _document(goal: Purpose, settings: SearchSettings, best: Found, test: _Judge) -> Mapping[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from math import pi
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar
 
 from nearharmonic.engine.settings import MOST_STEPS, one_of
 from nearharmonic.integrators import modified_integrators, plain_integrators
@@ -313,10 +313,6 @@ def trained_before(purpose: str, trained: Collection[str]) -> list[str]:
 
 # --- Methods of the comparison: trained ones, published ones, and other methods of this project.
 
-Kind = Literal["trained", "published", "own"]
-#: Kinds in the order of cubes.
-KINDS: tuple[Kind, ...] = ("published", "own", "trained")
-
 #: Ideas of methods for the exactly solved oscillator: all but trained ones, and trained ones.
 EXACT_IDEAS = ("exact_oscillator", "trained_exact")
 #: Ideas of methods, in the order of tables and figures.
@@ -339,8 +335,8 @@ def exact_contestants(others: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*others, *plain_integrators.registered)))
 
 
-def kind_of(name: str) -> Kind:
-    """Return the kind of a registered method."""
+def kind_of(name: str) -> str:
+    """Return the kind of a registered method: trained, published, or own."""
     if name.startswith(TRAINED):
         return "trained"
     return "own" if module_of(name) in OURS else "published"

@@ -16,7 +16,7 @@ from nearharmonic_studies.crystals import solids
 from nearharmonic_studies.crystals.results import kind_of, reduction, trend, window_of
 from nearharmonic_studies.crystals.run import SOLIDS, Start, delta, energies, energy_errors, start_of
 from nearharmonic_studies.crystals.settings import CrystalsSettings
-from nearharmonic_studies.crystals.solids import FCC, chain, cubic, halves, loops_for
+from nearharmonic_studies.crystals.solids import FCC, chain, cubic, halves
 
 # --- Models of crystals: energies, forces and phonons against published numbers, closed forms and other programs.
 
@@ -140,7 +140,6 @@ def test_logarithm_is_the_inverse_of_the_exponential():
 
 CELLS = 4
 SOLID = chain(CELLS)
-LOOPS = loops_for(SOLID.gradient)
 
 
 def ring(q):
@@ -153,12 +152,12 @@ def ring(q):
 @pytest.mark.parametrize("name", ["leapfrog", "babs7o7h", "bcss_s4"])
 def test_a_run_is_that_of_the_package(name):
     """Both round about ten times a force; 200 forces of a stable run lose three digits at most."""
-    start, steps, tau = start_of(SOLID, LOOPS, 0.3, [1]), 50, 0.3
+    start, steps, tau = start_of(SOLID, 0.3, [1]), 50, 0.3
     system = nh.System(
         name="ring", V=ring, q0=[0.0] * 8, p0=[0.0] * 8, t_end=steps * tau, masses=[float(m) for m in SOLID.masses]
     )
     found = nh.integrate(system, name, tau, q0=start.u, p0=start.p, t_end=steps * tau, summation="plain")
-    kinetic, potential = energies(SOLID, LOOPS, nh.integrators[name], tau, steps, start)[-1]
+    kinetic, potential = energies(SOLID, nh.integrators[name], tau, steps, start)[-1]
     q, p = found.q.values[-1], found.p.values[-1]
     assert kinetic == pytest.approx(sum(p * p / SOLID.masses) / 2, rel=1e-12)
     assert potential == pytest.approx(float(ring(tuple(q))), rel=1e-12)
@@ -166,15 +165,15 @@ def test_a_run_is_that_of_the_package(name):
 
 @pytest.mark.slow
 def test_without_friction_the_thermostatted_loop_is_the_other():
-    start = start_of(SOLID, LOOPS, 0.3, [2])
+    start = start_of(SOLID, 0.3, [2])
     for name in ("leapfrog", "bcss_s4", "babs7o7h"):
         moves, kicks = halves(nh.integrators[name], 0.2)
         u, p, average = start.u.copy(), start.p.copy(), np.zeros(2)
-        LOOPS.thermostatted(u, p, SOLID.masses, moves, kicks, False, 1.0, np.zeros((40, 8)), average)
-        both = energies(SOLID, LOOPS, nh.integrators[name], 0.2, 40, start)
+        SOLID.loops.thermostatted(u, p, SOLID.masses, moves, kicks, False, 1.0, np.zeros((40, 8)), average)
+        both = energies(SOLID, nh.integrators[name], 0.2, 40, start)
         assert average == pytest.approx(both[1:, ::-1].sum(axis=0), rel=1e-12)
         u, p, average = start.u.copy(), start.p.copy(), np.zeros(2)
-        LOOPS.thermostatted(u, p, SOLID.masses, moves, kicks, True, 1.0, np.zeros((80, 8)), average)
+        SOLID.loops.thermostatted(u, p, SOLID.masses, moves, kicks, True, 1.0, np.zeros((80, 8)), average)
         assert average == pytest.approx(both[1:, ::-1].sum(axis=0), rel=1e-12)
 
 
@@ -188,7 +187,7 @@ def test_leapfrog_with_friction_samples_a_cold_crystal_exactly():
     moves, kicks = halves(nh.integrators["leapfrog"], tau)
     blocks = np.zeros((40, 2))
     for block in blocks:
-        LOOPS.thermostatted(u, p, SOLID.masses, moves, kicks, False, keep, width * normal.rows(4000, 8), block)
+        SOLID.loops.thermostatted(u, p, SOLID.masses, moves, kicks, False, keep, width * normal.rows(4000, 8), block)
     potential = blocks[2:, 0] / (4000 * 7 * energy / 2)  # seven modes; the eighth moves the chain as a whole
     assert abs(potential.mean() - 1) < 6 * potential.std(ddof=1) / np.sqrt(len(potential))
     assert potential.std(ddof=1) / np.sqrt(len(potential)) < 0.01
@@ -197,7 +196,7 @@ def test_leapfrog_with_friction_samples_a_cold_crystal_exactly():
 @pytest.mark.slow
 def test_starts_have_the_temperature_and_rest():
     """Means over 300 starts of seven modes: a relative error of sqrt(2 / 2100) = 3 %, five times that."""
-    found = [start_of(SOLID, LOOPS, 1e-6 / SOLID.melting, [4, k]) for k in range(300)]
+    found = [start_of(SOLID, 1e-6 / SOLID.melting, [4, k]) for k in range(300)]
     kinetic = np.mean([np.sum(p * p / SOLID.masses) / 2 for _, p in found])
     potential = np.mean([SOLID.gradient(u, np.empty(8)) for u, _ in found])
     assert kinetic == pytest.approx(7 * 1e-6 / 2, rel=0.15)
@@ -208,16 +207,16 @@ def test_starts_have_the_temperature_and_rest():
 @pytest.mark.slow
 def test_leapfrog_loses_energy_as_on_an_oscillator():
     """A cold chain is harmonic: a quarter of the step has a sixteenth of the error, to 10 % at these steps."""
-    start = [start_of(SOLID, LOOPS, 1e-6, [6])]
+    start = [start_of(SOLID, 1e-6, [6])]
     leapfrog = nh.integrators["leapfrog"]
-    (coarse,), (fine,) = (energy_errors(SOLID, LOOPS, leapfrog, forces, 30, start)[0] for forces in (25, 100))
+    (coarse,), (fine,) = (energy_errors(SOLID, leapfrog, forces, 30, start)[0] for forces in (25, 100))
     assert coarse / fine == pytest.approx(16, rel=0.1)
 
 
 def test_hessian_varies_in_proportion_to_the_amplitude():
-    cold, warm = (delta(SOLID, LOOPS, start_of(SOLID, LOOPS, t, [7]), 1) for t in (1e-6, 1e-4))
+    cold, warm = (delta(SOLID, start_of(SOLID, t, [7]), 1) for t in (1e-6, 1e-4))
     assert warm / cold == pytest.approx(10, rel=0.2)
-    assert delta(SOLID, LOOPS, Start(np.zeros(8), np.zeros(8)), 1) < 1e-9
+    assert delta(SOLID, Start(np.zeros(8), np.zeros(8)), 1) < 1e-9
 
 
 def made_runs():
