@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
-from itertools import count
+from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import nearharmonic as nh
 from nearharmonic.integrators.user_file import load_tableaus
-from nearharmonic.training import tailor as budget_module
 from nearharmonic.training.family import Family, published
 from nearharmonic.training.objective import Objective, mean_errors
 from nearharmonic.training.question import contenders, orbit_of, question, registered, step_sizes, window_at
@@ -111,19 +109,13 @@ def test_settings_of_the_rounds_are_those_asked_for(problems):
     assert 0 < len(few) < len(searched(problems, 10**6, stages=(8,))._branches())
 
 
-def test_a_budget_in_time_ends_by_itself(monkeypatch):
-    ticks, shown = count(), []
-    monkeypatch.setattr(budget_module, "time", SimpleNamespace(monotonic=lambda: 4e-4 * next(ticks)))
+def test_a_budget_in_time_ends_by_itself():
+    shown = []
     budget = Budget(1e-3, None, lambda part, best: shown.append((part, best)))
-
-    def spend_all():
-        while True:
-            budget.spend(10, -0.5)
-
     with pytest.raises(BudgetSpentError):
-        spend_all()
+        list(iter(partial(budget.spend, 10, -0.5), False))
     assert shown[-1] == (1.0, -0.5)
-    assert (len(shown), budget.trials) == (3, 30)  # after 0.4, 0.8 and 1.2 ms
+    assert budget.trials == 10 * len(shown)
 
 
 def test_families_have_free_coefficients_and_need_quadratic_T_if_stated():
