@@ -71,14 +71,10 @@ def leaders(runs: xr.Dataset) -> xr.Dataset:
         lead = np.where(useful, log(np.minimum(others, 1.0) / best) / log(10.0), np.nan)
     over = median.isel(integrator=0, drop=True)
     names = runs.integrator.values[leader].astype(object)
-    return xr.Dataset({
-        "leader": over.copy(data=np.where(useful, names, "")).assign_attrs(
-            described("method of the smallest median of the maximum error; none if no error is below a tenth")
-        ),
-        "lead": over.copy(data=lead).assign_attrs(
-            described("log10 of the error of the best method of another kind over that of the leader", "1")
-        ),
-    })  # fmt: skip
+    of_leader = "method of the smallest median of the maximum error; none if no error is below a tenth"
+    of_lead = "log10 of the error of the best method of another kind over that of the leader"
+    found = {"leader": (over.dims, np.where(useful, names, ""), described(of_leader))}
+    return xr.Dataset(found | {"lead": (over.dims, lead, described(of_lead))}, over.coords)
 
 
 def kind_of(name: str) -> str:
@@ -149,17 +145,12 @@ def reduce(
         ("integrator", "bound"), [window_of(str(name)) for name in cube.integrator.values],
         described("step sizes per stage that the method was trained for, times the frequency", "1"),
     )  # fmt: skip
-    return {"cube": with_averages(cube, read(averages)), "table": table_of(cube)}
-
-
-def with_averages(cube: xr.Dataset, runs: xr.Dataset) -> xr.Dataset:
-    """Add the averages of ``potential`` and ``kinetic`` energy, and their standard errors from blocks."""
     for name in ("potential", "kinetic"):
-        values = runs[name]
+        values = read(averages)[name]
         error = values.std("block", ddof=1) / np.sqrt(values.sizes["block"])
         cube[name] = values.mean("block").assign_attrs(values.attrs)
         cube[f"{name}_error"] = error.assign_attrs(described(f"standard error of the {name} energy", "1"))
-    return cube
+    return {"cube": cube, "table": table_of(cube)}
 
 
 def table_of(cube: xr.Dataset) -> Table:
