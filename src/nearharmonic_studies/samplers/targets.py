@@ -557,13 +557,6 @@ class Spectrum(NamedTuple):
     modes: float
 
 
-class Found(NamedTuple):
-    """Gradients over the least mean squared jump, in units of twice the variance, and the acceptance."""
-
-    gradients: float
-    acceptance: float
-
-
 def spectrum(dimension: int) -> Spectrum:
     """Return the frequencies of the quartic target, at most :data:`FREQUENCIES` of them."""
     count = min(FREQUENCIES, dimension)
@@ -614,8 +607,8 @@ def moments(matrices: Floats, modes: float) -> tuple[float, Floats]:
     return float(weights.sum()), jump / 2 * (weights / (1 + ratios)).sum(axis=1)
 
 
-def efficiency(method: Tableau, tau: float, length: float, on: Spectrum) -> Found:
-    """Return the gradients of trajectories of about ``length``, over the least squared jump of all modes."""
+def efficiency(method: Tableau, tau: float, length: float, on: Spectrum) -> tuple[float, float]:
+    """Return gradients over the least mean squared jump, in 2 variances, and the acceptance, at about a ``length``."""
     low, high = JITTER
     times = length * (low + (high - low) * (np.arange(JITTER_LENGTHS) + 0.5) / JITTER_LENGTHS)
     counts = [max(1, round(time / tau)) for time in times]
@@ -627,4 +620,4 @@ def efficiency(method: Tableau, tau: float, length: float, on: Spectrum) -> Foun
         acceptance, jumps = acceptance + share * one, jumps + share * squared
     least = float(jumps.min())
     gradients = sum(counts) / JITTER_LENGTHS * method.stages
-    return Found(gradients / least if least > 0 else np.inf, acceptance)
+    return gradients / least if least > 0 else np.inf, acceptance
