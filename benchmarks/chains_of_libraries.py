@@ -20,10 +20,9 @@ from blackjax.mcmc import integrators as theirs
 import nearharmonic as nh
 from nearharmonic.numerics.compiled import Normal
 from nearharmonic_studies.samplers import targets as posteriors
-from nearharmonic_studies.samplers.chains import loop_for
 from nearharmonic_studies.samplers.run import MADE, warmed
 from nearharmonic_studies.samplers.settings import SamplersSettings
-from nearharmonic_studies.samplers.targets import SLOW, STRENGTH, frequencies_of, quartic
+from nearharmonic_studies.samplers.targets import SLOW, STRENGTH, frequencies_of, loop_for, quartic
 
 jax.config.update("jax_enable_x64", True)
 

@@ -14,7 +14,7 @@ from timing import parser_of, show
 import nearharmonic as nh
 from nearharmonic.math import exp
 from nearharmonic.output.page import pipes
-from nearharmonic_studies.samplers.chains import costs, error_of, student
+from nearharmonic_studies.samplers.targets import costs, error_of, student
 
 PAGE = "docs/results/samplers.md"
 METHODS = ("leapfrog", "bcss_s2", "bcss_s3", "bcss_s4", "predescu_s3", "babs7o7h")

@@ -16,7 +16,7 @@ from matplotlib.image import imread
 from nearharmonic.output.store import groups_of, read
 from nearharmonic.plotting.style import style_of
 from nearharmonic_paper.claims.table import decided
-from nearharmonic_studies.trained.contestants import contestants
+from nearharmonic_studies.trained.settings import contestants
 from support.projects.targets import (
     DECOMPOSED,
     MADE,

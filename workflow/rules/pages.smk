@@ -59,8 +59,8 @@ _PAGES = {
         {},
     ),
     "results/exact_oscillator": ("pages.targets:exact_oscillator", _EVERY, {"cube": CUBE("exact_oscillator")}, {}),
-    "results/crystals": ("experiments.crystals.page:page", _EVERY, {"cube": CUBE("crystals")}, {}),
-    "results/samplers": ("experiments.samplers.page:page", _EVERY, {"cube": CUBE("samplers")}, {}),
+    "results/crystals": ("studies.crystals.results:page", _EVERY, {"cube": CUBE("crystals")}, {}),
+    "results/samplers": ("studies.samplers.results:page", _EVERY, {"cube": CUBE("samplers")}, {}),
     "results/stability": (
         "pages.targets:stability",
         _METHODS,
@@ -69,13 +69,13 @@ _PAGES = {
     ),
     "results/timings": ("pages.targets:timings", _EVERY, {"cube": CUBE("work_precision")}, {}),
     "results/trained": (
-        "experiments.trained.page:page",
+        "studies.trained.page:page",
         _METHODS,
         _tables(*(f"trained_{name}" for name in ("gains", "methods", "ideas", "long", "times"))),
         {},
     ),
     "results/training": (
-        "experiments.trained.page:training",
+        "studies.trained.page:training",
         _METHODS,
         {purpose: f"{RESULTS}/tables/trained_landscape_{purpose}.csv" for purpose in CONFIG.trained.purposes},
         {},
@@ -101,7 +101,8 @@ def _task_of(page):
     """Return the task of a page: its text as it is, and the names of all that its function looks up."""
     function, registries, _, _ = _PAGES[page]
     names = {kind: registry.registered for kind, registry in registries.items()}
-    return task(f"nearharmonic_paper.{function}", page=f"docs/{page}.md", **names, **_SETTINGS.get(page, {}))
+    place = f"nearharmonic_{function}" if function.startswith("studies.") else f"nearharmonic_paper.{function}"
+    return task(place, page=f"docs/{page}.md", **names, **_SETTINGS.get(page, {}))
 
 
 for _page, (_, _, _inputs, _others) in _PAGES.items():

@@ -1,11 +1,12 @@
-"""Request for a method for one system, its orbit and its starts, validated before any search."""
+"""Request for a method for one system, validated before any search: its orbit, starts, and window of step sizes."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from math import ceil, log, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +16,16 @@ from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.invariants import energy_at_start
 from nearharmonic.engine.kernels import cost_of
 from nearharmonic.engine.numbers import exact, rows_of, start_array
-from nearharmonic.engine.settings import Numerics, checked_count, checked_tau
+from nearharmonic.engine.settings import Numerics, checked_count, checked_tau, misfit
 from nearharmonic.engine.setup import ANY, Setup, as_python
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.numerics.written import decimal_of, integer_of, is_real
 from nearharmonic.systems.quantities import is_list
 from nearharmonic.systems.system import System
+from nearharmonic.training.objective import LEAST, LOST, Ensemble, mean_errors
 
 # --- Files of starts: one line per start, with the positions and then the momenta.
 
@@ -365,7 +368,7 @@ def _spread(rows: Floats) -> Floats:
 #: Half of the edge length of the box around a state of the orbit, in amplitudes of each coordinate.
 HALF_EDGE = 0.1
 #: Bounds of the number of starts: the cheaper the force, the more starts are drawn.
-COST, MOST, LEAST = 512, 64, 16
+COST, MOST, FEW = 512, 64, 16
 #: Maximum number of draws, each with twice as many candidates as starts are needed.
 DRAWS = 20
 #: Largest energy error of a run with small steps; starts with larger errors (collision or escape) are omitted.
@@ -397,7 +400,7 @@ def starts_of(asked: TailorRequest, orbit: Orbit, t_end: float, tau: float) -> t
 
 
 def _drawn(asked: TailorRequest, orbit: Orbit, t_end: float, tau: float, random: np.random.Generator) -> Floats:
-    count = int(np.clip(COST // cost_of(asked.system, Numerics(summation="plain")), LEAST, MOST))
+    count = int(np.clip(COST // cost_of(asked.system, Numerics(summation="plain")), FEW, MOST))
     kept: list[Floats] = []
     for _ in range(DRAWS):
         q, p = _box(orbit, 2 * count, random)
@@ -478,3 +481,83 @@ def _stays(asked: TailorRequest, rows: Floats, t_end: float, tau: float) -> np.n
     )  # fmt: skip
     kept: np.ndarray[tuple[int], np.dtype[np.bool_]] = run.max_energy_error < LARGEST_ERROR
     return kept
+
+
+# --- Registered methods for comparison with a tailored one, and the window of step sizes.
+
+#: Step sizes per stage, in radians of the fastest oscillation, for the search for a window.
+LADDER = np.geomspace(0.01, 1.0, 25)
+#: Number of problems in the search for a window.
+PROBLEMS = 8
+#: Ratio of the largest to the smallest step size of a window that is found.
+WINDOW_RATIO = 1.5
+#: Range of rounding errors, in decades above the smallest distinguished error.
+ROUNDING = 2.0
+#: Decades: a method that is less than this behind the best on the starts of the search may be the best on the starts of
+#: the test.
+BEHIND = 1.0
+#: Assumed cost of the gradient of the square of grad V, in forces, for comparisons at equal cost. Measured costs are
+#: below or slightly above it, see docs/reference/methods.md.
+CHARGE = 1.0
+#: Largest ratio of neighbouring step sizes in a window, and minimum number of step sizes.
+RATIO, FEWEST_SIZES = 1.26, 3
+
+
+def registered(system: System) -> list[Tableau]:
+    """Return the registered splitting methods that fit a system, except processed ones.
+
+    The energy of a processed method is not measured at every step.
+    """
+    found = [integrators[name] for name in integrators.registered]
+    return [one for one in found if not (one.processed or one.implicit or misfit(system, one)[0])]
+
+
+def step_sizes(window: tuple[float, float], *, between: bool = False) -> Floats:
+    """Return step sizes per stage (T,) that cover a window, with intermediate ones if ``between`` is set."""
+    count = max(FEWEST_SIZES, ceil(log(window[1] / window[0]) / log(RATIO)) + 1)
+    found: Floats = np.geomspace(*window, 2 * count - 1 if between else count)
+    return found
+
+
+def window_at(ensemble: Ensemble, methods: list[Tableau], error: float, frequency: float) -> tuple[float, float]:
+    """Return the window in whose middle the best of some methods has a given error.
+
+    The error is the geometric mean of max |dH| over the problems, relative to the energy; ``frequency`` is the angular
+    frequency of the fastest oscillation.
+    """
+    ladder, few = LADDER / frequency, ensemble.part(slice(PROBLEMS))
+    best = np.minimum.accumulate(mean_errors(few, methods, ladder.tolist(), CHARGE).min(axis=0)[::-1])[::-1]
+    wanted, lowest, highest = np.log10(error), best[0], best[-1]
+    if not lowest < wanted < highest:
+        what = (
+            f"between {10**lowest:.2g} and {10**highest:.2g}, the errors of the best registered methods at step sizes "
+            f"per stage from {ladder[0]:.3g} to {ladder[-1]:.3g}; or give a window"
+        )
+        raise bad_setting("error", error, what)
+    place = int(np.argmax(best > wanted))
+    part = (wanted - best[place - 1]) / (best[place] - best[place - 1])
+    middle = float(np.exp((1 - part) * np.log(ladder[place - 1]) + part * np.log(ladder[place])))
+    low, high = (float(f"{x:.3g}") for x in (middle / sqrt(WINDOW_RATIO), middle * sqrt(WINDOW_RATIO)))
+    return low, high
+
+
+def contenders(errors: Mapping[Tableau, Floats]) -> list[Tableau]:
+    """Return the methods that are near the best at some step size, by their mean log10 errors (T,)."""
+    best = np.min([*errors.values()], axis=0)
+    return [one for one, error in errors.items() if (error < best + BEHIND).any()]
+
+
+def check_window(best: Floats, window: tuple[float, float], unit: str) -> None:
+    """Raise an error for a window in which no gain is possible.
+
+    ``best`` (T,) is the mean of log10 max |dH| of the best registered method at each step size of the window; ``unit``
+    is the unit of time.
+    """
+    shown = f"{window[0]:g}:{window[1]:g}"
+    time = "" if unit == "1" else f" {unit}"
+    if best[-1] >= np.log10(LOST):
+        what = f"every registered method loses the energy at {window[1]:g}{time} per stage: take smaller step sizes"
+        raise bad_setting("window", shown, what)
+    if best[-1] < np.log10(LEAST) + ROUNDING:
+        what = f"registered methods err by rounding alone up to {window[1]:g}{time} per stage: take larger step sizes"
+        raise bad_setting("window", shown, what)

@@ -38,11 +38,10 @@ from nearharmonic.plotting.style import (
 from nearharmonic.systems import System
 from nearharmonic.systems import systems as known
 from nearharmonic.systems.system import load_system
-from nearharmonic.training.population import Ensemble
-from nearharmonic.training.question import Orbit, TailorRequest, orbit_of, question
+from nearharmonic.training.objective import Ensemble
+from nearharmonic.training.question import Orbit, TailorRequest, orbit_of, question, step_sizes
+from nearharmonic.training.question import registered as contenders_of
 from nearharmonic.training.tailor import Tailored, comparison, ensembles, tailored
-from nearharmonic.training.tailor_search import registered as contenders_of
-from nearharmonic.training.tailor_search import step_sizes
 from nearharmonic_paper.experiments.stability.run import PERIOD, SYSTEM, kepler_apoapsis
 from nearharmonic_paper.pages.filling import fills, power, table
 

@@ -20,7 +20,7 @@ from nearharmonic.recommendation.measure import LOSSLESS, prepared_calls
 from nearharmonic.systems import System
 from nearharmonic.systems import systems as known
 from nearharmonic.theory.order import harmonic_order, order_of
-from nearharmonic.training.published import published_names
+from nearharmonic.training.family import published_names
 from nearharmonic_paper.pages.filling import fills, table
 from nearharmonic_paper.tasks.receipts import measures_time
 

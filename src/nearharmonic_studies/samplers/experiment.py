@@ -3,41 +3,37 @@
 from nearharmonic_paper.tasks.experiment import Experiment, Figure
 from nearharmonic_studies.samplers.settings import SamplersSettings
 
+#: Title and caption of each figure.
+_FIGURES = {
+    "samplers_gaussian": (
+        "Hamiltonian Monte Carlo on Gaussians",
+        "Hamiltonian Monte Carlo on Gaussians whose frequencies are log-uniform over a decade, exactly. (A) "
+        "Gradients over the least mean squared jump of all modes, in units of twice the variance, at the best "
+        "step size and length, against the dimension. (B) Gain over the first method.",
+    ),
+    "samplers_targets": (
+        "Hamiltonian Monte Carlo on other targets",
+        "Gain of methods over leapfrog in gradients per effective sample of the slowest observable, on targets "
+        "that are not Gaussian. Bars are 95 % intervals over chains. The step size and the length of the "
+        "trajectories are the best of a grid for each method, found by other chains.",
+    ),
+    "samplers_trained": (
+        "Gains of methods trained for Hamiltonian Monte Carlo",
+        "Gain of methods that were trained for Hamiltonian Monte Carlo over the best of the other methods, with "
+        "95 % intervals. (A) Products of 1000 quartic oscillators of strength b, from starts that training did "
+        "not use: methods of four stages trained for one strength alone, and methods of three to five stages "
+        "trained for the strengths 0.1, 0.5 and 2 together. (B) The latter on the other targets, by chains.",
+    ),
+}
 FIGURES = {
-    "samplers_gaussian": Figure(
-        draw="nearharmonic_studies.samplers.figure:samplers_gaussian",
-        title="Hamiltonian Monte Carlo on Gaussians",
+    stem: Figure(
+        draw=f"nearharmonic_studies.samplers.results:{stem}",
+        title=title,
         cube="samplers",
         category="Beyond the paper",
-        caption=(
-            "Hamiltonian Monte Carlo on Gaussians whose frequencies are log-uniform over a decade, exactly. (A) "
-            "Gradients over the least mean squared jump of all modes, in units of twice the variance, at the best "
-            "step size and length, against the dimension. (B) Gain over the first method."
-        ),
-    ),
-    "samplers_targets": Figure(
-        draw="nearharmonic_studies.samplers.figure:samplers_targets",
-        title="Hamiltonian Monte Carlo on other targets",
-        cube="samplers",
-        category="Beyond the paper",
-        caption=(
-            "Gain of methods over leapfrog in gradients per effective sample of the slowest observable, on targets "
-            "that are not Gaussian. Bars are 95 % intervals over chains. The step size and the length of the "
-            "trajectories are the best of a grid for each method, found by other chains."
-        ),
-    ),
-    "samplers_trained": Figure(
-        draw="nearharmonic_studies.samplers.figure:samplers_trained",
-        title="Gains of methods trained for Hamiltonian Monte Carlo",
-        cube="samplers",
-        category="Beyond the paper",
-        caption=(
-            "Gain of methods that were trained for Hamiltonian Monte Carlo over the best of the other methods, with "
-            "95 % intervals. (A) Products of 1000 quartic oscillators of strength b, from starts that training did "
-            "not use: methods of four stages trained for one strength alone, and methods of three to five stages "
-            "trained for the strengths 0.1, 0.5 and 2 together. (B) The latter on the other targets, by chains."
-        ),
-    ),
+        caption=caption,
+    )
+    for stem, (title, caption) in _FIGURES.items()
 }
 
 EXPERIMENT = Experiment(

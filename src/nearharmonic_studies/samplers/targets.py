@@ -1,4 +1,4 @@
-"""Targets exp(-U) of Hamiltonian Monte Carlo with unit masses: a field, posteriors, a quartic product."""
+"""Hamiltonian Monte Carlo: targets, chains and their effective samples, and Gaussians exactly."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from nearharmonic.math import exp, log
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.math import cos, exp, log
 from nearharmonic.numerics.compiled import Normal, compiled, exponential, logarithm
 from nearharmonic.numerics.portable import Floats
 
@@ -38,11 +39,19 @@ class Target:
     warm: int = 0
 
 
+# --- The phi^4 field on a square lattice with periodic edges, in its symmetric phase near the transition.
+#
+# U = sum over sites of (differences to two neighbours)^2/2 + m phi^2/2 + l phi^4/4. For l = 1 the transition is at
+# m = -1.2723: W. Loinaz and R. S. Willey, Phys. Rev. D 58, 076003 (1998), doi:10.1103/PhysRevD.58.076003.
+
 #: Coefficients m and l, and proposals from a random start.
 MASS, COUPLING, WARM = -1.0, 1.0, 400
 
 
-def _gradient_of(edge: int) -> Any:
+def lattice(n: int) -> Target:
+    """Return the target on a lattice of at most n sites."""
+    edge = int(n**0.5)
+
     @compiled
     def gradient(q, out):  # type: ignore[no-untyped-def]
         total = 0.0
@@ -58,29 +67,10 @@ def _gradient_of(edge: int) -> Any:
                 total += square * (2.0 + 0.5 * MASS + 0.25 * COUPLING * square) - x * two
         return total
 
-    return gradient
-
-
-@compiled
-def observe(q, potential, out):  # type: ignore[no-untyped-def]
-    """Write the mean of the field, its square, and U."""
-    out[0] = q.sum() / len(q)
-    out[1], out[2] = out[0] * out[0], potential
-
-
-# --- The phi^4 field on a square lattice with periodic edges, in its symmetric phase near the transition.
-#
-# U = sum over sites of (differences to two neighbours)^2/2 + m phi^2/2 + l phi^4/4. For l = 1 the transition is at
-# m = -1.2723: W. Loinaz and R. S. Willey, Phys. Rev. D 58, 076003 (1998), doi:10.1103/PhysRevD.58.076003.
-
-
-def lattice(n: int) -> Target:
-    """Return the target on a lattice of at most n sites."""
-    edge = int(n**0.5)
-
-    def start(normal: Normal) -> Floats:
-        found: Floats = 0.5 * normal.rows(1, edge * edge)[0]
-        return found
+    @compiled
+    def observe(q, potential, out):  # type: ignore[no-untyped-def]
+        out[0] = q.sum() / len(q)
+        out[1], out[2] = out[0] * out[0], potential
 
     return Target(
         name="lattice",
@@ -88,16 +78,12 @@ def lattice(n: int) -> Target:
         dimension=edge * edge,
         highest=3.0,
         lengths=(1.5, 3.0, 6.0),
-        gradient=_gradient_of(edge),
+        gradient=gradient,
         observe=observe,
         observables=("mean field", "its square", "U"),
-        start=start,
+        start=lambda normal: 0.5 * normal.rows(1, edge * edge)[0],
         warm=WARM,
     )
-
-
-#: Proposals from a start near the mean.
-POSTERIORS_WARM = 500
 
 
 # --- Three posteriors of posteriordb, with the published means and squares of their reference draws.
@@ -106,6 +92,10 @@ POSTERIORS_WARM = 500
 # 28f8d3d6, licence BSD-3-Clause. Positive parameters are exponentials of coordinates, as in Stan; coordinates are
 # shifted and scaled by constants near their posterior means and standard deviations, in place of an adaptation of the
 # masses.
+
+
+#: Proposals from a start near the mean.
+POSTERIORS_WARM = 500
 
 
 class Reference(NamedTuple):
@@ -292,14 +282,10 @@ def mesquite() -> Target:
 def _posterior(name: str, label: str, n: int, gradient: Any, observe: Any, highest: float = 1.0) -> Target:
     parameters = list(REFERENCES[name].mean)
 
-    def start(normal: Normal) -> Floats:
-        found: Floats = 0.3 * normal.rows(1, n)[0]
-        return found
-
     return Target(
         name=name, label=label, dimension=n, highest=highest, lengths=(1.0, 2.0, 4.0), gradient=gradient,
-        observe=observe, observables=(*parameters, *(f"{one}^2" for one in parameters)), start=start,
-        warm=POSTERIORS_WARM,
+        observe=observe, observables=(*parameters, *(f"{one}^2" for one in parameters)),
+        start=lambda normal: 0.3 * normal.rows(1, n)[0], warm=POSTERIORS_WARM,
     )  # fmt: skip
 
 
@@ -331,7 +317,9 @@ def frequencies_of(n: int) -> Floats:
     return found
 
 
-def _quartic_gradient_of(frequencies: Floats, strength: float) -> Any:
+def quartic(n: int, strength: float = STRENGTH) -> Target:
+    """Return the target in n dimensions."""
+    frequencies = frequencies_of(n)
     squares = frequencies**2
 
     @compiled
@@ -343,23 +331,11 @@ def _quartic_gradient_of(frequencies: Floats, strength: float) -> Any:
             total += square * (2.0 + strength * square)
         return total / 4
 
-    return gradient
-
-
-@compiled
-def quartic_observe(q, potential, out):  # type: ignore[no-untyped-def]
-    """Write the slowest coordinate, the sum of squares of the slowest ones, and U."""
-    out[0], out[1], out[2] = q[0], 0.0, potential
-    for k in range(min(SLOW, len(q))):
-        out[1] += q[k] * q[k]
-
-
-def quartic(n: int, strength: float = STRENGTH) -> Target:
-    """Return the target in n dimensions."""
-    frequencies = frequencies_of(n)
-
-    def start(normal: Normal) -> Floats:
-        return quantiles(strength, normal.uniform.random(n)) / frequencies
+    @compiled
+    def observe(q, potential, out):  # type: ignore[no-untyped-def]
+        out[0], out[1], out[2] = q[0], 0.0, potential
+        for k in range(min(SLOW, len(q))):
+            out[1] += q[k] * q[k]
 
     return Target(
         name="quartic",
@@ -367,8 +343,281 @@ def quartic(n: int, strength: float = STRENGTH) -> Target:
         dimension=n,
         highest=1.0,
         lengths=(4.0, 8.0, 16.0),
-        gradient=_quartic_gradient_of(frequencies, strength),
-        observe=quartic_observe,
+        gradient=gradient,
+        observe=observe,
         observables=("slowest coordinate", "squares of the slowest", "U"),
-        start=start,
+        start=lambda normal: quantiles(strength, normal.uniform.random(n)) / frequencies,
     )
+
+
+# --- Effective samples of several chains by Geyer's initial monotone sequence, and intervals over the chains.
+#
+# C. J. Geyer, Statist. Sci. 7, 473 (1992), doi:10.1214/ss/1177011137.
+
+#: Autocovariances are formed up to this lag at most, and up to a quarter of a chain; the number that is tried first.
+LAGS, FIRST = 400, 32
+#: Student's t for a probability of 0.975, by degrees of freedom: Abramowitz & Stegun (1964), Table 26.10.
+STUDENT = {1: 12.706, 2: 4.303, 3: 3.182, 5: 2.571, 7: 2.365, 11: 2.201, 15: 2.131, 23: 2.069, 31: 2.040}
+
+
+def covariances(chains: Floats, lags: int = LAGS) -> Floats:
+    """Return the autocovariances (chains, lags) of chains (chains, c) around their common mean, up to c/4."""
+    y = chains - chains.mean()
+    c = y.shape[1]
+    return np.array([[(row[: c - lag] * row[lag:]).sum() / c for lag in range(min(c // 4, lags))] for row in y])
+
+
+def enough(chains: Floats) -> Floats:
+    """Return autocovariances up to LAGS, or fewer if the sums of :func:`time_of` end before, without any one chain."""
+    lags, most = FIRST, min(LAGS, chains.shape[1] // 4)
+    while True:
+        found = covariances(chains, min(lags, most))
+        if lags >= most or all(_ends(np.delete(found, k, axis=0).mean(axis=0)) for k in range(len(found))):
+            return found
+        lags *= 4
+
+
+def _pairs(covariance: Floats) -> Floats:
+    found: Floats = covariance[: len(covariance) // 2 * 2].reshape(-1, 2).sum(axis=1)
+    return found
+
+
+def _ends(covariance: Floats) -> bool:
+    return not covariance[0] > 0 or bool((_pairs(covariance) <= 0).any())
+
+
+def time_of(covariance: Floats) -> float:
+    """Return the integrated autocorrelation time, 1 + 2 sum of autocorrelations, of autocovariances (lags,).
+
+    Pairs of neighbouring lags are summed up to the first that is not positive, none above the one before.
+    """
+    if not covariance[0] > 0:
+        return np.inf
+    pairs = _pairs(covariance) / covariance[0]
+    positive = np.flatnonzero(pairs <= 0)
+    kept = np.minimum.accumulate(pairs[: positive[0] if positive.size else len(pairs)])
+    return float(max(2 * kept.sum() - 1, 1e-3))
+
+
+def costs(chains: Floats, gradients: Floats) -> Floats:
+    """Return log(gradients per effective sample of the slowest observable), of all chains and without each of them.
+
+    ``chains`` (chains, c, observables): observables of each proposal. ``gradients`` (chains,): gradients of each chain.
+    :func:`error_of` has the standard error from the result (chains + 1,).
+    """
+    of_each = [enough(chains[..., k]) for k in range(chains.shape[-1])]
+    every = np.arange(len(chains))
+
+    def cost(kept: np.ndarray) -> float:
+        time = max(time_of(one[kept].mean(axis=0)) for one in of_each)
+        return float(log(gradients[kept].mean() / chains.shape[1] * time))
+
+    return np.array([cost(every >= 0), *(cost(every != k) for k in every)])
+
+
+def error_of(values: Floats) -> float:
+    """Return the standard error of a value of :func:`costs`, or of a difference of two: the jackknife over chains."""
+    parts = values[1:]
+    return float(np.sqrt((len(parts) - 1) * ((parts - parts.mean()) ** 2).mean()))
+
+
+def student(degrees: int) -> float:
+    """Return Student's t at a probability of 0.975, for at least this number of degrees of freedom in a table."""
+    return STUDENT[max(one for one in STUDENT if one <= degrees)]
+
+
+# --- Chains of Hamiltonian Monte Carlo with one method, compiled for each target.
+#
+# The force at the end of a trajectory is that of the next first kick: a trajectory of N steps of s stages takes N s
+# gradients. A method that begins with a drift evaluates U once more, without its gradient.
+
+#: Times of a trajectory are uniform in this range around the chosen one, so that no mode returns to its start.
+JITTER = (0.8, 1.2)
+#: Leapfrog, with which chains warm up and which searches refer to, in configs without it too.
+LEAPFROG = Tableau(
+    name="leapfrog", order=2, first="kick", kick=("0.5", "0.5"), drift=("1",), source="Verlet (1967)", digits=14
+)
+
+
+class Chance(NamedTuple):
+    """Random numbers of a chain, equal for all methods: momenta (c, n), logarithms and lengths (c,)."""
+
+    momenta: Floats
+    logarithms: Floats
+    lengths: Floats
+
+
+def chance(normal: Normal, count: int, n: int) -> Chance:
+    """Draw the random numbers of ``count`` proposals."""
+    low, high = JITTER
+    momenta, accept, length = normal.rows(count, n), normal.uniform.random(count), normal.uniform.random(count)
+    return Chance(momenta, -log(1.0 - accept), low + (high - low) * length)
+
+
+class Chain(NamedTuple):
+    """A chain: observables (c, o), energy errors of its proposals (c,), gradients, and the last state (n,)."""
+
+    observed: Floats
+    changes: Floats
+    gradients: int
+    last: Floats
+
+    def acceptance(self) -> float:
+        """Return the mean of min(1, exp(-dH)) over the proposals."""
+        changes = np.where(np.isfinite(self.changes), np.clip(self.changes, 0.0, 700.0), 700.0)
+        return float(exp(-changes).mean())
+
+
+@compiled
+def _kinetic(p):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for k in range(len(p)):
+        total += p[k] * p[k]
+    return total / 2
+
+
+@compiled
+def _add(x, time, y):  # type: ignore[no-untyped-def]
+    for k in range(len(x)):
+        x[k] += time * y[k]
+
+
+def loop_for(target: Target) -> Callable[..., None]:
+    """Compile the chain for a target.
+
+    The result is ``loop(q, momenta, logarithms, counts, kicks_first, outer, inner, observed, changes)``: a proposal for
+    each row of the momenta, from q, which holds the last state at the end.
+    """
+    gradient, observe = target.gradient, target.observe
+
+    @compiled
+    def loop(q, momenta, logarithms, counts, kicks_first, outer, inner, observed, changes):  # type: ignore[no-untyped-def]
+        slopes, found, trial, p = np.empty(len(q)), np.empty(len(q)), np.empty(len(q)), np.empty(len(q))
+        potential = gradient(q, slopes)
+        for t in range(len(momenta)):
+            p[:], trial[:], found[:] = momenta[t], q, slopes
+            before, proposed = _kinetic(p) + potential, potential
+            for _ in range(counts[t]):
+                for m in range(len(inner)):
+                    if kicks_first:
+                        _add(p, -outer[m], found)
+                        _add(trial, inner[m], p)
+                        proposed = gradient(trial, found)
+                    else:
+                        _add(trial, outer[m], p)
+                        gradient(trial, found)
+                        _add(p, -inner[m], found)
+                if kicks_first:
+                    _add(p, -outer[-1], found)
+                else:
+                    _add(trial, outer[-1], p)
+            if not kicks_first:
+                proposed = gradient(trial, found)
+            changes[t] = (_kinetic(p) - before) + proposed
+            if changes[t] <= logarithms[t]:
+                q[:], slopes[:] = trial, found
+                potential = proposed
+            observe(q, potential, observed[t])
+
+    return loop  # type: ignore[no-any-return]
+
+
+def run(
+    target: Target, loop: Callable[..., None], method: Tableau, tau: float, length: float, start: Floats, drawn: Chance
+) -> Chain:
+    """Return a chain from a start, with steps ``tau`` and trajectories of about ``length``."""
+    counts = np.maximum(1, np.rint(length * drawn.lengths / tau)).astype(np.int64)
+    outer, inner = (tau * np.array(row) for row in method.rows_double())
+    observed, changes = np.empty((len(counts), len(target.observables))), np.empty(len(counts))
+    q = start.copy()
+    loop(
+        q, drawn.momenta, drawn.logarithms, counts, method.first == "kick", outer, inner, observed, changes
+    )  # fmt: skip
+    return Chain(observed, changes, int(counts.sum()) * method.stages, q)
+
+
+# --- Acceptance and squared jumps on Gaussians, exactly, without chains.
+#
+# In units of standard deviations a trajectory multiplies (q, p) of each mode by a matrix [[c, x s], [-s/x, c]] with
+# c^2 + s^2 = 1. Its energy error is a form of two normal numbers, whose characteristic function at u + i/2 is
+# (1 + g (u^2 + 1/4))^(-1/2) with g = (x - 1/x)^2 s^2. With u = tan(a)/2 the mean of min(1, exp(-dH)) over independent
+# modes is (2/pi) times the integral over a from 0 to pi/2 of the product of (1 + g/(4 cos^2 a))^(-1/2); the mean
+# squared jump has the same form.
+
+#: Nodes of the integral over a: the midpoint rule, whose integrand is smooth and periodic.
+NODES = 48
+#: Modes of different frequency; a Gaussian of more dimensions has several of each. Lengths of the jitter.
+FREQUENCIES, JITTER_LENGTHS = 100, 9
+
+
+class Spectrum(NamedTuple):
+    """Frequencies (k,) of a Gaussian, ascending, and the number of modes with each."""
+
+    frequencies: Floats
+    modes: float
+
+
+def spectrum(dimension: int) -> Spectrum:
+    """Return the frequencies of the quartic target, at most :data:`FREQUENCIES` of them."""
+    count = min(FREQUENCIES, dimension)
+    return Spectrum(frequencies_of(count), dimension / count)
+
+
+def steps_matrix(method: Tableau, angles: Floats) -> Floats:
+    """Return the matrices (k, 2, 2) of a step of oscillators whose frequency times step size is ``angles`` (k,)."""
+    outer, inner = method.rows_double()
+    found = np.tile(np.eye(2), (len(angles), 1, 1))
+    for i in range(len(outer) + len(inner)):
+        move = (outer, inner)[i % 2][i // 2] * angles
+        if (i % 2 == 0) == (method.first == "kick"):
+            found[:, 1] -= move[:, None] * found[:, 0]
+        else:
+            found[:, 0] += move[:, None] * found[:, 1]
+    return found
+
+
+def power(matrices: Floats, count: int) -> Floats:
+    """Return powers of matrices (k, 2, 2), by squaring."""
+    found, square = np.tile(np.eye(2), (len(matrices), 1, 1)), matrices
+    with np.errstate(all="ignore"):  # unstable steps
+        while count:
+            if count % 2:
+                found = _product(found, square)
+            square, count = _product(square, square), count // 2
+    return found
+
+
+def _product(a: Floats, b: Floats) -> Floats:
+    found: Floats = a[:, :, :1] * b[:, :1, :] + a[:, :, 1:] * b[:, 1:, :]
+    return found
+
+
+def moments(matrices: Floats, modes: float) -> tuple[float, Floats]:
+    """Return the acceptance, and the mean squared jump (k,) of each mode over twice its variance.
+
+    ``matrices`` (k, 2, 2): matrices of a trajectory. ``modes``: number of modes with each matrix.
+    """
+    if not np.isfinite(matrices).all() or np.abs(matrices).max() > 1e6:
+        return 0.0, np.zeros(len(matrices))
+    g = np.maximum((matrices**2).sum(axis=(1, 2)) - 2, 0)  # det = 1: |M|^2 = 2 + g
+    jump = (matrices[:, 0, 0] - 1) ** 2 + matrices[:, 0, 1] ** 2
+    squares = cos((np.arange(NODES) + 0.5) * np.pi / 2 / NODES) ** 2
+    ratios = g[:, None] / (4 * squares)
+    weights = exp(-0.5 * modes * log(1 + ratios).sum(axis=0)) / NODES
+    return float(weights.sum()), jump / 2 * (weights / (1 + ratios)).sum(axis=1)
+
+
+def efficiency(method: Tableau, tau: float, length: float, on: Spectrum) -> tuple[float, float]:
+    """Return gradients over the least mean squared jump, in 2 variances, and the acceptance, at about a ``length``."""
+    low, high = JITTER
+    times = length * (low + (high - low) * (np.arange(JITTER_LENGTHS) + 0.5) / JITTER_LENGTHS)
+    counts = [max(1, round(time / tau)) for time in times]
+    step = steps_matrix(method, tau * on.frequencies)
+    acceptance, jumps = 0.0, np.zeros(len(on.frequencies))
+    for count in sorted(set(counts)):
+        share = counts.count(count) / JITTER_LENGTHS
+        one, squared = moments(power(step, count), on.modes)
+        acceptance, jumps = acceptance + share * one, jumps + share * squared
+    least = float(jumps.min())
+    gradients = sum(counts) / JITTER_LENGTHS * method.stages
+    return gradients / least if least > 0 else np.inf, acceptance

@@ -21,7 +21,7 @@ from nearharmonic.numerics.portable import Floats, eigen, product
 from nearharmonic.systems import henon_heiles, kepler
 from nearharmonic.systems.quantities import Parameter, Vector
 from nearharmonic.systems.system import System
-from nearharmonic.training.population import Ensemble
+from nearharmonic.training.objective import Ensemble
 
 # --- Anharmonicity of orbits: the variation of the Hessian of V along them.
 #
@@ -68,6 +68,21 @@ def hessians(system: System, q: Floats, parameters: Floats | None = None) -> Flo
     return np.stack(rows, axis=-1)
 
 
+def _log_uniform(random: np.random.Generator, bounds: tuple[float, float], shape: int | tuple[int, ...]) -> Floats:
+    low, high = map(log, bounds)
+    return np.asarray(exp(random.uniform(low, high, shape)))
+
+
+def _drawn(name: str, label: str, V: Callable[..., Any], dimension: int, parameters: list[str]) -> System:
+    """Return a system whose parameters and starts are drawn for each problem; its own are placeholders."""
+    point = ("0.25",) * dimension
+    return System(
+        name=name, label=label, V=V, q0=point, p0=point, t_end="100",
+        parameters=dict.fromkeys(parameters, Parameter(value="0.125")),
+        source="drawn at random: nearharmonic_studies.trained.problems",
+    )  # fmt: skip
+
+
 # --- Near-harmonic systems with cubic potentials, drawn at random.
 #
 #     V = sum_i w_i^2 q_i^2 / 2 + sum_(i <= j <= k) c_ijk q_i q_j q_k
@@ -99,12 +114,7 @@ def cubic_potential(dimension: int) -> System:
         total = sum(a * x * x for a, x in zip(squares, q, strict=True)) / 2
         return total + sum(c * prod(q[i] for i in term) for c, term in zip(cubic, terms, strict=True))
 
-    point = ["0.25"] * dimension
-    return System(
-        name=f"cubic_potential_{dimension}", label=f"cubic potential, d = {dimension}", V=V, q0=tuple(point),
-        p0=tuple(point), t_end="100", parameters=dict.fromkeys(names, Parameter(value="0.125")),
-        source="drawn at random: nearharmonic_studies.trained.problems",
-    )  # fmt: skip
+    return _drawn(f"cubic_potential_{dimension}", f"cubic potential, d = {dimension}", V, dimension, names)
 
 
 def cubic_ensemble(dimension: int, count: int, seed: int, *, band: tuple[float, float], t_end: float) -> Ensemble:
@@ -117,8 +127,7 @@ def cubic_ensemble(dimension: int, count: int, seed: int, *, band: tuple[float, 
     terms = np.array(_monomials(dimension))
     start = np.zeros((count, 4, dimension))
     parameters = np.zeros((count, len(system.parameters), 2))
-    low, high = map(log, band)
-    fraction = exp(random.uniform(low, high, count))
+    fraction = _log_uniform(random, band, count)
     for i, part in enumerate(fraction):
         w: Floats = random.uniform(*CUBIC_FREQUENCIES, dimension)
         w[random.integers(dimension)] = 1.0
@@ -215,7 +224,7 @@ def _lennard_jones_bond(r: Any) -> Any:
     return x * x / 72
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Named:
     """A potential of ``dimension`` coordinates, and the range of the energies of its starts."""
 
@@ -237,35 +246,20 @@ class Named:
         )  # fmt: skip
 
 
+_MORSE, _HENON = "Morse (1929), Phys. Rev. 34, 57, doi:10.1103/PhysRev.34.57", henon_heiles.SYSTEM.source
+_TODA = "Flaschka (1974), Phys. Rev. B 9, 1924, doi:10.1103/PhysRevB.9.1924"
 _FPUT = "Fermi, Pasta, Ulam & Tsingou (1955), Los Alamos report LA-1940"
 #: Named systems in the order of tables and figures.
 NAMED = (
-    Named(name="pendulum", label="pendulum", V=pendulum, dimension=1, energies=(0.005, 0.5), source="textbook"),
-    Named(
-        name="morse", label="Morse", V=morse, dimension=1, energies=(0.002, 0.3),
-        source="Morse (1929), Phys. Rev. 34, 57, doi:10.1103/PhysRev.34.57",
-    ),
-    Named(
-        name="quartic_well", label="quartic well", V=quartic_well, dimension=2, energies=(0.005, 0.5),
-        source="textbook",
-    ),
-    Named(
-        name="henon_heiles", label="Hénon-Heiles", V=henon_heiles.V, dimension=2, energies=(1 / 600, 1 / 8),
-        source="Hénon & Heiles (1964), Astron. J. 69, 73, doi:10.1086/109234",
-    ),
-    Named(
-        name="toda", label="Toda ring", V=toda_ring, dimension=RING, energies=(0.03, 1.0),
-        source="Flaschka (1974), Phys. Rev. B 9, 1924, doi:10.1103/PhysRevB.9.1924",
-    ),
-    Named(
-        name="lennard_jones", label="Lennard-Jones chain", V=lennard_jones, dimension=ATOMS, energies=(5e-5, 2e-3),
-        source="textbook",
-    ),
-    Named(
-        name="fput_alpha", label="FPUT-α", V=fput_alpha, dimension=CHAIN_SITES, energies=(1e-3, 0.1), source=_FPUT,
-    ),
-    Named(name="fput_beta", label="FPUT-β", V=fput_beta, dimension=CHAIN_SITES, energies=(0.05, 1.0), source=_FPUT),
-)  # fmt: skip
+    Named("pendulum", "pendulum", pendulum, 1, (0.005, 0.5), "textbook"),
+    Named("morse", "Morse", morse, 1, (0.002, 0.3), _MORSE),
+    Named("quartic_well", "quartic well", quartic_well, 2, (0.005, 0.5), "textbook"),
+    Named("henon_heiles", "Hénon-Heiles", henon_heiles.V, 2, (1 / 600, 1 / 8), _HENON),
+    Named("toda", "Toda ring", toda_ring, RING, (0.03, 1.0), _TODA),
+    Named("lennard_jones", "Lennard-Jones chain", lennard_jones, ATOMS, (5e-5, 2e-3), "textbook"),
+    Named("fput_alpha", "FPUT-α", fput_alpha, CHAIN_SITES, (1e-3, 0.1), _FPUT),
+    Named("fput_beta", "FPUT-β", fput_beta, CHAIN_SITES, (0.05, 1.0), _FPUT),
+)
 
 
 def named_ensembles(count: int, seed: int, t_end: float) -> Iterator[Ensemble]:
@@ -282,8 +276,7 @@ def named_ensemble(one: Named, count: int, seed: int | list[int], t_end: float) 
     system, d = one.system(), one.dimension
     squares, modes = eigen(hessians(system, np.zeros((1, d)))[0])
     random = np.random.default_rng(seed)
-    low, high = map(log, one.energies)
-    energies = exp(random.uniform(low, high, count))
+    energies = _log_uniform(random, one.energies, count)
     bound = modes[:, squares >= FREE].T
     # The distribution on the sphere is isotropic, so that any basis can be used; here that of the coordinates.
     sphere = product(random.normal(size=(count, 2, d)), product(bound.T, bound))
@@ -347,8 +340,6 @@ def orbit_ensemble(count: int, seed: int, *, eccentricities: tuple[float, float]
     )  # fmt: skip
 
 
-#: Bounds of the slower frequencies, and of amplitudes.
-FREQUENCIES, AMPLITUDES = (0.2, 1.0), (0.4, 1.0)
 # --- Near-harmonic systems drawn at random: potentials to degree four in two or three coordinates.
 #
 #     V = sum_i q_i^2 (w_i^2 / 2 + sum_j c_ij q_j + sum_(j >= i) e_ij q_j^2) + sum_(i < j < k) c_ijk q_i q_j q_k
@@ -360,6 +351,8 @@ FREQUENCIES, AMPLITUDES = (0.2, 1.0), (0.4, 1.0)
 # amplitude times a sine. A coordinate is an amplitude times a cosine, divided by the frequency or 0.5, whichever is
 # larger.
 
+#: Bounds of the slower frequencies, and of amplitudes.
+FREQUENCIES, AMPLITUDES = (0.2, 1.0), (0.4, 1.0)
 #: Standard deviations of coefficients over the strength, and smallest quartic coefficient.
 DEVIATION, LEAST = 0.4, 0.1
 #: Frequency below which the amplitude of a coordinate does not increase, because its potential is soft.
@@ -378,23 +371,14 @@ def random_potential(dimension: int) -> System:
     def V(q: Any, *coefficients: Any) -> Any:
         of = dict(zip(names, coefficients, strict=True))
         squares = [x * x for x in q]
-        total = sum(
-            squares[i]
-            * (
-                of[f"a{i}"] / 2
-                + sum(of[f"c{i}{j}"] * q[j] for j in range(dimension))
-                + sum(of[f"e{i}{j}"] * squares[j] for j in range(i, dimension))
-            )
-            for i in range(dimension)
-        )
+        total = 0
+        for i in range(dimension):
+            cubic = sum(of[f"c{i}{j}"] * q[j] for j in range(dimension))
+            quartic = sum(of[f"e{i}{j}"] * squares[j] for j in range(i, dimension))
+            total += squares[i] * (of[f"a{i}"] / 2 + cubic + quartic)
         return total + sum(of["c" + "".join(map(str, t))] * prod(q[i] for i in t) for t in triples)
 
-    point = ["0.25"] * dimension
-    return System(
-        name=f"random_potential_{dimension}", label=f"random potential, d = {dimension}", V=V, q0=tuple(point),
-        p0=tuple(point), t_end="100", parameters=dict.fromkeys(names, Parameter(value="0.125")),
-        source="drawn at random: nearharmonic_studies.trained.problems",
-    )  # fmt: skip
+    return _drawn(f"random_potential_{dimension}", f"random potential, d = {dimension}", V, dimension, names)
 
 
 @cache
@@ -435,8 +419,7 @@ def random_ensemble(dimension: int, count: int, seed: int, *, band: tuple[float,
     system, random = random_potential(dimension), np.random.default_rng([seed, dimension, count])
     start = np.zeros((count, 4, dimension))
     parameters = np.zeros((count, len(system.parameters), 2))
-    low, high = map(log, band)
-    strength = exp(random.uniform(low, high, count))
+    strength = _log_uniform(random, band, count)
     for i, s in enumerate(strength):
         w: Floats = random.uniform(*FREQUENCIES, dimension)
         w[random.integers(dimension)] = 1.0
@@ -453,12 +436,6 @@ def random_ensemble(dimension: int, count: int, seed: int, *, band: tuple[float,
     )  # fmt: skip
 
 
-#: Masses of a ring, the largest ratio of two of them, and the bounds of the strengths of bonds.
-SITES, RATIO, BONDS = 8, 4.0, (0.7, 1.4)
-#: Coefficient of d^4 for Morse's bond and for that of Lennard-Jones: V''''/V'' over 24, and over (V'''/(3 V''))^2.
-QUARTIC = (7 / 24, 53 / 168)
-
-
 # --- Model crystals drawn at random: rings of masses in turns, with cubic and quartic bonds, in thermal equilibrium.
 #
 #     V = sum_i k_i (d_i^2 / 2 - d_i^3 / 2 + c d_i^4),  d_i = w_(i+1) q_(i+1) - w_i q_i
@@ -469,6 +446,11 @@ QUARTIC = (7 / 24, 53 / 168)
 # uniform from 1 to 4, and so are all k_i from 0.7 to 1.4. The highest frequency is 1. Every phonon has random
 # coordinates and momenta of one temperature, which makes the rms change of a bond log-uniform in a band, as long as
 # bonds are harmonic. The total momentum is 0.
+
+#: Masses of a ring, the largest ratio of two of them, and the bounds of the strengths of bonds.
+SITES, RATIO, BONDS = 8, 4.0, (0.7, 1.4)
+#: Coefficient of d^4 for Morse's bond and for that of Lennard-Jones: V''''/V'' over 24, and over (V'''/(3 V''))^2.
+QUARTIC = (7 / 24, 53 / 168)
 
 
 @cache
@@ -482,12 +464,7 @@ def ring() -> System:
         bonds = zip(k, places, [*places[1:], places[0]], strict=True)
         return sum(strength * _bond(b - a, c) for strength, a, b in bonds)
 
-    point = ("0.25",) * SITES
-    return System(
-        name="random_ring", label="random ring", V=V, q0=point, p0=point, t_end="100",
-        parameters=dict.fromkeys(names, Parameter(value="0.125")),
-        source="drawn at random: nearharmonic_studies.trained.problems",
-    )  # fmt: skip
+    return _drawn("random_ring", "random ring", V, SITES, names)
 
 
 def _bond(d: Any, c: Any) -> Any:
@@ -524,11 +501,6 @@ def ring_ensemble(count: int, seed: int, *, band: tuple[float, float], t_end: fl
         name=f"rings, {band[0]:g} to {band[1]:g}", system=ring(), start=start.reshape(count, -1),
         parameters=parameters.reshape(count, -1), t_end=t_end, strength=strength,
     )  # fmt: skip
-
-
-def _log_uniform(random: np.random.Generator, bounds: tuple[float, float], shape: int | tuple[int, ...]) -> Floats:
-    low, high = map(log, bounds)
-    return np.asarray(exp(random.uniform(low, high, shape)))
 
 
 def _hessians(w: Floats, k: Floats) -> Floats:

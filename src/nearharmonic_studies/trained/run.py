@@ -1,25 +1,28 @@
-"""Runs of the comparison, of long times, and of the ideas behind trained methods."""
+"""Runs of the comparison, of long times and of the ideas behind trained methods, and gains at equal time."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.batch import integrate_batch, prepared_batch
 from nearharmonic.engine.execution import Trajectories
+from nearharmonic.engine.numbers import moves_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor
 from nearharmonic.numerics.portable import Floats, geometric, log10
 from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable
-from nearharmonic.training.objective import errors_of
-from nearharmonic.training.population import LANES, LEAST, Ensemble
-from nearharmonic_studies.trained.contestants import idea_of, kind_of
+from nearharmonic.output.store import read
+from nearharmonic.output.table import Table
+from nearharmonic.training.objective import LANES, LEAST, Ensemble, errors_of
+from nearharmonic_paper.tasks.receipts import measures_time
 from nearharmonic_studies.trained.problems import (
     NAMED,
     anharmonicities,
@@ -30,15 +33,22 @@ from nearharmonic_studies.trained.problems import (
     with_anharmonicity,
     with_exact_oscillators,
 )
-from nearharmonic_studies.trained.proof_settings import ORBITS, ProofSettings
-from nearharmonic_studies.trained.purposes import CHARGE as CHARGE_OF_AN_EVALUATION
-from nearharmonic_studies.trained.purposes import CHARGE_OF_ORBITS, ECCENTRICITIES
+from nearharmonic_studies.trained.settings import (
+    CHARGE,
+    CHARGE_OF_ORBITS,
+    ECCENTRICITIES,
+    ORBITS,
+    ProofSettings,
+    idea_of,
+    kind_of,
+)
 
 # --- Energy errors of all methods on each problem of the test ensembles, at equal cost.
 
 #: Auxiliary coordinates.
 COORDINATES = ("label", "kind", "panel", "problems", "tau_per_stage")
 UNIT = "radians of the fastest small oscillation"
+WHAT = "log10 of the largest |H - H0|/|H0| over every step"
 
 
 def proof_measure(methods: Sequence[str], settings: ProofSettings) -> dict[str, Contents]:
@@ -63,7 +73,7 @@ def proof_measure(methods: Sequence[str], settings: ProofSettings) -> dict[str, 
         "problems": variable("ensemble", [one.size for one in ensembles], "number of problems"),
         "tau_per_stage": variable(("ensemble", "point"), taus, f"step size over the cost of a step, in {UNIT}"),
         "log_error": variable(
-            ("ensemble", "integrator", "point", "problem"), errors, "log10 of the largest |H - H0|/|H0| over every step"
+            ("ensemble", "integrator", "point", "problem"), errors, WHAT
         ),
         "anharmonicity": variable(
             ("ensemble", "problem"), [one.strength for one in ensembles],
@@ -97,7 +107,7 @@ class Trial(NamedTuple):
     ensemble: Ensemble
     tau_per_stage: Floats
     panel: str
-    charge: float = CHARGE_OF_AN_EVALUATION
+    charge: float = CHARGE
 
 
 def proof_ensembles(settings: ProofSettings) -> Iterator[Trial]:
@@ -219,87 +229,52 @@ def _computed(ensemble: Ensemble, method: Tableau, steps: int) -> dict[str, Floa
     return found
 
 
-# --- Random potentials at all strengths, whose oscillators can be solved exactly.
+# --- Energy errors of the methods of each idea on random potentials of all strengths, at equal cost.
 #
-# Each is drawn as :mod:`nearharmonic_studies.trained.problems` has it, with strength 1; its cubic and quartic
+# Each potential is drawn as :mod:`nearharmonic_studies.trained.problems` has it, with strength 1; its cubic and quartic
 # coefficients are then multiplied by each strength, with the same start. The frequencies do not change, so that they
-# can be declared.
+# can be declared and their oscillators solved exactly.
 
 #: Number of coordinates and of frequencies, which are the first parameters.
 DIMENSION = 2
-#: Smallest and largest strength.
-WEAKEST, STRONGEST = 1e-4, 1.0
+#: Smallest and largest strength, their number, and the problems of an ensemble over the number of potentials.
+WEAKEST, STRONGEST, STRENGTHS, PART = 1e-4, 1.0, 13, 3
 #: Cost of an evaluation with the exact oscillator over one with T and V, measured: docs/results/exact_oscillator.md.
-CHARGE = 1.12
+CHARGE_OF_ROTATIONS = 1.12
 
 
-@dataclass(frozen=True, kw_only=True)
-class Scaled:
-    """K ``potentials``, given at strength 1, at J ``strengths`` each: factors of cubic and quartic coefficients."""
+def scaled_potentials(count: int, strengths: Floats, seed: int, t_end: float) -> Ensemble:
+    """Return ``count`` random potentials at each of J strengths (J,), the strengths of the first potential first.
 
-    potentials: Ensemble
-    strengths: Floats
-
-    def ensemble(self) -> Ensemble:
-        """Return all K J problems, the strengths of the first potential first."""
-        whole, count = self.potentials, len(self.strengths)
-        parameters = np.repeat(whole.parameters, count, axis=0).reshape(whole.size, count, -1)
-        parameters[:, :, 2 * DIMENSION :] *= self.strengths[:, None]
-        return Ensemble(
-            name=whole.name, system=whole.system, start=np.repeat(whole.start, count, axis=0),
-            parameters=parameters.reshape(whole.size * count, -1), t_end=whole.t_end,
-        )  # fmt: skip
-
-
-def scaled_potentials(count: int, strengths: int, seed: int, t_end: float) -> Scaled:
-    """Return random potentials at logarithmically spaced strengths; ``t_end`` is in radians of the frequency 1."""
-    whole = random_ensemble(DIMENSION, count, seed, band=(1.0, 1.0), t_end=t_end)
-    return Scaled(potentials=whole, strengths=np.array(geometric(WEAKEST, STRONGEST, strengths)))
-
-
-def exact_errors(scaled: Scaled, method: Tableau, tau_per_stage: Floats) -> Floats:
-    """Return the largest |dH/H0| (T, K J) of a method for exactly solved oscillators, at equal cost.
-
-    An evaluation costs :data:`CHARGE`. Diverged runs have the error 1.
+    Strengths multiply cubic and quartic coefficients; ``t_end`` is in radians of the frequency 1.
     """
-    found = errors_of(with_exact_oscillators(scaled.ensemble()), method, (tau_per_stage * CHARGE).tolist())
-    return np.maximum(found, LEAST)
-
-
-# --- Energy errors of the methods of each idea on potentials of all strengths, at equal cost.
-
-#: Ratio of the number of potentials to the problems of an ensemble; each potential has several strengths.
-PART, STRENGTHS = 3, 13
-WHAT = "log10 of the largest |H - H0|/|H0| over every step"
+    whole = random_ensemble(DIMENSION, count, seed, band=(1.0, 1.0), t_end=t_end)
+    parameters = np.repeat(whole.parameters, len(strengths), axis=0).reshape(count, len(strengths), -1)
+    parameters[:, :, 2 * DIMENSION :] *= strengths[:, None]
+    start = np.repeat(whole.start, len(strengths), axis=0)
+    return replace(whole, start=start, parameters=parameters.reshape(len(start), -1), strength=None)
 
 
 def ideas_measure(methods: Sequence[str], exact: Sequence[str], settings: ProofSettings) -> dict[str, Contents]:
-    """Return the file ``run``: :func:`errors_of_methods` on all potentials at all strengths."""
-    taus = np.array([float(tau) for tau in settings.tau_per_stage])
-    scaled = scaled_potentials(settings.systems // PART, STRENGTHS, settings.seed, float(settings.t_end))
-    variables = errors_of_methods(scaled, methods, exact, taus)
-    return {"run": Contents(variables=variables, coordinates=("label", "idea"))}
-
-
-def errors_of_methods(scaled: Scaled, methods: Sequence[str], exact: Sequence[str], taus: Floats) -> Variables:
-    """Return ``log_error`` and ``exact_log_error`` over (integrator, tau_per_stage, strength, problem).
+    """Return ``run``: ``log_error`` and ``exact_log_error`` over (integrator, tau_per_stage, strength, problem).
 
     The former is of ``methods`` with T and V, except those with modified potentials, which belong to no idea; the
-    latter of the methods ``exact`` for the exactly solved oscillator. ``taus`` are step sizes over the cost of a step.
+    latter of the methods ``exact`` for the exactly solved oscillator.
     """
-    whole, shape = scaled.ensemble(), (len(taus), scaled.potentials.size, len(scaled.strengths))
-
-    def logarithms(errors: Sequence[Floats]) -> Floats:
-        return np.moveaxis(log10(np.maximum(np.reshape(errors, (len(errors), *shape)), LEAST)), 2, -1)
-
+    taus, count = np.array([float(tau) for tau in settings.tau_per_stage]), settings.systems // PART
+    strengths = np.array(geometric(WEAKEST, STRONGEST, STRENGTHS))
+    whole = scaled_potentials(count, strengths, settings.seed, float(settings.t_end))
     kept = [name for name in methods if idea_of(integrators[name]) is not None]
-    split = logarithms([errors_of(whole, integrators[name], taus.tolist()) for name in kept])
-    rotated = logarithms([exact_errors(scaled, integrators[name], taus) for name in exact])
+    split, rotated = (
+        np.moveaxis(log_errors(ensemble, names, steps, 0.0).reshape(len(names), len(taus), count, -1), 2, -1)
+        for ensemble, names, steps in (
+            (whole, kept, taus), (with_exact_oscillators(whole), exact, taus * CHARGE_OF_ROTATIONS),
+        )
+    )  # fmt: skip
     over = ("tau_per_stage", "strength", "problem")
-    delta = anharmonicities(whole).reshape(shape[1:]).T
-    return {
+    variables = {
         **coordinate("tau_per_stage", taus, "step size over the cost of a step, in radians of the fastest oscillation"),
-        **coordinate("strength", scaled.strengths, "by which cubic and quartic coefficients are multiplied"),
+        **coordinate("strength", strengths, "by which cubic and quartic coefficients are multiplied"),
         **method_coordinates(map(integrators.__getitem__, kept)),
         **coordinate("exact_integrator", list(exact), "integrator that solves the oscillator exactly"),
         "idea": variable("integrator", [idea_of(integrators[name]) for name in kept], "idea that it is built on"),
@@ -308,6 +283,102 @@ def errors_of_methods(scaled: Scaled, methods: Sequence[str], exact: Sequence[st
             ("exact_integrator", *over), rotated, f"{WHAT}, with the oscillator solved exactly"
         ),
         "anharmonicity": variable(
-            over[1:], delta, f"variation of the Hessian of V along the orbits of {DIMENSION} coordinates"
+            over[1:], anharmonicities(whole).reshape(count, -1).T,
+            f"variation of the Hessian of V along the orbits of {DIMENSION} coordinates",
         ),
-    }
+    }  # fmt: skip
+    return {"run": Contents(variables=variables, coordinates=("label", "idea"))}
+
+
+# --- Gains at equal time on this machine, with the measured cost of the gradient of the square of grad V.
+#
+# All methods without modified potentials need equal times per evaluation on one system, so that equal evaluations are
+# equal times. Methods with modified potentials are run again with the measured cost.
+
+#: Timed methods: one without modified potentials, and one with equal stages and a gradient in each stage.
+PLAIN, MODIFIED = "mclachlan_ss5", "abag5o6"
+#: Number of lanes in the timing, by the name of the column.
+WIDTHS = {"lanes": LANES, "single": 1}
+#: Number of steps of a timed run; number of problems of a run in lanes.
+TIMED_STEPS, TIMED_PROBLEMS = 2000, 2 * LANES
+PATIENCE = Patience(least=7, most=25, seconds=0.1, longest=1.0)
+CAPTION = (
+    "Nanoseconds of an evaluation and trajectory in SIMD lanes and of a single trajectory, plain sums, no energies, "
+    "least of calls that took turns; what the gradient of the square of grad V costs more, in evaluations; and the "
+    "gain of the best trained over the best published method, in decades, at equal evaluations and at equal time of "
+    "either kind"
+)
+
+
+@measures_time
+def measure_times(cube: str, methods: Sequence[str], settings: ProofSettings) -> dict[str, Any]:
+    """Return the ``table`` of times and of gains at equal time, from the path of the cube of mean errors."""
+    found = read(cube)
+    names = [name for name in methods if integrators[name].modified]
+    rows: list[list[Any]] = []
+    known: dict[str, dict[str, tuple[float, float]]] = {}
+    with pinned():
+        for e, trial in enumerate(proof_ensembles(settings)):
+            system = trial.ensemble.system.name
+            if system not in known:
+                known[system] = {mode: costs(trial.ensemble, width) for mode, width in WIDTHS.items()}
+            errors = found["mean_log_error"].isel(ensemble=e, point=slice(len(trial.tau_per_stage))).values
+            rows += _rows_of_times(trial, methods, names, errors, known[system])
+    header = ["ensemble", "tau_per_stage", *(f"ns_{mode}" for mode in WIDTHS), *(f"charge_{mode}" for mode in WIDTHS)]
+    header += ["gain", *(f"gain_{mode}" for mode in WIDTHS)]
+    return {"table": Table(header=header, rows=rows, caption=f"{CAPTION}; {processor()}.")}
+
+
+def costs(ensemble: Ensemble, width: int) -> tuple[float, float]:
+    """Return nanoseconds per evaluation and trajectory, and the additional cost of a gradient in evaluations.
+
+    Some problems of the ensemble are run in ``width`` SIMD lanes; with one lane, a single trajectory.
+    """
+    few = ensemble.part(np.arange(TIMED_PROBLEMS if width > 1 else 1) % ensemble.size)
+    methods = [integrators[PLAIN], integrators[MODIFIED]]
+    calls = [prepared_run(few, method, width) for method in methods]
+    for call in calls:
+        call()
+    plain, modified = (
+        1e9 * min(times) / (TIMED_STEPS * method.stages * few.size)
+        for method, times in zip(methods, interleaved(calls, PATIENCE), strict=True)
+    )
+    share = getattr(methods[1], "gradients", 0) / methods[1].stages
+    return plain, max(0.0, (modified / plain - 1) / share)
+
+
+def prepared_run(ensemble: Ensemble, method: Tableau, width: int) -> Callable[[], None]:
+    """Return a call of :data:`STEPS` steps of each problem, with a tenth of a radian per stage."""
+    numerics = Numerics(summation="plain", energy="none", width=width)
+    tau = Fraction(ensemble.unit * method.stages) / 10
+    marks = np.tile(np.array([[0, TIMED_STEPS]]), (ensemble.size, 1))
+    batch = prepared_batch(
+        ensemble.system, method, numerics, marks=marks, scheme=np.zeros(ensemble.size, np.int64),
+        moves=moves_of(ensemble.system, method, [tau], numerics), start=ensemble.start, parameters=ensemble.parameters,
+    )  # fmt: skip
+    return batch.run
+
+
+def _rows_of_times(
+    trial: Trial, methods: Sequence[str], modified: Sequence[str], errors: Floats,
+    known: dict[str, tuple[float, float]],
+) -> Iterator[list[Any]]:  # fmt: skip
+    """Return the rows of an ensemble, with the modified methods run again at the measured cost."""
+    kinds = np.array([kind_of(name) for name in methods])
+    places = [list(methods).index(name) for name in modified]
+    gains = [gain(errors, kinds)]
+    for _, charge in known.values():
+        again = errors.copy()
+        if places:
+            again[places] = log_errors(trial.ensemble, modified, trial.tau_per_stage, charge).mean(axis=-1)
+        gains.append(gain(again, kinds))
+    for t, tau in enumerate(trial.tau_per_stage.tolist()):
+        numbers = [[one[k] for one in known.values()] for k in (0, 1)]
+        yield [trial.ensemble.name, tau, *numbers[0], *numbers[1], *(float(row[t]) for row in gains)]
+
+
+def gain(errors: Floats, kinds: Any) -> Floats:
+    """Return best published minus best trained (T,) of mean logarithms (A, T); NaN if there is none."""
+    best = [errors[kinds == kind].min(axis=0, initial=np.inf) for kind in ("published", "trained")]
+    found: Floats = np.where(np.isfinite(best).all(axis=0), best[0] - best[1], np.nan)
+    return found

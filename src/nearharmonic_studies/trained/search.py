@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from hashlib import sha256
+from inspect import getfile
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -19,14 +21,10 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.table import Table, progress
 from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import generalised_order_of, harmonic_order, nystrom_order_of, order_of
-from nearharmonic.training.family import Family
-from nearharmonic.training.objective import DIGITS, Objective, mean_errors, tableau_of
-from nearharmonic.training.population import Ensemble
-from nearharmonic.training.published import TRAINED_EXACT, palindrome_lines, published
-from nearharmonic.training.search import Found
-from nearharmonic.training.searcher import Searcher, search, starts_of
-from nearharmonic_studies.trained.purposes import PURPOSES, Purpose
-from nearharmonic_studies.trained.settings import SearchSettings
+from nearharmonic.training.family import TRAINED_EXACT, Family, palindrome_lines, published
+from nearharmonic.training.objective import DIGITS, Ensemble, Objective, mean_errors, tableau_of
+from nearharmonic.training.search import Found, Searcher, search, starts_in
+from nearharmonic_studies.trained.settings import PURPOSES, Purpose, SearchSettings
 
 # --- Search for the method of one purpose: families one after another, selection on a validation set, all digits.
 
@@ -36,12 +34,6 @@ CAPTION = (
     "window of the mean log10 of the largest energy error against the best published method, and half of its mean; "
     "gains in decades on other problems and intervals twice as long, the least in the window and the mean."
 )
-HEADER = (
-    "composition", "stages", "order for quadratic T", "harmonic order", "squares", "searches", "methods tried",
-    "ended at the best", "best from", "objective", "validation", "least gain", "mean gain",
-)  # fmt: skip
-
-
 #: Number of methods of each family that are compared on the validation set.
 SHORT_LIST = 3
 #: Ratio of the intervals of validation and test to those of training.
@@ -50,12 +42,7 @@ LONGER = 2.0
 Candidate = tuple[float, Found]
 
 
-def train(
-    purpose: str,
-    settings: SearchSettings,
-    known: Sequence[str],
-    before: Sequence[str] = (),
-) -> dict[str, Any]:
+def train(purpose: str, settings: SearchSettings, known: Sequence[str], before: Sequence[str] = ()) -> dict[str, Any]:
     """Search for the method of a purpose.
 
     Starts are the ``known`` methods, of which the published ones are the reference, and the methods of other purposes,
@@ -77,7 +64,7 @@ def train(
     caption = CAPTION.format(title=goal.title, what=goal.what, low=low, high=high, problems=goal.problems)
     return {
         "document": _document(goal, settings, best, test),
-        "landscape": Table(header=HEADER, rows=rows, caption=caption),
+        "landscape": Table(header=[*rows[0]], rows=[[*row.values()] for row in rows], caption=caption),
     }
 
 
@@ -93,7 +80,7 @@ def _all_findings(
     for chain in goal.chains:
         before: list[Searcher] = []
         for family in chain.families():
-            starts = starts_of(family, begun, [one.best for one in before if one.found], effort)
+            starts = starts_in(family, begun, [one.best for one in before if one.found], effort)
             before.append(search(training.objective(family, effort.population), starts, effort, settings.seed))
             if not before[-1].found:  # no published method has its shape, and there are no random starts
                 continue
@@ -148,15 +135,18 @@ def _short_list(findings: Searcher, validation: _Judge) -> list[Candidate]:
     return list(zip(values, ranked, strict=True))
 
 
-def _row(findings: Searcher, short: Sequence[Candidate], test: _Judge) -> list[Any]:
+def _row(findings: Searcher, short: Sequence[Candidate], test: _Judge) -> dict[str, Any]:
     family, best = findings.best.family, findings.best
     validation, own = min((one for one in short if one[1].family == family), key=itemgetter(0))
     gains = test.gains(own)
-    return [
-        "BAB" if family.first == "kick" else "ABA", family.stages, family.order, family.harmonic_order,
-        " ".join(map(str, family.squares)), len(findings.found), findings.trials, findings.again, best.origin,
-        best.value, validation, float(gains.min()), float(gains.mean()),
-    ]  # fmt: skip
+    return {
+        "composition": "BAB" if family.first == "kick" else "ABA", "stages": family.stages,
+        "order for quadratic T": family.order, "harmonic order": family.harmonic_order,
+        "squares": " ".join(map(str, family.squares)), "searches": len(findings.found),
+        "methods tried": findings.trials, "ended at the best": findings.again, "best from": best.origin,
+        "objective": best.value, "validation": validation, "least gain": float(gains.min()),
+        "mean gain": float(gains.mean()),
+    }  # fmt: skip
 
 
 def _document(goal: Purpose, settings: SearchSettings, best: Found, test: _Judge) -> Mapping[str, Any]:
@@ -199,70 +189,29 @@ def _digest(goal: Purpose, settings: SearchSettings, tableau: Tableau) -> str:
 
 # --- Generator of the modules that register trained methods, from the results of their searches.
 
-#: Head of the module of methods for T and V.
-HEAD = '''"""Methods trained on near-harmonic systems.
-
-Coefficients of symmetric compositions that make the energy error of an ensemble of problems small over a window of step
-sizes, and meet their order conditions exactly: the experiment ``trained`` has the search, and docs/results/trained.md
-compares their errors with those of other methods. Each note has the window in tau/s, in radians of the fastest
-oscillation, the ensemble, the limit of linear stability, the seed, and the digest of the run that found the method.
-"""
-
-{imports}
-
-SOURCE = (
-    "trained by nearharmonic (experiments.trained, docs/results/trained.md); searches began with published methods, "
-    "those of Blanes & Moan (2002), J. Comput. Appl. Math. 142, 313, doi:10.1016/S0377-0427(01)00492-7, among them"
-)
-
-TABLEAUS = ('''
-#: Head of the module of methods for exactly solved oscillators.
-EXACT_HEAD = '''"""Methods trained on oscillators with a small rest, for steps that solve the oscillators exactly.
-
-With H = A + epsilon B, A the oscillators and B the rest, they have the declared generalised order: errors are
-O(epsilon tau^r1 + epsilon^2 tau^r2). The rest of their freedom makes the energy error of an ensemble of such problems
-small over a window of step sizes: the experiment ``trained`` has the search, and docs/results/trained.md compares their
-errors with those of other methods. Use: ``nh.integrate(..., split="exact_oscillator")``. Each note has the window in
-tau/s, in radians of the fastest oscillation, the ensemble, the limit of linear stability with T and V, the seed, and
-the digest of the run that found the method.
-"""
-
-{imports}
-from nearharmonic.integrators.trained import SOURCE
-
-TABLEAUS = ('''
-#: Head of the module of methods for polynomial potentials.
-POLYNOMIAL_HEAD = '''"""Methods trained on polynomial potentials.
-
-They have order six or eight for quadratic T and every V of degree three or four, as their notes say, and order four for
-any H. Brackets with higher derivatives of V vanish, and their conditions are left out
-(:mod:`nearharmonic.exact.lie`). Such potentials: Escorihuela-Tomas (2026), arXiv:2605.06975. The experiment
-``trained`` has the search, and docs/results/trained.md compares the errors of the methods with those of others.
-"""
-
-{imports}
-from nearharmonic.integrators.trained import SOURCE
-
-TABLEAUS = ('''
-#: Maximum length of a line for formatters.
-LONGEST = 120
+#: Line after which the methods of a module stand, and maximum length of a line for formatters.
+BEGIN, LONGEST = "TABLEAUS = (", 120
 
 
 def register(documents: Sequence[str]) -> dict[str, str]:
     """Return the texts of ``module``, ``exact_module`` and ``polynomial_module``, from the TOML files of searches."""
     methods = [tomllib.loads(Path(place).read_text(encoding="utf-8")) for place in documents]
-    of_module: dict[str, list[Mapping[str, Any]]] = {"module": [], "exact_module": [], "polynomial_module": []}
-    for one in methods:
-        polynomial = "polynomial_module" if "potential_degree" in one else "module"
-        of_module["exact_module" if one["name"].startswith(TRAINED_EXACT) else polynomial].append(one)
-    heads = {"module": HEAD, "exact_module": EXACT_HEAD, "polynomial_module": POLYNOMIAL_HEAD}
-    return {name: _module(heads[name], chosen) for name, chosen in of_module.items()}
+    exact = [one for one in methods if one["name"].startswith(TRAINED_EXACT)]
+    polynomial = [one for one in methods if one not in exact and "potential_degree" in one]
+    others = [one for one in methods if one not in exact and one not in polynomial]
+    return {
+        "module": _module("trained", others),
+        "exact_module": _module("trained_exact", exact),
+        "polynomial_module": _module("trained_polynomial", polynomial),
+    }
 
 
-def _module(head: str, methods: Sequence[Mapping[str, Any]]) -> str:
+def _module(name: str, methods: Sequence[Mapping[str, Any]]) -> str:
+    """Return the text of a module of integrators with these methods; its head is that of the present module."""
     names = [*(["QUADRATIC_KINETIC_ENERGY"] if any(map(_needs_requirement, methods)) else []), "Tableau", "palindrome"]
-    imports = f"from nearharmonic.integrators.tableau import {', '.join(names)}"
-    lines = [head.format(imports=imports)]
+    present = Path(getfile(Tableau)).with_name(f"{name}.py").read_text(encoding="utf-8")
+    head = present[: present.index(BEGIN) + len(BEGIN)]
+    lines = [re.sub(r"(?<=import ).*palindrome$", ", ".join(names), head, count=1, flags=re.MULTILINE)]
     for one in methods:
         lines += ["    Tableau(", *(f"        {line}" for line in _fields(one)), "    ),"]
     return "\n".join([*lines, ")", ""])

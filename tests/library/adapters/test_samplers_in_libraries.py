@@ -14,8 +14,7 @@ import jax
 import jax.numpy as jnp
 
 import nearharmonic as nh
-from nearharmonic_studies.samplers.gaussian import moments, power, steps_matrix
-from nearharmonic_studies.samplers.targets import frequencies_of, quartic
+from nearharmonic_studies.samplers.targets import frequencies_of, moments, power, quartic, steps_matrix
 from support.oracles.counted_jax import counted_density
 from support.results.page_inputs import benchmark
 

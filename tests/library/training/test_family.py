@@ -1,8 +1,10 @@
-"""Families of methods: their rows, their equations and derivatives, the projection onto them, and growth."""
+"""Families of methods: equations, projection, modified kicks, and digits that are proved in exact arithmetic."""
 
 from __future__ import annotations
 
+from fractions import Fraction
 from itertools import combinations
+from math import factorial
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,11 +16,15 @@ from scipy.optimize import minimize
 
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
-from nearharmonic.theory.order import generalised_order_of
+from nearharmonic.exact.lie import conditions, lyndon_words
+from nearharmonic.theory.order import generalised_order_of, harmonic_order, leading_errors, nystrom_order_of, order_of
 from nearharmonic.training.family import Family
-from nearharmonic.training.objective import tableau_of
+from nearharmonic.training.objective import DIGITS, NotConvergedError, polished, tableau_of
 from support.methods.family_members import FAMILIES, members
 from support.oracles import modified_steps
+from support.oracles.word_series import operators_of, series
+
+# --- Families of methods: their rows, their equations and derivatives, the projection onto them, and growth.
 
 
 def shapes(least=1, most=9):
@@ -47,15 +53,6 @@ def test_rows_are_symmetric_and_sum_to_one_and_hold_unknowns(family, seed):
         assert sum(row) == pytest.approx(1, abs=1e-14 * sum(map(abs, row)))
     assert sum(1 for m in squares if m) == len({i for j in family.squares for i in (j, len(kicks) - 1 - j)})
     assert set(x) <= {*kicks, *drifts, *squares}
-
-
-@pytest.mark.parametrize("family", FAMILIES, ids=str)
-def test_rows_in_sixty_digits_have_no_rounding_of_doubles(family):
-    with mp.workdps(60):
-        rows = family.rows([mpf(1) / (3 + i) for i in range(family.unknowns)])
-        for row in rows[:2]:
-            assert all(isinstance(c, mpf) for c in row)
-            assert abs(sum(row) - 1) < mpf(10) ** -57
 
 
 def test_gradients_of_a_family_are_those_of_its_tableaus():
@@ -228,3 +225,148 @@ def test_projection_of_point_is_bitwise_independent_of_others(family):
 def test_settings_that_no_family_has_are_refused(wrong, message):
     with pytest.raises(SettingError, match=message):
         Family(**{"stages": 5, "first": "kick", **wrong})
+
+
+# --- Methods of order six with kicks of a modified potential: found from random starts, and their digits.
+
+#: The family of ``abag5o6``, whose second kick is free, and the index of that.
+FREE, SECOND_KICK = Family(stages=5, first="drift", order=6, squares=(0, 1, 2)), 3
+OF_ORDER_SIX = {
+    "abag5o6": FREE,
+    "omelyan_g5o6": Family(stages=5, first="drift", order=6, squares=(0, 2)),
+    "babg5o6": Family(stages=5, first="kick", order=6, squares=(0, 1)),
+}
+METHODS = pytest.mark.parametrize("name", list(OF_ORDER_SIX))
+
+
+def solutions(family, count=3000):
+    """Members (R, n) from random points, the first of each row of size 1/s."""
+    random = np.random.default_rng(1)
+    points = random.normal(1 / family.stages, 2 / family.stages, (count, family.unknowns))
+    points[:, family.stages - 1 :] *= 1 / family.stages**2
+    found, inside = family.project(points)
+    return found[inside]
+
+
+def sums(family, x):
+    """Sum of the absolute values of all kicks and drifts of each member."""
+    kicks, drifts, _ = family.rows(x.T)
+    return sum(np.abs(row) for row in (*kicks, *drifts))
+
+
+def member_at(kick):
+    unknowns = FREE.unknowns_of(nh.modified_integrators["abag5o6"])
+    return tableau_of(
+        FREE, unknowns, digits=30, fixed={SECOND_KICK: kick}, nearest=0.1, name="one", source="here"
+    )  # fmt: skip
+
+
+def test_every_registered_method_of_order_six_has_its_family_here():
+    assert set(OF_ORDER_SIX) == {name for name, one in nh.modified_integrators.items() if one.order == 6}
+    assert {name: one.unknowns - len(one.equations) for name, one in OF_ORDER_SIX.items()} == {
+        "abag5o6": 1, "omelyan_g5o6": 0, "babg5o6": 0,
+    }  # fmt: skip
+
+
+@METHODS
+def test_registered_digits_follow_from_ten_of_them(name):
+    known, family = nh.modified_integrators[name], OF_ORDER_SIX[name]
+    fixed = {SECOND_KICK: known.kick[1]} if family is FREE else None
+    near = family.unknowns_of(known) * (1 + 1e-10)
+    found = tableau_of(family, near, digits=known.digits, fixed=fixed, name=name, source="here")
+    for row in ("kick", "drift", "square"):
+        for ours, text in zip(getattr(found, row), getattr(known, row), strict=True):
+            assert abs(Fraction(ours) - Fraction(text)) < Fraction(1, 10**known.digits)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["omelyan_g5o6", "babg5o6"])
+def test_random_starts_lead_to_the_registered_methods_with_nothing_free(name):
+    family = OF_ORDER_SIX[name]
+    found = solutions(family)
+    away = np.abs(found - family.unknowns_of(nh.modified_integrators[name])).max(axis=1)
+    assert away.min() < 1e-10
+    # It is the one with the smallest coefficients.
+    assert sums(family, found).argmin() in np.flatnonzero(away < 1e-6)
+
+
+def test_random_starts_lead_to_the_family_of_the_registered_method():
+    found = solutions(FREE)
+    assert len(found) > 100
+    ours = FREE.unknowns_of(nh.modified_integrators["abag5o6"])
+    # The outermost coefficients hardly change along the family.
+    assert (np.abs(found - ours)[:, [0, 2]].max(axis=1) < 2e-3).any()
+
+
+def test_our_parameter_minimises_degree_seven_error_to_five_digits():
+    least = leading_errors(nh.modified_integrators["abag5o6"]).nystrom.norm
+    assert leading_errors(member_at("0.061")).nystrom.norm == pytest.approx(least, rel=1e-12)
+    for kick in ("0.057", "0.065"):
+        norm = leading_errors(member_at(kick)).nystrom.norm
+        assert least < norm
+        assert norm == pytest.approx(least, rel=1e-3)
+
+
+# --- Polished members: their digits, proved in exact arithmetic that shares no code with the equations.
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", FAMILIES, ids=str)
+def test_polished_members_have_the_orders_of_their_family_by_proof(family):
+    for x in members(family, 2):
+        tableau = tableau_of(family, x, name="member", source="here")
+        assert (tableau.stages, tableau.first, tableau.digits) == (family.stages, family.first, DIGITS)
+        assert nystrom_order_of(tableau) >= family.order
+        if not family.squares:
+            assert order_of(tableau) >= 4
+        assert harmonic_order(tableau) >= family.harmonic_order
+        assert tableau.order == family.order
+
+
+def test_order_six_conditions_are_necessary_and_not_fulfilled_by_chance():
+    family = Family(stages=9, first="drift")
+    tableau = tableau_of(family, members(family, 1)[0], name="member", source="here")
+    assert nystrom_order_of(tableau) == 4
+    assert harmonic_order(tableau) == 4
+    assert tableau.requires is None
+    family = Family(stages=9, first="drift", order=6)
+    tableau = tableau_of(family, members(family, 1)[0], name="member", source="here")
+    assert (order_of(tableau), nystrom_order_of(tableau), harmonic_order(tableau)) == (4, 6, 6)
+    assert tableau.requires
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", FAMILIES, ids=str)
+def test_sixty_decimals_meet_the_equations_in_exact_arithmetic(family):
+    tableau = tableau_of(family, members(family, 1)[0], name="member", source="here")
+    step = series(operators_of(tableau), max(5, family.harmonic_order))
+    allowed = Fraction(1, 10 ** (DIGITS - 6))  # a sum of some hundred products of coefficients below 4, times 7!
+    for letter in "AB":
+        assert abs(step[letter] - 1) < allowed
+    for degree in range(3, family.order, 2):
+        for row in conditions(degree, quadratic=True):
+            pairs = zip(row.weights, lyndon_words(degree), strict=True)
+            assert abs(sum(w * (factorial(degree) * step[word] - 1) for w, word in pairs)) < allowed
+    for power in range(family.order + 1, family.harmonic_order + 1):
+        assert abs(factorial(power) * step[("AB" * power)[:power]] - 1) < allowed
+
+
+def test_polishing_of_an_isolated_method_finds_its_printed_digits():
+    tableau = nh.integrators["abas5o6h"]
+    family = Family(stages=5, first="drift", harmonic_order=6)
+    assert family.unknowns == len(family.equations)
+    found = tableau_of(family, family.unknowns_of(tableau), name="again", source="here")
+    for row in ("kick", "drift"):
+        for ours, printed in zip(getattr(found, row), getattr(tableau, row), strict=True):
+            # The printed ones are off by half a unit of their last digit, the derivatives are of size 1.
+            assert abs(Fraction(ours) - Fraction(printed)) < Fraction(1, 10 ** (min(tableau.digits, DIGITS) - 1))
+
+
+@pytest.mark.parametrize("away", [1e-7, 1e-3, 5.0])
+def test_a_point_that_is_no_member_is_refused(away):
+    family = Family(stages=6, first="drift")
+    # Along the derivatives of an equation, which leads away from the family.
+    x = members(family, 1)[0]
+    slope = family.slopes(x[:, None])[0][0]
+    with pytest.raises(NotConvergedError, match="wanted 1e-60 within 1e-08"):
+        polished(family, x + away * slope / np.linalg.norm(slope))

@@ -15,8 +15,8 @@ from nearharmonic.output.page import filled, short
 from nearharmonic_paper.pages import examples, how_to, methods, targets
 from nearharmonic_paper.pages.filling import rows_of
 from nearharmonic_paper.report.shown import few_colours
-from nearharmonic_studies.crystals import page as of_crystals
-from nearharmonic_studies.samplers.page import page as samplers
+from nearharmonic_studies.crystals import results as of_crystals
+from nearharmonic_studies.samplers.results import page as samplers
 from nearharmonic_studies.trained.page import page as trained
 from nearharmonic_studies.trained.page import training
 from support.results import page_inputs

@@ -1,4 +1,4 @@
-"""Samplers: exact Gaussians, chains, effective samples and gains, against closed forms and other programs."""
+"""Samplers: targets, exact Gaussians, chains, effective samples and gains, against closed forms and other programs."""
 
 from __future__ import annotations
 
@@ -12,23 +12,87 @@ import xarray as xr
 import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.numerics.compiled import Normal
-from nearharmonic_studies.samplers.chains import (
+from nearharmonic_studies.samplers.results import reduction
+from nearharmonic_studies.samplers.run import MADE, Proposals, _squares, methods_of, tuned
+from nearharmonic_studies.samplers.settings import TARGETS, SamplersSettings
+from nearharmonic_studies.samplers.targets import (
+    COUPLING,
+    MASS,
+    REFERENCES,
     Chance,
     chance,
     costs,
     covariances,
+    efficiency,
     enough,
     error_of,
     loop_for,
+    moments,
+    power,
+    quantiles,
+    quartic,
     run,
-    student,
+    spectrum,
+    steps_matrix,
     time_of,
 )
-from nearharmonic_studies.samplers.gaussian import efficiency, moments, power, spectrum, steps_matrix
-from nearharmonic_studies.samplers.reductions import reduction
-from nearharmonic_studies.samplers.search import Proposals, _squares, methods_of
-from nearharmonic_studies.samplers.settings import SamplersSettings
-from nearharmonic_studies.samplers.targets import quantiles, quartic
+
+# --- Targets of samplers: gradients, energies, published references, and chains of another library.
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TARGETS)
+def test_gradients_are_the_derivatives_of_the_potential(name):
+    """Central differences along a random direction: rounding 1e-16 U / h and truncation h^2 of it."""
+    target, random = MADE[name](25), np.random.default_rng(1)
+    q, step, out = (scale * random.normal(size=target.dimension) for scale in (0.5, 1e-5, 1))
+    target.gradient(q, out)
+    unused = np.empty_like(out)
+    slope = (target.gradient(q + step, unused) - target.gradient(q - step, unused)) / 2
+    assert slope == pytest.approx(float(out @ step), rel=1e-6)
+
+
+def energy(q):
+    """U of a lattice by shifted arrays."""
+    field = q.reshape(round(q.size**0.5), -1)
+    squares = sum((np.roll(field, 1, axis) - field) ** 2 for axis in (0, 1))
+    return (squares / 2 + MASS * field**2 / 2 + COUPLING * field**4 / 4).sum()
+
+
+@pytest.mark.slow
+def test_energy_of_the_lattice_is_that_of_shifted_arrays():
+    target, field = MADE["lattice"](36), np.random.default_rng(2).normal(size=36)
+    assert target.gradient(field, np.empty(36)) == pytest.approx(energy(field), rel=1e-13)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", REFERENCES)
+def test_posteriors_have_the_published_means_and_squares(name):
+    """Errors of both add in squares; 5 of them, for at most ten numbers."""
+    target, reference = MADE[name](0), REFERENCES[name]
+    loop, means = loop_for(target), []
+    for k in range(8):
+        warm = run(target, loop, nh.integrators["leapfrog"], 0.2, 1.0, target.start(Normal([8, k])),
+                   chance(Normal([9, k]), 500, target.dimension))  # fmt: skip
+        drawn = chance(Normal([10, k]), 3000, target.dimension)
+        means.append(run(target, loop, nh.integrators["bcss_s4"], 1.0, 2.0, warm.last, drawn).observed.mean(axis=0))
+    published = [*reference.mean.values(), *reference.square.values()]
+    values, errors = np.array(published).T
+    own = np.std(means, axis=0, ddof=1) / 8**0.5
+    assert (np.abs(np.mean(means, axis=0) - values) < 5 * np.hypot(own, errors)).all()
+
+
+@pytest.mark.slow
+def test_tuning_finds_the_least_of_the_grid():
+    """On a posterior of three parameters the smallest step of the grid is never the best."""
+    target, settings = MADE["mesquite"](0), SamplersSettings(points=3, tuning=100, chains=8)
+    starts = [target.start(Normal([3, k])) for k in range(8)]
+    (place,) = tuned(target, loop_for(target), {"leapfrog": nh.integrators["leapfrog"]}, starts, settings).values()
+    assert place.tau > 0.15 / target.highest
+    assert place.length in target.lengths
+
+
+# --- Samplers: exact Gaussians, chains, effective samples and gains, against closed forms and other programs.
 
 #: A quartic target whose coordinates are the same oscillator but for their frequencies.
 QUARTIC = quartic(20)
@@ -65,13 +129,13 @@ def test_gaussian_acceptance_and_jumps_are_those_of_random_proposals():
 def test_gaussian_gradients_are_those_of_a_chain():
     """A chain of the package on the Gaussian, b = 0, at the step and length of the exact result: 5 standard errors."""
     target = quartic(100, strength=0.0)
-    on, tau, length = spectrum(100, 10.0), 0.8, 6.0
-    exact = efficiency(nh.integrators["bcss_s4"], 4 * tau, length, on)
+    on, tau, length = spectrum(100), 0.8, 6.0
+    _, exact = efficiency(nh.integrators["bcss_s4"], 4 * tau, length, on)
     drawn = chance(Normal([1]), 4000, 100)
     start = target.start(Normal([2]))
     chain = run(target, loop_for(target), nh.integrators["bcss_s4"], 4 * tau, length, start, drawn)
     accepted = np.minimum(1, np.exp(-chain.changes))
-    assert abs(chain.acceptance() - exact.acceptance) < 5 * accepted.std() / 4000**0.5 + 2e-3  # nine lengths for all
+    assert abs(chain.acceptance() - exact) < 5 * accepted.std() / 4000**0.5 + 2e-3  # nine lengths for all
 
 
 def autoregressive(random, correlation, shape):
@@ -109,10 +173,6 @@ def test_standard_error_is_the_spread_of_repeated_measurements():
     values = [costs(autoregressive(random, 0.7, (16, 400))[..., None], np.ones(16)) for _ in range(80)]
     spread = np.std([one[0] for one in values])
     assert 0.84 < np.mean([error_of(one) for one in values]) / spread < 1.4
-
-
-def test_student_is_that_of_the_table():
-    assert (student(23), student(15), student(16)) == (2.069, 2.131, 2.131)
 
 
 @pytest.mark.slow

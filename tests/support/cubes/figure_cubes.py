@@ -12,7 +12,7 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.recommendation.measure import Solver, curves_of, dataset_of
 from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.paper.orbits import substeps
-from nearharmonic_studies.trained.contestants import IDEAS
+from nearharmonic_studies.trained.settings import IDEAS
 
 #: Two hollow markers and a filled one.
 METHODS = ("ruth", "aba104", "babps9o7h")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from nearharmonic_studies.sixth_order.criterion import NystromEquations
+from nearharmonic_studies.sixth_order.search import NystromEquations
 
 
 def equations_of(tableau):

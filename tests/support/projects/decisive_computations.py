@@ -27,7 +27,7 @@ from nearharmonic_paper.experiments.stability.kepler_reductions import evaluatio
 from nearharmonic_paper.experiments.stability.rounding_reductions import growth
 from nearharmonic_paper.experiments.stability.run import kepler_apoapsis
 from nearharmonic_studies.trained.problems import NAMED, named_ensemble, orbit_ensemble, random_ensemble
-from nearharmonic_studies.trained.proof_reductions import gains
+from nearharmonic_studies.trained.reductions import gains
 
 COUNT = 2000
 

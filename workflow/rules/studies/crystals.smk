@@ -32,7 +32,7 @@ rule crystals_drift:
         crystal="|".join(_CRYSTALS),
     params:
         task=lambda wildcards: task(
-            "nearharmonic_studies.crystals.drift:drift",
+            "nearharmonic_studies.crystals.run:drift",
             crystal=wildcards.crystal,
             names=DRIFTING,
             settings=CONFIG.crystals,
@@ -47,7 +47,7 @@ rule crystals_averages:
     log:
         LOG("crystals/averages"),
     params:
-        task=task("nearharmonic_studies.crystals.drift:averages", names=AVERAGED, settings=CONFIG.crystals),
+        task=task("nearharmonic_studies.crystals.run:averages", names=AVERAGED, settings=CONFIG.crystals),
     script:
         "../../scripts/task.py"
 
@@ -64,7 +64,7 @@ rule crystals_cube:
         LOG("crystals/cube"),
     params:
         task=task(
-            "nearharmonic_studies.crystals.reductions:reduce",
+            "nearharmonic_studies.crystals.results:reduce",
             names=CONFIG.crystals.methods,
             settings=CONFIG.crystals,
         ),

@@ -13,7 +13,7 @@ rule samplers_search:
         family="|".join(CONFIG.samplers.families),
     params:
         task=lambda wildcards: task(
-            "nearharmonic_studies.samplers.search:train",
+            "nearharmonic_studies.samplers.run:train",
             family=wildcards.family,
             settings=CONFIG.samplers,
         ),
@@ -29,7 +29,7 @@ rule samplers_limits:
     log:
         LOG("samplers/limits"),
     params:
-        task=task("nearharmonic_studies.samplers.search:measure", settings=CONFIG.samplers),
+        task=task("nearharmonic_studies.samplers.run:measure_limits", settings=CONFIG.samplers),
     script:
         "../../scripts/task.py"
 
@@ -75,7 +75,7 @@ rule samplers_cube:
     log:
         LOG("samplers/cube"),
     params:
-        task=task("nearharmonic_studies.samplers.reductions:reduce", settings=CONFIG.samplers),
+        task=task("nearharmonic_studies.samplers.results:reduce", settings=CONFIG.samplers),
     script:
         "../../scripts/task.py"
 

@@ -10,7 +10,7 @@ rule search_sixth_order:
     priority: 2  # two cores are free together only at the start
     threads: 2
     params:
-        task=task("nearharmonic_studies.sixth_order.run:search", settings=CONFIG.beyond, integrators=CONFIG.methods),
+        task=task("nearharmonic_studies.sixth_order.search:search", settings=CONFIG.beyond, integrators=CONFIG.methods),
     script:
         "../../scripts/task.py"
 

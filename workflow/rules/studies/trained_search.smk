@@ -1,6 +1,6 @@
 """Methods trained on near-harmonic systems: the search for each purpose, and the modules that register the methods."""
 
-from nearharmonic_studies.trained.purposes import PURPOSES, trained_before
+from nearharmonic_studies.trained.settings import PURPOSES, trained_before
 
 TRAINED_METHODS = expand(f"{RESULTS}/derived/trained_{{purpose}}.toml", purpose=CONFIG.trained.purposes)
 

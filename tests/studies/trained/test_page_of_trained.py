@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb, to_rgba
 
-from nearharmonic_studies.trained.contestants import IDEAS
-from nearharmonic_studies.trained.figures import (
+from nearharmonic_studies.trained.page import (
     AHEAD,
     BEST,
     GAINED,
@@ -17,6 +16,7 @@ from nearharmonic_studies.trained.figures import (
     trained_gain,
     trained_ideas,
 )
+from nearharmonic_studies.trained.settings import IDEAS
 from support.cubes import figure_cubes as made
 from support.cubes.artists import NO_LINE, look, look_of, pixels, span
 
