@@ -18,7 +18,7 @@ from nearharmonic.errors import RefusedError, SettingError, bad_setting
 from nearharmonic.exchange.method import Method, VelocityCheck, method_for
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.written import is_real
-from nearharmonic.output.dataset import assembled, described
+from nearharmonic.output.store import assembled, described
 from nearharmonic.recommendation.step_search import fewest_steps
 
 if TYPE_CHECKING:

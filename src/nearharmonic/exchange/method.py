@@ -16,10 +16,9 @@ import numpy as np
 
 from nearharmonic import __version__
 from nearharmonic.errors import SettingError, bad_setting
-from nearharmonic.exact.step import Step, composed
+from nearharmonic.exact.words import Step, composed
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.composition import Composition, OneStepMethod
-from nearharmonic.integrators.tableau import First, Row, Tableau
+from nearharmonic.integrators.tableau import Composition, First, OneStepMethod, Row, Tableau
 
 # --- The method of another library: kicks and drifts in double precision.
 

@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 
 from nearharmonic.errors import TableauError, bad_setting
 from nearharmonic.exact.lie import conditions, lyndon_words
-from nearharmonic.exact.step import oscillator_errors
-from nearharmonic.exact.words import logarithm, words
+from nearharmonic.exact.words import logarithm, oscillator_errors, words
 from nearharmonic.integrators.tableau import HIGHEST_ORDER, First, Tableau
 from nearharmonic.numerics.written import is_real
 from nearharmonic.theory.order_conditions import errors_of, highest_of, proved_order, step_of, tolerance, weighted

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.theory.symmetric import ConditionedSteps
+from nearharmonic.theory.order_conditions import ConditionedSteps
 
 #: Accepted harmonic orders.
 HARMONIC_ORDERS = range(4, 9)

@@ -14,11 +14,10 @@ from mpmath import mp, mpf, nstr
 from numpy.typing import NDArray
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.exact.decimals import BigFloat, fixed_point
-from nearharmonic.exact.newton import newton
+from nearharmonic.exact.polynomials import BigFloat, fixed_point, newton
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.theory.symmetric import ConditionedSteps
+from nearharmonic.theory.order_conditions import ConditionedSteps
 from nearharmonic.training.family import Family
 from nearharmonic.training.population import Ensemble, Population, mean_log
 

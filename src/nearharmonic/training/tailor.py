@@ -17,8 +17,8 @@ from nearharmonic.errors import warn_caller
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.systems.system import System
-from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import harmonic_order
+from nearharmonic.theory.oscillator import stability_limit
 from nearharmonic.training.objective import errors_of, mean_errors, tableau_of
 from nearharmonic.training.population import LEAST, Ensemble
 from nearharmonic.training.published import palindrome_lines, published

@@ -14,8 +14,7 @@ import xarray as xr
 from nearharmonic.integrators import integrators
 from nearharmonic.math import log
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.output.dataset import coordinate, described
-from nearharmonic.output.store import read
+from nearharmonic.output.store import coordinate, described, read
 from nearharmonic.output.table import Table
 from nearharmonic_paper.tasks.reduction import Reductions
 from nearharmonic_studies.crystals.settings import TRAINED_ON_CRYSTALS, CrystalsSettings

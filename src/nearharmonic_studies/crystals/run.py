@@ -11,7 +11,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.compiled import Normal
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.output.dataset import Contents, coordinate, variable
+from nearharmonic.output.store import Contents, coordinate, variable
 from nearharmonic_studies.crystals.dynamics import Loops, equilibrated, loops_for
 from nearharmonic_studies.crystals.settings import TRAINED_ON_CRYSTALS, CrystalsSettings
 from nearharmonic_studies.crystals.solids import Solid, argon, chain, copper, silicon

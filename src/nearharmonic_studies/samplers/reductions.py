@@ -11,8 +11,7 @@ import xarray as xr
 
 from nearharmonic.math import exp
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.output.dataset import coordinate, described
-from nearharmonic.output.store import read
+from nearharmonic.output.store import coordinate, described, read
 from nearharmonic.output.table import Table
 from nearharmonic_paper.tasks.reduction import Reductions
 from nearharmonic_studies.samplers.chains import error_of, student

@@ -11,8 +11,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import exp, log
 from nearharmonic.numerics.compiled import Normal
-from nearharmonic.output.dataset import Contents, coordinate, method_coordinates, variable
-from nearharmonic.output.store import read
+from nearharmonic.output.store import Contents, coordinate, method_coordinates, read, variable
 from nearharmonic_studies.samplers.chains import LEAPFROG, Chance, chance, costs, error_of, loop_for, run
 from nearharmonic_studies.samplers.gaussian import best, spectrum
 from nearharmonic_studies.samplers.search import methods_of

@@ -13,9 +13,8 @@ from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.math import erf, exp, log
 from nearharmonic.numerics.compiled import compiled
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.output.dataset import Contents, coordinate, variable
-from nearharmonic.output.store import read
-from nearharmonic.theory.symmetric import SymmetricSteps
+from nearharmonic.output.store import Contents, coordinate, read, variable
+from nearharmonic.theory.order_conditions import SymmetricSteps
 from nearharmonic.training.objective import OUTSIDE, SLOPE
 from nearharmonic.training.search import Effort, Found, Start
 from nearharmonic.training.searcher import Searcher

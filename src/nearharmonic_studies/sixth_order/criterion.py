@@ -33,7 +33,7 @@ import numpy.typing as npt
 from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.exact.words import LETTERS
 from nearharmonic.integrators.tableau import First
-from nearharmonic.theory.symmetric import ConditionedSteps, Equation, alternating
+from nearharmonic.theory.order_conditions import ConditionedSteps, Equation, alternating
 
 # --- Equations of symmetric integrators of Nystrom order six with a harmonic order, which are linear in word sums.
 #

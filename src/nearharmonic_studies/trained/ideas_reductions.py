@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from nearharmonic.output.dataset import coordinate, described
-from nearharmonic.output.store import read
+from nearharmonic.output.store import coordinate, described, read
 from nearharmonic.output.table import Table
 from nearharmonic.training.published import TRAINED
 from nearharmonic_paper.tasks.reduction import Reductions

@@ -15,8 +15,7 @@ import xarray as xr
 
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.statistics import student_975
-from nearharmonic.output.dataset import described
-from nearharmonic.output.store import read
+from nearharmonic.output.store import described, read
 from nearharmonic.output.table import Table
 from nearharmonic_paper.tasks.reduction import Reductions
 from nearharmonic_studies.trained.proof_settings import ProofSettings

@@ -10,10 +10,9 @@ from typing import Any
 
 from nearharmonic.integrators import integrators as registered
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.page import pipes
-from nearharmonic.theory.linear_stability import stability_limit
+from nearharmonic.output.table import pipes
 from nearharmonic.theory.order import harmonic_order, nystrom_order_of, order_of
-from nearharmonic.theory.oscillator import shifted_kicks
+from nearharmonic.theory.oscillator import shifted_kicks, stability_limit
 from nearharmonic_paper.pages.filling import MINUS, Row, fills, label, rows_of, signed, table, tables_of
 from nearharmonic_studies.trained.purposes import PURPOSES
 

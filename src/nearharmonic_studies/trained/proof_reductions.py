@@ -13,8 +13,7 @@ import numpy as np
 import xarray as xr
 
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.output.dataset import described
-from nearharmonic.output.store import read
+from nearharmonic.output.store import described, read
 from nearharmonic.output.table import Table
 from nearharmonic_paper.tasks.reduction import Reductions
 from nearharmonic_studies.trained.proof_settings import ProofSettings

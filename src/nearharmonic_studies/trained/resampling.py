@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.output.dataset import bounds_coordinate, coordinate
+from nearharmonic.output.store import bounds_coordinate, coordinate
 
 #: Number of resamples of the problems, and coverage of an interval.
 RESAMPLES, CONFIDENCE = 1000, 0.95

@@ -16,7 +16,7 @@ from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Floats, geometric, log10
-from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable
+from nearharmonic.output.store import Contents, Variables, coordinate, method_coordinates, variable
 from nearharmonic.training.objective import errors_of
 from nearharmonic.training.population import LANES, LEAST, Ensemble
 from nearharmonic_studies.trained.contestants import idea_of, kind_of

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import inf, mp, mpf, sqrt
 
-from nearharmonic.exact.decimals import as_fraction, as_mpf, decimals_in_common, fixed_point, significant
+from nearharmonic.exact.polynomials import as_fraction, as_mpf, decimals_in_common, fixed_point, significant
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from fractions import Fraction
 import pytest
 from mpmath import mp, mpf, sqrt
 
-from nearharmonic.exact.newton import newton, prove, rank_and_pivots
+from nearharmonic.exact.polynomials import newton, prove, rank_and_pivots
 
 
 def circle_and_line(x):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.exchange.export import export
+from nearharmonic.exchange.files import export
 from support.projects.exported_programs import array, check, unwrapped
 
 #: Kick first and drift first, with and without a harmonic order, and two that require a quadratic kinetic energy.

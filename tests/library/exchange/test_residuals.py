@@ -11,7 +11,7 @@ import pytest
 from mpmath import diff, expm, log, matrix, mp, mpf, taylor
 
 from nearharmonic.exchange import proof as residuals
-from nearharmonic.exchange.coefficient_file import CoefficientFile
+from nearharmonic.exchange.files import CoefficientFile
 from nearharmonic.exchange.method import Printed, digits_of, step_of
 from nearharmonic.exchange.verdict import OscillatorStep, Verdict
 from nearharmonic.integrators import plain_integrators as integrators

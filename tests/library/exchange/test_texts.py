@@ -14,7 +14,7 @@ import pytest
 from nearharmonic import Tableau, integrators
 from nearharmonic.errors import SettingError
 from nearharmonic.exchange import TARGETS
-from nearharmonic.exchange.export import export
+from nearharmonic.exchange.files import export
 from nearharmonic.exchange.method import comment, identifier
 from support.methods.ten_methods import EVERY_METHOD
 from support.oracles.word_series import operators_of

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 import nearharmonic as nh
-from nearharmonic.output.dataset import assembled, coordinate, variable
+from nearharmonic.output.store import assembled, coordinate, variable
 
 VARIABLES = {
     "error": variable("x", np.array([1e-3, np.inf, np.nan]), "relative error"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.output.page import filled, pipes
+from nearharmonic.output.table import filled, pipes
 
 
 @pytest.mark.parametrize(

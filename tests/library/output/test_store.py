@@ -15,8 +15,7 @@ import xarray as xr
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output import store
 from nearharmonic.output import store as writer
-from nearharmonic.output.dataset import Contents, flags
-from nearharmonic.output.store import name_of
+from nearharmonic.output.store import Contents, flags, name_of
 from nearharmonic_paper.tasks import job
 from support.hostile.mutations import FOREIGN, make_foreign
 from support.results.result_folder import edited

@@ -9,9 +9,8 @@ import unicodedata
 
 import pytest
 
-from nearharmonic.output.answers import FORMATS, Answer, printed
 from nearharmonic.output.store import command_for
-from nearharmonic.output.table import Table, in_one_line, printable
+from nearharmonic.output.table import FORMATS, Answer, Table, in_one_line, printable, printed
 
 HARMFUL = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 #: Format characters of scripts, such as Arabic and Kaithi, stay as well.

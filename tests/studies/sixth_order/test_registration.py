@@ -10,8 +10,8 @@ from mpmath import matrix, mp, mpf, sqrt
 
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.nearharmonic_2026 import TABLEAUS
-from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import error_norm
+from nearharmonic.theory.oscillator import stability_limit
 from nearharmonic.training.objective import NotConvergedError, polished, tableau_of
 from nearharmonic_studies.sixth_order.cascade import candidates_of, short_decimals
 from nearharmonic_studies.sixth_order.criterion import TAU_PER_STAGE, NystromEquations

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import nearharmonic as nh
-from nearharmonic.output.dataset import assembled
+from nearharmonic.output.store import assembled
 from nearharmonic_paper.tasks import job
 from nearharmonic_studies.trained import run as proof
 from nearharmonic_studies.trained import times

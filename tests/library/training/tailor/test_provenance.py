@@ -8,7 +8,7 @@ from fractions import Fraction
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.integrators.user_file import load_tableaus
+from nearharmonic.integrators import load_tableaus
 from nearharmonic.training.tailor import file_text
 
 
