@@ -235,7 +235,7 @@ def conditions(degree: int, *, quadratic: bool, potential_degree: int | None = N
     to_basis = _to_basis(degree)
     if potential_degree is None:
         vanishing = [_on_lyndon_words(x, degree) for x in _ideal(degree)] if quadratic else []
-        normals = _orthogonal_complement([[_dot(row, x) for row in to_basis] for x in vanishing], len(to_basis))
+        normals = _orthogonal([[_dot(row, x) for row in to_basis] for x in vanishing], _units(len(to_basis)))
     else:
         elements = [hamiltonian(word) for word in lyndon_words(degree)]
         normals = _orthogonal([], surviving_rows(elements, potential_degree))
@@ -313,11 +313,6 @@ def _independent(candidates: Sequence[Element], degree: int) -> list[Element]:
             echelon.append((lead, row))
             chosen.append(x)
     return chosen
-
-
-def _orthogonal_complement(vectors: Sequence[Components], size: int) -> list[Components]:
-    """Orthogonal vectors that span the orthogonal complement of independent ``vectors``."""
-    return _orthogonal(vectors, _units(size)) if vectors else _units(size)
 
 
 def _orthogonal(before: Sequence[Components], vectors: Iterable[Components]) -> list[Components]:

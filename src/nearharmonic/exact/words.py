@@ -192,10 +192,10 @@ def word_sums(step: Sequence[Factor], needed: Iterable[str]) -> dict[str, Any]:
     The numbers of its F factors, from left to right, are rational, floats, arrays of one shape, or mpmath numbers.
     """
     if not is_exact(step):
-        return _last(_sums(step, tuple(needed)))
+        return {word: sums[-1] for word, sums in _sums(step, tuple(needed)).items()}
     integers, unit = scaled(step)
-    found = _last(_sums(integers, tuple(needed), integers=True))
-    return {word: Fraction(x, factorial(len(word)) * unit ** len(word)) for word, x in found.items()}
+    found = _sums(integers, tuple(needed), integers=True)
+    return {word: Fraction(sums[-1], factorial(len(word)) * unit ** len(word)) for word, sums in found.items()}
 
 
 def word_slopes(step: Sequence[Factor], needed: Iterable[str]) -> tuple[dict[str, Any], dict[str, Array]]:
@@ -216,8 +216,9 @@ def word_slopes(step: Sequence[Factor], needed: Iterable[str]) -> tuple[dict[str
         slopes[word] = np.zeros_like(front[""])
         for operator, rows in places.items():
             if cuts := _cuts(word, operator):
-                slopes[word][rows] = _total(_times(weight, front[u]) * others[v] for weight, u, v in cuts)[rows]
-    return _last(before), slopes
+                parts = (_times(weight, front[u]) * others[v] for weight, u, v in cuts)
+                slopes[word][rows] = reduce(add, parts)[rows]
+    return {word: sums[-1] for word, sums in before.items()}, slopes
 
 
 def logarithm(step: Sequence[Factor], wanted: Iterable[str]) -> dict[str, Any]:
@@ -230,9 +231,8 @@ def logarithm(step: Sequence[Factor], wanted: Iterable[str]) -> dict[str, Any]:
     targets, unit, exact = tuple(wanted), 1, is_exact(step)
     if exact:
         step, unit = scaled(step)
-    X = _last(_sums(step, _parts(targets), integers=exact))
-    if not exact:
-        X = _times_factorials(X)
+    X = {word: sums[-1] for word, sums in _sums(step, _parts(targets), integers=exact).items()}
+    X = X if exact else _times_factorials(X)
     common, brackets = _brackets(X, targets)
     scale = [common * factorial(n) * unit**n for n in range(len(brackets) + 1)]
     found = {word: _convolution(X, brackets[-1], splits) for word, splits in _ends(targets)}
@@ -256,11 +256,6 @@ def logarithm_slopes(step: Sequence[Factor], wanted: Iterable[str]) -> dict[str,
             if len(word) <= n
         }
     return {word: slopes[word] / (common * factorial(len(word))) for word in targets}
-
-
-def _last(found: Mapping[str, Array]) -> dict[str, Any]:
-    """The coefficients in the product of all factors."""
-    return {word: sums[-1] for word, sums in found.items()}
 
 
 def _times_factorials(found: Mapping[str, Any]) -> dict[str, Any]:
@@ -292,17 +287,13 @@ def _sums(step: Sequence[Factor], needed: tuple[str, ...], *, integers: bool = F
     for word, terms in plan:
         found[word] = start.copy()
         if terms:
-            added = _total(_times(a, powers[name][k - 1]) * found[front][:-1] for name, k, a, front in terms)
+            added = reduce(add, (_times(a, powers[name][k - 1]) * found[front][:-1] for name, k, a, front in terms))
             added.cumsum(axis=0, out=found[word][1:])
     return found
 
 
 def _times(weight: int, array: Array) -> Array:
     return array if weight == 1 else weight * array
-
-
-def _total(arrays: Iterable[Array]) -> Array:
-    return reduce(add, arrays)
 
 
 @lru_cache(maxsize=64)

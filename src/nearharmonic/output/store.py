@@ -78,19 +78,11 @@ def method_coordinates(tableaus: Iterable[Tableau]) -> Variables:
 
 def counted(variables: Variables) -> Variables:
     """Return a coordinate 0, 1, 2, ... for each dimension of ``variables`` that has none."""
-    return {name: _count(name, size) for name, size in _uncounted(variables).items()}
-
-
-def _uncounted(variables: Variables) -> dict[str, int]:
-    """Return the sizes of the dimensions that have no coordinate."""
     sizes: dict[str, int] = {}
     for dims, values, _ in variables.values():
         sizes |= zip(dims, np.shape(values), strict=True)
-    return {name: size for name, size in sizes.items() if name not in variables}
-
-
-def _count(name: str, size: int) -> Variable:
-    return variable(name, np.arange(size), COUNTED.get(name, f"number of the {name.replace('_', ' ')}"))
+    meanings = {name: COUNTED.get(name, f"number of the {name.replace('_', ' ')}") for name in sizes}
+    return {n: variable(n, np.arange(size), meanings[n]) for n, size in sizes.items() if n not in variables}
 
 
 def flags(dimensions: str | tuple[str, ...], words: Any, meanings: Sequence[str], long_name: str) -> Variable:
@@ -120,30 +112,27 @@ def assembled(variables: Variables, coordinates: Collection[str], attributes: Ma
     """
     import xarray as xr
 
-    counts = _uncounted(variables)
     if not any(dims == (name,) for name, (dims, _, _) in variables.items()):
         auxiliary = tuple(name for name in variables if name in coordinates)
-        layout = tuple(
-            (name, dims, np.shape(values), *notes.items()) for name, (dims, values, notes) in variables.items()
-        )
-        template = _template(layout, auxiliary, tuple(counts.items()))
+        layout = tuple((name, one[0], np.shape(one[1]), *one[2].items()) for name, one in variables.items())
+        template = _template(layout, auxiliary)
         dataset = template.copy(data={name: one[1] for name, one in variables.items() if name not in auxiliary})
         for name in auxiliary:
             dataset[name].data = np.asarray(variables[name][1])
         dataset.attrs = dict(attributes)
         return dataset
-    axes = {name: _count(name, size) for name, size in counts.items()}
-    axes |= {name: one for name, one in variables.items() if name in coordinates or one[0] == (name,)}
-    return xr.Dataset({name: one for name, one in variables.items() if name not in axes}, axes, attributes)
+    axes = {name: one for name, one in variables.items() if name in coordinates or one[0] == (name,)}
+    rest = {name: one for name, one in variables.items() if name not in axes}
+    return xr.Dataset(rest, counted(variables) | axes, attributes)
 
 
 @lru_cache(maxsize=64)
-def _template(layout: tuple[Any, ...], auxiliary: tuple[str, ...], counts: tuple[tuple[str, int], ...]) -> xr.Dataset:
+def _template(layout: tuple[Any, ...], auxiliary: tuple[str, ...]) -> xr.Dataset:
     """Return a dataset of zeros with the coordinates 0, 1, 2, ...; xarray takes longer to make it than a short run."""
     import xarray as xr
 
-    zeros = {name: (dims, np.broadcast_to(0.0, shape), dict(notes)) for name, dims, shape, *notes in layout}
-    axes = {name: _count(name, size) for name, size in counts} | {name: zeros.pop(name) for name in auxiliary}
+    zeros: Variables = {name: (dims, np.broadcast_to(0.0, shape), dict(notes)) for name, dims, shape, *notes in layout}
+    axes = counted(zeros) | {name: zeros.pop(name) for name in auxiliary}
     return xr.Dataset(zeros, axes)
 
 
@@ -206,30 +195,17 @@ def command_for(path: str | os.PathLike[str]) -> str:
 
 
 def workflow_command(path: str | os.PathLike[str]) -> str:
-    """Return the command that updates the results of a file, with their config."""
+    """Return the command that updates the results of a file, with their recorded configs, or that of their name."""
     parts = Path(path).parts
     if "results" not in parts[:-1]:
         return "snakemake -j2"
-    end = parts.index("results") + 2
-    configs = _configs_of(Path(*parts[:end]))
-    return (
-        "snakemake -j2"
-        if configs == [DEFAULT_CONFIG]
-        else f"snakemake -j2 --configfile {' '.join(map(quote, configs))}"
-    )
-
-
-def _configs_of(folder: Path) -> list[str]:
-    """Return the config files of the results in ``folder``, or that of their name if they are unknown."""
+    folder = Path(*parts[: parts.index("results") + 2])
     try:
-        said = json.loads(read_text(folder / "manifest.json"))["configfiles"]
-        return usable_configs(said, folder) or [_guess(folder)]
+        configs = usable_configs(json.loads(read_text(folder / "manifest.json"))["configfiles"], folder)
     except (OSError, ValueError, LookupError, TypeError, RecursionError):
-        return [_guess(folder)]
-
-
-def _guess(folder: Path) -> str:
-    return DEFAULT_CONFIG if folder.name == "paper" else f"config/{folder.name}.yaml"
+        configs = []
+    configs = configs or [DEFAULT_CONFIG if folder.name == "paper" else f"config/{folder.name}.yaml"]
+    return "snakemake -j2" + ("" if configs == [DEFAULT_CONFIG] else f" --configfile {' '.join(map(quote, configs))}")
 
 
 def usable_configs(recorded: object, folder: Path) -> list[str]:
@@ -260,27 +236,19 @@ SEALED = len(SEAL) + 2 * sha256().digest_size + len(b"\n")
 PIECE = 2**20
 
 
-def seal(content: BytesIO) -> None:
-    """Append the last line to the bytes of a file."""
-    content.seek(0, os.SEEK_END)
-    content.write(_line(sha256(content.getbuffer()).hexdigest()))
-
-
 def complaint(path: Path) -> str:
     """Return the reason why a file must not be opened, empty if there is none, without the HDF5 library."""
     try:
         with opened(path) as file:
             signed = file.read(len(SIGNATURE)) == SIGNATURE
             size = file.seek(0, os.SEEK_END) - SEALED
-            if size < 0 or not signed:
-                return "is truncated or no result file"
-            digest = digest_of_first(file, size)
+            digest = digest_of_first(file, max(0, size))
             last = file.read()
     except OSError as error:
         return "does not exist" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
-    if not last.startswith(SEAL):
+    if not (signed and last.startswith(SEAL)):
         return "is truncated or no result file"
-    return "" if last == _line(digest) else "is damaged: its bytes are not those that were written"
+    return "" if last == _seal(digest) else "is damaged: its bytes are not those that were written"
 
 
 def digest_of_first(file: BinaryIO, size: int) -> str:
@@ -300,7 +268,7 @@ def sealed_digest(path: str | os.PathLike[str]) -> str:
     return last[len(SEAL) : -1].decode() if last.startswith(SEAL) and len(last) == SEALED else ""
 
 
-def _line(digest: str) -> bytes:
+def _seal(digest: str) -> bytes:
     return SEAL + digest.encode() + b"\n"
 
 
@@ -453,11 +421,10 @@ def claimed_attributes(path: str | os.PathLike[str]) -> dict[str, Any]:
 def groups_of(path: str | os.PathLike[str]) -> tuple[str, ...]:
     """Return the names of the groups below the root of ``path``; errors are those of :func:`checked`."""
     with checked(path) as file:
-        return groups_in(file)
+        return _groups_in(file)
 
 
-def groups_in(file: Any) -> tuple[str, ...]:
-    """Return the names of the groups of an open file."""
+def _groups_in(file: Any) -> tuple[str, ...]:
     import h5py
 
     return tuple(name for name in file if file.get(name, getclass=True) is h5py.Group)
@@ -477,7 +444,7 @@ def read(path: str | os.PathLike[str], group: str | None = None, *, leave_out: C
     there.
     """
     with checked(path) as file:
-        if group is not None and group not in groups_in(file):
+        if group is not None and group not in _groups_in(file):
             raise unusable(path, f"has no readable group {group!r}")
         return _dataset(file, file if group is None else file[group], leave_out)
 
@@ -488,7 +455,7 @@ def read_precisions(path: str | os.PathLike[str], *, leave_out: Collection[str] 
     Errors are those of :func:`read`.
     """
     with checked(path) as file:
-        groups = {"double": file} | {name: file[name] for name in groups_in(file)}
+        groups = {"double": file} | {name: file[name] for name in _groups_in(file)}
         found = {precision: _dataset(file, group, leave_out) for precision, group in groups.items()}
     # The root of a file without runs in double precision is empty.
     return {precision: runs for precision, runs in found.items() if runs.data_vars}
@@ -555,7 +522,8 @@ def write(
         file.attrs.update({key: value for key, value in named.items() if key != NAME_KEY or value})
         for group, members in ((file, variables), *((file.create_group(n), m) for n, m in (groups or {}).items())):
             _fill(group, members, [name for name in coordinates if name in members])
-    seal(content)
+    content.seek(0, os.SEEK_END)
+    content.write(_seal(sha256(content.getbuffer()).hexdigest()))
     # Python 3.12 and newer print an error at exit if a view that the traceback of an error keeps is not released.
     with content.getbuffer() as written:
         write_bytes(path, written)
@@ -578,13 +546,15 @@ def _fill(group: Any, given: Variables, coordinates: Collection[str]) -> None:
         if FLAG_MEANINGS in notes:
             values, notes = _flags(name, values, notes)
         if values.dtype.kind in "UO":
-            made = group.create_variable(name, dims, dtype=h5py.string_dtype())
-            values = values.astype(object)
+            values, kind, filters = values.astype(object), h5py.string_dtype(), {}
         else:
-            made = group.create_variable(name, dims, dtype=values.dtype, **_filters(values))
+            kind, filters = values.dtype, _filters(values)
+        made = group.create_variable(name, dims, dtype=kind, **filters)
         made[...] = values
-        along = " ".join(_coordinates_of(name, dims, variables, coordinates))
-        made.attrs.update({**notes, **({"coordinates": along} if along else {})})
+        if name not in coordinates and name not in dims:
+            along = [other for other in coordinates if set(variables[other][0]) <= set(dims)]
+            notes |= {"coordinates": " ".join(along)} if along else {}
+        made.attrs.update(notes)
 
 
 def _checked_sizes(variables: Variables, arrays: Mapping[str, np.ndarray]) -> dict[str, int]:
@@ -598,16 +568,6 @@ def _checked_sizes(variables: Variables, arrays: Mapping[str, np.ndarray]) -> di
             message = f"variable {name!r} of shape {shape} does not fit its dimensions {dims}, of lengths {sizes}"
             raise NearharmonicError(message)
     return sizes
-
-
-def _coordinates_of(
-    name: str, dims: tuple[str, ...], variables: Variables, coordinates: Collection[str]
-) -> Iterator[str]:
-    """Yield the names of the auxiliary coordinates whose dimensions a variable has."""
-    if name not in coordinates and name not in dims:
-        for other in coordinates:
-            if set(variables[other][0]) <= set(dims):
-                yield other
 
 
 def _flags(name: str, values: np.ndarray, notes: dict[str, Any]) -> tuple[np.ndarray, dict[str, Any]]:

@@ -24,11 +24,9 @@ from math import ceil, factorial, lcm
 from typing import Any
 
 import numpy as np
-from mpmath import mpf
 from numpy.typing import NDArray
 
 from nearharmonic.exact.lie import conditions, logarithm_weights, lyndon_words
-from nearharmonic.exact.polynomials import as_mpf
 from nearharmonic.exact.words import LETTERS, Factor, Step, composed, logarithm, word_slopes, word_sums
 from nearharmonic.integrators.tableau import Composition, First, Tableau
 from nearharmonic.numerics.portable import Floats
@@ -255,6 +253,10 @@ class ConditionedSteps(SymmetricSteps):
 
     def _weighted(self, x: Sequence[Any] | Floats, of_words: dict[str, Any], constant: int) -> list[Any]:
         """Return the weighted sum of each equation, minus its required value if ``constant`` is 1."""
+        from mpmath import mpf  # here, because it is slow to load
+
+        from nearharmonic.exact.polynomials import as_mpf
+
         number = as_mpf if isinstance(x[0], mpf) else float
         return [
             sum(number(w) * of_words[word] for word, w in left.items()) - constant * number(right)
