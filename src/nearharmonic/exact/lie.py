@@ -92,14 +92,6 @@ def poisson_bracket(f: Hamiltonian, g: Hamiltonian) -> Hamiltonian:
     return {tree: count for tree, count in found.items() if count}
 
 
-def highest_derivative(tree: Tree | None) -> int:
-    """Return the highest order of the derivatives of V in a tree; 0 for the kinetic energy."""
-    if tree is None:
-        return 0
-    momenta, neighbours = _graph(tree)
-    return max(m + len(around) for m, around in zip(momenta, neighbours, strict=True))
-
-
 @cache
 def _contracted(x: Tree | None, y: Tree | None) -> Mapping[Tree, int]:
     """Return sum_i dx/dq_i dy/dp_i: each vertex of x gains an edge to each momentum of y."""
@@ -151,7 +143,9 @@ def surviving_rows(elements: Sequence[Hamiltonian], potential_degree: int) -> It
     """Yield the coefficients of each tree in the ``elements``, for trees that do not vanish for V of this degree."""
     trees = dict.fromkeys(tree for one in elements for tree in one)
     for tree in trees:
-        if highest_derivative(tree) <= potential_degree:
+        # The order of a derivative of V is the number of momenta and edges of its vertex.
+        vertices = [] if tree is None else zip(*_graph(tree), strict=True)
+        if all(momenta + len(around) <= potential_degree for momenta, around in vertices):
             yield [one.get(tree, 0) for one in elements]
 
 

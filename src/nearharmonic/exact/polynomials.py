@@ -469,8 +469,8 @@ class Quotient:
 
     def coordinate(self, i: int) -> SparseVector:
         """y_(i+1)."""
-        monomial = tuple(int(j == i) for j in range(len(self._monomials[0])))
-        return self._normal({self._index[monomial]: Fraction(1)})
+        (monomial,) = variable(i, len(self._monomials[0]))
+        return _reduced({self._index[monomial]: Fraction(1)}, self._pivots)
 
     def times_first(self, vector: SparseVector) -> SparseVector:
         """y_1 times ``vector``."""
@@ -478,10 +478,7 @@ class Quotient:
         for i, c in vector.items():
             first, *others = self._monomials[i]
             moved[self._index[first + 1, *others]] = c
-        return self._normal(moved)
-
-    def _normal(self, vector: SparseVector) -> SparseVector:
-        return _reduced(vector, self._pivots)
+        return _reduced(moved, self._pivots)
 
 
 def _keep(row: SparseVector, rows: dict[int, SparseVector]) -> None:

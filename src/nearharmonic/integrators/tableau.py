@@ -492,7 +492,3 @@ class Tableau(Composition):
             rows = given.first, *given.kick, *given.drift, *given.square
             found = sha256(f"{found} {' '.join(rows)}".encode()).hexdigest()
         return found
-
-
-#: Other names of the type, for methods with squares and for methods with a processor.
-ModifiedTableau = ProcessedTableau = Tableau
