@@ -169,15 +169,6 @@ def name_of(path: str | os.PathLike[str]) -> str:
     return "" if start is None else "/".join(parts[start:])
 
 
-def misplaced(path: str | os.PathLike[str], said: Any) -> str:
-    """Return the complaint about a file at ``path`` that states the name of another one, ``said``, or an empty text.
-
-    Outside of a folder of results a file may have any name, and one that states none may have any name everywhere.
-    """
-    name = name_of(path)
-    return f"says it is {said}" if name and said not in {None, name} else ""
-
-
 # --- Commands that make a result file again, for messages about a file that is missing or damaged.
 
 #: Config of ``snakemake`` without ``--configfile``.
@@ -304,7 +295,9 @@ def checked(path: Any) -> Iterator[Any]:
     with _opened(path) as file:
         if str(file.attrs.get(FORMAT_KEY)) != FORMAT:
             fault = f"has another format (attribute {FORMAT_KEY} is not {FORMAT!r})"
-        if fault := fault or misplaced(path, file.attrs.get(NAME_KEY)) or _foreign_in(file):
+        elif (said := file.attrs.get(NAME_KEY)) not in {None, name_of(path) or said}:  # elsewhere any name will do
+            fault = f"says it is {said}"
+        if fault := fault or _foreign_in(file):
             raise unusable(path, fault)
         yield file
 
