@@ -123,9 +123,7 @@ class Splitting(MolecularDynamics):  # type: ignore[misc]  # ASE has no types
         check_constraints(atoms)
         masses = masses_of(atoms)
         self._compare_forces(masses)
-        for move in self.method.moves:
-            if move.coefficient == 0:  # a kick would evaluate a force for nothing
-                continue
+        for move in self.method.flows:
             length = move.coefficient * self.dt
             if move.flow == "kick":
                 atoms.set_momenta(atoms.get_momenta() + length * atoms.get_forces(md=True))

@@ -95,7 +95,7 @@ def integrator(
     if bath is not None:
         _declare(made, *bath, "dt" if chosen.stages == 1 else "dt/2")
     made.addUpdateContextState()
-    parts = [chosen.moves] if bath is None else _parts(chosen)
+    parts = [chosen.flows] if bath is None else _parts(chosen)
     for i, moves in enumerate(parts):
         if i > 0:
             made.addComputePerDof("v", "kept*v + noise*sqrt(kT/m)*gaussian")
@@ -110,7 +110,7 @@ def integrator(
 def _parts(chosen: Method) -> list[Sequence[Move]]:
     """Return the moves between the flows of the heat bath."""
     if chosen.stages > 1:
-        return [[], chosen.moves, []]
+        return [[], chosen.flows, []]
     first, middle, last = chosen.moves
     half = Move(middle.flow, middle.coefficient / 2)
     return [[first, half], [half, last]]
@@ -118,8 +118,6 @@ def _parts(chosen: Method) -> list[Sequence[Move]]:
 
 def _add(made: openmm.CustomIntegrator, moves: Sequence[Move]) -> None:
     for move in moves:
-        if move.coefficient == 0:  # a step of no length would divide by zero below
-            continue
         length = f"({move.coefficient!r}*dt)"
         if move.flow == "kick":
             made.addComputePerDof("v", f"v + {length}*f/m")
