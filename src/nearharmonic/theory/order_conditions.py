@@ -31,8 +31,6 @@ from nearharmonic.exact.words import LETTERS, Factor, Step, composed, logarithm,
 from nearharmonic.integrators.tableau import Composition, First, Tableau
 from nearharmonic.numerics.portable import Floats
 
-#: Order up to which methods are examined by default; the number of words doubles with each order.
-HIGHEST = 8
 #: Order up to which methods are examined if they declare it.
 HIGHEST_DECLARED = 10
 
@@ -54,11 +52,6 @@ def _size(tableau: Tableau) -> Fraction:
     step = step_of(tableau)
     plain, squares = (sum((abs(c) for x, c in step if x in letters), Fraction(0)) for letters in ("AB", "C"))
     return plain + Fraction(ceil(1000 * float(160 * squares) ** (1 / 3)), 1000)
-
-
-def highest_of(tableau: Tableau) -> int:
-    """Return the default order up to which a tableau is examined."""
-    return max(HIGHEST, min(tableau.order, HIGHEST_DECLARED))
 
 
 def step_of(tableau: Tableau) -> Step:
