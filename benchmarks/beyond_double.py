@@ -16,7 +16,7 @@ from timing import asked, short, shortest, show
 
 import nearharmonic as nh
 from nearharmonic.numerics.clock import processor
-from nearharmonic.output.page import pipes
+from nearharmonic.output.table import pipes
 from nearharmonic_paper.pages.filling import power
 
 PAGE = "docs/results/timings.md"

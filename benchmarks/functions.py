@@ -27,7 +27,7 @@ from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import integrators
 from nearharmonic.math import cos, sin
 from nearharmonic.numerics.clock import processor
-from nearharmonic.output.page import pipes
+from nearharmonic.output.table import pipes
 from nearharmonic.systems import System
 
 PAGE = "docs/how_to/formulas.md"

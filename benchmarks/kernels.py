@@ -26,7 +26,7 @@ from nearharmonic.engine.numbers import moves, parameter_row, start_row
 from nearharmonic.engine.settings import Numerics, steps_of
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.numerics.clock import processor
-from nearharmonic.output.page import pipes
+from nearharmonic.output.table import pipes
 
 PAGE = "docs/results/timings.md"
 METHOD = "aba864"

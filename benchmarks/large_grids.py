@@ -16,7 +16,7 @@ from pathlib import Path
 from timing import asked, show
 
 from nearharmonic.numerics.clock import processor
-from nearharmonic.output.page import pipes
+from nearharmonic.output.table import pipes
 
 PAGE = "docs/how_to/large_grids.md"
 ROOT = Path(__file__).parents[1]

@@ -20,7 +20,7 @@ from timing import asked, compiled, short, shortest, show
 
 import nearharmonic as nh
 from nearharmonic.numerics.clock import processor
-from nearharmonic.output.page import pipes
+from nearharmonic.output.table import pipes
 from nearharmonic.systems.system import load_system
 
 PAGE = "docs/how_to/larger_systems.md"

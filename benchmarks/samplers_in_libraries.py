@@ -13,7 +13,7 @@ from timing import parser_of, show
 
 import nearharmonic as nh
 from nearharmonic.math import exp
-from nearharmonic.output.page import pipes
+from nearharmonic.output.table import pipes
 from nearharmonic_studies.samplers.targets import costs, error_of, student
 
 PAGE = "docs/results/samplers.md"

@@ -14,7 +14,7 @@ from timing import asked, shortest, show
 
 import nearharmonic as nh
 from nearharmonic.numerics.clock import processor
-from nearharmonic.output.page import pipes
+from nearharmonic.output.table import pipes
 
 PAGE = "docs/how_to/stepper.md"
 CHAIN = str(Path(__file__).parents[1] / "examples/fput_recurrence.py")

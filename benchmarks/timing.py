@@ -10,7 +10,7 @@ from pathlib import Path
 
 from nearharmonic.numerics.clock import Patience, interleaved, pinned
 from nearharmonic.output.atomic import write_text
-from nearharmonic.output.page import filled_page
+from nearharmonic.output.table import filled_page
 
 #: Where the pages are.
 ROOT = Path(__file__).parents[1]

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from timing import parser_of, show
 
-from nearharmonic.output.page import pipes
+from nearharmonic.output.table import pipes
 
 PAGE = "docs/developers/testing.md"
 

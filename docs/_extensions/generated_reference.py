@@ -19,15 +19,15 @@ from mpmath import isinf
 import nearharmonic
 from nearharmonic.cli import PROGRAM, command_names, help_text
 from nearharmonic.engine.solution import Problem
-from nearharmonic.exact.decimals import BigFloat
+from nearharmonic.exact.polynomials import BigFloat
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.collocation import Collocation, gauss
-from nearharmonic.integrators.composition import Composition
+from nearharmonic.integrators.tableau import Composition
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.page import pipes
+from nearharmonic.output.table import pipes
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
-from nearharmonic.theory.linear_stability import stability_limit
+from nearharmonic.theory.oscillator import stability_limit
 from nearharmonic.theory.order import harmonic_order, nystrom_order_of, order_of
 
 ROOT = Path(__file__).parents[2]

@@ -39,10 +39,10 @@ if TYPE_CHECKING:
     from nearharmonic.systems.quantities import Observable as Observable
     from nearharmonic.systems.quantities import Parameter as Parameter
     from nearharmonic.systems.system import System as System
-    from nearharmonic.theory.linear_stability import stability_limit as stability_limit
     from nearharmonic.theory.order import harmonic_order as harmonic_order
     from nearharmonic.theory.order import order_of as order_of
     from nearharmonic.theory.oscillator import kappa as kappa
+    from nearharmonic.theory.oscillator import stability_limit as stability_limit
     from nearharmonic.training.tailor import tailor as tailor
 
 __version__ = "1.0.0"
@@ -61,9 +61,8 @@ _MODULES = {
         "engine.tangent": "tangent",
         "integrators": "implicit_integrators integrators modified_integrators",
         "integrators.tableau": "Tableau palindrome",
-        "theory.linear_stability": "stability_limit",
         "theory.order": "harmonic_order order_of",
-        "theory.oscillator": "kappa",
+        "theory.oscillator": "kappa stability_limit",
         "plotting.plot": "animate plot",
         "recommendation.dataset": "recommend",
         "systems": "systems",

@@ -77,7 +77,7 @@ def _top_parser(words: Sequence[str]) -> argparse.ArgumentParser:
 
 
 def _parser_of(command: str) -> argparse.ArgumentParser:
-    from nearharmonic.output.answers import FORMATS
+    from nearharmonic.output.table import FORMATS
 
     module = _module_of(command)
     help_text = f"{module.HELP[0].upper()}{module.HELP[1:]}."
@@ -142,7 +142,7 @@ def _run(words: Sequence[str]) -> int:
         _write("")
         return int(end.code or 0)
     from nearharmonic.engine.settings import one_of
-    from nearharmonic.output.answers import FORMATS, printed
+    from nearharmonic.output.table import FORMATS, printed
     from nearharmonic.registry.user_module import trusting_only
 
     form = one_of("format", chosen.format, FORMATS)

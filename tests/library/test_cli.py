@@ -18,8 +18,8 @@ import nearharmonic as nh
 from nearharmonic import commands
 from nearharmonic.cli import command_names, main
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.output import answers
-from nearharmonic.output.answers import Answer
+from nearharmonic.output import table as answers
+from nearharmonic.output.table import Answer
 
 ROOT = Path(__file__).parents[2]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT / "src")}
@@ -94,7 +94,7 @@ def folder_of_commands(tmp_path, monkeypatch):
 
 
 COMMAND = """
-from nearharmonic.output.answers import Answer
+from nearharmonic.output.table import Answer
 HELP = "say no"
 def arguments(parser): parser.add_argument("--sort")
 def answer(chosen): {body}

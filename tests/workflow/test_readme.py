@@ -10,7 +10,7 @@ import pytest
 
 from nearharmonic.engine.settings import Sweep, steps_of
 from nearharmonic.output import store
-from nearharmonic.output.dataset import assembled
+from nearharmonic.output.store import assembled
 from nearharmonic_paper.experiments.paper.plan import Run
 from nearharmonic_paper.experiments.paper.reduce import cube_of
 from nearharmonic_paper.experiments.paper.reduce import numbers as reduced_numbers

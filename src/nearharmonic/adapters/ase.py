@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from math import ceil, floor, inf, isfinite, log10
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
@@ -18,7 +17,7 @@ from nearharmonic.errors import RefusedError, SettingError, bad_setting
 from nearharmonic.exchange.method import Method, VelocityCheck, method_for
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.written import is_real
-from nearharmonic.output.dataset import assembled, described
+from nearharmonic.output.store import assembled, coordinate, variable
 from nearharmonic.recommendation.step_search import fewest_steps
 
 if TYPE_CHECKING:
@@ -123,9 +122,7 @@ class Splitting(MolecularDynamics):  # type: ignore[misc]  # ASE has no types
         check_constraints(atoms)
         masses = masses_of(atoms)
         self._compare_forces(masses)
-        for move in self.method.moves:
-            if move.coefficient == 0:  # a kick would evaluate a force for nothing
-                continue
+        for move in self.method.flows:
             length = move.coefficient * self.dt
             if move.flow == "kick":
                 atoms.set_momenta(atoms.get_momenta() + length * atoms.get_forces(md=True))
@@ -209,19 +206,15 @@ def check_constraints(atoms: Atoms) -> None:
             )
 
 
-@dataclass(frozen=True)
-class Found:
-    """Largest step of a method that meets the bound, in ASE's unit of time, and its energy error in eV per atom."""
-
-    name: str
-    method: Method
-    step: float
-    error: float
-
-    @property
-    def cost(self) -> float:
-        """Forces of a picosecond."""
-        return self.method.stages / self.step * MILLI * float(units.fs)
+#: Variables of a recommendation: their meanings and units.
+COLUMNS = {
+    "integrator": ("integrator, a name or the path of a file", "1"),
+    "label": ("name in legends", "1"),
+    "step": ("largest step size found that meets the bound", "fs"),
+    "forces_per_step": ("forces evaluated in a step", "1"),
+    "forces_per_picosecond": ("forces evaluated in a picosecond", "ps-1"),
+    "max_energy_error": ("largest energy error per atom", "meV"),
+}
 
 
 def recommend(
@@ -286,23 +279,33 @@ def recommend(
     most = _count(budget)
     _check(atoms)
     trial = Trial(atoms, duration, bound)
-    found, missed = [], []
+    rows, missed = [], []
     for i, (name, method) in enumerate(chosen.items(), 1):
         with trial.watched(f"{name} ({i} of {len(chosen)})"):
-            best = _largest(trial, name, method, most)
+            best = _largest(trial, method, most)
         if best is None:
             missed.append(name)
-        else:
-            found.append(best)
-    if not found:
+            continue
+        step, error = best
+        cost = method.stages / step * MILLI * float(units.fs)
+        rows.append((name, method.tableau.label, step / float(units.fs), method.stages, cost, error * MILLI))
+    if not rows:
         raise RefusedError(
             f"no method of {', '.join(missed)} keeps the energy within {error_per_atom} meV per atom in "
             f"{budget} forces: give a larger error_per_atom or budget, or a shorter time; "
             f"rounding of the calculator is a limit too"
         )
-    found.sort(key=lambda one: one.cost)
+    rows.sort(key=lambda row: row[4])
+    name, _, step, *_ = rows[0]
     settings = {"error_per_atom": error_per_atom, "time": duration / float(units.fs), "budget": most}
-    return _dataset(found, {**settings, "forces": trial.forces, "missed": ", ".join(missed), "call": _call(found[0])})
+    # The step of the call is rounded down to four digits: a smaller one meets the bound as well.
+    unit = 10.0 ** (floor(log10(step)) - 3)
+    call = f"nh.adapters.ase.Splitting(atoms, {floor(step / unit) * unit:.4g} * ase.units.fs, {name!r})"
+    ranks = coordinate("rank", np.arange(1, len(rows) + 1), "rank by forces, 1 for the fewest")
+    columns = zip(COLUMNS.items(), zip(*rows, strict=True), strict=True)
+    variables = ranks | {key: variable("rank", values, *told) for (key, told), values in columns}
+    found = {"forces": trial.forces, "missed": ", ".join(missed), "call": call}
+    return assembled(variables, ["rank", "label"], settings | found)
 
 
 class Trial:
@@ -369,8 +372,8 @@ class Trial:
         return float(potential + atoms.get_kinetic_energy()) / len(atoms)
 
 
-def _largest(trial: Trial, name: str, method: Method, budget: int) -> Found | None:
-    """Return the largest step of a method that meets the bound, or None within the budget."""
+def _largest(trial: Trial, method: Method, budget: int) -> tuple[float, float] | None:
+    """Return the largest step of a method that meets the bound, and its energy error in eV per atom."""
     errors: dict[int, float] = {}
 
     def step(parts: int) -> float:
@@ -387,7 +390,7 @@ def _largest(trial: Trial, name: str, method: Method, budget: int) -> Found | No
         if parts is not None:
             finer = parts + max(1, parts // FINER)
             if finer > most or meets(finer):
-                return Found(name, method, step(parts), errors[parts])
+                return step(parts), errors[parts]
             parts = finer + 1
     return None
 
@@ -424,26 +427,3 @@ def _check(atoms: Any) -> None:
     if not atoms.get_momenta().any():
         allowed = "atoms with momenta of the temperature of the run, with which a trial begins"
         raise bad_setting("atoms", atoms, allowed)
-
-
-def _call(best: Found) -> str:
-    """Return the Python code of a run, its step rounded down to four digits: a smaller one meets the bound as well."""
-    step = best.step / float(units.fs)
-    unit = 10.0 ** (floor(log10(step)) - 3)
-    return f"nh.adapters.ase.Splitting(atoms, {floor(step / unit) * unit:.4g} * ase.units.fs, {best.name!r})"
-
-
-def _dataset(found: list[Found], attributes: dict[str, Any]) -> xr.Dataset:
-    def over(values: Iterable[Any], meaning: str, unit: str = "1") -> tuple[tuple[str], Any, dict[str, str]]:
-        return ("rank",), np.array(list(values)), described(meaning, unit)
-
-    variables = {
-        "rank": over(range(1, len(found) + 1), "rank by forces, 1 for the fewest"),
-        "integrator": over((one.name for one in found), "integrator, a name or the path of a file"),
-        "label": over((one.method.tableau.label for one in found), "name in legends"),
-        "step": over((one.step / units.fs for one in found), "largest step size found that meets the bound", "fs"),
-        "forces_per_step": over((one.method.stages for one in found), "forces evaluated in a step"),
-        "forces_per_picosecond": over((one.cost for one in found), "forces evaluated in a picosecond", "ps-1"),
-        "max_energy_error": over((one.error * MILLI for one in found), "largest energy error per atom", "meV"),
-    }
-    return assembled(dict(variables), ["rank", "label"], attributes)

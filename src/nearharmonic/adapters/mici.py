@@ -10,7 +10,7 @@ from mici.systems import System
 
 from nearharmonic.engine.settings import checked_tau
 from nearharmonic.errors import SettingError, bad_setting
-from nearharmonic.exchange.method import Method, Move, VelocityCheck, method_for
+from nearharmonic.exchange.method import Method, VelocityCheck, method_for
 from nearharmonic.integrators.tableau import Tableau
 
 #: Length of a kick whose force is compared: the rounding of the momenta has no part in it.
@@ -28,9 +28,6 @@ class SplittingIntegrator(TractableFlowIntegrator):  # type: ignore[misc]  # its
     def __init__(self, system: System, step_size: float | None, method: Method) -> None:
         super().__init__(system, step_size)
         self.method = method
-        # A kick of length zero would evaluate a gradient.
-        moves: tuple[Move, ...] = tuple(move for move in method.moves if move.coefficient)
-        self._forward, self._backward = moves, moves[::-1]
         # Classes of mici hand positions alone to the gradient of a user.
         self._momenta = None if type(system).__module__.startswith("mici.") else VelocityCheck()
         self._taken = 0
@@ -45,7 +42,7 @@ class SplittingIntegrator(TractableFlowIntegrator):  # type: ignore[misc]  # its
             raise SettingError("h1_flow of the system depends on the momenta: a splitting method needs h1(q)")
         self._taken += 1
         flows = {"kick": self.system.h1_flow, "drift": self.system.h2_flow}
-        for move in self._forward if time_step > 0 else self._backward:
+        for move in self.method.flows[:: 1 if time_step > 0 else -1]:
             flows[move.flow](state, move.coefficient * time_step)
 
 

@@ -11,7 +11,7 @@ import openmm
 from openmm import unit
 
 from nearharmonic.errors import SettingError, bad_setting
-from nearharmonic.exchange.method import Method, Move, method_for
+from nearharmonic.exchange.method import Move, method_for
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.written import is_real
 
@@ -92,10 +92,21 @@ def integrator(
     _check_sites(system)
     made = openmm.CustomIntegrator(size)
     made.addPerDofVariable("unconstrained", 0)
+    parts: list[Sequence[Move]] = [chosen.moves]
     if bath is not None:
-        _declare(made, *bath, "dt" if chosen.stages == 1 else "dt/2")
+        time, parts = "dt/2", [[], chosen.moves, []]  # the moves between the flows of the heat bath
+        if chosen.stages == 1:
+            first, middle, last = chosen.moves
+            half = Move(middle.flow, middle.coefficient / 2)
+            time, parts = "dt", [[first, half], [half, last]]
+        # OpenMM computes global variables in double precision on every platform.
+        kelvin, rate = bath
+        energy = (kelvin * unit.kelvin * unit.MOLAR_GAS_CONSTANT_R) / unit.kilojoule_per_mole
+        for name, value in (("kT", energy), ("friction", rate), ("kept", 1), ("noise", 0)):
+            made.addGlobalVariable(name, value)
+        made.addComputeGlobal("kept", f"exp(-friction*({time}))")
+        made.addComputeGlobal("noise", "sqrt(1 - kept*kept)")
     made.addUpdateContextState()
-    parts = [chosen.moves] if bath is None else _parts(chosen)
     for i, moves in enumerate(parts):
         if i > 0:
             made.addComputePerDof("v", "kept*v + noise*sqrt(kT/m)*gaussian")
@@ -105,15 +116,6 @@ def integrator(
     if seed is not None:
         made.setRandomNumberSeed(int(seed))
     return made
-
-
-def _parts(chosen: Method) -> list[Sequence[Move]]:
-    """Return the moves between the flows of the heat bath."""
-    if chosen.stages > 1:
-        return [[], chosen.moves, []]
-    first, middle, last = chosen.moves
-    half = Move(middle.flow, middle.coefficient / 2)
-    return [[first, half], [half, last]]
 
 
 def _add(made: openmm.CustomIntegrator, moves: Sequence[Move]) -> None:
@@ -128,16 +130,6 @@ def _add(made: openmm.CustomIntegrator, moves: Sequence[Move]) -> None:
         made.addComputePerDof("unconstrained", "x")
         made.addConstrainPositions()
         made.addComputePerDof("v", f"v + (x - unconstrained)/{length}")  # adds an exact 0 where nothing is rigid
-
-
-def _declare(made: openmm.CustomIntegrator, kelvin: float, friction: float, time: str) -> None:
-    """Add the variables of the heat bath; OpenMM computes global ones in double precision on every platform."""
-    made.addGlobalVariable("kT", (kelvin * unit.kelvin * unit.MOLAR_GAS_CONSTANT_R) / unit.kilojoule_per_mole)
-    made.addGlobalVariable("friction", friction)
-    made.addGlobalVariable("kept", 1)
-    made.addGlobalVariable("noise", 0)
-    made.addComputeGlobal("kept", f"exp(-friction*({time}))")
-    made.addComputeGlobal("noise", "sqrt(1 - kept*kept)")
 
 
 def _bath(temperature: Any, friction: Any, seed: Any) -> tuple[float, float] | None:

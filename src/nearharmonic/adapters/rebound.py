@@ -168,8 +168,7 @@ def register(method: str | Tableau) -> str:
 
 def _compiled(method: Method) -> Any:
     """Return the step of a method as machine code that REBOUND can call."""
-    moves = [move for move in method.moves if move.coefficient]  # a kick of length zero would evaluate a force
-    kicks, coefficients = np.array([move.flow == "kick" for move in moves]), np.array([m.coefficient for m in moves])
+    kicks, coefficients = map(np.array, zip(*((m.flow == "kick", m.coefficient) for m in method.flows), strict=True))
 
     @cfunc(types.void(types.voidptr, types.voidptr))
     def step(simulation, state):  # type: ignore[no-untyped-def]

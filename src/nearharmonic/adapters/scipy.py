@@ -48,9 +48,7 @@ def advanced(method: Method, right_hand_side: RightHandSide, state: State, t: fl
     drift takes the acceleration that is known.
     """
     tau, now, q, v, acceleration = t - state.t, state.t, state.q, state.v, state.acceleration
-    for move in method.moves:
-        if not move.coefficient:  # one end of a method with as many kicks as drifts
-            continue
+    for move in method.flows:
         if move.flow == "drift":
             q, now, acceleration = q + move.coefficient * tau * v, now + move.coefficient * tau, None
             continue

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from sundials4py.arkode import ARKodeSPRKTable_Create
 
-from nearharmonic.exchange.export import arkode_stages as stages
+from nearharmonic.exchange.files import arkode_stages as stages
 from nearharmonic.exchange.method import method_for, nearest_doubles
 from nearharmonic.integrators.tableau import Tableau
 

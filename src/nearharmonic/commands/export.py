@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from nearharmonic.exchange import TARGETS
-from nearharmonic.output.answers import Answer
+from nearharmonic.output.table import Answer
 
 HELP = "write an integrator for another program: as data, or as code with a loop that runs"
 
@@ -22,7 +22,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return the text for the target."""
     from nearharmonic.engine.settings import one_of, whole_number
-    from nearharmonic.exchange.export import export
+    from nearharmonic.exchange.files import export
     from nearharmonic.integrators import integrators
 
     to = one_of("to", chosen.to, TARGETS)

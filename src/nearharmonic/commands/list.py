@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.output.answers import Answer
+from nearharmonic.output.table import Answer
 
 if TYPE_CHECKING:
     from nearharmonic.integrators.tableau import Tableau

@@ -7,7 +7,7 @@ import importlib.util
 import sys
 from pathlib import Path
 
-from nearharmonic.output.answers import Answer
+from nearharmonic.output.table import Answer
 
 HELP = "write a commented file to fill in, of a system or an integrator"
 KINDS = ("system", "integrator")

@@ -9,7 +9,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.output.answers import Answer
+from nearharmonic.output.table import Answer
 
 if TYPE_CHECKING:
     from nearharmonic.recommendation.recommendation import Choice, Recommendation

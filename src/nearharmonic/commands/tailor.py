@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.output.answers import Answer
+from nearharmonic.output.table import Answer
 
 if TYPE_CHECKING:
     from nearharmonic.training.tailor import Comparison, Tailored
@@ -139,7 +139,7 @@ def _rows(test: Comparison) -> Iterator[tuple[Any, ...]]:
 
 
 def _notes(found: Tailored) -> Iterator[str]:
-    from nearharmonic.theory.linear_stability import stability_limit
+    from nearharmonic.theory.oscillator import stability_limit
 
     asked, search, tableau, unit = found.question, found.search, found.tableau, found.question.system.units["t"]
     yield (

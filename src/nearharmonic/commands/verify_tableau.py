@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from nearharmonic.errors import bad_setting
-from nearharmonic.output.answers import Answer, printed
+from nearharmonic.output.table import Answer, printed
 
 if TYPE_CHECKING:
     from nearharmonic.exchange.proof import Likeness, Order, Residual
@@ -36,7 +36,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each claim of each file; the status is 1 if one does not hold."""
-    from nearharmonic.exchange.coefficient_file import read
+    from nearharmonic.exchange.files import read
     from nearharmonic.exchange.verdict import Verdict
 
     degree = None if chosen.degree is None else checked_degree(chosen.degree)

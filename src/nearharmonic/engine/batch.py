@@ -29,8 +29,7 @@ from nearharmonic.engine.kernels import STANDARD, cost_of, kernel_of, physics_of
 from nearharmonic.engine.numbers import moves_of, parameters_at_run_time, standard_parameters, standard_start
 from nearharmonic.engine.settings import Numerics, check_fit
 from nearharmonic.errors import bad_setting
-from nearharmonic.integrators.composition import Composition
-from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.tableau import Composition, Tableau
 from nearharmonic.numerics.portable import Floats, Integers
 from nearharmonic.systems.remembered import remembered
 from nearharmonic.systems.system import System

@@ -19,7 +19,7 @@ from nearharmonic.engine.setup import Setup, Start, end_digest, moves_digest
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.portable import Bools, Floats, Integers
-from nearharmonic.output.dataset import Variable, Variables, assembled, described, flags
+from nearharmonic.output.store import Variable, Variables, assembled, described, flags
 
 if TYPE_CHECKING:
     import xarray as xr

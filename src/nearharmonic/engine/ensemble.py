@@ -34,7 +34,7 @@ from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_THREADS, checke
 from nearharmonic.engine.setup import Setup, Start, asked_steps, check_memory, start_of
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Floats, Integers
-from nearharmonic.output.dataset import assembled
+from nearharmonic.output.store import assembled
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:

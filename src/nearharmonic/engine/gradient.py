@@ -32,7 +32,7 @@ from nearharmonic.engine.variation import (
 from nearharmonic.errors import SystemDefinitionError, bad_setting, unknown_name
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Floats, log10
-from nearharmonic.output.dataset import Variables, assembled, described
+from nearharmonic.output.store import Variables, assembled, described
 from nearharmonic.systems.energy import Energy
 from nearharmonic.systems.quantities import Observable, Vector
 from nearharmonic.systems.system import System

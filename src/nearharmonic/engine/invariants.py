@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from nearharmonic.errors import SystemDefinitionError, bad_setting
 from nearharmonic.math import hypot
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.output.dataset import Variables, described
+from nearharmonic.output.store import Variables, described
 from nearharmonic.systems.remembered import remembered
 from nearharmonic.systems.system import System
 

@@ -12,7 +12,7 @@ from nearharmonic.core.formulas.tracing import Hamiltonian, Physics
 from nearharmonic.engine.settings import WIDTH, Numerics
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.collocation import stage_table
-from nearharmonic.integrators.composition import Composition
+from nearharmonic.integrators.tableau import Composition
 from nearharmonic.numerics.portable import Floats, Integers
 from nearharmonic.systems.energy import quadratic_T
 from nearharmonic.systems.gradients import check_gradients, frequencies_of, remainder_formulas, square_gradient

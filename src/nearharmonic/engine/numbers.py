@@ -29,8 +29,7 @@ from nearharmonic.core.layout import (
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting, unknown_name
 from nearharmonic.integrators.collocation import gauss, integrals
-from nearharmonic.integrators.composition import Composition
-from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.tableau import Composition, Tableau
 from nearharmonic.math import cos, sin
 from nearharmonic.numerics.portable import Floats, product
 from nearharmonic.numerics.written import exact_value, is_real
@@ -51,7 +50,7 @@ def rotations(
 ) -> Floats:
     """Return the moves (s + 2, columns) of one step size, each a kick and a rotation behind it.
 
-    Rows are those of :meth:`nearharmonic.integrators.composition.Composition.moves`, and columns those of
+    Rows are those of :meth:`nearharmonic.integrators.tableau.Composition.moves`, and columns those of
     :mod:`nearharmonic.core.step`, for distinct frequencies and numbers of one or two ``parts``. Drifts that meet
     between steps turn by the sum of their angles. If ``rounded``, kicks and drifts times tau are rounded to doubles
     before anything follows from them.
@@ -325,7 +324,7 @@ def parameter_row(values: Sequence[Fraction]) -> Floats:
 def moves(step: Composition, taus: Sequence[Fraction], parts: int, *, rounded: bool = False) -> Floats:
     """Return the coefficients (len(taus), s + 2, columns) of a kernel's moves, multiplied by powers of tau exactly.
 
-    Rows are those of :meth:`nearharmonic.integrators.composition.Composition.moves`. Columns: kick, drift and the
+    Rows are those of :meth:`nearharmonic.integrators.tableau.Composition.moves`. Columns: kick, drift and the
     product of the two, each rounded once, and by how much the product of the rounded two exceeds it; with two
     ``parts``, the doubles of a double-double, kick and drift as pairs. Those of kicks of a modified potential are
     :data:`nearharmonic.core.layout.SQUARE`. If ``rounded``, coefficients times powers of tau are rounded to doubles

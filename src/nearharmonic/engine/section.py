@@ -23,7 +23,7 @@ from nearharmonic.errors import bad_setting, warn_caller
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Floats, Integers
 from nearharmonic.numerics.written import is_real
-from nearharmonic.output.dataset import Variables, assembled, described
+from nearharmonic.output.store import Variables, assembled, described
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:

@@ -44,11 +44,10 @@ from nearharmonic.engine.settings import (
 )
 from nearharmonic.errors import bad_setting, warn_caller
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.composition import OneStepMethod
-from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.tableau import OneStepMethod, Tableau
 from nearharmonic.numerics.portable import Floats, Integers
 from nearharmonic.numerics.written import exact_value
-from nearharmonic.output.dataset import Variables
+from nearharmonic.output.store import Variables
 from nearharmonic.systems import systems
 from nearharmonic.systems.gradients import check_oscillator
 from nearharmonic.systems.numba_potential import numba_potential

@@ -31,7 +31,7 @@ from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Floats, Integers
 from nearharmonic.numerics.statistics import student_975
-from nearharmonic.output.dataset import Variables, assembled, described
+from nearharmonic.output.store import Variables, assembled, described
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ from nearharmonic.engine.solution import Solution
 from nearharmonic.errors import SettingError, bad_setting, warn_caller
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.output.dataset import Variables, assembled, described
+from nearharmonic.output.store import Variables, assembled, described
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
 

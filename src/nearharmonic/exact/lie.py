@@ -92,14 +92,6 @@ def poisson_bracket(f: Hamiltonian, g: Hamiltonian) -> Hamiltonian:
     return {tree: count for tree, count in found.items() if count}
 
 
-def highest_derivative(tree: Tree | None) -> int:
-    """Return the highest order of the derivatives of V in a tree; 0 for the kinetic energy."""
-    if tree is None:
-        return 0
-    momenta, neighbours = _graph(tree)
-    return max(m + len(around) for m, around in zip(momenta, neighbours, strict=True))
-
-
 @cache
 def _contracted(x: Tree | None, y: Tree | None) -> Mapping[Tree, int]:
     """Return sum_i dx/dq_i dy/dp_i: each vertex of x gains an edge to each momentum of y."""
@@ -151,7 +143,9 @@ def surviving_rows(elements: Sequence[Hamiltonian], potential_degree: int) -> It
     """Yield the coefficients of each tree in the ``elements``, for trees that do not vanish for V of this degree."""
     trees = dict.fromkeys(tree for one in elements for tree in one)
     for tree in trees:
-        if highest_derivative(tree) <= potential_degree:
+        # The order of a derivative of V is the number of momenta and edges of its vertex.
+        vertices = [] if tree is None else zip(*_graph(tree), strict=True)
+        if all(momenta + len(around) <= potential_degree for momenta, around in vertices):
             yield [one.get(tree, 0) for one in elements]
 
 
@@ -235,7 +229,7 @@ def conditions(degree: int, *, quadratic: bool, potential_degree: int | None = N
     to_basis = _to_basis(degree)
     if potential_degree is None:
         vanishing = [_on_lyndon_words(x, degree) for x in _ideal(degree)] if quadratic else []
-        normals = _orthogonal_complement([[_dot(row, x) for row in to_basis] for x in vanishing], len(to_basis))
+        normals = _orthogonal([[_dot(row, x) for row in to_basis] for x in vanishing], _units(len(to_basis)))
     else:
         elements = [hamiltonian(word) for word in lyndon_words(degree)]
         normals = _orthogonal([], surviving_rows(elements, potential_degree))
@@ -313,11 +307,6 @@ def _independent(candidates: Sequence[Element], degree: int) -> list[Element]:
             echelon.append((lead, row))
             chosen.append(x)
     return chosen
-
-
-def _orthogonal_complement(vectors: Sequence[Components], size: int) -> list[Components]:
-    """Orthogonal vectors that span the orthogonal complement of independent ``vectors``."""
-    return _orthogonal(vectors, _units(size)) if vectors else _units(size)
 
 
 def _orthogonal(before: Sequence[Components], vectors: Iterable[Components]) -> list[Components]:

@@ -1,13 +1,8 @@
-"""Coefficients of steps and of their logarithms on words: power series in letters that do not commute.
+"""Steps of splitting methods in any arithmetic, and their coefficients and those of their logarithms on words.
 
-A step is a product of exponentials exp(c X) of A, B and C = [B, [A, B]], see :mod:`nearharmonic.exact.step`. As a
-series it has a coefficient S(w) for each word w of letters A and B. A factor adds to S(w) a sum over shorter words.
-The coefficients in the product of the first factor, of the first two, and so on are therefore a cumulative sum. Its
-arrays have a row for each factor. Numbers are rational, floats, arrays of floats (one column per step), or mpmath
-numbers.
-
-Rational numbers are computed as integers: for a word w of n letters and a common denominator ``unit``, n! unit^n S(w)
-is an integer, so that no fraction is ever reduced.
+A step of size tau is a tuple of pairs (letter, number c). A is a drift, q += c tau dT/dp, B a kick, p -= c tau dV/dq,
+and C = [B, [A, B]], for quadratic T, a kick p += c tau^3 grad |grad V|^2 by the square of the force. Numbers may be
+fractions, floats, arrays of floats, mpmath numbers or intervals: functions compute in the arithmetic of the numbers.
 """
 
 from __future__ import annotations
@@ -15,15 +10,156 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache, reduce
-from itertools import accumulate, product
+from itertools import accumulate, product, zip_longest
 from math import comb, factorial, lcm
+from numbers import Rational
 from operator import add, mul
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nearharmonic.exact.step import Factor, is_exact, scaled
+#: A flow of a step: its letter, and the number that multiplies it.
+Factor = tuple[str, Any]
+Step = tuple[Factor, ...]
+#: Coefficients of tau^0, tau^1, ...
+Powers = list[Any]
+
+#: A linear combination of position and momentum.
+POSITION, MOMENTUM = (1, 0), (0, 1)
+
+
+class StepPolynomials(NamedTuple):
+    """Entries of the step matrix, q_b = K11 q_a + K12 p_a and p_b = K21 q_a + K22 p_a, as polynomials in tau.
+
+    All four are as long as the step has powers of tau, plus one. K11 and K22 are even, K12 and K21 odd, and K11 = K22
+    if the step is symmetric.
+    """
+
+    K11: tuple[Any, ...]
+    K12: tuple[Any, ...]
+    K21: tuple[Any, ...]
+    K22: tuple[Any, ...]
+
+    @property
+    def trace(self) -> tuple[Any, ...]:
+        """K11 + K22: the oscillator is stable where it lies in [-2, 2]."""
+        return tuple(a + b for a, b in zip(self.K11, self.K22, strict=True))
+
+    @property
+    def defect(self) -> tuple[Any, ...]:
+        """K12 + K21, which vanishes if the step conserves a circle."""
+        return tuple(a + b for a, b in zip(self.K12, self.K21, strict=True))
+
+    @property
+    def difference(self) -> tuple[Any, ...]:
+        """K11 - K22, which vanishes if the step conserves a circle or is symmetric."""
+        return tuple(a - b for a, b in zip(self.K11, self.K22, strict=True))
+
+
+def composed(
+    first: Literal["drift", "kick"], kicks: Iterable[Any], drifts: Iterable[Any], squares: Iterable[Any] = ()
+) -> Step:
+    """Return the step that applies kicks and drifts in turns: coefficients of B and A.
+
+    ``squares`` are coefficients of C, each behind its kick; None for a kick without C.
+    """
+    kicked = [[("B", k)] if m is None else [("B", k), ("C", m)] for k, m in zip_longest(kicks, squares)]
+    drifted = [[("A", c)] for c in drifts]
+    rows: tuple[list[list[Factor]], ...] = (kicked, drifted) if first == "kick" else (drifted, kicked)
+    turns = zip_longest(*rows, fillvalue=[])
+    return tuple(factor for turn in turns for group in turn for factor in group)
+
+
+def is_exact(step: Sequence[Factor]) -> bool:
+    """Return True if all numbers are rational."""
+    return all(isinstance(c, Rational) for _, c in step)
+
+
+def scaled(step: Sequence[Factor]) -> tuple[Step, int]:
+    """Return a rational step in units of 1/unit, which makes all numbers integers, and the unit.
+
+    What the step does in tau^l then is an integer over unit^l, which spares the common divisors of fractions.
+    """
+    unit = lcm(*(c.denominator for _, c in step))
+    return tuple((letter, int(c * unit ** (3 if letter == "C" else 1))) for letter, c in step), unit
+
+
+def oscillator(step: Sequence[Factor]) -> StepPolynomials:
+    """Return the step matrix of the harmonic oscillator H = (p^2 + q^2)/2."""
+    powers = sum(3 if letter == "C" else 1 for letter, _ in step)
+    if is_exact(step):
+        integers, unit = scaled(step)
+        q, p = ([Fraction(c, unit**n) for n, c in enumerate(x)] for x in states(integers, powers)[-1])
+    else:
+        q, p = states(step, powers)[-1]
+    none = 0 * q[0]
+    # From (1, -1), even powers of q and odd ones of p come from the first component, the others from the second.
+    parity = [(n % 2 == 0, a, b) for n, (a, b) in enumerate(zip(q, p, strict=True))]
+    return StepPolynomials(
+        tuple(a if even else none for even, a, _ in parity),
+        tuple(none if even else -a for even, a, _ in parity),
+        tuple(none if even else b for even, _, b in parity),
+        tuple(-b if even else none for even, _, b in parity),
+    )
+
+
+def oscillator_errors(step: Sequence[Factor]) -> StepPolynomials:
+    """Return the matrix of a rational step less the exact rotation, two powers beyond its own, where it must fail."""
+    K = oscillator(step)
+    powers = range(len(K.K11) + 2)
+    cos = [Fraction((1, 0, -1, 0)[n % 4], factorial(n)) for n in powers]
+    sin = [Fraction((0, 1, 0, -1)[n % 4], factorial(n)) for n in powers]
+    pairs = zip(K, (cos, sin, [-x for x in sin], cos), strict=True)
+    return StepPolynomials(*(tuple(a - b for a, b in zip((*own, 0, 0), exact, strict=True)) for own, exact in pairs))
+
+
+def states(step: Sequence[Factor], highest: int) -> list[tuple[Powers, Powers]]:
+    """Return (q, p) by powers of tau up to ``highest``, before each flow and behind the last, from (1, -1)."""
+    zero = step[0][1] * 0 if step else 0
+    q, p = [zero + 1] + [zero] * highest, [zero - 1] + [zero] * highest
+    found = [(q, p)]
+    for letter, c in step:
+        if letter == "A":
+            q = [q[0], *(a + c * b for a, b in zip(q[1:], p, strict=False))]
+        elif letter == "B":
+            p = [p[0], *(b - c * a for b, a in zip(p[1:], q, strict=False))]
+        else:
+            p = [*p[:3], *(b + 2 * c * a for b, a in zip(p[3:], q, strict=False))]
+        found.append((q, p))
+    return found
+
+
+def slopes(step: Sequence[Factor], highest: int, of: tuple[int, int]) -> list[Powers]:
+    """Return the derivatives of the last of :func:`states`, by flow, whose number is varied, and by power of tau.
+
+    The step has drifts and kicks only; ``of`` are weights of q and p, :data:`POSITION` or :data:`MOMENTUM`.
+    """
+    before, zero = states(step, highest), step[0][1] * 0
+    # The combination is alpha q + beta p of any intermediate state: followed backwards.
+    alpha, beta = ([zero + weight] + [zero] * highest for weight in of)
+    found: list[Powers] = []
+    for (letter, c), (q, p) in zip(reversed(step), reversed(before[:-1]), strict=True):
+        weight, moved = (alpha, p) if letter == "A" else (beta, q)
+        row = [sum((weight[i] * moved[n - 1 - i] for i in range(n)), zero) for n in range(highest + 1)]
+        if letter == "A":
+            found.append(row)
+            beta = [beta[0], *(b + c * a for b, a in zip(beta[1:], alpha, strict=False))]
+        else:
+            found.append([-x for x in row])
+            alpha = [alpha[0], *(a - c * b for a, b in zip(alpha[1:], beta, strict=False))]
+    return found[::-1]
+
+
+# --- Coefficients of steps and of their logarithms on words: power series in letters that do not commute.
+#
+# A step is a product of exponentials exp(c X) of A, B and C = [B, [A, B]]. As a series it has a coefficient S(w) for
+# each word w of letters A and B. A factor adds to S(w) a sum over shorter words. The coefficients in the product of
+# the first factor, of the first two, and so on are therefore a cumulative sum. Its arrays have a row for each factor.
+# Numbers are rational, floats, arrays of floats (one column per step), or mpmath numbers.
+#
+# Rational numbers are computed as integers: for a word w of n letters and a common denominator ``unit``, n! unit^n
+# S(w) is an integer, so that no fraction is ever reduced.
 
 LETTERS = "AB"
 #: [B, [A, B]] as coefficients of words.
@@ -56,10 +192,10 @@ def word_sums(step: Sequence[Factor], needed: Iterable[str]) -> dict[str, Any]:
     The numbers of its F factors, from left to right, are rational, floats, arrays of one shape, or mpmath numbers.
     """
     if not is_exact(step):
-        return _last(_sums(step, tuple(needed)))
+        return {word: sums[-1] for word, sums in _sums(step, tuple(needed)).items()}
     integers, unit = scaled(step)
-    found = _last(_sums(integers, tuple(needed), integers=True))
-    return {word: Fraction(x, factorial(len(word)) * unit ** len(word)) for word, x in found.items()}
+    found = _sums(integers, tuple(needed), integers=True)
+    return {word: Fraction(sums[-1], factorial(len(word)) * unit ** len(word)) for word, sums in found.items()}
 
 
 def word_slopes(step: Sequence[Factor], needed: Iterable[str]) -> tuple[dict[str, Any], dict[str, Array]]:
@@ -80,8 +216,9 @@ def word_slopes(step: Sequence[Factor], needed: Iterable[str]) -> tuple[dict[str
         slopes[word] = np.zeros_like(front[""])
         for operator, rows in places.items():
             if cuts := _cuts(word, operator):
-                slopes[word][rows] = _total(_times(weight, front[u]) * others[v] for weight, u, v in cuts)[rows]
-    return _last(before), slopes
+                parts = (_times(weight, front[u]) * others[v] for weight, u, v in cuts)
+                slopes[word][rows] = reduce(add, parts)[rows]
+    return {word: sums[-1] for word, sums in before.items()}, slopes
 
 
 def logarithm(step: Sequence[Factor], wanted: Iterable[str]) -> dict[str, Any]:
@@ -94,9 +231,8 @@ def logarithm(step: Sequence[Factor], wanted: Iterable[str]) -> dict[str, Any]:
     targets, unit, exact = tuple(wanted), 1, is_exact(step)
     if exact:
         step, unit = scaled(step)
-    X = _last(_sums(step, _parts(targets), integers=exact))
-    if not exact:
-        X = _times_factorials(X)
+    X = {word: sums[-1] for word, sums in _sums(step, _parts(targets), integers=exact).items()}
+    X = X if exact else _times_factorials(X)
     common, brackets = _brackets(X, targets)
     scale = [common * factorial(n) * unit**n for n in range(len(brackets) + 1)]
     found = {word: _convolution(X, brackets[-1], splits) for word, splits in _ends(targets)}
@@ -120,11 +256,6 @@ def logarithm_slopes(step: Sequence[Factor], wanted: Iterable[str]) -> dict[str,
             if len(word) <= n
         }
     return {word: slopes[word] / (common * factorial(len(word))) for word in targets}
-
-
-def _last(found: Mapping[str, Array]) -> dict[str, Any]:
-    """The coefficients in the product of all factors."""
-    return {word: sums[-1] for word, sums in found.items()}
 
 
 def _times_factorials(found: Mapping[str, Any]) -> dict[str, Any]:
@@ -156,17 +287,13 @@ def _sums(step: Sequence[Factor], needed: tuple[str, ...], *, integers: bool = F
     for word, terms in plan:
         found[word] = start.copy()
         if terms:
-            added = _total(_times(a, powers[name][k - 1]) * found[front][:-1] for name, k, a, front in terms)
+            added = reduce(add, (_times(a, powers[name][k - 1]) * found[front][:-1] for name, k, a, front in terms))
             added.cumsum(axis=0, out=found[word][1:])
     return found
 
 
 def _times(weight: int, array: Array) -> Array:
     return array if weight == 1 else weight * array
-
-
-def _total(arrays: Iterable[Array]) -> Array:
-    return reduce(add, arrays)
 
 
 @lru_cache(maxsize=64)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Context, Decimal
 from fractions import Fraction
+from functools import cached_property
 from itertools import groupby
 from statistics import median_low
 from textwrap import wrap
@@ -16,10 +17,9 @@ import numpy as np
 
 from nearharmonic import __version__
 from nearharmonic.errors import SettingError, bad_setting
-from nearharmonic.exact.step import Step, composed
+from nearharmonic.exact.words import Step, composed
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.composition import Composition, OneStepMethod
-from nearharmonic.integrators.tableau import First, Row, Tableau
+from nearharmonic.integrators.tableau import Composition, First, OneStepMethod, Row, Tableau
 
 # --- The method of another library: kicks and drifts in double precision.
 
@@ -50,6 +50,11 @@ class Method:
 
     tableau: Tableau
     moves: tuple[Move, ...]
+
+    @cached_property
+    def flows(self) -> tuple[Move, ...]:
+        """The moves but those of no length, which would evaluate a force for nothing or divide by zero."""
+        return tuple(move for move in self.moves if move.coefficient)
 
     @property
     def first(self) -> First:

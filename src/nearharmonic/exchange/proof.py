@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from nearharmonic.exact.lie import conditions, lyndon_words
-from nearharmonic.exact.step import Step, composed
-from nearharmonic.exact.words import LETTERS, logarithm, logarithm_slopes
-from nearharmonic.exchange.coefficient_file import LONGEST_NUMBER, CoefficientFile
+from nearharmonic.exact.words import LETTERS, Step, composed, logarithm, logarithm_slopes
+from nearharmonic.exchange.files import LONGEST_NUMBER, CoefficientFile
 from nearharmonic.exchange.method import is_palindrome, size_of, step_of, uncertainty_of, with_roles_exchanged
 from nearharmonic.integrators import plain_integrators
 from nearharmonic.integrators.tableau import First, Row, Tableau

@@ -9,9 +9,9 @@ from functools import cached_property
 from math import factorial
 from typing import NamedTuple
 
-from nearharmonic.exact.decimals import BigFloat
-from nearharmonic.exact.step import MOMENTUM, POSITION, Step, StepPolynomials, oscillator, oscillator_errors, slopes
-from nearharmonic.exchange.coefficient_file import HIGHEST_ORDER, CoefficientFile
+from nearharmonic.exact.polynomials import BigFloat
+from nearharmonic.exact.words import MOMENTUM, POSITION, Step, StepPolynomials, oscillator, oscillator_errors, slopes
+from nearharmonic.exchange.files import HIGHEST_ORDER, CoefficientFile
 from nearharmonic.exchange.method import (
     Digits,
     digits_of,
@@ -35,7 +35,7 @@ from nearharmonic.exchange.proof import (
     residuals,
     suspects,
 )
-from nearharmonic.theory.linear_stability import gaps_of, limit_of
+from nearharmonic.theory.oscillator import gaps_of, limit_of
 
 # --- Orders of a step on the harmonic oscillator H = (p^2 + q^2)/2, proved to the digits of its coefficients.
 #

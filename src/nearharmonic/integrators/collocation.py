@@ -16,7 +16,7 @@ from typing import Any
 from nearharmonic.core.arithmetic import rounded_pair
 from nearharmonic.core.layout import StageTable
 from nearharmonic.errors import bad_setting, shown
-from nearharmonic.integrators.composition import First, Move, OneStepMethod, Steps, is_count
+from nearharmonic.integrators.tableau import First, Move, OneStepMethod, Steps, is_count
 
 #: Decimals of the coefficients.
 DIGITS = 80

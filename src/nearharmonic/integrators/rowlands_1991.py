@@ -6,8 +6,7 @@ order four in other variables. The processor is our own. With drifts -a, 2 a, -a
 [A, B]; a square of a b^2 cancels [B, [A, B]]. Here a = 1/12 and b = 1/4.
 """
 
-from nearharmonic.integrators.composition import Processor
-from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.tableau import Processor, Tableau
 
 TABLEAUS = (
     Tableau(

@@ -82,7 +82,7 @@ def exact_value(value: object) -> Fraction:
     if not isfinite(rounded) or (number and not rounded):  # its fraction may fill the memory
         raise ValueError
     if hasattr(number, "man_exp"):  # of mpmath, which is loaded
-        from nearharmonic.exact.decimals import as_fraction
+        from nearharmonic.exact.polynomials import as_fraction
 
         return Fraction(*map(int, as_fraction(number).as_integer_ratio()))
     if not hasattr(number, "as_integer_ratio"):

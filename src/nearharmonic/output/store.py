@@ -1,11 +1,13 @@
-"""Result files in HDF5 with netCDF-4 conventions, bitwise identical for identical numbers."""
+"""Described variables, and files of them in HDF5 with netCDF-4 conventions, bitwise identical for identical numbers."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import lru_cache
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path, PurePath
@@ -15,11 +17,138 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from nearharmonic.errors import NearharmonicError, ResultFileError, bad_setting
+from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.atomic import opened, read_text, write_bytes
-from nearharmonic.output.dataset import FLAG_MEANINGS, FLAG_VALUES, Variable, Variables, counted, variables_of
 
 if TYPE_CHECKING:
     import xarray as xr
+
+# --- Described variables: arrays with names of dimensions, unit and meaning, from which datasets and files are made.
+#
+# They are plain tuples, so that computing code needs neither xarray nor HDF5.
+
+#: Attributes of a variable of words (CF conventions, section 3.5): the words, and the integers for them in a file.
+FLAG_MEANINGS, FLAG_VALUES = "flag_meanings", "flag_values"
+#: Meanings of integer coordinates, if "number of the ..." does not fit.
+COUNTED = {"component": "number of the coordinate"}
+#: Units by which xarray makes time differences of the numbers of a file, in some versions.
+DECODED = {f"{size}seconds" for size in ("", "milli", "micro", "nano")} | {"days", "hours", "minutes"}
+#: Attributes of a variable: ``units`` and ``long_name`` at least.
+Attributes = dict[str, str]
+#: A variable as xarray accepts it: names of dimensions, values, attributes.
+Variable = tuple[tuple[str, ...], Any, Attributes]
+Variables = dict[str, Variable]
+
+
+def described(long_name: str, units: str = "1") -> Attributes:
+    """Return the attributes of a variable: its meaning, and the unit of its values, "1" if they have none.
+
+    A plural of time stands in the singular, which is the same unit.
+    """
+    return {"units": units.removesuffix("s") if units in DECODED else units, "long_name": long_name}
+
+
+def variable(dimensions: str | tuple[str, ...], values: Any, long_name: str, units: str = "1") -> Variable:
+    """Return a variable of ``values`` with one axis per dimension; a single name stands for one dimension.
+
+    ``long_name`` and ``units`` are as for :func:`described`.
+    """
+    names = (dimensions,) if isinstance(dimensions, str) else tuple(dimensions)
+    return names, np.asarray(values), described(long_name, units)
+
+
+def coordinate(name: str, values: Any, long_name: str, units: str = "1") -> Variables:
+    """Return the coordinate ``name`` along the dimension of the same name, as a mapping of one entry."""
+    return {name: variable(name, values, long_name, units)}
+
+
+def bounds_coordinate() -> Variables:
+    """Return the coordinate ``bound`` of the two ends of an interval."""
+    return coordinate("bound", ["lower", "upper"], "end of the interval")
+
+
+def method_coordinates(tableaus: Iterable[Tableau]) -> Variables:
+    """Return the coordinates ``integrator`` (names) and ``label`` of methods along the dimension ``integrator``."""
+    methods = list(tableaus)
+    return {
+        "integrator": variable("integrator", [method.name for method in methods], "integrator"),
+        "label": variable("integrator", [method.label for method in methods], "name in the paper"),
+    }
+
+
+def counted(variables: Variables) -> Variables:
+    """Return a coordinate 0, 1, 2, ... for each dimension of ``variables`` that has none."""
+    sizes: dict[str, int] = {}
+    for dims, values, _ in variables.values():
+        sizes |= zip(dims, np.shape(values), strict=True)
+    meanings = {name: COUNTED.get(name, f"number of the {name.replace('_', ' ')}") for name in sizes}
+    return {n: variable(n, np.arange(size), meanings[n]) for n, size in sizes.items() if n not in variables}
+
+
+def flags(dimensions: str | tuple[str, ...], words: Any, meanings: Sequence[str], long_name: str) -> Variable:
+    """Return a described variable of words, each one of ``meanings``; a file stores integers with these meanings."""
+    names, values, notes = variable(dimensions, words, long_name)
+    return names, values, {**notes, FLAG_MEANINGS: " ".join(meanings)}
+
+
+def variables_of(dataset: xr.Dataset) -> Variables:
+    """Return the coordinates and the variables of a dataset as described variables."""
+    return {str(name): (tuple(map(str, v.dims)), v.values, v.attrs) for name, v in dataset.variables.items()}
+
+
+def double_runs(cube: xr.Dataset) -> xr.Dataset:
+    """Return the runs of a cube in double, otherwise in its first precision, without the dimension ``precision``."""
+    if "precision" not in cube.dims:
+        return cube
+    names = cube["precision"].values.tolist()
+    return cube.isel(precision=names.index("double") if "double" in names else 0)
+
+
+def assembled(variables: Variables, coordinates: Collection[str], attributes: Mapping[str, Any]) -> xr.Dataset:
+    """Return the dataset of described variables; a ValueError says that their sizes along a dimension differ.
+
+    ``coordinates`` are the names of auxiliary coordinates. A variable with the name of its dimension is always a
+    coordinate, and a dimension without one gets the coordinate 0, 1, 2, ....
+    """
+    import xarray as xr
+
+    if not any(dims == (name,) for name, (dims, _, _) in variables.items()):
+        auxiliary = tuple(name for name in variables if name in coordinates)
+        layout = tuple((name, one[0], np.shape(one[1]), *one[2].items()) for name, one in variables.items())
+        template = _template(layout, auxiliary)
+        dataset = template.copy(data={name: one[1] for name, one in variables.items() if name not in auxiliary})
+        for name in auxiliary:
+            dataset[name].data = np.asarray(variables[name][1])
+        dataset.attrs = dict(attributes)
+        return dataset
+    axes = {name: one for name, one in variables.items() if name in coordinates or one[0] == (name,)}
+    rest = {name: one for name, one in variables.items() if name not in axes}
+    return xr.Dataset(rest, counted(variables) | axes, attributes)
+
+
+@lru_cache(maxsize=64)
+def _template(layout: tuple[Any, ...], auxiliary: tuple[str, ...]) -> xr.Dataset:
+    """Return a dataset of zeros with the coordinates 0, 1, 2, ...; xarray takes longer to make it than a short run."""
+    import xarray as xr
+
+    zeros: Variables = {name: (dims, np.broadcast_to(0.0, shape), dict(notes)) for name, dims, shape, *notes in layout}
+    axes = counted(zeros) | {name: zeros.pop(name) for name in auxiliary}
+    return xr.Dataset(zeros, axes)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contents:
+    """Contents of one HDF5 file: variables of its root, attributes of the file, and groups of variables.
+
+    Each group has its own dimensions. ``coordinates`` are the names of auxiliary coordinates. ``evaluations`` is the
+    number of force evaluations for the file; it is written to the record of the run, not to the file.
+    """
+
+    variables: Variables
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+    coordinates: tuple[str, ...] = ()
+    groups: Mapping[str, Variables] = field(default_factory=dict)
+    evaluations: int = 0
 
 
 # --- Names of result files within their folder of results, which each file states: a copy under another name is found.
@@ -40,15 +169,6 @@ def name_of(path: str | os.PathLike[str]) -> str:
     return "" if start is None else "/".join(parts[start:])
 
 
-def misplaced(path: str | os.PathLike[str], said: Any) -> str:
-    """Return the complaint about a file at ``path`` that states the name of another one, ``said``, or an empty text.
-
-    Outside of a folder of results a file may have any name, and one that states none may have any name everywhere.
-    """
-    name = name_of(path)
-    return f"says it is {said}" if name and said not in {None, name} else ""
-
-
 # --- Commands that make a result file again, for messages about a file that is missing or damaged.
 
 #: Config of ``snakemake`` without ``--configfile``.
@@ -66,30 +186,17 @@ def command_for(path: str | os.PathLike[str]) -> str:
 
 
 def workflow_command(path: str | os.PathLike[str]) -> str:
-    """Return the command that updates the results of a file, with their config."""
+    """Return the command that updates the results of a file, with their recorded configs, or that of their name."""
     parts = Path(path).parts
     if "results" not in parts[:-1]:
         return "snakemake -j2"
-    end = parts.index("results") + 2
-    configs = _configs_of(Path(*parts[:end]))
-    return (
-        "snakemake -j2"
-        if configs == [DEFAULT_CONFIG]
-        else f"snakemake -j2 --configfile {' '.join(map(quote, configs))}"
-    )
-
-
-def _configs_of(folder: Path) -> list[str]:
-    """Return the config files of the results in ``folder``, or that of their name if they are unknown."""
+    folder = Path(*parts[: parts.index("results") + 2])
     try:
-        said = json.loads(read_text(folder / "manifest.json"))["configfiles"]
-        return usable_configs(said, folder) or [_guess(folder)]
+        configs = usable_configs(json.loads(read_text(folder / "manifest.json"))["configfiles"], folder)
     except (OSError, ValueError, LookupError, TypeError, RecursionError):
-        return [_guess(folder)]
-
-
-def _guess(folder: Path) -> str:
-    return DEFAULT_CONFIG if folder.name == "paper" else f"config/{folder.name}.yaml"
+        configs = []
+    configs = configs or [DEFAULT_CONFIG if folder.name == "paper" else f"config/{folder.name}.yaml"]
+    return "snakemake -j2" + ("" if configs == [DEFAULT_CONFIG] else f" --configfile {' '.join(map(quote, configs))}")
 
 
 def usable_configs(recorded: object, folder: Path) -> list[str]:
@@ -120,27 +227,19 @@ SEALED = len(SEAL) + 2 * sha256().digest_size + len(b"\n")
 PIECE = 2**20
 
 
-def seal(content: BytesIO) -> None:
-    """Append the last line to the bytes of a file."""
-    content.seek(0, os.SEEK_END)
-    content.write(_line(sha256(content.getbuffer()).hexdigest()))
-
-
 def complaint(path: Path) -> str:
     """Return the reason why a file must not be opened, empty if there is none, without the HDF5 library."""
     try:
         with opened(path) as file:
             signed = file.read(len(SIGNATURE)) == SIGNATURE
             size = file.seek(0, os.SEEK_END) - SEALED
-            if size < 0 or not signed:
-                return "is truncated or no result file"
-            digest = digest_of_first(file, size)
+            digest = digest_of_first(file, max(0, size))
             last = file.read()
     except OSError as error:
         return "does not exist" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
-    if not last.startswith(SEAL):
+    if not (signed and last.startswith(SEAL)):
         return "is truncated or no result file"
-    return "" if last == _line(digest) else "is damaged: its bytes are not those that were written"
+    return "" if last == _seal(digest) else "is damaged: its bytes are not those that were written"
 
 
 def digest_of_first(file: BinaryIO, size: int) -> str:
@@ -160,7 +259,7 @@ def sealed_digest(path: str | os.PathLike[str]) -> str:
     return last[len(SEAL) : -1].decode() if last.startswith(SEAL) and len(last) == SEALED else ""
 
 
-def _line(digest: str) -> bytes:
+def _seal(digest: str) -> bytes:
     return SEAL + digest.encode() + b"\n"
 
 
@@ -196,7 +295,9 @@ def checked(path: Any) -> Iterator[Any]:
     with _opened(path) as file:
         if str(file.attrs.get(FORMAT_KEY)) != FORMAT:
             fault = f"has another format (attribute {FORMAT_KEY} is not {FORMAT!r})"
-        if fault := fault or misplaced(path, file.attrs.get(NAME_KEY)) or _foreign_in(file):
+        elif (said := file.attrs.get(NAME_KEY)) not in {None, name_of(path) or said}:  # elsewhere any name will do
+            fault = f"says it is {said}"
+        if fault := fault or _foreign_in(file):
             raise unusable(path, fault)
         yield file
 
@@ -313,11 +414,10 @@ def claimed_attributes(path: str | os.PathLike[str]) -> dict[str, Any]:
 def groups_of(path: str | os.PathLike[str]) -> tuple[str, ...]:
     """Return the names of the groups below the root of ``path``; errors are those of :func:`checked`."""
     with checked(path) as file:
-        return groups_in(file)
+        return _groups_in(file)
 
 
-def groups_in(file: Any) -> tuple[str, ...]:
-    """Return the names of the groups of an open file."""
+def _groups_in(file: Any) -> tuple[str, ...]:
     import h5py
 
     return tuple(name for name in file if file.get(name, getclass=True) is h5py.Group)
@@ -337,7 +437,7 @@ def read(path: str | os.PathLike[str], group: str | None = None, *, leave_out: C
     there.
     """
     with checked(path) as file:
-        if group is not None and group not in groups_in(file):
+        if group is not None and group not in _groups_in(file):
             raise unusable(path, f"has no readable group {group!r}")
         return _dataset(file, file if group is None else file[group], leave_out)
 
@@ -348,7 +448,7 @@ def read_precisions(path: str | os.PathLike[str], *, leave_out: Collection[str] 
     Errors are those of :func:`read`.
     """
     with checked(path) as file:
-        groups = {"double": file} | {name: file[name] for name in groups_in(file)}
+        groups = {"double": file} | {name: file[name] for name in _groups_in(file)}
         found = {precision: _dataset(file, group, leave_out) for precision, group in groups.items()}
     # The root of a file without runs in double precision is empty.
     return {precision: runs for precision, runs in found.items() if runs.data_vars}
@@ -415,7 +515,8 @@ def write(
         file.attrs.update({key: value for key, value in named.items() if key != NAME_KEY or value})
         for group, members in ((file, variables), *((file.create_group(n), m) for n, m in (groups or {}).items())):
             _fill(group, members, [name for name in coordinates if name in members])
-    seal(content)
+    content.seek(0, os.SEEK_END)
+    content.write(_seal(sha256(content.getbuffer()).hexdigest()))
     # Python 3.12 and newer print an error at exit if a view that the traceback of an error keeps is not released.
     with content.getbuffer() as written:
         write_bytes(path, written)
@@ -438,13 +539,15 @@ def _fill(group: Any, given: Variables, coordinates: Collection[str]) -> None:
         if FLAG_MEANINGS in notes:
             values, notes = _flags(name, values, notes)
         if values.dtype.kind in "UO":
-            made = group.create_variable(name, dims, dtype=h5py.string_dtype())
-            values = values.astype(object)
+            values, kind, filters = values.astype(object), h5py.string_dtype(), {}
         else:
-            made = group.create_variable(name, dims, dtype=values.dtype, **_filters(values))
+            kind, filters = values.dtype, _filters(values)
+        made = group.create_variable(name, dims, dtype=kind, **filters)
         made[...] = values
-        along = " ".join(_coordinates_of(name, dims, variables, coordinates))
-        made.attrs.update({**notes, **({"coordinates": along} if along else {})})
+        if name not in coordinates and name not in dims:
+            along = [other for other in coordinates if set(variables[other][0]) <= set(dims)]
+            notes |= {"coordinates": " ".join(along)} if along else {}
+        made.attrs.update(notes)
 
 
 def _checked_sizes(variables: Variables, arrays: Mapping[str, np.ndarray]) -> dict[str, int]:
@@ -458,16 +561,6 @@ def _checked_sizes(variables: Variables, arrays: Mapping[str, np.ndarray]) -> di
             message = f"variable {name!r} of shape {shape} does not fit its dimensions {dims}, of lengths {sizes}"
             raise NearharmonicError(message)
     return sizes
-
-
-def _coordinates_of(
-    name: str, dims: tuple[str, ...], variables: Variables, coordinates: Collection[str]
-) -> Iterator[str]:
-    """Yield the names of the auxiliary coordinates whose dimensions a variable has."""
-    if name not in coordinates and name not in dims:
-        for other in coordinates:
-            if set(variables[other][0]) <= set(dims):
-                yield other
 
 
 def _flags(name: str, values: np.ndarray, notes: dict[str, Any]) -> tuple[np.ndarray, dict[str, Any]]:
@@ -490,23 +583,3 @@ def _filters(values: np.ndarray) -> dict[str, Any]:
         size *= length
     packed = {"compression": "gzip", "compression_opts": GZIP_LEVEL, "shuffle": True}
     return {"chunks": tuple(chunks), **packed}
-
-
-__all__ = [
-    "DEFAULT_CONFIG",
-    "as_written",
-    "attributes_of",
-    "claimed_attributes",
-    "command_for",
-    "complaint",
-    "foreign_in",
-    "groups_of",
-    "read",
-    "read_precisions",
-    "sealed_digest",
-    "unusable",
-    "usable_configs",
-    "workflow_command",
-    "write",
-    "write_dataset",
-]

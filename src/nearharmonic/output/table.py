@@ -1,16 +1,17 @@
-"""Tables as CSV, Markdown, LaTeX and text, written atomically, and tables read from CSV."""
+"""Tables as CSV, Markdown, LaTeX and text, answers of commands, and generated parts of Markdown pages."""
 
 from __future__ import annotations
 
 import csv
 import io
+import json
 import os
 import re
 import struct
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import isnan
+from math import isfinite, isnan
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,8 @@ def _escaped(found: re.Match[str]) -> str:
     units = struct.iter_unpack(">H", found[0].encode("utf-16-be", "surrogatepass"))
     return "".join(f"\\u{unit:04x}" for (unit,) in units)
 
+
+# --- Tables, written atomically, and tables read from CSV.
 
 #: Endings of the files of a table.
 SUFFIXES = ("csv", "md", "tex")
@@ -174,3 +177,106 @@ def save_document(document: Mapping[str, Any], path: str | os.PathLike[str]) -> 
     import tomli_w
 
     write_text(path, tomli_w.dumps(document))
+
+
+# --- Generated parts of Markdown pages: tables, numbers, and the marks between which a part stands.
+
+
+def pipes(header: Sequence[str], rows: Iterable[Sequence[Cell]], align: str = "l") -> list[str]:
+    """Return the lines of a table in Markdown without padding, with cells written by ``str``.
+
+    ``align`` has a letter, ``l`` or ``r``, for each column; the last letter holds for all further columns.
+    """
+    marks = ["---:" if align[min(i, len(align) - 1)] == "r" else "---" for i in range(len(header))]
+    return [
+        f"| {' | '.join(header)} |",
+        f"|{'|'.join(marks)}|",
+        *(f"| {' | '.join(map(_cell, row))} |" for row in rows),
+    ]
+
+
+def _cell(cell: Cell) -> str:
+    return re.sub(r"(?<!\\)\|", r"\|", str(cell))
+
+
+def filled(page: str, parts: Mapping[str, str]) -> str:
+    """Return a page with each text of ``parts`` between the lines ``<!-- name -->`` and ``<!-- end -->``.
+
+    A NearharmonicError says that the page has not exactly one place for a name.
+    """
+    for name, text in parts.items():
+        before, *rest = page.split(f"<!-- {name} -->\n")
+        if len(rest) != 1 or "<!-- end -->" not in rest[0]:
+            message = f"the page has {len(rest)} places for {name}, each from <!-- {name} --> to <!-- end -->"
+            raise NearharmonicError(message)
+        _, end, after = rest[0].partition("<!-- end -->")
+        page = f"{before}<!-- {name} -->\n{text}\n{end}{after}"
+    return page
+
+
+def filled_page(place: str, parts: Mapping[str, str]) -> str:
+    """Return the page of a file, filled as :func:`filled` does."""
+    return filled(Path(place).read_text(encoding="utf-8"), parts)
+
+
+_SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+
+
+def short(number: float, digits: int = 3) -> str:
+    """Return the text of a number with ``digits`` significant digits, in words if it is not finite."""
+    if not isfinite(number):
+        return "beyond all bounds"
+    mantissa, _, exponent = f"{number:.{digits}g}".partition("e")
+    return f"{mantissa} × {power_of_ten(int(exponent))}" if exponent else mantissa
+
+
+def power_of_ten(exponent: int) -> str:
+    """Return the text of a power of ten, such as 10⁻³⁰."""
+    return f"10{str(exponent).translate(_SUPERSCRIPTS)}"
+
+
+# --- Answers of commands, and their output as a table, as JSON, or as CSV.
+
+FORMATS = ("table", "json", "csv")
+#: Significant digits of a float in a table: as many as the step sizes of a grid have.
+SHOWN_IN_ANSWERS = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer(Table):
+    """Answer of a command: a table, with an exit status and notes."""
+
+    #: Content of the JSON output: nested mappings, sequences and cells. If None, a list with an object for each row.
+    document: Any = None
+    #: Exit status: 0 for yes, which includes an empty answer; 1 for no.
+    status: int = 0
+    #: Lines below the table. JSON and CSV have no caption and notes.
+    notes: Sequence[str] = ()
+    #: Significant digits of the floats of the table, None for all digits, which JSON and CSV have.
+    digits: int | None = SHOWN_IN_ANSWERS
+    #: Text that is printed in place of a table.
+    text: str | None = None
+
+
+def printed(answer: Answer, form: str) -> str:
+    """Return the text of ``answer`` in one of :data:`FORMATS`, with a final line feed unless it is empty."""
+    if form == "csv":
+        text = answer.csv()
+    elif form == "json":
+        document = answer.records() if answer.document is None else answer.document
+        text = json.dumps(_without_infinities(document), indent=1, ensure_ascii=False, allow_nan=False)
+    else:
+        table = [*answer.lines(answer.digits), *map(in_one_line, answer.notes)]
+        text = "\n".join(table) if answer.text is None else answer.text
+    return text if text.endswith("\n") or not text else f"{text}\n"
+
+
+def _without_infinities(value: Any) -> Any:
+    """``value`` with null for every float that JSON cannot express."""
+    if isinstance(value, float):
+        return value if isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): _without_infinities(member) for key, member in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_infinities(member) for member in value]
+    return value

@@ -35,7 +35,7 @@ from nearharmonic.recommendation.recommendation import Choice, Recommendation
 from nearharmonic.recommendation.stability import Orbits, orbits
 from nearharmonic.recommendation.step_search import MARGIN, fewest_for_good, ladder, measured_errors
 from nearharmonic.systems import systems
-from nearharmonic.theory.linear_stability import stability_limit
+from nearharmonic.theory.oscillator import stability_limit
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -10,7 +10,7 @@ import numpy as np
 
 from nearharmonic.errors import warn_caller
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.dataset import Variables, assembled, described
+from nearharmonic.output.store import Variables, assembled, described
 from nearharmonic.recommendation.choices import recommendation
 from nearharmonic.recommendation.measure import MEASURES
 from nearharmonic.recommendation.question import question

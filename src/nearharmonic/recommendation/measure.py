@@ -28,7 +28,7 @@ from nearharmonic.engine.settings import Numerics, misfit
 from nearharmonic.engine.solution import Problem
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.clock import QUARTILES, STANDARD, Patience, interleaved, summary
-from nearharmonic.output.dataset import Variables, coordinate, variable
+from nearharmonic.output.store import Variables, coordinate, variable
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:

@@ -20,12 +20,11 @@ from nearharmonic.engine.settings import MOST_STEPS, checked_count, checked_tau,
 from nearharmonic.engine.setup import ANY, Setup, as_python, checked_scale
 from nearharmonic.engine.trajectory import sweep
 from nearharmonic.errors import bad_setting
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import integrators, load_tableaus
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.integrators.user_file import load_tableaus
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.numerics.written import exact_value
-from nearharmonic.output.dataset import Attributes
+from nearharmonic.output.store import Attributes
 from nearharmonic.recommendation.measure import MEASURES, NAMES
 from nearharmonic.registry.registry import is_path, split_path
 from nearharmonic.systems import System, systems

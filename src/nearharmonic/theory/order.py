@@ -12,19 +12,16 @@ from typing import Any, NamedTuple
 
 from nearharmonic.errors import TableauError, bad_setting
 from nearharmonic.exact.lie import conditions, lyndon_words
-from nearharmonic.exact.step import oscillator_errors
-from nearharmonic.exact.words import logarithm, words
+from nearharmonic.exact.words import logarithm, oscillator_errors, words
 from nearharmonic.integrators.tableau import HIGHEST_ORDER, First, Tableau
 from nearharmonic.numerics.written import is_real
-from nearharmonic.theory.order_conditions import errors_of, highest_of, proved_order, step_of, tolerance, weighted
+from nearharmonic.theory.order_conditions import HIGHEST_DECLARED, errors_of, proved_order, step_of, tolerance, weighted
 from nearharmonic.theory.oscillator import method_of, tableau_of
 
 # --- Orders of an integrator, proved from its printed coefficients in exact arithmetic, and its leading error terms.
-#
-# A step is the product of exponentials of the operators of a tableau. The exact flow is exp(A + B), with the drift A
-# and the kick B. The logarithm of the step is A + B + error terms; :mod:`nearharmonic.theory.order_conditions`
-# computes these terms.
 
+#: Order up to which methods are examined by default; the number of words doubles with each order.
+HIGHEST = 8
 #: Length of the words that are examined first for a generalised order: most methods fail at these.
 _SHORT = 7
 
@@ -271,7 +268,8 @@ def _first_power(tableau: Tableau, *rows: Sequence[Fraction]) -> int:
 
 
 def _highest(tableau: Tableau, asked: int | None) -> int:
-    return highest_of(tableau) if asked is None else _integer("highest", asked)
+    declared = max(HIGHEST, min(tableau.order, HIGHEST_DECLARED))
+    return declared if asked is None else _integer("highest", asked)
 
 
 def _integer(key: str, number: Any) -> int:
@@ -280,8 +278,7 @@ def _integer(key: str, number: Any) -> int:
     return int(number)
 
 
-# --- Nielsen's decomposition of a step on the harmonic oscillator: the recursion of Table 2, the closed sums of Table
-# 3.
+# --- Nielsen's decomposition of a step on the oscillator: the recursion of Table 2, the closed sums of Table 3.
 #
 # With m = k = 1 the momentum is eliminated from the step (2015, Eq. 6): the position after the h-th drift c_h is
 #

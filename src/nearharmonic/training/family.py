@@ -18,7 +18,7 @@ from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators, modified_integrators, plain_integrators
 from nearharmonic.integrators.tableau import First, Row, Tableau
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.theory.symmetric import ConditionedSteps
+from nearharmonic.theory.order_conditions import ConditionedSteps
 
 # --- Methods for comparison with trained ones: all registered methods except those of this project.
 

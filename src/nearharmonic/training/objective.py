@@ -20,12 +20,11 @@ from nearharmonic.engine.execution import Batch, energy_unit
 from nearharmonic.engine.numbers import moves_behind, rounded_rotations
 from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Numerics, check_fit
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.exact.decimals import BigFloat, fixed_point
-from nearharmonic.exact.newton import newton
+from nearharmonic.exact.polynomials import BigFloat, fixed_point, newton
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau, palindrome
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.systems.system import System
-from nearharmonic.theory.symmetric import ConditionedSteps
+from nearharmonic.theory.order_conditions import ConditionedSteps
 from nearharmonic.training.family import Family
 
 # --- A population of methods on an ensemble, in one queue of runs: each lane has its own coefficients.

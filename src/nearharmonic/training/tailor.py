@@ -19,8 +19,8 @@ from nearharmonic.errors import NearharmonicError, SettingError, warn_caller
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, Tableau
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.systems.system import System
-from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import harmonic_order
+from nearharmonic.theory.oscillator import stability_limit
 from nearharmonic.training.family import Family, palindrome_lines, published
 from nearharmonic.training.objective import (
     LEAST,

@@ -19,8 +19,8 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.atomic import write_bytes
-from nearharmonic.output.page import pipes
 from nearharmonic.output.store import read, write_dataset
+from nearharmonic.output.table import pipes
 from nearharmonic_paper.claims.claim import OPEN
 from nearharmonic_paper.claims.judging import MEANINGS
 from nearharmonic_paper.claims.statements.performance.discussion import CLOSE, ROUND

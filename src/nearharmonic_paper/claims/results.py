@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.page import power_of_ten, short
 from nearharmonic.output.store import read
+from nearharmonic.output.table import power_of_ten, short
 from nearharmonic_paper.record.manifest import Texts
 
 if TYPE_CHECKING:

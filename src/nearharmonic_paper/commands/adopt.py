@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from nearharmonic.output.answers import Answer
-from nearharmonic.output.table import printable
+from nearharmonic.output.table import Answer, printable
 from nearharmonic_paper.commands.verify import TRUST
 
 HELP = "take results that were copied here as up to date, after they were verified"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from nearharmonic.output.answers import Answer
+from nearharmonic.output.table import Answer
 
 HELP = "write a result to one zip file, an RO-Crate with the digests and the runs"
 

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from math import isnan
 from typing import TYPE_CHECKING, Any
 
-from nearharmonic.output.answers import Answer
+from nearharmonic.output.table import Answer
 
 if TYPE_CHECKING:
     from nearharmonic_paper.record.comparison import Comparison

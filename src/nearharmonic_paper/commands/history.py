@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from nearharmonic.output.answers import Answer
+from nearharmonic.output.table import Answer
 
 HELP = "list the runs of the workflow, newest first"
 HEADER = ("when", "id", "commit", "dirty", "targets", "duration", "status")

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from nearharmonic.output.answers import Answer
+from nearharmonic.output.table import Answer
 
 HELP = "put the workflow into this folder, if it is not there, and run it"
 #: Files of the workflow, by patterns from its root, which has all of them.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from nearharmonic.output.answers import Answer
+from nearharmonic.output.table import Answer
 
 HELP = "list single runs: step, errors, status; chosen and sorted"
 

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from nearharmonic.output.answers import Answer
+from nearharmonic.output.table import Answer
 
 HELP = "show all that is known of one run, and how to make it again"
 #: Relative difference of the requested and the found step size above which the answer mentions it: six typed digits.

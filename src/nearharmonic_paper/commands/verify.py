@@ -7,7 +7,7 @@ from pathlib import Path
 from shlex import quote
 from typing import Any
 
-from nearharmonic.output.answers import Answer
+from nearharmonic.output.table import Answer
 
 HELP = "check every file of a result, or of an archive, against its record, and this code against the recorded"
 

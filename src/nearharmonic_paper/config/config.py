@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from nearharmonic.engine.settings import MOST_SAMPLES, Sweep, shared_settings_from
-from nearharmonic.integrators import integrators, plain_integrators
-from nearharmonic.integrators.user_file import expanded
+from nearharmonic.integrators import expanded, integrators, plain_integrators
 from nearharmonic.output.atomic import write_text
-from nearharmonic.output.page import pipes
+from nearharmonic.output.table import pipes
 from nearharmonic.systems import systems
 from nearharmonic_paper.entries import POSITIVE, STRICT, PositiveNumber, Reading, setting, whole_from
 from nearharmonic_paper.experiments.paper.plan import suitable_shards

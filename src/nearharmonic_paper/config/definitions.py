@@ -10,8 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from nearharmonic.errors import NearharmonicError, SettingError, UnknownNameError, bad_setting
-from nearharmonic.integrators import integrators
-from nearharmonic.integrators.user_file import TableauDefinition, load_tableaus
+from nearharmonic.integrators import TableauDefinition, integrators, load_tableaus
 from nearharmonic.registry.registry import is_path, split_path
 from nearharmonic.registry.user_module import is_file
 from nearharmonic.systems import System, systems

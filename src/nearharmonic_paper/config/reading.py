@@ -9,8 +9,7 @@ from typing import Any, cast
 
 from nearharmonic.engine.settings import one_of
 from nearharmonic.errors import NearharmonicError, SettingError, bad_setting, unknown_name
-from nearharmonic.integrators import integrators
-from nearharmonic.integrators.user_file import expanded
+from nearharmonic.integrators import expanded, integrators
 from nearharmonic.numerics.written import integer_of
 from nearharmonic.systems import systems
 from nearharmonic_paper.config.config import NUMBERS, Config, adapter, schema, sections

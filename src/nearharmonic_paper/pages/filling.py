@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from nearharmonic.integrators import integrators as registered
-from nearharmonic.output.page import filled_page, pipes, power_of_ten, short
-from nearharmonic.output.table import Cell, from_csv
+from nearharmonic.output.table import Cell, filled_page, from_csv, pipes, power_of_ten, short
 
 __all__ = ["digits", "fills", "label", "power", "rows_of", "short", "shown", "signed", "table", "tables_of"]
 

@@ -22,10 +22,8 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators as registered
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.numerics.statistics import power_law, quasi_random
-from nearharmonic.output.answers import printed
-from nearharmonic.output.page import pipes
 from nearharmonic.output.store import groups_of, read
-from nearharmonic.output.table import from_csv
+from nearharmonic.output.table import from_csv, pipes, printed
 from nearharmonic.plotting.style import (
     house_style,
     log_scale,

@@ -23,7 +23,7 @@ from urllib.parse import unquote
 import nearharmonic
 from nearharmonic.errors import ResultFileError, SettingError
 from nearharmonic.output import atomic as reading
-from nearharmonic.output.page import pipes
+from nearharmonic.output.table import pipes
 from nearharmonic_paper.record.history import Run
 
 #: An entity of the metadata.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from matplotlib.lines import Line2D
 
 from nearharmonic.errors import SettingError, bad_setting
-from nearharmonic.output.dataset import double_runs
+from nearharmonic.output.store import double_runs
 from nearharmonic.plotting import style
 from nearharmonic_paper.record.query import system_cube, system_cubes
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.output import store
-from nearharmonic.output.dataset import Variables
+from nearharmonic.output.store import Variables
 from nearharmonic_paper.experiments.paper.plan import runs_of
 from nearharmonic_paper.experiments.paper.reduced_run import reduced_run
 from nearharmonic_paper.experiments.paper.run import integrate_run

@@ -13,7 +13,7 @@ from bokeh.models import GlyphRenderer as Renderer
 from bokeh.models import Plot
 from contourpy import contour_generator
 
-from nearharmonic.output.dataset import double_runs
+from nearharmonic.output.store import double_runs
 from nearharmonic.plotting.palette import style_of
 from nearharmonic.plotting.profile import (
     LARGEST_ERROR,

@@ -459,7 +459,7 @@ def _methods(cube: Any) -> dict[str, str]:
 
 def coefficients(methods: Iterable[str]) -> list[dict[str, Any]]:
     """Return the coefficients of registered methods as doubles, as ``nearharmonic export --to json`` writes them."""
-    from nearharmonic.exchange.export import export
+    from nearharmonic.exchange.files import export
 
     told = [json.loads(export(integrators[name], "json")) for name in methods if name in integrators]
     plain = [one for one in told if not one.get("square")]

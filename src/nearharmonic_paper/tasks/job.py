@@ -21,7 +21,7 @@ from typing import Any
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
 from nearharmonic.output.atomic import write_bytes, write_text
-from nearharmonic.output.dataset import Contents
+from nearharmonic.output.store import Contents
 from nearharmonic.output.table import Table, save_document
 from nearharmonic.output.table import save as save_table
 from nearharmonic.systems import systems
@@ -160,7 +160,7 @@ def _is_transparent(snakemake: Any) -> bool:
 def write(result: Any, places: Places, origin: Mapping[str, str], *, transparent: bool = False) -> None:
     """Write one result of a task to its files, with its ``origin``, the provenance, if they can hold it.
 
-    A :class:`~nearharmonic.output.dataset.Contents` or an ``xarray.Dataset`` goes to an HDF5 file, a
+    A :class:`~nearharmonic.output.store.Contents` or an ``xarray.Dataset`` goes to an HDF5 file, a
     :class:`~nearharmonic.output.table.Table` to CSV, Markdown and LaTeX, a matplotlib ``Figure`` to PDF, SVG (without
     a background if ``transparent``) and PNG, a dict to TOML, and a string or bytes to a file as they are.
     """

@@ -46,7 +46,7 @@ def defined(definitions: Definitions) -> Iterator[None]:
 
 def read_definitions(document: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Definitions:
     """Return definitions from their form in JSON."""
-    from nearharmonic.integrators.user_file import TableauDefinition
+    from nearharmonic.integrators import TableauDefinition
     from nearharmonic.systems.user_file import SystemDefinition
 
     kinds: dict[str, Any] = {"systems": SystemDefinition, "integrators": TableauDefinition}

@@ -19,8 +19,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from nearharmonic.integrators import integrators
 from nearharmonic.math import log
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.output.dataset import coordinate, described
-from nearharmonic.output.store import read
+from nearharmonic.output.store import coordinate, described, read
 from nearharmonic.output.table import Table
 from nearharmonic.plotting.style import house_style, log_scale, method_handles, new_figure, panel_letter, style_of
 from nearharmonic_paper.pages.filling import fills, label, short, shown, signed, table

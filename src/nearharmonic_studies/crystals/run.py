@@ -12,7 +12,7 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import exp
 from nearharmonic.numerics.compiled import Normal
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.output.dataset import Contents, coordinate, variable
+from nearharmonic.output.store import Contents, coordinate, variable
 from nearharmonic_studies.crystals.settings import TRAINED_ON_CRYSTALS, CrystalsSettings
 from nearharmonic_studies.crystals.solids import (
     Solid,

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 from nearharmonic.engine.settings import one_of
 from nearharmonic.errors import bad_setting
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import expanded, integrators
 from nearharmonic.integrators.tableau import Tableau, palindrome
-from nearharmonic.integrators.user_file import expanded
 from nearharmonic_paper.entries import STRICT, PositiveDecimal, positive_numbers, setting, some_of, whole_from
 
 #: Crystals, and the cells of each at size 1: 4, 4 and 8 atoms or two masses in a cell.

@@ -15,8 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from nearharmonic.math import exp
-from nearharmonic.output.dataset import coordinate, described
-from nearharmonic.output.store import read
+from nearharmonic.output.store import coordinate, described, read
 from nearharmonic.output.table import Table
 from nearharmonic.plotting.style import house_style, log_scale, method_handles, new_figure, panel_letter, style_of
 from nearharmonic_paper.pages.filling import fills, table

@@ -14,9 +14,8 @@ from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.math import erf, exp, log
 from nearharmonic.numerics.compiled import Normal, compiled
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.output.dataset import Contents, coordinate, method_coordinates, variable
-from nearharmonic.output.store import read
-from nearharmonic.theory.symmetric import SymmetricSteps
+from nearharmonic.output.store import Contents, coordinate, method_coordinates, read, variable
+from nearharmonic.theory.order_conditions import SymmetricSteps
 from nearharmonic.training.objective import OUTSIDE, SLOPE
 from nearharmonic.training.search import Effort, Found, Searcher, Start
 from nearharmonic_studies.samplers.settings import SamplersSettings

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 from nearharmonic.engine.settings import one_of
 from nearharmonic.errors import bad_setting
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import expanded, integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.integrators.user_file import expanded
 from nearharmonic_paper.entries import STRICT, PositiveDecimal, positive_numbers, setting, some_of, whole_from
 
 #: Targets that are not Gaussian.

@@ -25,7 +25,7 @@ from nearharmonic.numerics.portable import Bools
 from nearharmonic.numerics.search import Damping, RandomStarts, distinct, iteration, levenberg_step
 from nearharmonic.output.table import Table, progress
 from nearharmonic.systems import henon_heiles, kepler, sho
-from nearharmonic.theory.symmetric import ConditionedSteps, Equation, alternating
+from nearharmonic.theory.order_conditions import ConditionedSteps, Equation, alternating
 from nearharmonic.training.objective import tableau_of
 from nearharmonic_studies.sixth_order.settings import SixthOrderSettings
 

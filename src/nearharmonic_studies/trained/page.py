@@ -21,11 +21,10 @@ from matplotlib.ticker import LogLocator, MultipleLocator
 from nearharmonic.integrators import integrators as registered
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.output.page import pipes
+from nearharmonic.output.table import pipes
 from nearharmonic.plotting.style import house_style, lettered, log_scale, new_figure, panel_letter, style_of
-from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import harmonic_order, nystrom_order_of, order_of
-from nearharmonic.theory.oscillator import shifted_kicks
+from nearharmonic.theory.oscillator import shifted_kicks, stability_limit
 from nearharmonic_paper.pages.filling import MINUS, Row, fills, label, rows_of, signed, table, tables_of
 from nearharmonic_studies.trained.settings import ORBITS, PURPOSES
 

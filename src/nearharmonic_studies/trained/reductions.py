@@ -13,8 +13,7 @@ import xarray as xr
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.numerics.statistics import student_975
-from nearharmonic.output.dataset import bounds_coordinate, coordinate, described
-from nearharmonic.output.store import read
+from nearharmonic.output.store import bounds_coordinate, coordinate, described, read
 from nearharmonic.output.table import Table
 from nearharmonic.training.family import TRAINED
 from nearharmonic_paper.tasks.reduction import Reductions

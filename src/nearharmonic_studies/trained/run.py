@@ -18,8 +18,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor
 from nearharmonic.numerics.portable import Floats, geometric, log10
-from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable
-from nearharmonic.output.store import read
+from nearharmonic.output.store import Contents, Variables, coordinate, method_coordinates, read, variable
 from nearharmonic.output.table import Table
 from nearharmonic.training.objective import LANES, LEAST, Ensemble, errors_of
 from nearharmonic_paper.tasks.receipts import measures_time

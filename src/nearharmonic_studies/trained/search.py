@@ -19,8 +19,8 @@ from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.table import Table, progress
-from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import generalised_order_of, harmonic_order, nystrom_order_of, order_of
+from nearharmonic.theory.oscillator import stability_limit
 from nearharmonic.training.family import TRAINED_EXACT, Family, palindrome_lines, published
 from nearharmonic.training.objective import DIGITS, Ensemble, Objective, mean_errors, tableau_of
 from nearharmonic.training.search import Found, Searcher, search, starts_in

@@ -1,4 +1,4 @@
-"""Methods in BlackJAX: its own integrators as oracles, gradients counted, posteriors sampled, and what is refused."""
+"""Methods in BlackJAX: its own integrators as oracles, gradients counted, and what is refused."""
 
 from __future__ import annotations
 
@@ -98,85 +98,6 @@ def test_state_of_init_takes_a_fresh_gradient():
     state, _ = jax.jit(algorithm.step)(jax.random.PRNGKey(0), algorithm.init(jnp.array([1.0, 0.5])))
     fresh = algorithm.init(state.position + 2.0)
     np.testing.assert_allclose(fresh.logdensity_grad, -(state.position + 2.0), rtol=1e-15)
-
-
-# Posteriors: data made by fixed generators, and moments by quadrature or in closed form.
-
-
-def banana(x):
-    """x ~ N(0, 1) and y ~ N(x^2, 1)."""
-    return -0.5 * (x[0] ** 2 + (x[1] - x[0] ** 2) ** 2)
-
-
-def moments_of_quartic():
-    """<x^2> of exp(-x^4/4) is 2 Gamma(3/4) / Gamma(1/4)."""
-    return np.zeros(2), np.full(2, 2 * 1.2254167024651776 / 3.625609908221908)
-
-
-def moments_of_banana():
-    return np.array([0.0, 1.0]), np.array([1.0, 3.0])  # y = x^2 + e has mean 1 and variance 2 + 1
-
-
-POSTERIORS = {
-    "quartic": (quartic, moments_of_quartic, 2, 1.2),
-    "banana": (banana, moments_of_banana, 2, 0.8),
-}
-
-
-def chains(build, start, draws):
-    """Draws of 32 chains, the first fifth left out: (chain, draw, component)."""
-
-    def chain(key):
-        first, rest = jax.random.split(key)
-        state = build.init(start + 0.1 * jax.random.normal(first, start.shape))
-
-        def one(state, key):
-            state, _ = build.step(key, state)
-            return state, state.position
-
-        return jax.lax.scan(one, state, jax.random.split(rest, draws))[1]
-
-    return np.asarray(jax.jit(jax.vmap(chain))(jax.random.split(jax.random.PRNGKey(7), 32)))[:, draws // 5 :]
-
-
-def check_moments(samples, means, variances):
-    """Within six standard errors, which the 32 independent chains give: Student's t has 1e-6 beyond them."""
-    samples = samples[..., : len(means)]
-    for estimate, exact in ((samples, means), ((samples - means) ** 2, variances)):
-        of_chains = estimate.mean(axis=1)
-        error = of_chains.std(axis=0, ddof=1) / np.sqrt(len(of_chains))
-        assert (error < 0.05 * np.sqrt(variances) * (1 + 4 * variances)).all()  # the test would see an error of a tenth
-        np.testing.assert_array_less(np.abs(of_chains.mean(axis=0) - exact), 6 * error)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("posterior", "method"), [*((name, "babs7o7h") for name in POSTERIORS), ("banana", "abas5o6h")]
-)
-def test_hmc_samples_the_posterior(posterior, method):
-    density, moments, dimension, step_size = POSTERIORS[posterior]
-    build = blackjax.hmc(density, step_size, jnp.ones(dimension), 3, integrator=adapter.integrator(method))
-    check_moments(chains(build, jnp.zeros(dimension), 2000), *moments())
-
-
-@pytest.mark.slow
-def test_nuts_samples_the_posterior():
-    density, moments, dimension, step_size = POSTERIORS["banana"]
-    build = blackjax.nuts(density, step_size, jnp.ones(dimension), integrator=adapter.integrator("mclachlan_s4"))
-    check_moments(chains(build, jnp.zeros(dimension), 1000), *moments())
-
-
-@pytest.mark.slow
-def test_mclmc_samples_a_gaussian():
-    """MCLMC does not reject: its bias is that of the energy error, below 1e-3 at this step."""
-    build = blackjax.mclmc(gaussian, L=2.0, step_size=0.7, integrator=adapter.isokinetic_integrator("mclachlan_s4"))
-    first = build.init
-
-    class Keyed:
-        step = staticmethod(build.step)
-        init = staticmethod(lambda position: first(position, jax.random.PRNGKey(1)))
-
-    check_moments(chains(Keyed, jnp.ones(6), 4000), np.zeros(6), np.ones(6))
 
 
 def test_methods_that_only_blackjax_refuses():

@@ -1,4 +1,4 @@
-"""Methods inside mici: trajectories, gradients per step, reversibility, and moments of posteriors."""
+"""Methods inside mici: reversibility, orders and refusals."""
 
 from __future__ import annotations
 
@@ -33,13 +33,6 @@ class Potential:
         return kind(neg_log_dens=self.value, grad_neg_log_dens=self.gradient, **options)
 
 
-def henon_heiles():
-    return Potential(
-        lambda q: q @ q / 2 + q[0] ** 2 * q[1] - q[1] ** 3 / 3,
-        lambda q: np.array([q[0] + 2 * q[0] * q[1], q[1] + q[0] ** 2 - q[1] ** 2]),
-    )
-
-
 def quartic():
     return Potential(lambda q: np.sum(q**4) / 4, lambda q: q**3)
 
@@ -52,14 +45,6 @@ def after(steps, stepper, state):
     for _ in range(steps):
         state = stepper.step(state)
     return state
-
-
-def test_assigned_position_gets_its_own_gradient():
-    stepper = integrator(henon_heiles().system(), 0.25, "babs7o7h")
-    moved = after(3, stepper, start())
-    moved.pos, moved.mom = np.array([0.1, -0.2]), 1.5 * moved.mom
-    fresh = ChainState(pos=moved.pos.copy(), mom=moved.mom.copy(), dir=1)
-    assert np.array_equal(stepper.step(moved).mom, stepper.step(fresh).mom)
 
 
 @pytest.mark.parametrize("system", [EuclideanMetricSystem, GaussianEuclideanMetricSystem])
@@ -83,34 +68,6 @@ def test_gaussian_splitting_has_the_order_of_method(method, order):
         return abs(system.h(state) - system.h(start()))
 
     assert error(0.4) / error(0.2) > 2 ** (order - 0.5)  # 2^order as the step vanishes
-
-
-def moments(potential, method, step, kind=EuclideanMetricSystem):
-    """Chain of HMC: positions, shape (transitions, dimension)."""
-    system = potential.system(kind, dimension=8)
-    stepper = integrator(system, step, method)
-    rng = np.random.default_rng(1501)
-    sampler = mici.samplers.StaticMetropolisHMC(system, stepper, rng, n_step=4)
-    starts = [ChainState(pos=rng.standard_normal(8), mom=None, dir=1)]
-    options = {"monitor_stats": [], "display_progress": False, "trace_funcs": [lambda state: {"pos": state.pos}]}
-    found = sampler.sample_chains(n_warm_up_iter=100, n_main_iter=400, init_states=starts, adapters=[], **options)
-    return np.concatenate([chain[:, i] for chain in found.traces["pos"] for i in range(8)])
-
-
-def check_moment(values, expected):
-    """Check a mean within five of its standard errors, from means of batches, which are longer than correlations."""
-    batches = values[: len(values) // 50 * 50].reshape(50, -1).mean(axis=1)
-    assert abs(batches.mean() - expected) < 5 * batches.std(ddof=1) / np.sqrt(50)
-
-
-@pytest.mark.parametrize("kind", [EuclideanMetricSystem, GaussianEuclideanMetricSystem])
-def test_chain_has_the_moments_of_quartic_posterior(kind):
-    # The Gaussian system adds q.q/2 to what it is given. Density exp(-q^4/4): E q^4 = 1, by parts.
-    euclidean = kind is EuclideanMetricSystem
-    given = quartic() if euclidean else Potential(lambda q: np.sum(q**4) / 4 - q @ q / 2, lambda q: q**3 - q)
-    chain = moments(given, "babs7o7h", 0.5, kind)
-    check_moment(chain, 0)
-    check_moment(chain**4, 1)
 
 
 def test_step_size_adapter_sets_the_step():
@@ -143,20 +100,3 @@ def test_system_without_explicit_flows_is_refused():
     for system in (riemannian, constrained, None):
         with pytest.raises(SettingError, match="flows of h1 and h2"):
             integrator(system, 0.1, "leapfrog")
-
-
-@pytest.mark.parametrize("method", ["leapfrog", "babs7o7h", "aba864"])
-def test_force_that_depends_on_momenta_is_refused(method):
-    class Friction(EuclideanMetricSystem):
-        drag = 0.1
-
-        def dh1_dpos(self, state):
-            return state.pos + self.drag * (state.mom - state.mom[::-1]) * (state.pos[0] < 0.2)
-
-    def system():
-        return Friction(neg_log_dens=lambda q: q @ q / 2, grad_neg_log_dens=lambda q: q, metric=np.ones(2))
-
-    with pytest.raises(SettingError, match="depends on the momenta"):
-        after(20, integrator(system(), 0.25, method), start())
-    Friction.drag = 0.0
-    after(20, integrator(system(), 0.25, method), start())

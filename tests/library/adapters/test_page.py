@@ -1,4 +1,4 @@
-"""docs/how_to/adapters.md: its Python runs, its errors are measured again, its versions are those of the extras."""
+"""docs/how_to/adapters.md: its Python runs, and its errors are measured again."""
 
 from __future__ import annotations
 
@@ -10,17 +10,13 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
-from packaging.requirements import Requirement
-from packaging.version import Version
 
 import nearharmonic as nh
 from nearharmonic.adapters import PACKAGES
-from support.projects.extras import EXTRAS, normal
 from support.results.stated_numbers import ROOT
 
 PLACE = "docs/how_to/adapters.md"
 PAGE = (ROOT / PLACE).read_text(encoding="utf-8")
-CONSTRAINTS = (ROOT / "constraints.txt").read_text(encoding="utf-8")
 #: Code by adapter.
 BLOCKS = {
     re.search(r"nh\.adapters\.(\w+)", block)[1]: block for block in re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
@@ -31,8 +27,6 @@ FACE_CENTRED = np.array([[0, 0, 0], [0.5, 0.5, 0], [0.5, 0, 0.5], [0, 0.5, 0.5]]
 
 
 METHODS = ("leapfrog", "babs7o7h", "trained_light")
-#: Blocks that compile for seconds.
-LONGER = {"blackjax", "diffrax", "jax_md"}
 
 
 def rows(heading):
@@ -42,8 +36,6 @@ def rows(heading):
 
 
 ERRORS = rows("Energy errors")
-#: Versions by library.
-VERSIONS = {re.search(r"\[(.*)\]", row[0])[1]: row[3] for row in rows("Methods inside other libraries")}
 
 
 def module_of(library):
@@ -259,33 +251,13 @@ def test_error_of_page_is_measured_again(library, system, time, method, printed)
     assert abs(found - float(printed)) <= 0.05 * float(printed) + last_digit(printed)
 
 
-# --- code, versions ---------------------------------------------------------------------------------------------------
-
-
-def test_every_adapter_has_a_row_and_a_block():
-    assert [module_of(name) for name in VERSIONS] == [*BLOCKS]
-    assert {*BLOCKS} == {*PACKAGES}
+# --- code ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "library", [pytest.param(name, marks=[needs(name), *[pytest.mark.slow] * (name in LONGER)]) for name in BLOCKS]
-)
+@pytest.mark.parametrize("library", [pytest.param(name, marks=needs(name)) for name in PACKAGES])
 def test_block_of_page_runs_as_printed(library, tmp_path):
     done = subprocess.run(
         [sys.executable, "-c", BLOCKS[library]], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.parametrize("library", VERSIONS)
-def test_lowest_version_of_page_is_that_of_extra(library):
-    name = module_of(library)
-    (requirement,) = [
-        one for one in map(Requirement, EXTRAS[name.replace("_", "-")]) if normal(one.name) == normal(PACKAGES[name])
-    ]
-    (bound,) = requirement.specifier
-    tested = [Version(text) for text in VERSIONS[library].split(" to ")]
-    assert (bound.operator, Version(bound.version)) == (">=", tested[0])
-    (pinned,) = re.findall(rf"^{normal(PACKAGES[name])}==(\S+)$", CONSTRAINTS, re.MULTILINE)
-    assert Version(pinned) == tested[-1]

@@ -90,12 +90,3 @@ def test_densities_for_jax_are_those_of_the_targets(name, chains):
         slopes = np.asarray(jax.grad(given.density)(jnp.asarray(q)))
         np.testing.assert_allclose(-slopes, out, rtol=1e-9, atol=1e-10 * np.abs(out).max())
     assert potentials[1] - potentials[0] == pytest.approx(logs[0] - logs[1], rel=1e-9)
-
-
-@pytest.mark.parametrize("kind", ["Nuts", "Metropolis"])
-def test_step_size_has_the_acceptance_that_is_asked(kind, chains):
-    """320 proposals in the search and 1600 after it have errors of 0.02 and 0.01."""
-    given = problem(chains.product(N, 0.0), chains=8)
-    sampler = getattr(chains, kind)(given, nh.integrators["leapfrog"], 7)
-    tau = chains.with_level(sampler, 0.8, 40, 8)
-    assert chains.measured_with(sampler, tau, 40, 5).level == pytest.approx(0.8, abs=0.05)

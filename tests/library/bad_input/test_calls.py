@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.exchange.coefficient_file import read
+from nearharmonic.exchange.files import read
 from nearharmonic.output import store
 from support.bad_input import check_message, refused
 

@@ -8,7 +8,7 @@ import pytest
 
 from nearharmonic.cli import main
 from nearharmonic.exchange import TARGETS
-from nearharmonic.exchange.export import export
+from nearharmonic.exchange.files import export
 from nearharmonic.integrators import integrators
 
 OWN = """

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpmath import cos, diff, mp, mpf, sin
 
-from nearharmonic.exact.step import MOMENTUM, POSITION, composed, oscillator, oscillator_errors, slopes, states
+from nearharmonic.exact.words import MOMENTUM, POSITION, composed, oscillator, oscillator_errors, slopes, states
 
 numbers = st.integers(-1500, 1500).map(lambda n: Fraction(n, 1000))
 steps = st.lists(st.tuples(st.sampled_from("ABC"), numbers), min_size=1, max_size=6)

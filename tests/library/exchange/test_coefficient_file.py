@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from nearharmonic.errors import TableauError
-from nearharmonic.exchange.coefficient_file import read
+from nearharmonic.exchange.files import read
 from nearharmonic.exchange.method import step_of
 
 KICK, DRIFT = ("0.10", "0.8000000000000000000000001", "0.0999999999999999999999999"), ("0.5", "0.5")

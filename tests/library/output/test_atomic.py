@@ -1,4 +1,4 @@
-"""A file that is replaced: whole at every moment, whatever happens to the process that writes it."""
+"""Files: whole at every moment, and what is no regular file is one error at once."""
 
 from __future__ import annotations
 
@@ -8,12 +8,16 @@ import signal
 import stat
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
-from nearharmonic.errors import FileWriteError
-from nearharmonic.output.atomic import parts_in, remove_parts, replacing, write_text
+from nearharmonic.errors import FileWriteError, ResultFileError
+from nearharmonic.output import store
+from nearharmonic.output.atomic import parts_in, read_bytes, read_text, remove_parts, replacing, write_text
+from nearharmonic_paper.record import manifest
+from nearharmonic_paper.record.manifest import Texts
 
 
 def names(folder):
@@ -44,12 +48,6 @@ def test_block_that_raises_leaves_old_content_and_nothing_else(tmp_path, stop):
         stopped(place, stop)
     assert place.read_text() == "old"
     assert names(tmp_path) == ["table.csv"]
-
-
-def test_file_that_was_not_there_is_not_there_after_failure(tmp_path):
-    with pytest.raises(OSError, match="disk full"):
-        stopped(tmp_path / "table.csv", OSError("disk full"))
-    assert names(tmp_path) == []
 
 
 def test_the_folder_is_made_and_text_is_utf_8(tmp_path):
@@ -133,3 +131,45 @@ def test_temporary_files_of_ended_processes_are_removed(tmp_path):
     os.utime(elsewhere, (1, 1))
     remove_parts(tmp_path)
     assert list(tmp_path.rglob("*.part")) == [kept]
+
+
+NO_FILES = {
+    "pipe": os.mkfifo,
+    "folder": os.mkdir,
+    "endless device": lambda place: place.symlink_to("/dev/zero"),
+    "link to itself": lambda place: place.symlink_to(place),
+}
+
+
+@pytest.mark.parametrize("kind", NO_FILES)
+def test_what_is_no_regular_file_is_an_error_at_once(tmp_path, kind):
+    place = tmp_path / "place"
+    NO_FILES[kind](place)
+    with pytest.raises(OSError, match=r"not a regular file|Too many levels of symbolic links"):
+        read_bytes(place)
+
+
+@pytest.mark.parametrize("kind", NO_FILES)
+def test_readers_of_results_name_it_in_a_sentence(tmp_path, kind):
+    for name in ("manifest.json", "cubes.h5", "table.csv"):
+        NO_FILES[kind](tmp_path / name)
+    for read in (
+        lambda: manifest.read(tmp_path),
+        lambda: store.read(tmp_path / "cubes.h5"),
+        lambda: Texts(tmp_path).table("table.csv"),
+    ):
+        with pytest.raises(ResultFileError, match="Make it again: snakemake"):
+            read()
+
+
+def test_regular_file_is_read_and_file_descriptors_are_closed(tmp_path):
+    (tmp_path / "a").write_bytes(b"\xc3\xa9\xff")
+    os.mkfifo(tmp_path / "pipe")
+    before = len(list(Path("/dev/fd").iterdir()))
+    for _ in range(5):
+        assert read_text(tmp_path / "a", "replace") == "é\ufffd"
+        with suppress(OSError):
+            read_bytes(tmp_path / "pipe")
+    with pytest.raises(UnicodeDecodeError):
+        read_text(tmp_path / "a")
+    assert len(list(Path("/dev/fd").iterdir())) == before

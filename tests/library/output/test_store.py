@@ -1,4 +1,4 @@
-"""Result files: whole or absent, the same bytes twice, named dimensions, plain words about broken ones."""
+"""Result files and datasets: the same bytes twice, named dimensions, plain words about broken files."""
 
 from __future__ import annotations
 
@@ -14,9 +14,7 @@ import xarray as xr
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.output import store
-from nearharmonic.output import store as writer
-from nearharmonic.output.dataset import Contents, flags
-from nearharmonic.output.store import name_of
+from nearharmonic.output.store import Contents, assembled, coordinate, flags, name_of, variable
 from nearharmonic_paper.tasks import job
 from support.hostile.mutations import FOREIGN, make_foreign
 from support.results.result_folder import edited
@@ -108,28 +106,19 @@ def test_the_same_numbers_give_the_same_bytes(tmp_path, variables, monkeypatch):
     assert (tmp_path / "a.h5").read_bytes() == (tmp_path / "b.h5").read_bytes()
 
 
-def test_large_arrays_are_compressed_and_small_ones_are_not(tmp_path, variables):
-    store.write(tmp_path / "0.h5", variables, {})
-    with h5py.File(tmp_path / "0.h5") as file:
-        assert (file["q"].compression, file["q"].shuffle) == ("gzip", True)
-        assert file["steps"].compression is None
-
-
-def test_chunks_stay_small_enough_to_be_cached(tmp_path):
-    large = {"q": described(["tau_per_stage", "sample"], np.zeros((40, 10_000)))}
-    store.write(tmp_path / "0.h5", large, {})
-    with h5py.File(tmp_path / "0.h5") as file:
-        assert file["q"].chunks == (13, 10_000)  # 13 rows of 80 kB fit into 1 MiB
-
-
-def test_slice_of_a_million_step_sizes_is_one_chunk(tmp_path):
+def test_large_arrays_are_compressed_in_chunks_that_can_be_cached(tmp_path):
     cube = {
         "tau_per_stage": described(["tau_per_stage"], np.arange(1_000_000.0)),
         "error": described(["precision", "integrator", "tau_per_stage"], np.zeros((1, 2, 1_000_000))),
+        "q": described(["run", "sample"], np.zeros((40, 10_000))),
+        "steps": described(["run"], np.zeros(40)),
     }
     store.write(tmp_path / "cube.h5", cube, {})
     with h5py.File(tmp_path / "cube.h5") as file:
         assert file["error"].chunks == (1, 1, 2**17)
+        assert file["q"].chunks == (13, 10_000)  # 13 rows of 80 kB fit into 1 MiB
+        assert (file["q"].compression, file["q"].shuffle) == ("gzip", True)
+        assert file["steps"].compression is None
 
 
 def test_a_group_has_dimensions_of_its_own(tmp_path, variables):
@@ -146,15 +135,6 @@ def test_variables_that_are_left_out_are_not_read(tmp_path, variables):
     assert "q" not in found
     assert found.steps.values.tolist() == [4, 2, 1]
     assert found.attrs["count"] == 3
-
-
-def test_a_dataset_keeps_its_attributes_and_coordinates(tmp_path, variables):
-    store.write(tmp_path / "0.h5", variables, {})
-    cube = store.read(tmp_path / "0.h5").assign_attrs(orbital_period=2111.8)
-    store.write_dataset(tmp_path / "1.h5", cube, {"code_digest": "abc"})
-    again = store.read(tmp_path / "1.h5")
-    assert again.equals(cube)
-    assert (again.attrs["orbital_period"], again.attrs["code_digest"]) == (2111.8, "abc")
 
 
 def test_provenance_of_a_file_is_that_of_its_job(tmp_path, variables):
@@ -181,29 +161,6 @@ def test_lengths_that_contradict_a_dimension_are_refused(tmp_path, variables):
     variables["steps"] = described(["tau_per_stage"], np.arange(5))
     with pytest.raises(NearharmonicError, match="'steps' of shape"):
         store.write(tmp_path / "0.h5", variables, {})
-
-
-def test_atomic_replacement_keeps_old_file_for_its_readers(tmp_path, variables):
-    store.write(tmp_path / "0.h5", variables, {})
-    with (tmp_path / "0.h5").open("rb") as reader:
-        before = (tmp_path / "0.h5").read_bytes()
-        store.write(tmp_path / "0.h5", variables, {"changed": "yes"})
-        assert reader.read() == before
-    assert (tmp_path / "0.h5").read_bytes() != before
-
-
-def test_write_that_is_interrupted_leaves_old_file_and_nothing_else(tmp_path, variables, monkeypatch):
-    store.write(tmp_path / "0.h5", variables, {})
-    before = (tmp_path / "0.h5").read_bytes()
-
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(writer, "_filters", interrupt)
-    with pytest.raises(KeyboardInterrupt):
-        store.write(tmp_path / "0.h5", variables, {"changed": "yes"})
-    assert [p.name for p in tmp_path.iterdir()] == ["0.h5"]
-    assert (tmp_path / "0.h5").read_bytes() == before
 
 
 @pytest.mark.parametrize("kept", [0.0, 0.01, 0.5, 0.99])
@@ -238,15 +195,8 @@ def test_every_flipped_bit_is_found_before_the_file_is_opened(tmp_path, variable
             store.read(path)
 
 
-def test_a_foreign_file_is_named(tmp_path):
-    with h5py.File(tmp_path / "0.h5", "w") as file:
-        file["q"] = np.arange(99.0)
-    with pytest.raises(ResultFileError, match=r"0\.h5 is truncated or no result file"):
-        store.read(tmp_path / "0.h5")
-
-
 def test_a_file_of_another_format_is_named(tmp_path, variables, monkeypatch):
-    monkeypatch.setattr(writer, "FORMAT", "nearharmonic 99")
+    monkeypatch.setattr(store, "FORMAT", "nearharmonic 99")
     store.write(tmp_path / "0.h5", variables, {})
     monkeypatch.undo()
     with pytest.raises(ResultFileError, match="has another format"):
@@ -408,3 +358,84 @@ def test_full_disk_is_one_sentence_and_no_crash_at_exit(tmp_path):
     assert (done.returncode, done.stderr) == (0, f"{place} cannot be written: File too large\n" * 4)
     assert [path.name for path in tmp_path.iterdir()] == ["0.h5"]
     assert store.read(place).x.size == 9000
+
+
+# --- datasets put together from described variables equal those of xarray's own constructor ---------------------------
+
+
+VARIABLES = {
+    "error": variable("x", np.array([1e-3, np.inf, np.nan]), "relative error"),
+    "status": variable("x", np.array(["ok", "diverged", "ok"]), "status"),
+    "left": variable("x", np.array([0, 7, 0]), "step"),
+    "flags": variable(("x", "y"), np.ones((3, 2), dtype=bool), "flags"),
+    "listed": variable("y", [1.5, 2.5], "a list"),
+    "scalar": variable((), np.float64(0.25), "a number", "h"),
+    "word": variable((), np.array(["ok"])[0], "a word"),
+    "whole": variable((), 3, "an integer"),
+    "instants": variable("y", np.array(["2015-01-07", "2016-01-07"], dtype="datetime64[D]"), "days"),
+}
+#: Of dimensions without a coordinate.
+COUNTS = {
+    "x": variable("x", np.arange(3), "number of the x"),
+    "y": variable("y", np.arange(2), "number of the y"),
+}
+COORDINATES = [
+    coordinate("x", np.array([0.3, 0.1, 0.2]), "step size", "h"),
+    coordinate("x", np.array([3, 1, 2]), "count"),
+    coordinate("x", ["b", "a", "c"], "name"),
+    {"t": variable("x", np.array([0.0, 1.0, 2.0]), "time", "h")},
+    {},
+]
+
+
+def check_identical(found, expected):
+    xr.testing.assert_identical(found, expected)
+    assert found.sizes == expected.sizes
+    assert set(found.coords) == set(expected.coords)
+    assert {k: type(v) for k, v in found.variables.items()} == {k: type(v) for k, v in expected.variables.items()}
+    assert {k: v.dtype for k, v in found.variables.items()} == {k: v.dtype for k, v in expected.variables.items()}
+    assert {k: v.encoding for k, v in found.variables.items()} == {k: v.encoding for k, v in expected.variables.items()}
+    assert set(found.indexes) == set(expected.indexes)
+    for name, index in expected.indexes.items():
+        assert found.indexes[name].identical(index)
+        assert found.xindexes[name].equals(expected.xindexes[name])
+
+
+@pytest.mark.filterwarnings("ignore:Converting non-nanosecond")
+@pytest.mark.parametrize("coordinates", COORDINATES)
+def test_an_assembled_dataset_is_the_one_that_xarray_constructs(coordinates):
+    found = assembled({**VARIABLES, **coordinates}, list(coordinates), {"system": "sho"})
+    counts = {name: count for name, count in COUNTS.items() if name not in coordinates}
+    expected = xr.Dataset(VARIABLES, coords=coordinates | counts, attrs={"system": "sho"})
+    check_identical(found, expected)
+    check_identical(found.isel(x=slice(1, None)), expected.isel(x=slice(1, None)))
+
+
+def test_variables_of_different_sizes_are_refused():
+    with pytest.raises(ValueError, match="conflicting sizes"):
+        assembled({"a": variable("x", np.zeros(3), ""), "b": variable("x", np.zeros(2), "")}, [], {})
+
+
+def test_attributes_of_dataset_and_of_its_variables_are_its_own():
+    attributes = {"system": "sho"}
+    made = assembled({**VARIABLES, **COORDINATES[0]}, ["x"], attributes)
+    made.attrs["system"] = made.error.attrs["units"] = made.x.attrs["units"] = "changed"
+    assert attributes == {"system": "sho"}
+    assert (VARIABLES["error"][2]["units"], COORDINATES[0]["x"][2]["units"]) == ("1", "h")
+
+
+def test_results_of_one_shape_share_neither_values_nor_attributes():
+    def one(x):
+        return assembled(
+            {"t": variable("sample", [x, x], "time"), "q": variable("sample", [x, x], "position")}, ["t"], {}
+        )
+
+    first, second = one(1.0), one(2.0)
+    first["q"].values[:] = 7.0
+    first["t"].values[:] = 7.0
+    for name in ("q", "t", "sample"):
+        first[name].attrs["note"] = "of the first"
+    first = first.assign_coords(sample=[5, 6])
+    assert one(2.0).identical(second)
+    assert one(1.0).q.values.tolist() == one(1.0).t.values.tolist() == [1.0, 1.0]
+    assert one(1.0).sample.values.tolist() == [0, 1]

@@ -12,7 +12,7 @@ from nearharmonic.commands.recommend import ranking
 from nearharmonic.errors import ResultFileError
 from nearharmonic.integrators import integrators
 from nearharmonic.output import store
-from nearharmonic.output.answers import printed
+from nearharmonic.output.table import printed
 from nearharmonic.recommendation.choices import recommendation
 from nearharmonic.recommendation.measure import Solver, cross, variables
 from nearharmonic.recommendation.question import question

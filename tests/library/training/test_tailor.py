@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.integrators.user_file import load_tableaus
+from nearharmonic.integrators import load_tableaus
 from nearharmonic.training.family import Family, published
 from nearharmonic.training.objective import Objective, mean_errors
 from nearharmonic.training.question import contenders, orbit_of, question, registered, step_sizes, window_at

@@ -19,7 +19,7 @@ import xarray as xr
 
 from nearharmonic.cli import main
 from nearharmonic.errors import NearharmonicError, ResultFileError
-from nearharmonic.exchange.coefficient_file import read as read_coefficients
+from nearharmonic.exchange.files import read as read_coefficients
 from nearharmonic.output import store
 from nearharmonic.output.atomic import unsealed as opened
 from nearharmonic.plotting.profile import problem_of

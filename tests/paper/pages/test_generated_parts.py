@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 import nearharmonic as nh
-from nearharmonic.output.page import filled, short
+from nearharmonic.output.table import filled, short
 from nearharmonic_paper.pages import examples, how_to, methods, targets
 from nearharmonic_paper.pages.filling import rows_of
 from nearharmonic_paper.report.shown import few_colours

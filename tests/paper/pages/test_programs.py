@@ -18,8 +18,8 @@ import yaml
 
 import nearharmonic as nh
 from nearharmonic.cli import main
-from nearharmonic.exchange.export import export
-from nearharmonic.integrators.file import tableaus_of
+from nearharmonic.exchange.files import export
+from nearharmonic.integrators import tableaus_of
 from nearharmonic_paper.record import archive as pack
 from nearharmonic_paper.record import verify
 from support.results import finished_results

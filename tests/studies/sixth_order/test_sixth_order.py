@@ -13,8 +13,8 @@ from mpmath import matrix, mp, mpf, sqrt
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.nearharmonic_2026 import TABLEAUS
 from nearharmonic.systems import kepler, sho
-from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.order import error_norm
+from nearharmonic.theory.oscillator import stability_limit
 from nearharmonic.training.objective import polished, tableau_of
 from nearharmonic_paper.tasks.job import covered
 from nearharmonic_paper.tasks.provenance import task

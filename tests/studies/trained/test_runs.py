@@ -16,7 +16,7 @@ import yaml
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import integrators, plain_integrators
-from nearharmonic.output.dataset import assembled
+from nearharmonic.output.store import assembled
 from nearharmonic_paper.config.reading import load
 from nearharmonic_paper.tasks import job
 from nearharmonic_studies.trained import run as times

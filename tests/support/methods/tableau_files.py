@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from nearharmonic.exchange.coefficient_file import read
+from nearharmonic.exchange.files import read
 from nearharmonic.exchange.verdict import Verdict
 
 FOLDER = Path(__file__).parents[2] / "library/exchange/tableaus"

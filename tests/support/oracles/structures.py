@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 from types import SimpleNamespace
 
-from nearharmonic.output.dataset import assembled
+from nearharmonic.output.store import assembled
 from nearharmonic_paper.experiments.stability.conservation_reductions import structure_cube
 from nearharmonic_paper.experiments.stability.run import structure_runs
 

@@ -8,7 +8,7 @@ from fractions import Fraction
 from functools import cache
 
 import nearharmonic as nh
-from nearharmonic.exchange.export import export
+from nearharmonic.exchange.files import export
 from nearharmonic.integrators import integrators
 
 #: Those of the examples.

@@ -11,7 +11,7 @@ import xarray as xr
 
 from nearharmonic.core.formulas.number import FUNCTIONS
 from nearharmonic.output import store
-from nearharmonic.output.dataset import variable
+from nearharmonic.output.store import variable
 from nearharmonic.recommendation.measure import variables
 from support.cubes.figure_cubes import FACTS, timed
 from support.results.stated_numbers import ROOT

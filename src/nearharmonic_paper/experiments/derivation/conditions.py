@@ -10,17 +10,21 @@ from typing import Any
 
 from mpmath import mp, mpf
 
-from nearharmonic.exact.decimals import BigFloat, as_mpf, decimals_in_common, fixed_point
-from nearharmonic.exact.newton import GUARD, newton
 from nearharmonic.exact.polynomials import (
+    GUARD,
+    BigFloat,
     Echelon,
     Multivariate,
     PowerSeries,
     Quotient,
     SparseVector,
     add,
+    as_mpf,
     constants,
+    decimals_in_common,
+    fixed_point,
     inverse,
+    newton,
     real_root_count,
     real_roots,
     sturm_chain,
@@ -29,9 +33,9 @@ from nearharmonic.exact.polynomials import (
     whole,
 )
 from nearharmonic.exact.polynomials import multivariate_product as product
-from nearharmonic.exact.step import POSITION, slopes, states
+from nearharmonic.exact.words import POSITION, slopes, states
 from nearharmonic.integrators.tableau import First, Tableau
-from nearharmonic.theory.symmetric import SymmetricSteps
+from nearharmonic.theory.order_conditions import SymmetricSteps
 
 # --- The harmonic order conditions of a symmetric tableau, in the arithmetic of their unknowns.
 
@@ -91,7 +95,7 @@ class Equations(SymmetricSteps):
 
 @dataclass(frozen=True)
 class PolishedSolution:
-    """A solution, or the last state of Newton's method: the fields of :class:`~nearharmonic.exact.newton.Limit`.
+    """A solution, or the last state of Newton's method: the fields of :class:`~nearharmonic.exact.polynomials.Limit`.
 
     ``unknowns`` (mpf), and the decimal strings of the ``outer`` and ``inner`` rows, are empty unless ``converged``.
     """

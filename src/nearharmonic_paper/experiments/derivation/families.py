@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from mpmath import mp, mpf
 
-from nearharmonic.exact.decimals import as_mpf, fixed_point
-from nearharmonic.exact.newton import Proof, prove, rank_and_pivots
+from nearharmonic.exact.polynomials import Proof, as_mpf, fixed_point, prove, rank_and_pivots
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.nielsen_2015 import TABLEAUS
 from nearharmonic.integrators.tableau import Tableau

@@ -16,8 +16,7 @@ import xarray as xr
 
 from nearharmonic.math import exp, log
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.output.dataset import bounds_coordinate, coordinate, described
-from nearharmonic.output.store import read
+from nearharmonic.output.store import bounds_coordinate, coordinate, described, read
 from nearharmonic.output.table import Table
 from nearharmonic_paper.experiments.exact_oscillator.settings import ExactOscillatorSettings
 from nearharmonic_paper.tasks.reduction import Reductions

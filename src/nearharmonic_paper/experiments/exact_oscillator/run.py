@@ -15,7 +15,7 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import cos, sin
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.numerics.statistics import quasi_random
-from nearharmonic.output.dataset import Contents, coordinate, variable
+from nearharmonic.output.store import Contents, coordinate, variable
 from nearharmonic.systems.henon_heiles import SYSTEM
 from nearharmonic_paper.experiments.exact_oscillator.settings import CHARGES, ExactOscillatorSettings
 

@@ -6,9 +6,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from nearharmonic.engine.settings import EXACT_OSCILLATOR, check_fit
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import expanded, integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.integrators.user_file import expanded
 from nearharmonic.numerics.portable import geometric
 from nearharmonic.systems.henon_heiles import SYSTEM
 from nearharmonic_paper.entries import (

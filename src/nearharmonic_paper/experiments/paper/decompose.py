@@ -8,10 +8,10 @@ from typing import get_args
 import numpy as np
 import xarray as xr
 
-from nearharmonic.exact.decimals import BigFloat
+from nearharmonic.exact.polynomials import BigFloat
 from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import First, Tableau
-from nearharmonic.output.dataset import assembled, coordinate, method_coordinates, variable
+from nearharmonic.output.store import assembled, coordinate, method_coordinates, variable
 from nearharmonic.theory.order import harmonic_order
 from nearharmonic.theory.oscillator import kappa, lambda_max
 

@@ -22,8 +22,7 @@ import numpy as np
 
 from nearharmonic.engine.settings import Sweep, tau_range
 from nearharmonic.errors import NearharmonicError
-from nearharmonic.output.dataset import Variables, variables_of
-from nearharmonic.output.store import claimed_attributes, complaint, read_precisions
+from nearharmonic.output.store import Variables, claimed_attributes, complaint, read_precisions, variables_of
 from nearharmonic_paper.experiments.paper.plan import Run, shard_range
 from nearharmonic_paper.experiments.paper.run import gathered
 

@@ -13,7 +13,7 @@ from nearharmonic.engine.invariants import energy_at_start
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.integrators import integrators as methods_by_name
 from nearharmonic.output import store
-from nearharmonic.output.dataset import described
+from nearharmonic.output.store import described
 from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.paper.reductions import orbital_period, reduction
 from nearharmonic_paper.experiments.paper.settings import PAPER

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from nearharmonic.engine.settings import Sweep
-from nearharmonic.output.dataset import Contents, Variables, assembled, variables_of
+from nearharmonic.output.store import Contents, Variables, assembled, variables_of
 from nearharmonic_paper.experiments.paper.plan import Run
 from nearharmonic_paper.experiments.paper.reduce import STATES, joined, numbers
 from nearharmonic_paper.experiments.paper.run import COORDINATES, Completion, contents, integrate_run

@@ -17,7 +17,7 @@ from nearharmonic.engine.description import SINCE
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.statistics import linear_trend, trend_linearity
 from nearharmonic.numerics.statistics import observed_order as order_of_curve
-from nearharmonic.output.dataset import described
+from nearharmonic.output.store import described
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
 from nearharmonic_paper.tasks.reduction import Reductions, exact_sum

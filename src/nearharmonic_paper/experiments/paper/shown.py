@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from nearharmonic.numerics.portable import Bools, Floats
-from nearharmonic.output.dataset import double_runs
+from nearharmonic.output.store import double_runs
 from nearharmonic.plotting.profile import Line, lines
 
 if TYPE_CHECKING:

@@ -8,13 +8,12 @@ from fractions import Fraction
 from typing import Any
 
 from nearharmonic.core.machine import disk
-from nearharmonic.exact.decimals import fixed_point
+from nearharmonic.exact.polynomials import fixed_point
 from nearharmonic.integrators import forest_ruth_1990, plain_integrators
 from nearharmonic.integrators import integrators as methods_by_name
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.math import pow
 from nearharmonic.output.table import Table
-from nearharmonic.theory.linear_stability import stability_gaps
 from nearharmonic.theory.order import (
     ErrorTerm,
     closed_sums,
@@ -26,7 +25,7 @@ from nearharmonic.theory.order import (
     order_of,
     position_rows,
 )
-from nearharmonic.theory.oscillator import table_4, tableau_of
+from nearharmonic.theory.oscillator import stability_gaps, table_4, tableau_of
 from nearharmonic_paper.tasks.provenance import code_digest, coefficients_digest
 
 # --- Table of all methods, computed without integration; the paper has no such table.

@@ -20,8 +20,7 @@ from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import norms
 from nearharmonic.numerics.statistics import line_fit
-from nearharmonic.output.dataset import coordinate, described, method_coordinates
-from nearharmonic.output.store import read
+from nearharmonic.output.store import coordinate, described, method_coordinates, read
 from nearharmonic.output.table import Table
 from nearharmonic_paper.tasks.reduction import Reductions
 

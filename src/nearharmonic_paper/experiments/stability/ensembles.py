@@ -8,8 +8,7 @@ import xarray as xr
 
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.dataset import method_coordinates
-from nearharmonic.output.store import read
+from nearharmonic.output.store import method_coordinates, read
 
 
 def read_runs(names: Sequence[str], paths: Mapping[str, str]) -> xr.Dataset:

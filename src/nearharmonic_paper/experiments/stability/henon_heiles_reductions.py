@@ -15,9 +15,9 @@ import numpy as np
 import xarray as xr
 
 from nearharmonic.integrators import integrators
-from nearharmonic.output.dataset import described
+from nearharmonic.output.store import described
 from nearharmonic.output.table import Table
-from nearharmonic.theory.linear_stability import stability_limit
+from nearharmonic.theory.oscillator import stability_limit
 from nearharmonic_paper.experiments.stability.ensembles import read_runs
 from nearharmonic_paper.experiments.stability.settings import EnsembleSettings
 from nearharmonic_paper.tasks.reduction import Reductions

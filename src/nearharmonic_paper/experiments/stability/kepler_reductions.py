@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from nearharmonic.integrators import integrators
 from nearharmonic.math import exp, log
 from nearharmonic.numerics.portable import Floats, dot
-from nearharmonic.output.dataset import described
+from nearharmonic.output.store import described
 from nearharmonic.output.table import Table
 from nearharmonic.systems.kepler import perihelion_angle
 from nearharmonic_paper.experiments.stability.ensembles import read_runs

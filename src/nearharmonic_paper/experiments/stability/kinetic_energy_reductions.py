@@ -7,8 +7,7 @@ from typing import Any
 
 import xarray as xr
 
-from nearharmonic.output.dataset import described
-from nearharmonic.output.store import read
+from nearharmonic.output.store import described, read
 from nearharmonic.output.table import Table
 from nearharmonic.systems.relativistic_oscillator import SYSTEM
 from nearharmonic_paper.tasks.reduction import Reductions

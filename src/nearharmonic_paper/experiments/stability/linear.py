@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from nearharmonic.exact.decimals import significant
+from nearharmonic.exact.polynomials import significant
 from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.dataset import coordinate, method_coordinates, variable
+from nearharmonic.output.store import coordinate, method_coordinates, variable
 from nearharmonic.output.table import Table
-from nearharmonic.theory.linear_stability import largest_growth, stability_gaps, touching_points
-from nearharmonic.theory.oscillator import step_polynomials
+from nearharmonic.theory.oscillator import largest_growth, stability_gaps, step_polynomials, touching_points
 
 #: Largest step size per stage of the curve, above the last stable step size of all ten methods, and number of points.
 HIGHEST_TAU_PER_STAGE, POINTS = 2.4, 961

@@ -24,7 +24,7 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import cos, sin
 from nearharmonic.numerics.portable import Floats, Integers, decades, geometric, log10, nearest_power_of_two
 from nearharmonic.numerics.statistics import quasi_random
-from nearharmonic.output.dataset import Contents, Variables, coordinate, method_coordinates, variable
+from nearharmonic.output.store import Contents, Variables, coordinate, method_coordinates, variable
 from nearharmonic.systems import systems
 from nearharmonic.systems.henon_heiles import SYSTEM as HENON_HEILES
 from nearharmonic.systems.kepler import SYSTEM as MERCURY

@@ -15,7 +15,7 @@ from nearharmonic.engine.settings import Sweep, tau_grid
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.clock import machine, pinned
-from nearharmonic.output.dataset import Contents
+from nearharmonic.output.store import Contents
 from nearharmonic.recommendation.measure import (
     MEASURES,
     TARGETS,

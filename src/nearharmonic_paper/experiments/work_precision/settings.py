@@ -6,9 +6,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from nearharmonic.engine.settings import check_fit, one_of
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import expanded, integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.integrators.user_file import expanded
 from nearharmonic.systems import systems
 from nearharmonic_paper.entries import STRICT, PositiveNumber, setting, whole_from
 

@@ -7,8 +7,7 @@ from math import isfinite
 
 import xarray as xr
 
-from nearharmonic.output.page import pipes
-from nearharmonic.output.table import Table
+from nearharmonic.output.table import Table, pipes
 from nearharmonic.recommendation.measure import (
     NAMES,
     TARGETS,

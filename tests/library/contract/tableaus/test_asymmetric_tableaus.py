@@ -11,12 +11,11 @@ from mpmath import inf, mp, mpf
 
 import nearharmonic as nh
 from nearharmonic.errors import TableauError
-from nearharmonic.exchange.coefficient_file import read
-from nearharmonic.exchange.export import export
+from nearharmonic.exchange.files import export, read
 from nearharmonic.exchange.verdict import Verdict
+from nearharmonic.integrators import load_tableaus
 from nearharmonic.integrators import plain_integrators as integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.integrators.user_file import load_tableaus
 from nearharmonic.theory.oscillator import harmonic_energy_error
 from support.oracles.multiprecision import trajectory
 from support.oracles.structures import structure

@@ -9,7 +9,7 @@ import pytest
 from mpmath import eye, mpf
 
 import nearharmonic as nh
-from nearharmonic.exact.step import oscillator
+from nearharmonic.exact.words import oscillator
 from nearharmonic.theory.order import harmonic_orders_of, leading_errors, nystrom_order_of
 from nearharmonic.theory.order_conditions import step_of
 from nearharmonic.theory.oscillator import lambda_max, zeta

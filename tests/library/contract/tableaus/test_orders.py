@@ -9,8 +9,8 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.errors import TableauError
+from nearharmonic.integrators import load_tableaus
 from nearharmonic.integrators import plain_integrators as integrators
-from nearharmonic.integrators.user_file import load_tableaus
 from nearharmonic.theory.order import (
     generalised_order_of,
     harmonic_order,

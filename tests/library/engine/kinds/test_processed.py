@@ -14,7 +14,7 @@ from mpmath import mpf
 
 import nearharmonic as nh
 from nearharmonic.errors import TableauError
-from nearharmonic.integrators.composition import Processor
+from nearharmonic.integrators.tableau import Processor
 from nearharmonic.theory.order import nystrom_order_of
 from support.oracles import modified_steps
 from support.oracles.multiprecision import digits_of

@@ -10,14 +10,14 @@ from mpmath import eig, inf, linspace, log, matrix, mpf, nstr, pi, sin, sqrt
 import nearharmonic as nh
 from nearharmonic.integrators import BENCHMARKED, integrators, plain_integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.theory.linear_stability import (
+from nearharmonic.theory.oscillator import (
     growth_rate,
+    harmonic_energy_error,
     largest_growth,
     stability_gaps,
     stability_limit,
     touching_points,
 )
-from nearharmonic.theory.oscillator import harmonic_energy_error
 from nearharmonic_paper.experiments.stability.linear import KNOWN_LIMITS
 from support.methods.ten_methods import EVERY_METHOD, TEN_METHODS
 from support.oracles.reference_solutions import oscillator_step

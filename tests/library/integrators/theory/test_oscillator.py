@@ -1,7 +1,8 @@
-"""The exact decomposition of a harmonic step against stepping, matrix products and other people's numbers."""
+"""Error terms and energy errors on the oscillator against closed forms, and Table 4."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 from math import inf, prod
 
@@ -10,9 +11,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mpmath import cos, mp, mpf, sin, taylor
 
+import nearharmonic as nh
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import BENCHMARKED, integrators, plain_integrators
-from nearharmonic.theory.oscillator import harmonic_energy_error, kappa, lambda_max, stability_trace, step_polynomials
+from nearharmonic.theory.oscillator import (
+    SETS,
+    harmonic_energy_error,
+    independent,
+    kappa,
+    lambda_max,
+    stability_trace,
+    step_polynomials,
+    table_4,
+)
 from nearharmonic_paper.experiments.stability.linear import KNOWN_LIMITS
 from support.oracles.random_tableaus import tableaus
 from support.oracles.reference_solutions import oscillator_step
@@ -186,3 +197,33 @@ def test_trace_of_small_step_is_that_of_exact_rotation(name):
 def test_step_size_must_be_finite_and_positive(tau):
     with pytest.raises(SettingError, match=r"tau = .* is not allowed: a finite number above 0"):
         harmonic_energy_error("ruth", tau)
+
+
+# --- Table 4 ----------------------------------------------------------------------------------------------------------
+
+
+def test_table_4_prints_the_paper_s_independent_coefficients():
+    """Counted in the paper: 4 each for five stages, 5 for six, 6 for seven, 7 for eight, 8 for nine."""
+    header, rows = table_4()
+    assert header == ("set", "coefficient", "printed")
+    assert len(rows) == 3 * 4 + 3 * 5 + 2 * 6 + 7 + 8
+    assert rows[0] == (
+        "ABAs5o6H",
+        "d(1)",
+        "0.1558593591762168313166117535752091422239663993391011462498104831549442591694",
+    )
+    assert rows[-1][1] == "c(4)"
+
+
+def test_every_set_of_the_paper_is_in_the_table():
+    assert set(SETS) == {name for name, t in nh.integrators.items() if "1501.04345" in t.source}
+
+
+def test_a_derived_value_stands_beside_the_printed_one():
+    tableau = nh.integrators["babs7o7h"]
+    header, rows = table_4({"babs7o7h": replace(tableau, label="found")})
+    assert header[-1] == "agreeing decimals"
+    mine = [row for row in rows if row[0] == "BABs7o7H"]
+    assert [row[2] for row in mine] == [value for _, _, value in independent(tableau)]
+    assert {row[4] for row in mine} == {76}
+    assert {row[4] for row in rows if row[0] != "BABs7o7H"} == {"not derived"}

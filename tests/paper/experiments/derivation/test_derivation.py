@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mpmath import cbrt, mp, mpf
 
-from nearharmonic.exact.newton import Proof, prove
+from nearharmonic.exact.polynomials import Proof, prove
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.search import RandomStarts
 from nearharmonic_paper.experiments.derivation import families as isolated

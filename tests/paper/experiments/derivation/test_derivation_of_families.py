@@ -11,7 +11,7 @@ import tomli_w
 from mpmath import mpf
 
 from nearharmonic.engine.trajectory import sweep
-from nearharmonic.exact.newton import rank_and_pivots
+from nearharmonic.exact.polynomials import rank_and_pivots
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.search import RandomStarts
 from nearharmonic.theory.oscillator import harmonic_energy_error

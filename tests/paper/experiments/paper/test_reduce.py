@@ -13,8 +13,7 @@ import xarray as xr
 import nearharmonic as nh
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.integrators import integrators
-from nearharmonic.output.dataset import assembled, described
-from nearharmonic.output.store import write
+from nearharmonic.output.store import assembled, described, write
 from nearharmonic.plotting.energy_error import draw_profile
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition

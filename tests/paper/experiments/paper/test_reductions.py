@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from nearharmonic.output.dataset import described
+from nearharmonic.output.store import described
 from nearharmonic_paper.experiments.paper import reductions
 from nearharmonic_paper.tasks.reduction import Reductions, exact_sum
 

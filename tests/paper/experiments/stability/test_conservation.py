@@ -14,7 +14,7 @@ from nearharmonic.core.arithmetic import sqrt
 from nearharmonic.engine import kernels
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import BENCHMARKED, integrators
-from nearharmonic.output.dataset import assembled
+from nearharmonic.output.store import assembled
 from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.stability import run as conservation
 from nearharmonic_paper.experiments.stability.conservation_reductions import defect, tangent_map

@@ -6,7 +6,7 @@ import pytest
 import xarray as xr
 
 from nearharmonic.integrators import integrators
-from nearharmonic.output.dataset import assembled
+from nearharmonic.output.store import assembled
 from nearharmonic_paper.experiments.stability.ensembles import stacked
 from nearharmonic_paper.experiments.stability.henon_heiles_reductions import henon_heiles_cube
 from nearharmonic_paper.experiments.stability.kepler_reductions import kepler_cube

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from nearharmonic.math import hypot
-from nearharmonic.theory.linear_stability import stability_limit
+from nearharmonic.theory.oscillator import stability_limit
 from nearharmonic_paper.claims.claim import Decision, counted, either, finding, mathematics, result, tallied
 from nearharmonic_paper.claims.judging import GREATLY, STABLE
 from nearharmonic_paper.claims.results import Results, short

@@ -9,7 +9,7 @@ import numpy as np
 
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.theory.linear_stability import growth_rate, stability_gaps, stability_limit
+from nearharmonic.theory.oscillator import growth_rate, stability_gaps, stability_limit
 from nearharmonic_paper.claims.claim import Decide, Decision, background, counted, either, result, tallied
 from nearharmonic_paper.claims.judging import GENERALLY, GREATLY, LOST, SEVERAL, SIGNIFICANTLY, SMALL, Curves, curves_of
 from nearharmonic_paper.claims.results import Results, label, once, require, short

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import xarray as xr
 
-from nearharmonic.output.dataset import described
+from nearharmonic.output.store import described
 from nearharmonic_paper.tasks.reduction import Reductions
 
 reduction = Reductions()

@@ -9,7 +9,7 @@ import numpy as np
 from nearharmonic_paper.experiments.added.settings import AddedSettings
 
 from nearharmonic.integrators import integrators
-from nearharmonic.output.dataset import Contents, coordinate, method_coordinates, variable
+from nearharmonic.output.store import Contents, coordinate, method_coordinates, variable
 
 
 def measure(methods: Sequence[str], settings: AddedSettings) -> dict[str, Contents]:

@@ -9,7 +9,7 @@ from nearharmonic_paper.experiments.added.reductions import reduction
 from nearharmonic_paper.experiments.added.run import measure
 from nearharmonic_paper.experiments.added.settings import AddedSettings
 
-from nearharmonic.output.dataset import assembled
+from nearharmonic.output.store import assembled
 
 
 def test_one_step_of_leapfrog_errs_as_its_polynomial():
