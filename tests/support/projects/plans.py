@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from nearharmonic_paper.experiments.paper import plan
-from nearharmonic_paper.experiments.paper import plan as shards
+from nearharmonic_paper.experiments.paper import run as plan
+from nearharmonic_paper.experiments.paper import run as shards
 
 
 def planned_runs(sweeps, methods):

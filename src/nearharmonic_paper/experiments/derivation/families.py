@@ -16,7 +16,7 @@ from nearharmonic.integrators.nielsen_2015 import TABLEAUS
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.search import RandomStarts
 from nearharmonic.output.table import progress
-from nearharmonic_paper.experiments.derivation.conditions import (
+from nearharmonic_paper.experiments.derivation.search import (
     Equations,
     PolishedSolution,
     agreeing_decimals,
@@ -24,8 +24,9 @@ from nearharmonic_paper.experiments.derivation.conditions import (
     equations_of,
     polish,
     reduced_system,
+    sample,
+    search,
 )
-from nearharmonic_paper.experiments.derivation.search import sample, search
 
 # --- All real solutions of a case without free parameters: search, exact count, refinement and proof.
 #

@@ -24,8 +24,7 @@ from nearharmonic.engine.settings import Sweep, tau_range
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.dataset import Variables, variables_of
 from nearharmonic.output.store import claimed_attributes, complaint, read_precisions
-from nearharmonic_paper.experiments.paper.plan import Run, shard_range
-from nearharmonic_paper.experiments.paper.run import gathered
+from nearharmonic_paper.experiments.paper.run import Run, gathered, shard_range
 
 #: Folder of the files that are kept, in the folder of results.
 PLACE = "logs/earlier"

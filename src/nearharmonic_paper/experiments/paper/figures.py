@@ -27,13 +27,13 @@ from nearharmonic.plotting.style import (
     style_of,
     write_beside,
 )
-from nearharmonic_paper.experiments.paper.orbits import paper_panels
-from nearharmonic_paper.experiments.paper.shown import (
+from nearharmonic_paper.experiments.paper.orbits import (
     MERCURY_RELATIVISTIC_ADVANCE,
     SATISFIED_BELOW,
     Advances,
     advances,
     arcseconds_per_century,
+    paper_panels,
 )
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Long orbits and substeps: Lyapunov exponents, and the panels of Figure 6."""
+"""Long orbits and substeps: Lyapunov exponents, the panels of Figure 6, and advances of the perihelion."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from fractions import Fraction
 from functools import partial
 from itertools import zip_longest
 from math import sqrt
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,9 +21,10 @@ from nearharmonic.engine.variation import tangent_system
 from nearharmonic.integrators import integrators, nielsen_2015, yoshida_1990
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import log
-from nearharmonic.numerics.portable import Floats, dot
+from nearharmonic.numerics.portable import Bools, Floats, dot
 from nearharmonic.numerics.statistics import mean, student_975
-from nearharmonic.output.dataset import Contents, Variables, coordinate, variable
+from nearharmonic.output.dataset import Contents, Variables, coordinate, double_runs, variable
+from nearharmonic.plotting.profile import Line, lines
 from nearharmonic.systems import System, henon_heiles, sho
 from nearharmonic.systems.quantities import Vector
 
@@ -353,3 +354,43 @@ def _integrated(tableau: Tableau, panel: dict[str, Any], summation: str, marks: 
         system, tableau, t_end=Fraction(panel["tau"]) * steps, steps=[steps] * runs, samples=2,
         numerics=Numerics(summation=summation), start=np.concatenate(starts), marks=np.tile(marks, (runs, 1)),
     )  # fmt: skip
+
+
+# --- Content of Figures 2 and 4, on paper and in a browser, without matplotlib.
+
+#: An error term below this level is zero to the digits of the coefficients; terms of fewer digits are exactly 0.
+SATISFIED_BELOW = 1e-30
+#: Arcseconds per century, from general relativity: Nobili & Will (1986), doi:10.1038/320039a0.
+MERCURY_RELATIVISTIC_ADVANCE = 42.98
+
+
+def arcseconds_per_century(orbital_period: float) -> float:
+    """Return 1 rad per orbit in arcseconds per century, for a period in hours."""
+    return (180 * 3600 / math.pi) * (36525 * 24) / orbital_period
+
+
+class Advances(NamedTuple):
+    """Perihelion advances of the runs of one method over tau_per_stage.
+
+    ``size`` is positive, NaN where there is none to draw; ``interval`` is the half width of its 95 % interval, which
+    excludes zero where the advance is ``known``, and includes it where it is ``unknown``.
+    """
+
+    line: Line
+    evaluations: Floats
+    size: Floats
+    interval: Floats
+    known: Bools
+    unknown: Bools
+
+
+def advances(cube: xr.Dataset, columns: int) -> list[Advances]:
+    """Return the advances of each method of ``cube`` in double, as many as ``columns`` can show."""
+    found = []
+    for line in lines(double_runs(cube), ["perihelion_advance"], columns):
+        size: Floats = np.abs(np.array(line.runs["perihelion_advance"].values, float))
+        size[~(np.isfinite(size) & (size > 0))] = np.nan
+        interval = np.array(line.runs["perihelion_advance_interval"].values, float)
+        evaluations = line.runs["evaluations_per_orbit"].values
+        found.append(Advances(line, evaluations, size, interval, interval < size, interval >= size))
+    return found

@@ -1,21 +1,415 @@
-"""Runs of one method on one system.
+"""Runs of one method on one system: shards, plan, integration, and a table of what the plan leaves out.
 
 :mod:`nearharmonic_paper.experiments.paper.reductions` derives further quantities.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+import os
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from decimal import Decimal
+from functools import cache
+from math import ceil
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from nearharmonic.engine.description import kernel_in_words, sampled
-from nearharmonic.engine.settings import Sweep
-from nearharmonic.engine.solution import Problem
+from nearharmonic.engine.kernels import check_precision
+from nearharmonic.engine.settings import (
+    EXACT_OSCILLATOR,
+    KINETIC_POTENTIAL,
+    PRECISIONS,
+    Sweep,
+    check_fit,
+    exact_decimal,
+    grid_points,
+    steps_of,
+    steps_over,
+    tau_grid,
+    tau_range,
+)
+from nearharmonic.errors import NearharmonicError, bad_setting
+from nearharmonic.integrators import integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.numerics.portable import decades
 from nearharmonic.output.dataset import Contents, Variable, Variables, coordinate, counted
-from nearharmonic.systems import systems
-from nearharmonic_paper.experiments.paper.plan import Run, runs_of
+from nearharmonic.output.store import read
+from nearharmonic.output.table import Table, from_csv
+from nearharmonic.systems import System, systems
+from nearharmonic.systems.gradients import check_oscillator
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from nearharmonic.engine.solution import Problem
+
+
+#: Systems of the paper.
+PAPER = ("sho", "henon_heiles", "kepler")
+
+# --- Shards: the step sizes of one method on one system, cut into jobs of about equal cost.
+#
+# A job computes the ends of its own shard only, in closed form, and in decimal arithmetic, so that jobs on unlike
+# processors cut a grid at the same places.
+
+#: Seconds of a force evaluation with its share of a step, and of a run apart from its steps. They are rough: only the
+#: number of jobs depends on them.
+PER_EVALUATION = {"double": Decimal("2e-9"), "extended": Decimal("1.2e-8")}
+PER_RUN = Decimal("1e-4")
+#: Bytes of the trajectories in one job; the job needs about twice this memory.
+MOST_BYTES = 4 * 10**8
+#: Run files of one method that the job of the cube reads itself; more are reduced by a job for each method.
+REDUCED_AT_ONCE = 10
+
+
+def bytes_of(system: System, samples: int) -> int:
+    """Return the bytes of the trajectory of one run: t, q, p, and three numbers of each block."""
+    return samples * (3 + 2 * system.dimension) * 8
+
+
+def suitable_shards(sweep: Sweep, job_seconds: float) -> int:
+    """Return the number of shards of a sweep whose jobs take about ``job_seconds``, and hold few enough bytes."""
+    points = points_of(sweep)
+    shards = max(1, min(points, ceil(_cost(sweep, points) / Decimal(repr(float(job_seconds))))))
+    while shards < points and (size := largest_job(replace(sweep, shards=shards))) > MOST_BYTES:
+        shards = min(points, ceil(shards * size / MOST_BYTES))
+    return shards
+
+
+def largest_job(sweep: Sweep) -> int:
+    """Return the bytes of the trajectories in the last shard: its runs are the shortest, and the most."""
+    points = points_of(sweep)
+    count = min(sweep.shards, points)
+    return (points - _cut(sweep, count - 1, count)) * bytes_of(systems[sweep.system], sweep.samples)
+
+
+def points_of(sweep: Sweep) -> int:
+    """Return the number of step sizes of a sweep."""
+    return grid_points(sweep.lowest, sweep.highest, sweep.points_per_decade)
+
+
+def shards_of(sweep: Sweep, integrator: str) -> int:
+    """Return the number of files of one method's runs: ``sweep.shards``, or fewer if there are fewer different runs."""
+    points = points_of(sweep)
+    most, least = (_steps(sweep, integrators[integrator], index) for index in (0, points - 1))
+    return min(sweep.shards, points, most - least + 1)
+
+
+def shard_range(sweep: Sweep, integrator: str, index: int) -> range:
+    """Return the step sizes of shard ``index``, by their numbers in the grid.
+
+    Shards are neighbours and cost the same, as nearly as whole runs can. Step sizes with equal numbers of steps, which
+    share one computation, share a shard; a shard that would begin and end among them is empty.
+    """
+    count = shards_of(sweep, integrator)
+    begin, end = (_first(sweep, integrators[integrator], _cut(sweep, each, count)) for each in (index, index + 1))
+    return range(begin, end)
+
+
+def _cut(sweep: Sweep, index: int, count: int) -> int:
+    """Return the number of the step size at which shard ``index`` of ``count`` begins."""
+    points = points_of(sweep)
+    share = _cost(sweep, points) * index / count
+    # Every shard has a step size, whatever the costs.
+    return min(max(bisect_left(range(points), share, key=lambda i: _cost(sweep, i)), index), points - count + index)
+
+
+def _first(sweep: Sweep, tableau: Tableau, cut: int) -> int:
+    """Return the first step size from ``cut`` on that does not share the computation of the one before."""
+    if cut == 0:
+        return 0
+    before = _steps(sweep, tableau, cut - 1)
+    return bisect_right(range(points_of(sweep)), -before, lo=cut, key=lambda i: -_steps(sweep, tableau, i))
+
+
+def _steps(sweep: Sweep, tableau: Tableau, index: int) -> int:
+    """Return the steps of a run with step size ``index``."""
+    (tau,) = tau_range(sweep.lowest, sweep.points_per_decade, index, index + 1)
+    return tableau.steps(tau, exact_decimal(sweep.t_end))
+
+
+@cache
+def _cost(sweep: Sweep, count: int) -> Decimal:
+    """Return the estimated seconds of the first ``count`` runs, those of the smallest step sizes.
+
+    Evaluations of a method of s stages are t_end / (tau / s), whatever the method: those of neighbours have a fixed
+    ratio. Extended precision may leave out large step sizes, which cost little.
+    """
+    (ratio,) = decades(1.0, -sweep.points_per_decade, 1, 2)
+    (left,) = decades(1.0, -sweep.points_per_decade, count, count + 1)
+    largest = Decimal(sweep.t_end) / Decimal(repr(sweep.lowest))
+    evaluations = largest * (1 - left) / (1 - ratio)
+    return sum((PER_EVALUATION[each] * evaluations + PER_RUN * count for each in sweep.precision), Decimal(0))
+
+
+# --- Plan of the runs for a config: step sizes and precisions, and reasons for omissions. It computes no trajectories.
+
+#: Maximum number of step sizes of one method on one system: a million intervals.
+MOST_POINTS = 10**6 + 1
+#: Maximum number of force evaluations of all methods on one system: days of one core.
+MOST_EVALUATIONS = 10**14
+
+#: Rounding floor of max |dH/H0| of a compensated double run: 1e-16 to 1e-15, depending on the method.
+DOUBLE_FLOOR = 1e-15
+#: Extended precision is used while the double curve is within two decades of its floor.
+NEAR_FLOOR = 100
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """One method with some step sizes of a sweep, in one precision: the work of one call of the integration.
+
+    ``steps[i]`` belongs to ``tau_per_stage[i]``. Step sizes that round to the same number of steps are neighbours and
+    share one computation.
+    """
+
+    sweep: Sweep
+    integrator: str
+    precision: str
+    tau_per_stage: tuple[float, ...]
+    steps: tuple[int, ...]
+    samples: int
+
+
+class Omission(NamedTuple):
+    """Omitted work, the reason, and the number of ``runs`` and force ``evaluations`` saved."""
+
+    system: str
+    integrator: str
+    precision: str
+    what: str
+    reason: str
+    runs: int
+    evaluations: int
+
+
+def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
+    """Raise a SettingError, which names keys as in a config, for a sweep that cannot be run.
+
+    Reasons are too many steps in a run, step sizes in the grid, evaluations in total, or bytes in a job; a method that
+    does not fit the system; a system whose oscillators cannot be solved exactly.
+    """
+    tableaus = [integrators[name] for name in methods]
+    check_precision(systems[sweep.system], sweep.precision, f"systems.{sweep.system}.precision")
+    if sweep.split == EXACT_OSCILLATOR:
+        check_oscillator(systems[sweep.system], f"systems.{sweep.system}.split")
+    for tableau in tableaus:
+        check_fit(systems[sweep.system], tableau, sweep.split)
+    here = f"systems.{sweep.system}.tau_per_stage"
+    steps_of(sweep.t_end, sweep.lowest * min(t.stages for t in tableaus), key=f"{here}.lowest", given=sweep.lowest)
+    points = points_of(sweep)
+    if points > MOST_POINTS:
+        allowed = f"the grid would have {points} step sizes, and may have {MOST_POINTS}"
+        raise bad_setting(f"{here}.points_per_decade", sweep.points_per_decade, allowed)
+    evaluations = _plan_evaluations(sweep) * len(methods) * len(sweep.precision)
+    if evaluations > MOST_EVALUATIONS:
+        allowed = f"all runs would take {evaluations:.2g} force evaluations, and may take {MOST_EVALUATIONS:.0e}"
+        raise bad_setting(f"{here}.lowest", sweep.lowest, allowed)
+    size = largest_job(sweep)
+    if size > MOST_BYTES:
+        allowed = f"a job would hold {size:.2g} bytes, and may hold {MOST_BYTES:.0e}: add shards, or keep samples: 0"
+        raise bad_setting("samples", sweep.samples, allowed)
+
+
+def _plan_evaluations(sweep: Sweep) -> float:
+    """Return about how many force evaluations the runs of one method in one precision take."""
+    ratio = 10 ** (-1 / sweep.points_per_decade)
+    return float(exact_decimal(sweep.t_end)) / sweep.lowest * (1 - ratio ** points_of(sweep)) / (1 - ratio)
+
+
+def runs_of(sweep: Sweep, integrator: str, index: int) -> list[Run]:
+    """Return the runs of shard ``index`` of a method on a system: one for each precision, without empty ones."""
+    mine = shard_range(sweep, integrator, index)
+    runs = (_run(sweep, integrator, precision, mine) for precision in sweep.precision)
+    return [run for run in runs if run.steps]
+
+
+def _run(sweep: Sweep, integrator: str, precision: str, among: range) -> Run:
+    """Return the runs in one precision with the step sizes ``among`` those of the grid."""
+    tableau = integrators[integrator]
+    end = min(among.stop, _extended_points(sweep, tableau)) if precision == "extended" else among.stop
+    taus = tau_range(sweep.lowest, sweep.points_per_decade, among.start, end)
+    steps = steps_over(np.array(taus), sweep.t_end, tableau).tolist()
+    return Run(
+        sweep=sweep, integrator=integrator, precision=precision, tau_per_stage=taus, steps=tuple(steps),
+        samples=sweep.samples,
+    )  # fmt: skip
+
+
+def _extended_points(sweep: Sweep, tableau: Tableau) -> int:
+    """Return the number of step sizes, from the smallest, that are run in extended precision in addition to double.
+
+    For the harmonic oscillator, split into T and V, the closed form of the energy error determines it. The error
+    increases with tau while it is this small, so the limit is found by bisection. For other systems, and without runs
+    in double, every step size is run.
+    """
+    points = points_of(sweep)
+    known = systems[sweep.system].harmonic and sweep.split == KINETIC_POTENTIAL
+    if not known or "double" not in sweep.precision:
+        return points
+    from nearharmonic.theory.oscillator import harmonic_energy_error
+
+    def error(i: int) -> float:
+        (tau,) = tau_range(sweep.lowest, sweep.points_per_decade, i, i + 1)
+        return float(harmonic_energy_error(tableau, tau * tableau.stages))
+
+    return bisect_left(range(points), NEAR_FLOOR * DOUBLE_FLOOR, key=error)
+
+
+def omissions(sweep: Sweep, integrator: str) -> Iterator[Omission]:
+    """Yield the omissions among the runs of a method on a system."""
+    tableau = integrators[integrator]
+    grid = np.array(tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade))
+    steps = steps_over(grid, sweep.t_end, tableau)
+    shared = np.diff(steps, prepend=0) == 0
+    for precision in sweep.precision:
+        run = np.arange(grid.size) < (_extended_points(sweep, tableau) if precision == "extended" else grid.size)
+        kept, repeated, far = steps[run & ~shared], steps[run & shared], steps[~run]
+        again = kept if systems[sweep.system].observables else kept[:0]
+        # The force of the last kick of a step is reused by the next step.
+        handed_on = kept[kept > 1] if tableau.first_same_as_last else kept[:0]
+        for what, reason, runs, evaluations in (
+            ("runs of a step size", "it rounds to as many steps as its neighbour", repeated, None),
+            ("runs in extended precision", "in double, the error is over 100 times the rounding floor", far, None),
+            ("runs for the perihelion alone", "figures 4 and 5 share one pass", again, None),
+            (
+                "the force that opens a step",
+                "it closed the step before",
+                handed_on,
+                int(handed_on.sum()) - handed_on.size,
+            ),
+        ):
+            if runs.size:
+                saved = int(tableau.evaluations(runs).sum()) if evaluations is None else evaluations
+                yield Omission(sweep.system, integrator, precision, what, reason, runs.size, saved)
+
+
+# --- Omitted runs, with reasons and saved force evaluations: as CSV, and in one line.
+
+#: Entry for system, integrator and precision in the rows of totals.
+ALL = "all"
+#: The rows of totals, by their ``what``.
+DONE, FULL, SAVED = "done", "full grid", "saved"
+FULL_GRID = "every step size in double and extended, each observable in a pass of its own, no early stop"
+#: Smallest share of the full grid whose reason is named in the summary.
+TOLD = 0.01
+NOT_ASKED = "the config does not ask for this precision"
+
+
+def skipped(sweeps: Sequence[Sweep], methods: Sequence[str], cubes: Mapping[str, xr.Dataset]) -> list[Omission]:
+    """Return the omissions of the plan, and those of runs in ``cubes`` (by system) that ended early."""
+    not_asked = (row for sweep in sweeps for name in methods for row in _not_asked(sweep, name))
+    ended = (row for system, cube in cubes.items() for row in _ended_early(system, cube))
+    planned = (row for sweep in sweeps for name in methods for row in omissions(sweep, name))
+    return [*planned, *not_asked, *ended]
+
+
+def totals(rows: Sequence[Omission], cubes: Mapping[str, xr.Dataset]) -> list[Omission]:
+    """Return totals over all systems: work done, work of the full grid, and savings by reason, largest first.
+
+    The full grid is every step size in both precisions to the end of its interval. It also counts work that the actual
+    runs share: the second pass over Kepler orbits, and forces that a step takes over from the previous one.
+    """
+    done = [run for cube in cubes.values() for _, _, runs in _distinct(cube) for run in runs]
+    saved: dict[str, tuple[int, int]] = {}
+    for row in rows:
+        because = f"{row.what}: {row.reason}"
+        runs, evaluations = saved.get(because, (0, 0))
+        saved[because] = runs + row.runs, evaluations + row.evaluations
+    made = sum(evaluations for _, evaluations, _ in done)
+    ordered = sorted(saved.items(), key=lambda entry: -entry[1][1])
+    planned = len(done) + sum(row.runs for row in rows if row.what.startswith("runs "))
+    return [
+        _total(DONE, "", len(done), made),
+        _total(FULL, FULL_GRID, planned, made + sum(row.evaluations for row in rows)),
+        *(_total(SAVED, reason, *counts) for reason, counts in ordered),
+    ]
+
+
+class Totals(NamedTuple):
+    """Totals of the table: ``runs`` and evaluations ``done``, those of the ``full`` grid, those ``saved`` by reason."""
+
+    runs: int
+    done: int
+    full: int
+    saved: dict[str, int]
+
+
+def totals_in(text: str) -> Totals:
+    """Return the totals of the table whose CSV is ``text``; a NearharmonicError says that it lacks one."""
+    try:
+        rows = {(row["what"], row["reason"]): row for row in from_csv(text).records() if row["system"] == ALL}
+        done, full = rows[DONE, ""], rows[FULL, FULL_GRID]
+        saved = {reason: int(row["evaluations"]) for (what, reason), row in rows.items() if what == SAVED}
+        return Totals(int(done["runs"]), int(done["evaluations"]), int(full["evaluations"]), saved)
+    except (NearharmonicError, KeyError, ValueError) as error:
+        raise NearharmonicError("the table of what was skipped holds no totals") from error
+
+
+def summary_line(path: str | os.PathLike[str]) -> str:
+    """Return the totals of the table at ``path`` in one line; reasons for less than 1 % are counted."""
+    _, done, full, saved = totals_in(Path(path).read_text(encoding="utf-8"))
+    shares = [f"{number / full:.0%} {reason}" for reason, number in saved.items() if number / full >= TOLD]
+    rest = len(saved) - len(shares)
+    shares += [f"{rest} more below {TOLD:.0%} each"] * (rest > 0)
+    return (
+        f"{done / full:.0%} of the full grid of {full:.2g} force evaluations was needed; skipped, as it changes no "
+        f"result: {'; '.join(shares)}. Details: {os.fspath(path)}"
+    )
+
+
+def omissions_table(sweeps: Sequence[Sweep], integrators: Sequence[str], **cubes: str) -> dict[str, Table]:
+    """Return the ``table`` of omissions, then totals over all systems, from the file of the cube of each system."""
+    found = {system: read(path) for system, path in cubes.items()}
+    rows = skipped(sweeps, integrators, found)
+    return {"table": table_of([*rows, *totals(rows, found)])}
+
+
+def table_of(rows: Sequence[Omission]) -> Table:
+    """Return ``rows`` under the names of their members."""
+    caption = "Omitted runs, the reason, and the number of force evaluations saved."
+    return Table(header=Omission._fields, rows=rows, caption=caption)
+
+
+def _not_asked(sweep: Sweep, name: str) -> Iterator[Omission]:
+    """Yield one row for each precision that ``sweep`` does not use."""
+    tableau = integrators[name]
+    grid = np.array(tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade))
+    evaluations = int(tableau.evaluations(steps_over(grid, sweep.t_end, tableau)).sum())
+    for precision in PRECISIONS:
+        if precision not in sweep.precision:
+            what = f"runs in {precision} precision"
+            yield Omission(sweep.system, name, precision, what, NOT_ASKED, grid.size, evaluations)
+
+
+def _ended_early(system: str, cube: xr.Dataset) -> Iterator[Omission]:
+    """Yield one row for each integrator and precision with diverged runs."""
+    for precision, name, runs in _distinct(cube):
+        left = [(steps, evaluations) for steps, evaluations, status in runs if status == "diverged"]
+        if left:
+            saved = sum(integrators[name].evaluations(steps) - made for steps, made in left)
+            yield Omission(system, name, precision, "the rest of a run", "it left its energy surface", len(left), saved)
+
+
+def _distinct(cube: xr.Dataset) -> Iterator[tuple[str, str, list[tuple[int, int, str]]]]:
+    """Yield (precision, integrator, [(steps, evaluations, status)]) of the runs: one for equal numbers of steps."""
+    for precision in cube.precision.values:
+        for name in cube.integrator.values:
+            runs: Any = cube.sel(precision=precision, integrator=name)
+            kept = np.flatnonzero(runs.status.values != "skipped")
+            _, first = np.unique(runs.steps.values[kept], return_index=True)
+            columns = (runs[key].values[kept][first].tolist() for key in ("steps", "evaluations", "status"))
+            yield str(precision), str(name), list(zip(*columns, strict=True))
+
+
+def _total(what: str, reason: str, runs: int, evaluations: int) -> Omission:
+    return Omission(ALL, ALL, ALL, what, reason, runs, evaluations)
+
+
+# --- Integration of a shard, and the variables of its file.
 
 #: Auxiliary coordinates of a run file.
 COORDINATES = ("t",)
@@ -36,6 +430,8 @@ def integrate(sweep: Sweep, integrator: str, shard: int, earlier: Completion | N
 
 def contents(sweep: Sweep, integrator: str, shard: int, earlier: Completion | None, function: Integration) -> Contents:
     """Return the contents of a run file: what ``function`` returns for the runs that ``earlier`` does not hold."""
+    from nearharmonic.engine.description import kernel_in_words
+
     planned = runs_of(sweep, integrator, shard)
     problems = {run.precision: problem_of(run) for run in planned}
     parts = {run.precision: earlier(run, function) if earlier else function(run) for run in planned}
@@ -64,6 +460,8 @@ def integrate_run(run: Run) -> Variables:
     ``block_max_energy_error`` and ``block_mean_energy_error`` cover the ``block_steps`` steps since the previous
     sample, so that they determine maximum and mean over all steps.
     """
+    from nearharmonic.engine.description import sampled
+
     problem = problem_of(run)
     grid = coordinate("tau_per_stage", run.tau_per_stage, "step size per stage", problem.system.units["t"])
     variables = grid | sampled(problem, run.steps, run.samples)
@@ -72,6 +470,8 @@ def integrate_run(run: Run) -> Variables:
 
 def problem_of(run: Run) -> Problem:
     """Return the system, method and settings of planned runs."""
+    from nearharmonic.engine.solution import Problem  # planning, which imports this module, runs nothing
+
     sweep = run.sweep
     system = systems[sweep.system]
     return Problem(system, run.integrator, t_end=sweep.t_end, precision=run.precision, **sweep.shared_settings)

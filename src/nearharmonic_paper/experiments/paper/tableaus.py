@@ -1,24 +1,28 @@
-"""Tables of methods: the paper's, and one of all methods."""
+"""What follows from the coefficients of methods alone: the paper's tables, one of all methods, and error terms."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
-from typing import Any
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
 
 from nearharmonic.core.machine import disk
-from nearharmonic.exact.decimals import fixed_point
+from nearharmonic.exact.decimals import BigFloat, fixed_point
 from nearharmonic.integrators import forest_ruth_1990, plain_integrators
-from nearharmonic.integrators import integrators as methods_by_name
+from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.math import pow
+from nearharmonic.output.dataset import assembled, coordinate, method_coordinates, variable
 from nearharmonic.output.table import Table
 from nearharmonic.theory.linear_stability import stability_gaps
 from nearharmonic.theory.order import (
     ErrorTerm,
     closed_sums,
     generalised_order_of,
+    harmonic_order,
     harmonic_orders_of,
     leading_errors,
     momentum_row,
@@ -26,13 +30,17 @@ from nearharmonic.theory.order import (
     order_of,
     position_rows,
 )
-from nearharmonic.theory.oscillator import table_4, tableau_of
+from nearharmonic.theory.oscillator import kappa, lambda_max, table_4, tableau_of
 from nearharmonic_paper.tasks.provenance import code_digest, coefficients_digest
+
+if TYPE_CHECKING:
+    import xarray as xr
+
 
 # --- Table of all methods, computed without integration; the paper has no such table.
 #
-# The module is separate from the tables of the paper because its rows are cached on disk: a row depends only on the
-# coefficients and the code, and its proofs take up to a second for a method of order ten.
+# Its rows are cached on disk: a row depends only on the coefficients and the code, and its proofs take up to a second
+# for a method of order ten.
 
 Header = tuple[str, ...]
 Cell = str | int | float
@@ -56,7 +64,7 @@ def overview(*names: str) -> Columns:
     Rows are kept by the digest of their method, in a file in the folder of compiled code, which is writable only for
     the user. Its name depends on all code that computes a row.
     """
-    tableaus = [methods_by_name[name] for name in names or plain_integrators]
+    tableaus = [registry[name] for name in names or plain_integrators]
     keys = [coefficients_digest([tableau]) for tableau in tableaus]
     place = disk.place_of(f"overview-{code_digest(__name__)[:32]}")
     kept = disk.read(place) if place else None
@@ -249,3 +257,38 @@ def _momentum_entries(tableau: Tableau) -> list[str]:
         text += f" - d_{h + 1} Qbar[{h},{power - 1}]" if kicked and power else ""
         entries.append(text.strip())
     return entries
+
+
+# --- Error terms of the oscillator: errors of the position after one step, order by order.
+
+#: Decimals from which rounded coefficients leave terms far below 1e-30: the ten benchmarked methods have as many.
+MANY_DIGITS = 39
+
+
+def decompose(integrators: Sequence[str]) -> dict[str, xr.Dataset]:
+    """Return the ``cube`` of position error terms kappa over (integrator, first, order).
+
+    Terms are up to the highest order of each composition, and NaN in the exchanged role of a method with modified
+    potentials, which does not exist.
+    """
+    tableaus, roles = [registry[name] for name in integrators], get_args(First)
+    terms = [[_terms(t, first) for first in roles] for t in tableaus]
+    highest = max(len(row) for rows in terms for row in rows)
+    values = [[[*map(float, row), *[np.nan] * (highest - len(row))] for row in rows] for rows in terms]
+    text = "position error term kappa of the harmonic oscillator; kick first is BAB, drift first is ABA"
+    variables = {
+        **method_coordinates(tableaus),
+        **coordinate("first", roles, "operator that comes first"),
+        **coordinate("order", np.arange(1, highest + 1), "order lambda in tau"),
+        "kappa": variable(("integrator", "first", "order"), values, text),
+    }
+    return {"cube": assembled(variables, ["label"], {})}
+
+
+def _terms(tableau: Tableau, first: First) -> list[BigFloat]:
+    """Return the terms; those that vanish to the digits of a method of few digits are 0, not their rounding errors."""
+    if tableau.modified and first != tableau.first:
+        return []
+    terms = kappa(tableau, lambda_max(tableau, first=first), first=first)
+    vanishing = harmonic_order(tableau, first=first) if tableau.digits < MANY_DIGITS else 0
+    return [*(0 * term for term in terms[:vanishing]), *terms[vanishing:]]

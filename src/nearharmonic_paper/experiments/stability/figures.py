@@ -28,7 +28,7 @@ from nearharmonic.plotting.style import (
     panel_letter,
     style_of,
 )
-from nearharmonic_paper.experiments.stability.henon_heiles_reductions import TOLERATED
+from nearharmonic_paper.experiments.stability.reductions import TOLERATED
 
 KEPLER_COLUMNS = 5
 # --- Kepler maps: energy error, spurious perihelion advance and loss of the orbit over eccentricity and step size.

@@ -18,7 +18,7 @@ from nearharmonic.theory.linear_stability import (
     touching_points,
 )
 from nearharmonic.theory.oscillator import harmonic_energy_error
-from nearharmonic_paper.experiments.stability.linear import KNOWN_LIMITS
+from nearharmonic_paper.experiments.stability.reductions import KNOWN_LIMITS
 from support.methods.ten_methods import EVERY_METHOD, TEN_METHODS
 from support.oracles.reference_solutions import oscillator_step
 

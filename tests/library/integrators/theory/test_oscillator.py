@@ -13,7 +13,7 @@ from mpmath import cos, mp, mpf, sin, taylor
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import BENCHMARKED, integrators, plain_integrators
 from nearharmonic.theory.oscillator import harmonic_energy_error, kappa, lambda_max, stability_trace, step_polynomials
-from nearharmonic_paper.experiments.stability.linear import KNOWN_LIMITS
+from nearharmonic_paper.experiments.stability.reductions import KNOWN_LIMITS
 from support.oracles.random_tableaus import tableaus
 from support.oracles.reference_solutions import oscillator_step
 from support.oracles.word_series import operators_of

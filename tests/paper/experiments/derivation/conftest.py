@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from nearharmonic.numerics.search import RandomStarts
-from nearharmonic_paper.experiments.derivation.conditions import Equations
 from nearharmonic_paper.experiments.derivation.families import solve
+from nearharmonic_paper.experiments.derivation.search import Equations
 
 SEED = 20150106
 

@@ -17,15 +17,16 @@ from nearharmonic.exact.newton import Proof, prove
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.search import RandomStarts
 from nearharmonic_paper.experiments.derivation import families as isolated
-from nearharmonic_paper.experiments.derivation.conditions import (
+from nearharmonic_paper.experiments.derivation.families import PRINTED, UNIQUE, _root, agreement, solve
+from nearharmonic_paper.experiments.derivation.search import (
     Equations,
     agreeing_decimals,
     eliminate,
     polish,
     reduced_system,
+    sample,
+    search,
 )
-from nearharmonic_paper.experiments.derivation.families import PRINTED, UNIQUE, _root, agreement, solve
-from nearharmonic_paper.experiments.derivation.search import sample, search
 from support.second_opinion.exact_statements import step
 from support.second_opinion.methods import Method
 

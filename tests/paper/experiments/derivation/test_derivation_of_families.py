@@ -15,13 +15,19 @@ from nearharmonic.exact.newton import rank_and_pivots
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.search import RandomStarts
 from nearharmonic.theory.oscillator import harmonic_energy_error
-from nearharmonic_paper.experiments.derivation.conditions import Equations, polish
+from nearharmonic_paper.experiments.derivation.experiment import DerivationSettings
 from nearharmonic_paper.experiments.derivation.families import PRINTED, UNIQUE, printed_point, rank_printed, reach
-from nearharmonic_paper.experiments.derivation.run import derive
-from nearharmonic_paper.experiments.derivation.search import sample, search
-from nearharmonic_paper.experiments.derivation.settings import DerivationSettings
-from nearharmonic_paper.experiments.derivation.simplex import Simplex, _Objective, minimise, promising_starts
-from nearharmonic_paper.experiments.derivation.tables import solution_errors
+from nearharmonic_paper.experiments.derivation.run import derive, solution_errors
+from nearharmonic_paper.experiments.derivation.search import (
+    Equations,
+    Simplex,
+    _Objective,
+    minimise,
+    polish,
+    promising_starts,
+    sample,
+    search,
+)
 from nearharmonic_paper.tasks.job import covered
 from nearharmonic_paper.tasks.provenance import task
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic_paper.experiments.paper import decompose
 from nearharmonic_paper.experiments.paper import figures as fig2_decomposition
+from nearharmonic_paper.experiments.paper import tableaus as decompose
 from support.cubes.artists import NO_LINE, SOLID, drawn, line_of, lines_of, look, look_of, ticks
 from support.cubes.figure_cubes import METHODS, label, terms
 

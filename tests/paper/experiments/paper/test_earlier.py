@@ -8,9 +8,10 @@ import pytest
 
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.output.store import write
-from nearharmonic_paper.experiments.paper import reduced_run, run
+from nearharmonic_paper.experiments.paper import reductions as reduced_run
+from nearharmonic_paper.experiments.paper import run
 from nearharmonic_paper.experiments.paper.earlier import Earlier, forget, keep
-from nearharmonic_paper.experiments.paper.plan import runs_of, shards_of
+from nearharmonic_paper.experiments.paper.run import runs_of, shards_of
 from nearharmonic_paper.tasks.provenance import provenance, task
 
 SHO = Sweep(

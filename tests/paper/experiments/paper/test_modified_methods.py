@@ -10,12 +10,10 @@ import nearharmonic as nh
 from nearharmonic.errors import SettingError
 from nearharmonic.output.store import write
 from nearharmonic_paper.config.reading import load
-from nearharmonic_paper.experiments.paper.decompose import decompose
 from nearharmonic_paper.experiments.paper.figures import fig2_decomposition
-from nearharmonic_paper.experiments.paper.plan import shards_of
-from nearharmonic_paper.experiments.paper.reduce import reduce
-from nearharmonic_paper.experiments.paper.run import integrate
-from nearharmonic_paper.experiments.paper.tableaus import overview
+from nearharmonic_paper.experiments.paper.reductions import reduce
+from nearharmonic_paper.experiments.paper.run import integrate, shards_of
+from nearharmonic_paper.experiments.paper.tableaus import decompose, overview
 
 METHODS = ("ruth", "rowlands", "chin_4a", "trained_modified")
 GRID = {"lowest": 0.04, "highest": 0.4, "points_per_decade": 3}

@@ -8,7 +8,7 @@ import xarray as xr
 
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.output.table import save
-from nearharmonic_paper.experiments.paper.plan import Omission, skipped, summary_line, table_of, totals
+from nearharmonic_paper.experiments.paper.run import Omission, skipped, summary_line, table_of, totals
 
 
 def config(system, method, t_end, lowest, highest, precision=("double",)):

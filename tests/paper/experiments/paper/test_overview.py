@@ -41,7 +41,7 @@ def test_a_row_of_other_facts_is_made_anew(folder, monkeypatch, change):
     overview.overview("ruth")
     ruth = integrators["ruth"]
     other = ruth.role("kick") if "first" in change else replace(ruth, **change)
-    monkeypatch.setattr(overview, "methods_by_name", {"ruth": other})
+    monkeypatch.setattr(overview, "registry", {"ruth": other})
     _, (row,) = overview.overview("ruth")
     assert row == tuple(overview.columns_of(other).values())
 

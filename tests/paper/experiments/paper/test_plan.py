@@ -14,7 +14,7 @@ from mpmath import mpf
 from nearharmonic.engine.settings import Sweep, steps_over, tau_grid, tau_range
 from nearharmonic.errors import NearharmonicError, SettingError
 from nearharmonic.integrators import integrators
-from nearharmonic_paper.experiments.paper.plan import check_sweep, runs_of, shard_range, shards_of, suitable_shards
+from nearharmonic_paper.experiments.paper.run import check_sweep, runs_of, shard_range, shards_of, suitable_shards
 from support.oracles.reference_solutions import ellipse_error
 from support.projects.plans import omitted, planned_runs
 

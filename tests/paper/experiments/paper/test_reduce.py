@@ -18,11 +18,10 @@ from nearharmonic.output.store import write
 from nearharmonic.plotting.energy_error import draw_profile
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
-from nearharmonic_paper.experiments.paper import reduce
-from nearharmonic_paper.experiments.paper.decompose import decompose
-from nearharmonic_paper.experiments.paper.plan import runs_of, shards_of
-from nearharmonic_paper.experiments.paper.reduce import numbers
-from nearharmonic_paper.experiments.paper.run import integrate, integrate_run
+from nearharmonic_paper.experiments.paper import reductions as reduce
+from nearharmonic_paper.experiments.paper.reductions import numbers
+from nearharmonic_paper.experiments.paper.run import integrate, integrate_run, runs_of, shards_of
+from nearharmonic_paper.experiments.paper.tableaus import decompose
 from support.oracles.reference_solutions import oscillator_step
 
 

@@ -17,8 +17,7 @@ from nearharmonic.integrators import BENCHMARKED, integrators
 from nearharmonic.output.dataset import assembled
 from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.stability import run as conservation
-from nearharmonic_paper.experiments.stability.conservation_reductions import defect, tangent_map
-from nearharmonic_paper.experiments.stability.kinetic_energy_reductions import kinetic_energy_cube
+from nearharmonic_paper.experiments.stability.reductions import defect, kinetic_energy_cube, tangent_map
 from nearharmonic_paper.experiments.stability.run import kinetic_energy_measure as measure
 from support.oracles.multiprecision import trajectory
 from support.oracles.structures import runs_of, structure

@@ -7,10 +7,15 @@ import pytest
 import xarray as xr
 
 from nearharmonic.integrators import integrators
-from nearharmonic_paper.experiments.stability.ensembles import stacked
-from nearharmonic_paper.experiments.stability.henon_heiles_reductions import henon_heiles_cube, henon_heiles_table
-from nearharmonic_paper.experiments.stability.kepler_reductions import kepler_cube, kepler_table
-from nearharmonic_paper.experiments.stability.rounding_reductions import rounding_cube, rounding_table
+from nearharmonic_paper.experiments.stability.reductions import (
+    henon_heiles_cube,
+    henon_heiles_table,
+    kepler_cube,
+    kepler_table,
+    rounding_cube,
+    rounding_table,
+    stacked,
+)
 
 ONE = {"units": "1", "long_name": "made by hand"}
 QUANTILES = (0.05, 0.5, 0.95, 1.0)

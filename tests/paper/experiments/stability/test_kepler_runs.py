@@ -12,11 +12,11 @@ from mpmath import mpf
 
 import nearharmonic as nh
 from nearharmonic_paper.experiments.stability import run as maps
-from nearharmonic_paper.experiments.stability.ensembles import stacked
-from nearharmonic_paper.experiments.stability.kepler_reductions import (
+from nearharmonic_paper.experiments.stability.reductions import (
     evaluations_below,
     kepler_cube,
     rotation_per_sample,
+    stacked,
 )
 from nearharmonic_paper.experiments.stability.run import kepler_apoapsis
 from nearharmonic_paper.experiments.stability.settings import EvaluationsGrid, MapSettings

@@ -7,7 +7,8 @@ import pytest
 import xarray as xr
 
 from nearharmonic.integrators import integrators
-from nearharmonic_paper.experiments.stability.kinetic_energy_reductions import kinetic_energy_table, reduction
+from nearharmonic_paper.experiments.stability.reductions import OF_KINETIC_ENERGY as reduction
+from nearharmonic_paper.experiments.stability.reductions import kinetic_energy_table
 from nearharmonic_paper.experiments.stability.run import exchanged
 
 AMPLITUDES, GRID = [0.01, 0.3, 1.0], [0.01, 0.049, 0.06, 1.0]

@@ -10,7 +10,7 @@ import pytest
 
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic_paper.experiments.stability.linear import linear_stability_cube, linear_stability_table
+from nearharmonic_paper.experiments.stability.reductions import linear_stability_cube, linear_stability_table
 
 LEAPFROG = integrators["leapfrog"]
 #: Two leapfrogs of half the step: with cos(phase) = 1 - tau^2/8, half the trace is cos(2 phase).

@@ -7,10 +7,7 @@ import xarray as xr
 
 from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import assembled
-from nearharmonic_paper.experiments.stability.ensembles import stacked
-from nearharmonic_paper.experiments.stability.henon_heiles_reductions import henon_heiles_cube
-from nearharmonic_paper.experiments.stability.kepler_reductions import kepler_cube
-from nearharmonic_paper.experiments.stability.rounding_reductions import rounding_cube
+from nearharmonic_paper.experiments.stability.reductions import henon_heiles_cube, kepler_cube, rounding_cube, stacked
 from nearharmonic_paper.experiments.stability.settings import (
     EnsembleSettings,
     EvaluationsGrid,
@@ -64,7 +61,7 @@ def runs(tmp_path_factory):
 @pytest.mark.parametrize("name", SMALL)
 def test_cube_holds_runs_in_order_of_methods(runs, name):
     room = "nearharmonic_paper.experiments.stability"
-    asked = task(f"{room}.{name}_reductions:reduce", integrators=METHODS, settings=SMALL[name])
+    asked = task(f"{room}.reductions:{name}", integrators=METHODS, settings=SMALL[name])
     cube = results(asked, **runs[name])["cube"]
     made = {
         method: results(task(f"{room}.run:{name}_measure", integrator=method, settings=SMALL[name]))["run"]

@@ -12,7 +12,7 @@ import nearharmonic as nh
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic_paper.experiments.stability import run as maps
 from nearharmonic_paper.experiments.stability import run as rounding
-from nearharmonic_paper.experiments.stability.rounding_reductions import reduction
+from nearharmonic_paper.experiments.stability.reductions import OF_ROUNDING as reduction
 from nearharmonic_paper.experiments.stability.run import kepler_apoapsis
 from nearharmonic_paper.experiments.stability.settings import RoundingSettings
 

@@ -11,7 +11,7 @@ from scipy.stats import t as student
 import nearharmonic as nh
 from nearharmonic.integrators import integrators
 from nearharmonic.systems import systems
-from nearharmonic_paper.experiments.stability.conservation_reductions import structure_cube, structure_table
+from nearharmonic_paper.experiments.stability.reductions import structure_cube, structure_table
 from support.oracles.structures import runs_of, structure
 
 NYSTROM = next(tableau.name for tableau in integrators.values() if tableau.requires)
