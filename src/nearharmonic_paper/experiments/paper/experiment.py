@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 from math import isfinite
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from nearharmonic.numerics.written import ALL_DIGITS, decimal, decimal_of
 from nearharmonic_paper.entries import (
@@ -67,6 +67,12 @@ class StepSizes:
     points_per_decade: int = setting("Step sizes in each factor of ten", **whole_from(1, 10**9))
 
 
+_START: Any = {
+    "allowed": "a list of numbers, as many as the system has coordinates", "each": FINITE, "default": None,
+    "min_length": 1,
+}  # fmt: skip
+
+
 @dataclass(frozen=True, kw_only=True)
 class SystemSettings:
     """Settings of one system."""
@@ -92,20 +98,10 @@ class SystemSettings:
         max_length=100,
     )
     q0: tuple[ExactDecimal, ...] | None = setting(
-        "Initial position; the system's own if not given",
-        "a list of numbers, as many as the system has coordinates",
-        unit="the system's unit of q",
-        each=FINITE,
-        default=None,
-        min_length=1,
+        "Initial position; the system's own if not given", unit="the system's unit of q", **_START
     )
     p0: tuple[ExactDecimal, ...] | None = setting(
-        "Initial momentum; the system's own if not given",
-        "a list of numbers, as many as the system has coordinates",
-        unit="the system's unit of p",
-        each=FINITE,
-        default=None,
-        min_length=1,
+        "Initial momentum; the system's own if not given", unit="the system's unit of p", **_START
     )
     energy: ExactDecimal | None = setting(
         "Energy at the start: the initial momentum is multiplied by the factor that gives it",
@@ -144,13 +140,15 @@ class SystemSettings:
     )
 
 
+#: A figure of energy errors.
+_PROFILE: Any = {"draw": "nearharmonic.plotting.energy_error:draw_profile", "profile": True}
+
 FIGURES = {
     "fig1_sho": Figure(
-        draw="nearharmonic.plotting.energy_error:draw_profile",
         title="Energy error of the oscillator",
         cube="sho",
         target="fig1",
-        profile=True,
+        **_PROFILE,
         caption=(
             "Benchmark profile for the simple harmonic oscillator, t in [0, 500]: largest (A) and mean (B) relative "
             "energy error over every step of a run, against step size per stage tau/s; each point is a whole run. "
@@ -175,11 +173,10 @@ FIGURES = {
         ),
     ),
     "fig3_henon_heiles": Figure(
-        draw="nearharmonic.plotting.energy_error:draw_profile",
         title="Energy error of the Hénon-Heiles system",
         cube="henon_heiles",
         target="fig3",
-        profile=True,
+        **_PROFILE,
         caption=(
             "Benchmark profile for the Hénon-Heiles system at H = 1/8, t in [0, 500]: largest (A) and mean (B) "
             "relative energy error over every step of a run, against step size per stage tau/s; each point is a whole "
@@ -203,11 +200,10 @@ FIGURES = {
         ),
     ),
     "fig5_kepler": Figure(
-        draw="nearharmonic.plotting.energy_error:draw_profile",
         title="Energy error of the Sun-Mercury system",
         cube="kepler",
         target="fig5",
-        profile=True,
+        **_PROFILE,
         caption=(
             "Benchmark profile for the planar Sun-Mercury system over ten years (87 660 h): largest (A) and mean (B) "
             "relative energy error over every step of a run, against step size per stage tau/s in hours; each point "
@@ -247,10 +243,9 @@ FIGURES = {
         ),
     ),
     "{system}_energy_error": Figure(
-        draw="nearharmonic.plotting.energy_error:draw_profile",
         title="Energy error",
         cube="{system}",
-        profile=True,
+        **_PROFILE,
         caption=(
             "Benchmark profile: largest (A) and mean (B) relative energy error over every step of a run, against step "
             "size per stage tau/s; each point is a whole run. Dashed lines, if any, are in extended precision. A "

@@ -9,7 +9,7 @@ No integration depends on this module, except one that keeps reduced numbers alo
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from typing import Any
@@ -27,7 +27,7 @@ from nearharmonic.output import store
 from nearharmonic.output.dataset import Contents, Variables, assembled, described, variables_of
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
-from nearharmonic_paper.experiments.paper.run import COORDINATES, PAPER, Completion, Run, contents, integrate_run
+from nearharmonic_paper.experiments.paper.run import COORDINATES, PAPER, Completion, Run, integrate, integrate_run
 from nearharmonic_paper.tasks.reduction import Reductions, exact_sum
 
 reduction = Reductions()
@@ -118,8 +118,6 @@ def orbital_period(system: System) -> float:
 
 #: Values of cells without a run; other variables are NaN.
 NO_RUN: dict[Any, Any] = {"status": "skipped", "steps": 0, "evaluations": 0, "diverged_at": 0}
-#: States, the largest part of a run file. Only drifts of invariants need them, and the systems of the paper do without.
-STATES = ("q", "p", "q_low", "p_low")
 #: Variables that a cube copies from run files.
 TAKEN_OVER = ("tau_per_stage", "tau", "steps", "evaluations", "status", "diverged_at")
 
@@ -127,27 +125,24 @@ TAKEN_OVER = ("tau_per_stage", "tau", "steps", "evaluations", "status", "diverge
 def reduce(sweep: Sweep, integrators: Sequence[str], **runs: Sequence[str]) -> dict[str, xr.Dataset]:
     """Return the ``cube`` of a system, :func:`cube_of` the files of each method, by its name in ``runs``.
 
-    They are its run files, or one file of reduced numbers.
-    The methods are in the order of ``integrators``.
+    They are its run files, or one file of reduced numbers. The methods are in the order of ``integrators``.
     """
-    leave_out = STATES if sweep.system in PAPER else ()
-    return {"cube": cube_of(sweep.system, {name: numbers_of(runs[name], leave_out) for name in integrators})}
+    return {"cube": cube_of(sweep.system, {name: numbers_of(sweep.system, runs[name]) for name in integrators})}
 
 
 def reduce_method(sweep: Sweep, integrator: str, runs: Sequence[str]) -> dict[str, xr.Dataset]:
     """Return the ``reduced`` numbers of the run files of a method: a cube of many files is made in constant memory."""
-    found = numbers_of(runs, STATES if sweep.system in PAPER else ())
-    return {"reduced": found.assign_attrs(system=sweep.system, integrator=integrator)}
+    return {"reduced": numbers_of(sweep.system, runs).assign_attrs(system=sweep.system, integrator=integrator)}
 
 
-def numbers_of(paths: Iterable[str], leave_out: Collection[str] = ()) -> xr.Dataset:
+def numbers_of(system: str, paths: Iterable[str]) -> xr.Dataset:
     """Return the counts and the reduced numbers of one method's runs over (precision, tau_per_stage).
 
-    One file is read at a time, without the variables in ``leave_out`` and the reductions that need them.
+    One file is read at a time, without the variables that no reduction of the system needs.
     """
     shards: dict[str, list[xr.Dataset]] = {}
     for path in paths:
-        for precision, runs in store.read_precisions(path, leave_out=leave_out).items():
+        for precision, runs in store.read_precisions(path, leave_out=_left_out(system)).items():
             if "precision" in runs.dims:
                 return runs  # those of all files of a method
             shards.setdefault(precision, []).append(numbers(runs))
@@ -155,6 +150,11 @@ def numbers_of(paths: Iterable[str], leave_out: Collection[str] = ()) -> xr.Data
     whole = joined([one.expand_dims(precision=[name]) for name, one in curves.items()], "precision")
     whole["precision"].attrs |= described("precision")
     return whole
+
+
+def _left_out(system: str) -> tuple[str, ...]:
+    """States, the largest part of a run file: only drifts of invariants need them, and the paper does without."""
+    return ("q", "p", "q_low", "p_low") if system in PAPER else ()
 
 
 def numbers(runs: xr.Dataset) -> xr.Dataset:
@@ -187,8 +187,8 @@ def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:
     if system not in systems.registered:
         attributes |= {"energy_at_start": invariants.energy_at_start(problem), "energy_unit": problem.units["energy"]}
     constants = {name: parameter.value for name, parameter in problem.parameters.items()}
-    start = {"q0": problem.q0, "p0": problem.p0, "parameters": constants}
-    attributes |= {name: json.dumps(value) for name, value in start.items()}
+    for name, value in (("q0", problem.q0), ("p0", problem.p0), ("parameters", constants)):
+        attributes[name] = json.dumps(value)
     if problem.period is not None:
         attributes["orbital_period"] = orbital_period(problem)
     if "energy_floor" in cube.attrs:  # of the run files
@@ -218,7 +218,7 @@ def integrate_and_reduce(
     sweep: Sweep, integrator: str, shard: int, earlier: Completion | None = None
 ) -> dict[str, Contents]:
     """Integrate one shard with 500 samples, as :func:`integrate` does, and keep numbers over tau_per_stage alone."""
-    return {"run": contents(sweep, integrator, shard, earlier, reduced_run)}
+    return integrate(sweep, integrator, shard, earlier, reduced_run)
 
 
 def reduced_run(run: Run) -> Variables:
@@ -229,5 +229,5 @@ def reduced_run(run: Run) -> Variables:
         some = replace(run, tau_per_stage=run.tau_per_stage[among], steps=run.steps[among], samples=SAMPLES)
         notes = {"system": run.sweep.system, "integrator": run.integrator}
         trajectories = assembled(integrate_run(some), COORDINATES, notes)
-        parts.append(numbers(trajectories.drop_vars(STATES if run.sweep.system in PAPER else (), errors="ignore")))
+        parts.append(numbers(trajectories.drop_vars(_left_out(run.sweep.system), errors="ignore")))
     return variables_of(joined(parts, "tau_per_stage"))

@@ -38,7 +38,7 @@ from nearharmonic.numerics.portable import decades
 from nearharmonic.output.dataset import Contents, Variable, Variables, coordinate, counted
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table, from_csv
-from nearharmonic.systems import System, systems
+from nearharmonic.systems import systems
 from nearharmonic.systems.gradients import check_oscillator
 
 if TYPE_CHECKING:
@@ -65,11 +65,6 @@ MOST_BYTES = 4 * 10**8
 REDUCED_AT_ONCE = 10
 
 
-def bytes_of(system: System, samples: int) -> int:
-    """Return the bytes of the trajectory of one run: t, q, p, and three numbers of each block."""
-    return samples * (3 + 2 * system.dimension) * 8
-
-
 def suitable_shards(sweep: Sweep, job_seconds: float) -> int:
     """Return the number of shards of a sweep whose jobs take about ``job_seconds``, and hold few enough bytes."""
     points = points_of(sweep)
@@ -83,7 +78,8 @@ def largest_job(sweep: Sweep) -> int:
     """Return the bytes of the trajectories in the last shard: its runs are the shortest, and the most."""
     points = points_of(sweep)
     count = min(sweep.shards, points)
-    return (points - _cut(sweep, count - 1, count)) * bytes_of(systems[sweep.system], sweep.samples)
+    # A run has t, q, p, and three numbers of each block.
+    return (points - _cut(sweep, count - 1, count)) * sweep.samples * (3 + 2 * systems[sweep.system].dimension) * 8
 
 
 def points_of(sweep: Sweep) -> int:
@@ -133,16 +129,19 @@ def _steps(sweep: Sweep, tableau: Tableau, index: int) -> int:
 
 @cache
 def _cost(sweep: Sweep, count: int) -> Decimal:
-    """Return the estimated seconds of the first ``count`` runs, those of the smallest step sizes.
+    """Return the estimated seconds of the first ``count`` runs; extended precision may leave out the cheapest."""
+    evaluations = _evaluations(sweep, count)
+    return sum((PER_EVALUATION[each] * evaluations + PER_RUN * count for each in sweep.precision), Decimal(0))
 
-    Evaluations of a method of s stages are t_end / (tau / s), whatever the method: those of neighbours have a fixed
-    ratio. Extended precision may leave out large step sizes, which cost little.
+
+def _evaluations(sweep: Sweep, count: int) -> Decimal:
+    """Return about how many force evaluations one method takes with the ``count`` smallest step sizes.
+
+    Those of a method of s stages are t_end / (tau / s), whatever the method: those of neighbours have a fixed ratio.
     """
     (ratio,) = decades(1.0, -sweep.points_per_decade, 1, 2)
     (left,) = decades(1.0, -sweep.points_per_decade, count, count + 1)
-    largest = Decimal(sweep.t_end) / Decimal(repr(sweep.lowest))
-    evaluations = largest * (1 - left) / (1 - ratio)
-    return sum((PER_EVALUATION[each] * evaluations + PER_RUN * count for each in sweep.precision), Decimal(0))
+    return Decimal(sweep.t_end) / Decimal(repr(sweep.lowest)) * (1 - left) / (1 - ratio)
 
 
 # --- Plan of the runs for a config: step sizes and precisions, and reasons for omissions. It computes no trajectories.
@@ -158,7 +157,7 @@ DOUBLE_FLOOR = 1e-15
 NEAR_FLOOR = 100
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Run:
     """One method with some step sizes of a sweep, in one precision: the work of one call of the integration.
 
@@ -204,7 +203,7 @@ def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
     if points > MOST_POINTS:
         allowed = f"the grid would have {points} step sizes, and may have {MOST_POINTS}"
         raise bad_setting(f"{here}.points_per_decade", sweep.points_per_decade, allowed)
-    evaluations = _plan_evaluations(sweep) * len(methods) * len(sweep.precision)
+    evaluations = _evaluations(sweep, points) * len(methods) * len(sweep.precision)
     if evaluations > MOST_EVALUATIONS:
         allowed = f"all runs would take {evaluations:.2g} force evaluations, and may take {MOST_EVALUATIONS:.0e}"
         raise bad_setting(f"{here}.lowest", sweep.lowest, allowed)
@@ -214,29 +213,16 @@ def check_sweep(sweep: Sweep, methods: Sequence[str]) -> None:
         raise bad_setting("samples", sweep.samples, allowed)
 
 
-def _plan_evaluations(sweep: Sweep) -> float:
-    """Return about how many force evaluations the runs of one method in one precision take."""
-    ratio = 10 ** (-1 / sweep.points_per_decade)
-    return float(exact_decimal(sweep.t_end)) / sweep.lowest * (1 - ratio ** points_of(sweep)) / (1 - ratio)
-
-
 def runs_of(sweep: Sweep, integrator: str, index: int) -> list[Run]:
     """Return the runs of shard ``index`` of a method on a system: one for each precision, without empty ones."""
-    mine = shard_range(sweep, integrator, index)
-    runs = (_run(sweep, integrator, precision, mine) for precision in sweep.precision)
-    return [run for run in runs if run.steps]
-
-
-def _run(sweep: Sweep, integrator: str, precision: str, among: range) -> Run:
-    """Return the runs in one precision with the step sizes ``among`` those of the grid."""
-    tableau = integrators[integrator]
-    end = min(among.stop, _extended_points(sweep, tableau)) if precision == "extended" else among.stop
-    taus = tau_range(sweep.lowest, sweep.points_per_decade, among.start, end)
-    steps = steps_over(np.array(taus), sweep.t_end, tableau).tolist()
-    return Run(
-        sweep=sweep, integrator=integrator, precision=precision, tau_per_stage=taus, steps=tuple(steps),
-        samples=sweep.samples,
-    )  # fmt: skip
+    tableau, mine, runs = integrators[integrator], shard_range(sweep, integrator, index), []
+    for precision in sweep.precision:
+        end = min(mine.stop, _extended_points(sweep, tableau)) if precision == "extended" else mine.stop
+        taus = tau_range(sweep.lowest, sweep.points_per_decade, mine.start, end)
+        if taus:
+            steps = tuple(steps_over(np.array(taus), sweep.t_end, tableau).tolist())
+            runs.append(Run(sweep, integrator, precision, taus, steps, sweep.samples))
+    return runs
 
 
 def _extended_points(sweep: Sweep, tableau: Tableau) -> int:
@@ -260,31 +246,32 @@ def _extended_points(sweep: Sweep, tableau: Tableau) -> int:
 
 
 def omissions(sweep: Sweep, integrator: str) -> Iterator[Omission]:
-    """Yield the omissions among the runs of a method on a system."""
+    """Yield the omissions among the runs of a method on a system, and the precisions that the config leaves out."""
     tableau = integrators[integrator]
     grid = np.array(tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade))
     steps = steps_over(grid, sweep.t_end, tableau)
     shared = np.diff(steps, prepend=0) == 0
-    for precision in sweep.precision:
+    for precision in PRECISIONS:
+        if precision not in sweep.precision:
+            every = int(tableau.evaluations(steps).sum())
+            yield Omission(
+                sweep.system, integrator, precision, f"runs in {precision} precision", NOT_ASKED, grid.size, every
+            )
+            continue
         run = np.arange(grid.size) < (_extended_points(sweep, tableau) if precision == "extended" else grid.size)
         kept, repeated, far = steps[run & ~shared], steps[run & shared], steps[~run]
         again = kept if systems[sweep.system].observables else kept[:0]
         # The force of the last kick of a step is reused by the next step.
         handed_on = kept[kept > 1] if tableau.first_same_as_last else kept[:0]
-        for what, reason, runs, evaluations in (
+        for what, reason, runs, saved in (
             ("runs of a step size", "it rounds to as many steps as its neighbour", repeated, None),
             ("runs in extended precision", "in double, the error is over 100 times the rounding floor", far, None),
             ("runs for the perihelion alone", "figures 4 and 5 share one pass", again, None),
-            (
-                "the force that opens a step",
-                "it closed the step before",
-                handed_on,
-                int(handed_on.sum()) - handed_on.size,
-            ),
+            ("the force that opens a step", "it closed the step before", handed_on, (handed_on - 1).sum()),
         ):
             if runs.size:
-                saved = int(tableau.evaluations(runs).sum()) if evaluations is None else evaluations
-                yield Omission(sweep.system, integrator, precision, what, reason, runs.size, saved)
+                evaluations = int(tableau.evaluations(runs).sum() if saved is None else saved)
+                yield Omission(sweep.system, integrator, precision, what, reason, runs.size, evaluations)
 
 
 # --- Omitted runs, with reasons and saved force evaluations: as CSV, and in one line.
@@ -301,10 +288,9 @@ NOT_ASKED = "the config does not ask for this precision"
 
 def skipped(sweeps: Sequence[Sweep], methods: Sequence[str], cubes: Mapping[str, xr.Dataset]) -> list[Omission]:
     """Return the omissions of the plan, and those of runs in ``cubes`` (by system) that ended early."""
-    not_asked = (row for sweep in sweeps for name in methods for row in _not_asked(sweep, name))
-    ended = (row for system, cube in cubes.items() for row in _ended_early(system, cube))
     planned = (row for sweep in sweeps for name in methods for row in omissions(sweep, name))
-    return [*planned, *not_asked, *ended]
+    ended = (row for system, cube in cubes.items() for row in _ended_early(system, cube))
+    return [*sorted(planned, key=lambda row: row.reason == NOT_ASKED), *ended]
 
 
 def totals(rows: Sequence[Omission], cubes: Mapping[str, xr.Dataset]) -> list[Omission]:
@@ -322,11 +308,9 @@ def totals(rows: Sequence[Omission], cubes: Mapping[str, xr.Dataset]) -> list[Om
     made = sum(evaluations for _, evaluations, _ in done)
     ordered = sorted(saved.items(), key=lambda entry: -entry[1][1])
     planned = len(done) + sum(row.runs for row in rows if row.what.startswith("runs "))
-    return [
-        _total(DONE, "", len(done), made),
-        _total(FULL, FULL_GRID, planned, made + sum(row.evaluations for row in rows)),
-        *(_total(SAVED, reason, *counts) for reason, counts in ordered),
-    ]
+    every = (FULL, FULL_GRID, planned, made + sum(row.evaluations for row in rows))
+    each = [(SAVED, reason, *counts) for reason, counts in ordered]
+    return [Omission(ALL, ALL, ALL, *row) for row in ((DONE, "", len(done), made), every, *each)]
 
 
 class Totals(NamedTuple):
@@ -363,26 +347,10 @@ def summary_line(path: str | os.PathLike[str]) -> str:
 
 def omissions_table(sweeps: Sequence[Sweep], integrators: Sequence[str], **cubes: str) -> dict[str, Table]:
     """Return the ``table`` of omissions, then totals over all systems, from the file of the cube of each system."""
-    found = {system: read(path) for system, path in cubes.items()}
-    rows = skipped(sweeps, integrators, found)
-    return {"table": table_of([*rows, *totals(rows, found)])}
-
-
-def table_of(rows: Sequence[Omission]) -> Table:
-    """Return ``rows`` under the names of their members."""
+    opened = {system: read(path) for system, path in cubes.items()}
+    rows = skipped(sweeps, integrators, opened)
     caption = "Omitted runs, the reason, and the number of force evaluations saved."
-    return Table(header=Omission._fields, rows=rows, caption=caption)
-
-
-def _not_asked(sweep: Sweep, name: str) -> Iterator[Omission]:
-    """Yield one row for each precision that ``sweep`` does not use."""
-    tableau = integrators[name]
-    grid = np.array(tau_grid(sweep.lowest, sweep.highest, sweep.points_per_decade))
-    evaluations = int(tableau.evaluations(steps_over(grid, sweep.t_end, tableau)).sum())
-    for precision in PRECISIONS:
-        if precision not in sweep.precision:
-            what = f"runs in {precision} precision"
-            yield Omission(sweep.system, name, precision, what, NOT_ASKED, grid.size, evaluations)
+    return {"table": Table(header=Omission._fields, rows=[*rows, *totals(rows, opened)], caption=caption)}
 
 
 def _ended_early(system: str, cube: xr.Dataset) -> Iterator[Omission]:
@@ -405,10 +373,6 @@ def _distinct(cube: xr.Dataset) -> Iterator[tuple[str, str, list[tuple[int, int,
             yield str(precision), str(name), list(zip(*columns, strict=True))
 
 
-def _total(what: str, reason: str, runs: int, evaluations: int) -> Omission:
-    return Omission(ALL, ALL, ALL, what, reason, runs, evaluations)
-
-
 # --- Integration of a shard, and the variables of its file.
 
 #: Auxiliary coordinates of a run file.
@@ -418,37 +382,36 @@ Integration = Callable[[Run], Variables]
 Completion = Callable[[Run, Integration], Variables]
 
 
-def integrate(sweep: Sweep, integrator: str, shard: int, earlier: Completion | None = None) -> dict[str, Contents]:
+def integrate(
+    sweep: Sweep, integrator: str, shard: int, earlier: Completion | None = None, function: Integration | None = None
+) -> dict[str, Contents]:
     """Integrate one shard, numbered from 0, of the step sizes of a method on a system, as the contents ``run``.
 
     Runs in double precision are in the root of a file, those in extended precision in a group. If there are runs in
     double precision, the group has their step sizes and samples, so that ``xarray.open_datatree`` opens both; runs that
-    the plan omits have the status "skipped". ``earlier`` takes runs over from the files of an earlier config.
+    the plan omits have the status "skipped". ``earlier`` takes runs over from the files of an earlier config, and
+    ``function``, by default :func:`integrate_run`, makes the others.
     """
-    return {"run": contents(sweep, integrator, shard, earlier, integrate_run)}
-
-
-def contents(sweep: Sweep, integrator: str, shard: int, earlier: Completion | None, function: Integration) -> Contents:
-    """Return the contents of a run file: what ``function`` returns for the runs that ``earlier`` does not hold."""
     from nearharmonic.engine.description import kernel_in_words
 
-    planned = runs_of(sweep, integrator, shard)
+    made, planned = function or integrate_run, runs_of(sweep, integrator, shard)
     problems = {run.precision: problem_of(run) for run in planned}
-    parts = {run.precision: earlier(run, function) if earlier else function(run) for run in planned}
+    parts = {run.precision: earlier(run, made) if earlier else made(run) for run in planned}
     attributes: dict[str, object] = {
-        "system": sweep.system,
-        "integrator": integrator,
-        "precision": " ".join(parts),
+        "system": sweep.system, "integrator": integrator, "precision": " ".join(parts),
         "kernel": "; ".join(map(kernel_in_words, problems.values())),
-    }
+    }  # fmt: skip
     attributes |= {} if not problems else next(iter(problems.values())).standard_floor()
-    made = sum(map(_evaluations, parts.values()))
+    evaluations = sum(map(_evaluations_made, parts.values()))
     root = parts.pop("double", {})
     groups = {name: _padded(part, root) if root else part for name, part in parts.items()}
-    return Contents(variables=root, attributes=attributes, coordinates=COORDINATES, groups=groups, evaluations=made)
+    found = Contents(
+        variables=root, attributes=attributes, coordinates=COORDINATES, groups=groups, evaluations=evaluations
+    )
+    return {"run": found}
 
 
-def _evaluations(variables: Variables) -> int:
+def _evaluations_made(variables: Variables) -> int:
     """Return the force evaluations of runs; step sizes with equal numbers of steps share a run."""
     _, first = np.unique(variables["steps"][1], return_index=True)
     return int(np.asarray(variables["evaluations"][1])[first].sum())

@@ -128,28 +128,28 @@ def _generalised(tableau: Tableau, *, quadratic: bool) -> str:
 
 NOTHING = ""
 
-#: File names of the paper's tables, and of the table of all methods.
-STEMS = (
-    "table1_structure", "table2_recursion", "table2_values", "table3_even_orders", "table4_coefficients", "integrators",
-)  # fmt: skip
-
 
 def paper_tables(integrators: Sequence[str]) -> dict[str, Table]:
-    """Return the paper's tables, and the table of the methods ``integrators``, by their file names, :data:`STEMS`.
+    """Return the paper's tables, and the table of the methods ``integrators``, by their file names.
 
     The paper illustrates its Tables 2 and 3 with three stages in the BAB composition; here they are for Ruth's method.
     """
     (ruth,) = forest_ruth_1990.TABLEAUS
-    columns = (
-        (structure(ruth), "Table 1: mirror images among the coefficients of Ruth's method."),
-        (recursion_symbols(ruth, first="kick"), "Table 2: the recursion for three stages as BAB, in symbols."),
-        (recursion_values(ruth, first="kick"), "Table 2 for Ruth's method as BAB, in numbers."),
-        (even_orders(ruth, first="kick"), "Table 3: closed sums for Ruth's method as BAB, beside Table 2's numbers."),
-        (table_4(), "Table 4: independent coefficients; d is the outer row, c the inner one."),
-        (overview(*integrators), "Every integrator: structure, orders, leading errors, linear stability."),
-    )
-    tables = (Table(header=header, rows=rows, caption=caption) for (header, rows), caption in columns)
-    return dict(zip(STEMS, tables, strict=True))
+    symbols, values = (made(ruth, first="kick") for made in (recursion_symbols, recursion_values))
+    made: dict[str, tuple[tuple[Header, Sequence[Cells]], str]] = {
+        "table1_structure": (structure(ruth), "Table 1: mirror images among the coefficients of Ruth's method."),
+        "table2_recursion": (symbols, "Table 2: the recursion for three stages as BAB, in symbols."),
+        "table2_values": (values, "Table 2 for Ruth's method as BAB, in numbers."),
+        "table3_even_orders": (
+            even_orders(ruth, first="kick"),
+            "Table 3: closed sums for Ruth's method as BAB, beside Table 2's numbers.",
+        ),
+        "table4_coefficients": (table_4(), "Table 4: independent coefficients; d is the outer row, c the inner one."),
+        "integrators": (
+            overview(*integrators), "Every integrator: structure, orders, leading errors, linear stability."
+        ),
+    }  # fmt: skip
+    return {stem: Table(header=header, rows=rows, caption=text) for stem, ((header, rows), text) in made.items()}
 
 
 def structure(integrator: str | Tableau) -> Columns:
@@ -176,24 +176,20 @@ def recursion_symbols(integrator: str | Tableau, *, first: First | None = None) 
     which the paper does not decompose (last line of Eq. 6).
     """
     tableau = tableau_of(integrator, first)
-    drifts, width = len(tableau.drift), _powers(tableau)
-    rows: list[Cells] = [(0, *_padded(["q_a"], width))]
-    rows.append((1, *_padded(["Q[0,0]", "c_1 p_a / m", "D_1 Qbar[0,0]"][: _highest(tableau, 1) + 1], width)))
-    for h in range(2, drifts + 1):
-        cells = [_recursion_entry(tableau, h, power) for power in range(_highest(tableau, h) + 1)]
-        rows.append((h, *_padded(cells, width)))
-    return _powers_header(width), [*rows, ("p_b / m", *_padded(_momentum_entries(tableau), width))]
+    first_drift = ["Q[0,0]", "c_1 p_a / m", "D_1 Qbar[0,0]"][: _highest(tableau, 1) + 1]
+    later = [
+        (h, [_recursion_entry(tableau, h, power) for power in range(_highest(tableau, h) + 1)])
+        for h in range(2, len(tableau.drift) + 1)
+    ]
+    return _by_power(tableau, [(0, ["q_a"]), (1, first_drift), *later, ("p_b / m", _momentum_entries(tableau))])
 
 
 def recursion_values(integrator: str | Tableau, *, first: First | None = None) -> Columns:
     """Return Table 2 in numbers for m = k = 1; even powers have units of q_a, odd ones p_a (momentum: vice versa)."""
     tableau = tableau_of(integrator, first)
-    width = _powers(tableau)
-    rows: list[Cells] = [
-        (h, *_padded(map(float, row[: _highest(tableau, h) + 1]), width))
-        for h, row in enumerate(position_rows(tableau))
-    ]
-    return _powers_header(width), [*rows, ("p_b", *_padded(map(float, momentum_row(tableau)), width))]
+    rows = [(h, row[: _highest(tableau, h) + 1]) for h, row in enumerate(position_rows(tableau))]
+    every: list[tuple[str | int, Sequence[Any]]] = [*rows, ("p_b", momentum_row(tableau))]
+    return _by_power(tableau, [(h, [float(x) for x in row]) for h, row in every])
 
 
 def even_orders(integrator: str | Tableau, *, first: First | None = None) -> Columns:
@@ -221,18 +217,11 @@ def _highest(tableau: Tableau, h: int) -> int:
     return max(0, 2 * h - (tableau.first == "drift"))
 
 
-def _powers(tableau: Tableau) -> int:
-    """Return the number of powers for position and momentum; one of them has tau^(2s + 1)."""
-    return 2 * tableau.stages + 2
-
-
-def _powers_header(width: int) -> Header:
-    return ("h", *(f"tau^{power}" for power in range(width)))
-
-
-def _padded(cells: Iterable[str | float], width: int) -> Cells:
-    row = list(cells)
-    return (*row, *[NOTHING] * (width - len(row)))
+def _by_power(tableau: Tableau, rows: Iterable[tuple[str | int, Sequence[str | float]]]) -> Columns:
+    """Return the columns and rows of Table 2; a row has no entries for the highest powers, up to tau^(2s + 1)."""
+    width = 2 * tableau.stages + 2
+    header = ("h", *(f"tau^{power}" for power in range(width)))
+    return header, [(h, *cells, *[NOTHING] * (width - len(cells))) for h, cells in rows]
 
 
 def _recursion_entry(tableau: Tableau, h: int, power: int) -> str:

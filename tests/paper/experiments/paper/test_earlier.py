@@ -19,7 +19,7 @@ SHO = Sweep(
     samples=20, shards=1,
 )  # fmt: skip
 KEPLER = replace(SHO, system="kepler", t_end="8766", lowest=1.0, highest=100.0, precision=("double",))
-KEEPING, REDUCING = "run:integrate", "grid.reduced_run:integrate_and_reduce"
+KEEPING, REDUCING = "run:integrate", "reductions:integrate_and_reduce"
 FUNCTIONS = {KEEPING: run, REDUCING: reduced_run}
 
 
