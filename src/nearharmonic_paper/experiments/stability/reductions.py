@@ -5,7 +5,7 @@ A reduction takes an ``xarray.Dataset`` of all methods and returns numbers for t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from itertools import product
 from typing import Any
@@ -113,26 +113,23 @@ def linear_stability_table(tableaus: Sequence[Tableau]) -> Table:
             rates = float(growth.per_step), float(growth.at), float(growth.per_time)
             rows.append((tableau.name, tableau.stages, *sizes, *rates, touched))
             known, before = "", end
-    return Table(
-        header=header,
-        rows=rows,
-        caption="Intervals of step sizes in which the harmonic oscillator stays bounded, and the gap that ends each.",
-    )
+    caption = "Intervals of step sizes in which the harmonic oscillator stays bounded, and the gap that ends each."
+    return Table(header=header, rows=rows, caption=caption)
 
 
-# --- Runs of all ensembles, from one file per method.
+# --- What the reductions share.
 
 
-def read_runs(names: Sequence[str], paths: Mapping[str, str]) -> xr.Dataset:
-    """Return the runs of the methods ``names`` from the path of the run file of each."""
-    return stacked([registry[name] for name in names], [read(paths[name]) for name in names])
-
-
-def stacked(methods: Sequence[Tableau], runs: Sequence[xr.Dataset]) -> xr.Dataset:
-    """Return the runs of each of ``methods`` along a new dimension ``integrator``, without their attributes."""
-    cube = xr.concat(runs, "integrator", combine_attrs="override", data_vars="all", coords="all")
+def stacked(names: Sequence[str], runs: Iterable[xr.Dataset]) -> xr.Dataset:
+    """Return the runs of each of the methods ``names`` along a new dimension ``integrator``, without attributes."""
+    cube = xr.concat(list(runs), "integrator", combine_attrs="override", data_vars="all", coords="all")
     cube.attrs = {}
-    return cube.assign_coords(method_coordinates(methods))
+    return cube.assign_coords(method_coordinates([registry[name] for name in names]))
+
+
+def _described(values: Any, text: str, units: str = "1") -> xr.DataArray:
+    result: xr.DataArray = values.assign_attrs(described(text, units))
+    return result
 
 
 # --- Henon-Heiles ensembles: ``escaped`` over (integrator, energy, tau_per_stage), ``energy_error`` over quantile too.
@@ -150,8 +147,8 @@ TOLERATED = 0.01
 def trusted_up_to(cube: xr.Dataset) -> xr.DataArray:
     """Largest step size per stage up to which, over the grid, no more than :data:`TOLERATED` escapes; NaN if none."""
     kept = (cube.escaped <= TOLERATED).cumulative("tau_per_stage").min().astype(bool)
-    limit: xr.DataArray = cube.tau_per_stage.where(kept).max("tau_per_stage")
-    return limit.assign_attrs(described(f"largest step size per stage up to which at most {TOLERATED:g} escapes"))
+    limit = cube.tau_per_stage.where(kept).max("tau_per_stage")
+    return _described(limit, f"largest step size per stage up to which at most {TOLERATED:g} escapes")
 
 
 @OF_ENSEMBLES("integrator", over="tau_per_stage")
@@ -160,8 +157,7 @@ def linear_limit(cube: xr.Dataset) -> xr.DataArray:
     methods = [registry[name] for name in cube.integrator.values]
     limits = [float(stability_limit(method)) / method.stages for method in methods]
     text = "step size per stage at which the harmonic oscillator is first unstable"
-    found: xr.DataArray = cube.integrator.copy(data=limits)
-    return found.assign_attrs(described(text))
+    return _described(cube.integrator.copy(data=limits), text)
 
 
 def henon_heiles_table(cube: xr.Dataset) -> Table:
@@ -179,16 +175,12 @@ def henon_heiles_table(cube: xr.Dataset) -> Table:
             errors = [one.energy_error.sel(tau_per_stage=trusted, quantile=q).item() for q in (0.5, 1.0)]
         rows.append([str(name), float(energy), limit, trusted, *errors, trusted / limit])
     caption = f"Henon-Heiles ensembles: largest tau/s up to which at most {TOLERATED:.0%} of the trajectories escape."
-    return Table(
-        header=header,
-        rows=rows,
-        caption=caption,
-    )
+    return Table(header=header, rows=rows, caption=caption)
 
 
 def henon_heiles(integrators: Sequence[str], settings: EnsembleSettings, **runs: str) -> dict[str, Any]:
     """Return the ``cube`` and its ``table``; ``settings`` are stored in the files."""
-    cube = henon_heiles_cube(read_runs(integrators, runs))
+    cube = henon_heiles_cube(stacked(integrators, (read(runs[name]) for name in integrators)))
     return {"cube": cube, "table": henon_heiles_table(cube)}
 
 
@@ -212,29 +204,25 @@ CONTOUR = 1e-6
 def evaluations_per_orbit(runs: xr.Dataset) -> xr.DataArray:
     """Force evaluations in one period of the exact orbit."""
     stages = runs.integrator.copy(data=[registry[name].stages for name in runs.integrator.values])
-    evaluations: xr.DataArray = runs.steps_per_orbit * stages
-    return evaluations.assign_attrs(described("force evaluations per orbit"))
+    return _described(runs.steps_per_orbit * stages, "force evaluations per orbit")
 
 
 @OF_MAPS("q", "p", "energy_error")
 def perihelion_advance(runs: xr.Dataset) -> xr.DataArray:
     """Rotation of the Laplace-Runge-Lenz vector per orbit; NaN for lost orbits and for circles."""
-    advance: xr.DataArray = xr.apply_ufunc(
-        rotation_per_sample, runs.q, runs.p, input_core_dims=[["sample", "component"]] * 2
-    )
+    advance = xr.apply_ufunc(rotation_per_sample, runs.q, runs.p, input_core_dims=[["sample", "component"]] * 2)
     advance = advance.where(np.isfinite(runs.energy_error) & (runs.eccentricity > 0))
-    return advance.assign_attrs(described("rotation of the Laplace-Runge-Lenz vector per orbit", "rad"))
+    return _described(advance, "rotation of the Laplace-Runge-Lenz vector per orbit", "rad")
 
 
 @OF_MAPS("evaluations_per_orbit", "energy_error", over="tau_per_stage")
 def evaluations_for_contour(cube: xr.Dataset) -> xr.DataArray:
     """Force evaluations per orbit from which on the energy error stays below :data:`CONTOUR`."""
-    contour: xr.DataArray = xr.apply_ufunc(
+    contour = xr.apply_ufunc(
         evaluations_below, cube.evaluations_per_orbit, cube.energy_error, kwargs={"level": CONTOUR},
         input_core_dims=[["tau_per_stage"]] * 2, vectorize=True,
     )  # fmt: skip
-    text = f"force evaluations per orbit from which on the energy error stays below {CONTOUR:g}"
-    return contour.assign_attrs(described(text))
+    return _described(contour, f"force evaluations per orbit from which on the energy error stays below {CONTOUR:g}")
 
 
 def rotation_per_sample(q: Floats, p: Floats) -> Floats:
@@ -285,7 +273,7 @@ def kepler_table(cube: xr.Dataset) -> Table:
 
 def kepler(integrators: Sequence[str], settings: MapSettings, **runs: str) -> dict[str, Any]:
     """Return the ``cube`` and its ``table``; ``settings`` are stored in the files."""
-    cube = kepler_cube(read_runs(integrators, runs))
+    cube = kepler_cube(stacked(integrators, (read(runs[name]) for name in integrators)))
     return {"cube": cube, "table": kepler_table(cube)}
 
 
@@ -303,40 +291,29 @@ OF_ROUNDING = Reductions()
 QUANTITIES = {"energy_error": "energy error", "lag": "lag along the track"}
 
 
-@OF_ROUNDING(*QUANTITIES, over="orbit")
-def root_mean_squares(cube: xr.Dataset) -> xr.Dataset:
-    """Root mean square over the orbits of each quantity at each sample, ``<quantity>_rms``."""
-    found = xr.Dataset()
-    for name, text in QUANTITIES.items():
-        notes = described(f"root mean square of the {text} over the orbits", cube[name].attrs["units"])
-        rms = xr.apply_ufunc(np.sqrt, (cube[name] * cube[name]).mean("orbit"))
-        found[f"{name}_rms"] = rms.assign_attrs(notes)
-    return found
-
-
 @OF_ROUNDING(*QUANTITIES, "time", over="orbit")
-def power_laws(cube: xr.Dataset) -> xr.Dataset:
-    """Power law of the root mean square of each quantity in time: ``<quantity>_exponent``, ``<quantity>_interval``."""
+def growth_of_rounding(cube: xr.Dataset) -> xr.Dataset:
+    """Four numbers of each quantity, over the orbits.
+
+    They are the root mean square at each sample, ``<quantity>_rms``, its power law in time, ``<quantity>_exponent`` and
+    ``<quantity>_interval``, and the absolute mean at the last sample, ``<quantity>_bias``.
+    """
     found = xr.Dataset()
     for name, text in QUANTITIES.items():
+        error, unit = cube[name], cube[name].attrs["units"]
         exponent, interval = xr.apply_ufunc(
-            growth_exponent, cube[name], cube.time, input_core_dims=[["orbit", "sample"], ["sample"]],
+            growth_exponent, error, cube.time, input_core_dims=[["orbit", "sample"], ["sample"]],
             output_core_dims=[[], []], vectorize=True,
         )  # fmt: skip
-        found[f"{name}_exponent"] = exponent.assign_attrs(described(f"exponent of the growth of the {text}"))
-        meaning = f"half width of the 95 % interval of the exponent of the {text}"
-        found[f"{name}_interval"] = interval.assign_attrs(described(meaning))
-    return found
-
-
-@OF_ROUNDING(*QUANTITIES, over="orbit")
-def biases(cube: xr.Dataset) -> xr.Dataset:
-    """Absolute mean over the orbits of each quantity at the last sample, ``<quantity>_bias``."""
-    found = xr.Dataset()
-    for name, text in QUANTITIES.items():
-        bias = abs(cube[name].reset_coords(drop=True).isel(sample=-1, drop=True).mean("orbit", skipna=False))
-        notes = described(f"absolute mean of the {text} over the orbits at the end", cube[name].attrs["units"])
-        found[f"{name}_bias"] = bias.assign_attrs(notes)
+        rms = xr.apply_ufunc(np.sqrt, (error * error).mean("orbit"))
+        bias = abs(error.reset_coords(drop=True).isel(sample=-1, drop=True).mean("orbit", skipna=False))
+        for kind, values, meaning, units in (
+            ("rms", rms, f"root mean square of the {text} over the orbits", unit),
+            ("exponent", exponent, f"exponent of the growth of the {text}", "1"),
+            ("interval", interval, f"half width of the 95 % interval of the exponent of the {text}", "1"),
+            ("bias", bias, f"absolute mean of the {text} over the orbits at the end", unit),
+        ):
+            found[f"{name}_{kind}"] = _described(values, meaning, units)
     return found
 
 
@@ -375,16 +352,12 @@ def rounding_table(cube: xr.Dataset) -> Table:
         bias = one[f"{quantity}_bias"].item() / rms
         rows.append([str(name), str(source), quantity, *law, brouwer, float(rms), bias])
     caption = "Growth of round-off along Kepler orbits, against time: energy over |H0|, and lag in mean anomaly (rad)."
-    return Table(
-        header=header,
-        rows=rows,
-        caption=caption,
-    )
+    return Table(header=header, rows=rows, caption=caption)
 
 
 def rounding(integrators: Sequence[str], settings: RoundingSettings, **runs: str) -> dict[str, Any]:
     """Return the ``cube`` and its ``table``; ``settings`` are stored in the files."""
-    cube = rounding_cube(read_runs(integrators, runs))
+    cube = rounding_cube(stacked(integrators, (read(runs[name]) for name in integrators)))
     return {"cube": cube, "table": rounding_table(cube)}
 
 
@@ -410,8 +383,7 @@ def relative_error(runs: xr.Dataset) -> xr.DataArray:
     errors = runs.max_energy_error.sel(tau_per_stage=COMPARED_AT, method="nearest", drop=True)
     yardstick = errors.reindex(integrator=[YARDSTICK]).sel(integrator=YARDSTICK, roles="own", drop=True)
     text = f"max_energy_error at tau/s = {COMPARED_AT:g} over that of {YARDSTICK} in its own roles"
-    ratio: xr.DataArray = errors / yardstick.reset_coords(drop=True)
-    return ratio.assign_attrs(described(text))
+    return _described(errors / yardstick.reset_coords(drop=True), text)
 
 
 def kinetic_energy_table(cube: xr.Dataset) -> Table:
@@ -462,79 +434,77 @@ DOUBLE_DOUBLE_ROUNDOFF = 2.0**-104
 _exact = np.frompyfunc(Fraction, 1, 1)
 
 
-@OF_STRUCTURE("neighbour")
-def growth(runs: xr.Dataset) -> xr.DataArray:
-    """Root mean square over the samples of the tangent map's norm, by differences of the nearest neighbours."""
-    below, above = (runs.neighbour.isel(offset=i, drop=True) for i in (1, 2))
-    maps = ((above - below) / (2 * _spacing(runs))).transpose("integrator", "sample", "axis", "component")
-    text = "root mean square over the run of the tangent map's norm"
-    return _described(_of_each(lambda one: _rms(norms(one)), maps), text)
+#: Variables of a method on a system, and their meaning. The interval of the trend assumes independent blocks: those of
+#: a chaotic orbit are dependent, and its trend may exceed the interval two or three times.
+MEASURED = {
+    "growth": "root mean square over the run of the tangent map's norm",
+    "return_error": "distance from the start after the run and the run back, compensated summation; NaN if asymmetric",
+    "return_walk": "what rounding gives for it as a random walk",
+    "return_bound": "what rounding gives for it if all errors add up",
+    "plain_return_error": "distance from the start after the run and the run back, plain summation; NaN if asymmetric",
+    "plain_return_walk": "what rounding gives for it as a random walk",
+    "plain_return_bound": "what rounding gives for it if all errors add up",
+    "symplectic_defect": "largest entry of J^T Omega J - Omega, J the tangent map of the run in double-double",
+    "symplectic_walk": "what double-double rounding gives for it as a random walk",
+    "energy_drift": "trend of the mean of (H - H0)/|H0| over the long run",
+    "energy_drift_interval": "half width of the 95 % interval of the trend",
+    "energy_walk": "what rounding gives for the energy as a random walk",
+}
 
 
-@OF_STRUCTURE("neighbour", "state", "state_low", "rate")
-def return_errors(runs: xr.Dataset) -> xr.Dataset:
-    """Distance from the start after the run and the backward run, in both summations, with estimates for rounding."""
-    symmetric = [registry[name].symmetric for name in runs.integrator.values]
-    found, carried = xr.Dataset(), UNIT_ROUNDOFF * growth(runs)
+@OF_STRUCTURE("neighbour", "neighbour_low", "state", "state_low", "rate", "energy_error", "power")
+def structure_numbers(runs: xr.Dataset) -> xr.Dataset:
+    """Numbers of :data:`MEASURED` of each method on one system."""
+    rows = [_numbers(runs.isel(integrator=i), registry[name]) for i, name in enumerate(runs.integrator.values)]
+    columns = {name: [row[name] for row in rows] for name in MEASURED}
+    return xr.Dataset(
+        {key: _described(runs.integrator.copy(data=columns[key]), text) for key, text in MEASURED.items()}
+    )
+
+
+def _numbers(runs: xr.Dataset, tableau: Tableau) -> dict[str, float]:
+    """Return the numbers of one method; the trend is a least squares line, NaN if the run left its energy surface."""
+    d, steps, tau, spacing = runs.component.size // 2, *(float(x) for x in (runs.steps, runs.tau, runs.offset[2]))
+
+    def values(name: str, **chosen: Any) -> Any:
+        # Without padded samples, and in the order of C, on which the last bits of sums depend.
+        column = runs[name].sel(chosen)
+        kept = column.dropna("sample", how="all") if "sample" in column.dims else column
+        return kept.values.copy(order="C")
+
+    neighbours = values("neighbour")  # (axis, offset, sample, component)
+    maps = ((neighbours[:, 2] - neighbours[:, 1]) / (2 * spacing)).transpose(1, 0, 2)
+    found = {"growth": _rms(norms(maps.copy(order="C")))}
+    squares: dict[str, float] = {}
     for prefix, summation in (("", "compensated"), ("plain_", "plain")):
-        one, (total, squares) = runs.sel(summation=summation, drop=True), _roundings(runs, summation)
-        error = _of_each(_distance, one.state, one.state_low).where(runs.integrator.copy(data=symmetric))
-        distance = "distance from the start after the run and the run back"
-        for name, values, text in (
-            ("error", error, f"{distance}, {summation} summation; NaN if asymmetric"),
-            ("walk", carried * np.sqrt(2 * squares), "what rounding gives for it as a random walk"),
-            ("bound", carried * 2 * total, "what rounding gives for it if all errors add up"),
-        ):
-            found[f"{prefix}return_{name}"] = _described(values, text)
-    return found
-
-
-@OF_STRUCTURE("neighbour", "neighbour_low")
-def symplectic_defect(runs: xr.Dataset) -> xr.DataArray:
-    """Largest entry of J^T Omega J - Omega, J the tangent map of the run."""
-    spacing = _spacing(runs)
-    defects = _of_each(
-        lambda high, low: defect(tangent_map(high[..., -1, :], low, spacing)),
-        runs.neighbour, runs.neighbour_low,
-    )  # fmt: skip
-    return _described(defects, "largest entry of J^T Omega J - Omega, J the tangent map of the run in double-double")
-
-
-@OF_STRUCTURE("neighbour", "state")
-def symplectic_walk(runs: xr.Dataset) -> xr.DataArray:
-    """Rounding's share of the defect: J enters twice, and differences divide by the spacing."""
-    norm, (_, squares) = growth(runs), _roundings(runs, "plain")
-    walk = 2 * norm * norm * DOUBLE_DOUBLE_ROUNDOFF * (np.sqrt(squares) / _spacing(runs))
-    return _described(walk, "what double-double rounding gives for it as a random walk")
-
-
-@OF_STRUCTURE("energy_error")
-def energy_trend(runs: xr.Dataset) -> xr.Dataset:
-    """Least squares through the means of the blocks of the long run; NaN if it left its energy surface.
-
-    The interval assumes independent blocks. Blocks of a chaotic orbit are dependent, and its trend may exceed the
-    interval two or three times.
-    """
-    x = (runs.block.values + 0.5) / runs.block.size - 0.5
-    drift, interval = _of_each(lambda means: line_fit(x, means), runs.energy_error, outputs=2)
-    return xr.Dataset({
-        "energy_drift": _described(drift, "trend of the mean of (H - H0)/|H0| over the long run"),
-        "energy_drift_interval": _described(interval, "half width of the 95 % interval of the trend"),
-    })  # fmt: skip
-
-
-@OF_STRUCTURE("power")
-def energy_walk(runs: xr.Dataset) -> xr.DataArray:
-    """Rounding's random walk: an update rounded by u c tau (dy/dt) changes the energy by that times dH/dy.
-
-    For q and p alike, that is u c tau |dT/dp dV/dq|.
-    """
-    tableaus = [registry[name] for name in runs.integrator.values]
-    rows = [[float(Fraction(c)) for c in (*tableau.drift, *tableau.kick)] for tableau in tableaus]
-    norm = runs.integrator.copy(data=[float(np.sqrt(np.sum(np.square(row)))) for row in rows])
-    each = runs.tau * runs.power * norm
-    walk = UNIT_ROUNDOFF * each * np.sqrt(runs.long_steps * (runs.component.size // 2))
-    return _described(walk, "what rounding gives for the energy as a random walk")
+        compensated = summation == "compensated"
+        state = values("rate") if compensated else values("state", summation="compensated", direction="forwards").T
+        each = np.array([
+            (abs(float(Fraction(c))) * tau if compensated else 1) * _rms(half)
+            for half, row in ((state[:d], tableau.drift), (state[d:], tableau.kick))
+            for c in row
+        ])  # fmt: skip
+        squares[summation] = steps * d * (each**2).sum()
+        error = _distance(*(values(name, summation=summation) for name in ("state", "state_low")))
+        found |= {
+            f"{prefix}return_error": error if tableau.symmetric else np.nan,
+            f"{prefix}return_walk": UNIT_ROUNDOFF * found["growth"] * np.sqrt(2 * squares[summation]),
+            f"{prefix}return_bound": UNIT_ROUNDOFF * found["growth"] * 2 * (steps * d * each.sum()),
+        }
+    trend = (np.arange(runs.block.size) + 0.5) / runs.block.size - 0.5
+    drift, interval = line_fit(trend, values("energy_error"))
+    # J enters the defect twice, and differences divide by the spacing.
+    doubled = 2 * found["growth"] * found["growth"] * DOUBLE_DOUBLE_ROUNDOFF * (np.sqrt(squares["plain"]) / spacing)
+    # An update rounded by u c tau (dy/dt) changes the energy by that times dH/dy: u c tau |dT/dp dV/dq| for q and p.
+    coefficients = np.square([float(Fraction(c)) for c in (*tableau.drift, *tableau.kick)])
+    updates = np.sqrt(float(runs.long_steps) * d)
+    return found | {
+        "symplectic_defect": defect(tangent_map(neighbours[..., -1, :], values("neighbour_low"), spacing)),
+        "symplectic_walk": doubled,
+        "energy_drift": drift,
+        "energy_drift_interval": interval,
+        "energy_walk": UNIT_ROUNDOFF * (tau * float(runs.power) * float(np.sqrt(np.sum(coefficients)))) * updates,
+    }
 
 
 def tangent_map(high: Any, low: Any, spacing: float) -> NDArray[Any]:
@@ -562,46 +532,8 @@ def _distance(state: Any, low: Any) -> float:
     return float(abs(exact[1, 1] - exact[0, 0]).max())
 
 
-def _roundings(runs: xr.Dataset, summation: str) -> Any:
-    """Return sum and sum of squares, over all updates of the run, of the rounded numbers in units of the scale."""
-    compensated, d = summation == "compensated", runs.component.size // 2
-    values = runs.rate if compensated else runs.state.sel(summation="compensated", direction="forwards", drop=True)
-    sizes = [_of_each(_rms, values.isel(component=half)) for half in (slice(d), slice(d, None))]
-
-    def sums(name: str, steps: float, tau: float, drifted: float, kicked: float) -> tuple[float, float]:
-        rows = (registry[str(name)].drift, drifted), (registry[str(name)].kick, kicked)
-        each = np.array(
-            [(abs(float(Fraction(c))) * tau if compensated else 1) * size for row, size in rows for c in row]
-        )
-        return steps * d * each.sum(), steps * d * (each**2).sum()
-
-    return _of_each(sums, runs.integrator, runs.steps, runs.tau, *sizes, outputs=2)
-
-
-def _described(values: Any, text: str) -> xr.DataArray:
-    result: xr.DataArray = values.assign_attrs(described(text))
-    return result
-
-
-def _spacing(runs: xr.Dataset) -> float:
-    return float(runs.offset.values[2])
-
-
 def _rms(values: Any) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
-
-
-def _of_each(function: Callable[..., Any], *columns: xr.DataArray, outputs: int = 1) -> Any:
-    """Apply a function to the arrays of each method, without padded samples; return an array for each output."""
-    methods, found = columns[0].integrator, []
-    for i in range(methods.size):
-        parts = [column.isel(integrator=i) for column in columns]
-        kept = [part.dropna("sample", how="all") if "sample" in part.dims else part for part in parts]
-        # In the order of C, on which the last bits of sums depend.
-        found.append(function(*(part.values.copy(order="C") for part in kept)))
-    if outputs == 1:
-        return methods.copy(data=np.array(found, dtype=float))
-    return [methods.copy(data=np.array(column, dtype=float)) for column in zip(*found, strict=True)]
 
 
 def structure_table(cube: xr.Dataset) -> Table:
