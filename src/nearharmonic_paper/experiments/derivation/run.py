@@ -13,7 +13,7 @@ from mpmath import mp, mpf, nstr
 
 from nearharmonic.engine.trajectory import sweep
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.tableau import First, Tableau
+from nearharmonic.integrators.tableau import First
 from nearharmonic.numerics.search import RandomStarts
 from nearharmonic.output.table import Table, progress
 from nearharmonic.systems.henon_heiles import SYSTEM
@@ -41,12 +41,6 @@ ROLES: tuple[First, ...] = ("drift", "kick")
 DIGITS_OF_ERRORS = 40
 
 
-def printed_and_derived(derived: Mapping[str, Tableau]) -> Table:
-    """Tabulate the independent coefficients of each set of Table 4, beside those of its ``derived`` counterpart."""
-    header, rows = table_4(derived)
-    return Table(header=header, rows=rows, caption="Table 4, printed and derived.")
-
-
 def solutions(cases: Sequence[IsolatedSolutions]) -> Table:
     """Tabulate every real solution of each isolated case."""
     header = (
@@ -72,14 +66,13 @@ def counts(cases: Sequence[IsolatedSolutions]) -> Table:
         "stages", "harmonic order", "complex solutions", "real solutions by Sturm", "proved to exist", "complete",
         "starts", "converged",
     )  # fmt: skip
-    rows: list[tuple[Any, ...]] = [
-        (
-            case.equations.stages, case.equations.harmonic_order, _or_nothing(case.complex_solutions),
-            _or_nothing(case.real_solutions), sum(root.proved for root in case.roots), _yes(case.complete), case.starts,
-            case.converged,
-        )
-        for case in cases
-    ]  # fmt: skip
+    rows: list[tuple[Any, ...]] = []
+    for case in cases:
+        counted = [case.complex_solutions, case.real_solutions]
+        rows.append((
+            case.equations.stages, case.equations.harmonic_order, *("not counted" if n is None else n for n in counted),
+            sum(root.proved for root in case.roots), _yes(case.complete), case.starts, case.converged,
+        ))  # fmt: skip
     return Table(header=header, rows=rows, caption="Number of solutions, and the reason why none is missing.")
 
 
@@ -161,10 +154,6 @@ def _yes(fact: bool) -> str:
     return "yes" if fact else "no"
 
 
-def _or_nothing(number: int | None) -> int | str:
-    return "not counted" if number is None else number
-
-
 #: Step sizes per stage at which the five-stage solutions are compared.
 TAU_PER_STAGE = (0.02, 0.05, 0.1)
 
@@ -188,8 +177,8 @@ def derive(settings: DerivationSettings, digits: int = 128) -> dict[str, Table |
     for stages in filter(settings.simplex_stages.__contains__, cases):
         with part(f"simplex_{stages}"):
             case = cases[stages]
-            rows = [(root.outer, root.inner) for root in case.roots]
-            simplex += simplex_runs(case.equations, rows, starts=settings.simplex_starts, seed=seed, settings=each)
+            known = [(root.outer, root.inner) for root in case.roots]
+            simplex += simplex_runs(case.equations, known, starts=settings.simplex_starts, seed=seed, settings=each)
     with part("printed"):
         printed = [printed_point(name, digits=digits) for name in PRINTED]
     with part("families"):
@@ -200,9 +189,10 @@ def derive(settings: DerivationSettings, digits: int = 128) -> dict[str, Table |
     agreements = [agreement(name, isolated) for name in UNIQUE]
     found = {"isolated": isolated, "agreements": agreements, "simplex": simplex, "printed": printed}
     found |= {"rankings": rankings, "reaches": reaches}
+    header, rows = table_4(derived_tableaus(isolated, agreements, printed, digits))
     return {
         "document": {"seed": seed, "digits": digits} | _plain(found),
-        "table4_derived": printed_and_derived(derived_tableaus(isolated, agreements, printed, digits)),
+        "table4_derived": Table(header=header, rows=rows, caption="Table 4, printed and derived."),
         "derived_solutions": solutions(isolated),
         "derived_counts": counts(isolated),
         "derived_families": families(printed, rankings),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import factorial, prod
@@ -119,17 +119,11 @@ def polish(
 ) -> PolishedSolution:
     """Return the solution near ``start``, its rows to ``digits`` decimals; unknowns with indices ``fixed`` are kept."""
     limit = newton(equations.residuals, equations.jacobian, start, digits=digits, fixed=fixed)
+    point = limit.point if limit.converged else ()
     with mp.workdps(digits + GUARD):
-        outer, inner = equations.palindromes(limit.point) if limit.converged else ([], [])
-    return PolishedSolution(
-        converged=limit.converged,
-        residual=limit.residual,
-        correction=limit.correction,
-        iterations=limit.iterations,
-        unknowns=limit.point if limit.converged else (),
-        outer=tuple(fixed_point(c, digits) for c in outer),
-        inner=tuple(fixed_point(c, digits) for c in inner),
-    )
+        rows = equations.palindromes(point) if limit.converged else ((), ())
+    outer, inner = (tuple(fixed_point(c, digits) for c in row) for row in rows)
+    return PolishedSolution(limit.converged, limit.residual, limit.correction, limit.iterations, point, outer, inner)
 
 
 def equations_of(tableau: Tableau) -> Equations:
@@ -552,7 +546,7 @@ def minimise(equations: Equations, start: Sequence[float], *, seed: int, setting
             vertex = list(best[1])
             vertex[i] += edge if generator.random() < 0.5 else -edge
             simplex.append((objective(vertex), vertex))
-        best = _collapse(simplex, objective, tolerance, settings)
+        best = objective.collapsed(simplex, tolerance, evaluations)
         restarts += 1
         with mp.workprec(bits):
             progress(f"simplex: {objective.calls} evaluations, kappa_max {mp.nstr(mpf(max(best[0], 1)) / one, 3)}")
@@ -598,47 +592,6 @@ def simplex_runs(
     return runs
 
 
-def _collapse(
-    simplex: list[Vertex], objective: Callable[[list[int]], int], tolerance: int, settings: Simplex
-) -> Vertex:
-    """Return the best vertex after collapse, convergence, or the last evaluation."""
-    n, bits, by_value = len(simplex) - 1, settings.bits, itemgetter(0)
-    one = mpz(1) << bits
-    expansion, contraction = one + 2 * one // n, 3 * one // 4 - one // (2 * n)
-    shrinkage = one - one // n
-    simplex = sorted(simplex, key=by_value)
-    while simplex[0][0] >= tolerance and objective.calls < settings.evaluations:  # type: ignore[attr-defined]
-        (lowest, best), (highest, worst) = simplex[0], simplex[-1]
-        if (highest - lowest) << COLLAPSED_BITS < lowest:
-            break
-        centroid = [sum(column) // n for column in zip(*(x for _, x in simplex[:-1]), strict=True)]
-        reflected = _moved(objective, centroid, worst, one, bits)
-        if reflected[0] < lowest:
-            simplex[-1] = min(reflected, _moved(objective, centroid, worst, expansion, bits), key=by_value)
-        elif reflected[0] < simplex[-2][0]:
-            simplex[-1] = reflected
-        else:
-            outside = reflected[0] < highest
-            contracted = _moved(objective, centroid, worst, contraction if outside else -contraction, bits)
-            if contracted[0] < min(reflected[0], highest):
-                simplex[-1] = contracted
-            else:
-                shrunk = [
-                    [b + (shrinkage * (c - b) >> bits) for b, c in zip(best, x, strict=True)] for _, x in simplex[1:]
-                ]
-                simplex[1:] = [(objective(x), x) for x in shrunk]
-        simplex.sort(key=by_value)
-    return simplex[0]
-
-
-def _moved(
-    objective: Callable[[list[int]], int], centroid: list[int], worst: list[int], factor: int, bits: int
-) -> Vertex:
-    """Return the vertex at centroid + factor (centroid - worst)."""
-    x = [c + (factor * (c - w) >> bits) for c, w in zip(centroid, worst, strict=True)]
-    return objective(x), x
-
-
 class _Objective:
     """max(kappa_1, ..., kappa_lambda) of a point, in units of 2^-bits, with the number of evaluations."""
 
@@ -662,6 +615,38 @@ class _Objective:
         kappa = [abs(DERIVATIVES[n % 4] * one - self._scale[n] * q[n]) for n in range(1, highest + 1)]
         largest: int = max(kappa)
         return largest
+
+    def collapsed(self, simplex: list[Vertex], tolerance: int, evaluations: int) -> Vertex:
+        """Return the best vertex after collapse, convergence, or the last evaluation."""
+        n, bits, by_value = len(simplex) - 1, self._bits, itemgetter(0)
+        one = mpz(1) << bits
+        expansion, contraction = one + 2 * one // n, 3 * one // 4 - one // (2 * n)
+        shrinkage = one - one // n
+        simplex = sorted(simplex, key=by_value)
+        while simplex[0][0] >= tolerance and self.calls < evaluations:
+            (lowest, best), (highest, worst) = simplex[0], simplex[-1]
+            if (highest - lowest) << COLLAPSED_BITS < lowest:
+                break
+            centroid = [sum(column) // n for column in zip(*(x for _, x in simplex[:-1]), strict=True)]
+            reflected = self._moved(centroid, worst, one)
+            if reflected[0] < lowest:
+                simplex[-1] = min(reflected, self._moved(centroid, worst, expansion), key=by_value)
+            elif reflected[0] < simplex[-2][0]:
+                simplex[-1] = reflected
+            else:
+                outside = reflected[0] < highest
+                contracted = self._moved(centroid, worst, contraction if outside else -contraction)
+                if contracted[0] < min(reflected[0], highest):
+                    simplex[-1] = contracted
+                else:
+                    simplex[1:] = [self._moved(best, x, -shrinkage) for _, x in simplex[1:]]
+            simplex.sort(key=by_value)
+        return simplex[0]
+
+    def _moved(self, centre: list[int], vertex: list[int], factor: int) -> Vertex:
+        """Return the vertex at centre + factor (centre - vertex)."""
+        x = [c + (factor * (c - v) >> self._bits) for c, v in zip(centre, vertex, strict=True)]
+        return self(x), x
 
 
 def _shear(moved: list[int], by: list[int], sign: int, c: int, bits: int) -> None:
