@@ -299,18 +299,18 @@ def totals(rows: Sequence[Omission], cubes: Mapping[str, xr.Dataset]) -> list[Om
     The full grid is every step size in both precisions to the end of its interval. It also counts work that the actual
     runs share: the second pass over Kepler orbits, and forces that a step takes over from the previous one.
     """
-    done = [run for cube in cubes.values() for _, _, runs in _distinct(cube) for run in runs]
+    done = [_distinct(cube).evaluations for cube in cubes.values()]
+    count, made = sum(map(len, done)), sum(int(evaluations.sum()) for evaluations in done)
     saved: dict[str, tuple[int, int]] = {}
     for row in rows:
         because = f"{row.what}: {row.reason}"
         runs, evaluations = saved.get(because, (0, 0))
         saved[because] = runs + row.runs, evaluations + row.evaluations
-    made = sum(evaluations for _, evaluations, _ in done)
     ordered = sorted(saved.items(), key=lambda entry: -entry[1][1])
-    planned = len(done) + sum(row.runs for row in rows if row.what.startswith("runs "))
+    planned = count + sum(row.runs for row in rows if row.what.startswith("runs "))
     every = (FULL, FULL_GRID, planned, made + sum(row.evaluations for row in rows))
     each = [(SAVED, reason, *counts) for reason, counts in ordered]
-    return [Omission(ALL, ALL, ALL, *row) for row in ((DONE, "", len(done), made), every, *each)]
+    return [Omission(ALL, ALL, ALL, *row) for row in ((DONE, "", count, made), every, *each)]
 
 
 class Totals(NamedTuple):
@@ -355,22 +355,19 @@ def omissions_table(sweeps: Sequence[Sweep], integrators: Sequence[str], **cubes
 
 def _ended_early(system: str, cube: xr.Dataset) -> Iterator[Omission]:
     """Yield one row for each integrator and precision with diverged runs."""
-    for precision, name, runs in _distinct(cube):
-        left = [(steps, evaluations) for steps, evaluations, status in runs if status == "diverged"]
-        if left:
-            saved = sum(integrators[name].evaluations(steps) - made for steps, made in left)
-            yield Omission(system, name, precision, "the rest of a run", "it left its energy surface", len(left), saved)
+    runs = _distinct(cube)
+    for (precision, name), left in runs[runs.status == "diverged"].groupby(["precision", "integrator"], sort=False):
+        saved = integrators[name].evaluations(left.steps.to_numpy()).sum() - left.evaluations.sum()
+        yield Omission(
+            system, name, precision, "the rest of a run", "it left its energy surface", len(left), int(saved)
+        )
 
 
-def _distinct(cube: xr.Dataset) -> Iterator[tuple[str, str, list[tuple[int, int, str]]]]:
-    """Yield (precision, integrator, [(steps, evaluations, status)]) of the runs: one for equal numbers of steps."""
-    for precision in cube.precision.values:
-        for name in cube.integrator.values:
-            runs: Any = cube.sel(precision=precision, integrator=name)
-            kept = np.flatnonzero(runs.status.values != "skipped")
-            _, first = np.unique(runs.steps.values[kept], return_index=True)
-            columns = (runs[key].values[kept][first].tolist() for key in ("steps", "evaluations", "status"))
-            yield str(precision), str(name), list(zip(*columns, strict=True))
+def _distinct(cube: xr.Dataset) -> Any:
+    """Return the runs of a cube as a table of pandas, one row for equal numbers of steps."""
+    every = cube[["steps", "evaluations", "status"]].to_dataframe(["precision", "integrator", "tau_per_stage"])
+    made = every[every.status != "skipped"].reset_index()
+    return made.drop_duplicates(["precision", "integrator", "steps"])
 
 
 # --- Integration of a shard, and the variables of its file.

@@ -323,8 +323,7 @@ def rounding_growth(cube: xr.Dataset) -> Figure:
     drawn.subplots_adjust(left=0.125, right=0.985, top=0.865, bottom=0.065, hspace=0.27, wspace=0.25)
     upper, lower = drawn.subplots(2, 2, height_ratios=[1.5, 1])
     for column, (variable, exponent, says, sources) in enumerate(PANELS):
-        _draw_growth(upper[column], cube, names, variable, sources)
-        _draw_law(upper[column], cube, variable, exponent)
+        _draw_growth(upper[column], cube, names, variable, sources, exponent)
         upper[column].set_ylabel(says)
         panel_letter(upper[column], "AB"[column], ("energy", "lag along the track")[column])
         _draw_exponents(lower[column], cube, names, variable, exponent)
@@ -341,7 +340,10 @@ def rounding_growth(cube: xr.Dataset) -> Figure:
     return drawn
 
 
-def _draw_growth(axes: Axes, cube: xr.Dataset, names: list[str], variable: str, sources: tuple[str, ...]) -> None:
+def _draw_growth(
+    axes: Axes, cube: xr.Dataset, names: list[str], variable: str, sources: tuple[str, ...], exponent: float
+) -> None:
+    """Draw the curves, and Brouwer's power law six times above the middle of each bundle, which it would hide."""
     for name in names:
         for source in sources:
             rms = cube[f"{variable}_rms"].sel(integrator=name, source=source).values
@@ -349,15 +351,10 @@ def _draw_growth(axes: Axes, cube: xr.Dataset, names: list[str], variable: str, 
             axes.plot(cube["time"].sel(integrator=name).values, rms, **look)
     log_scale(axes, "xy")
     axes.set_xlabel("time  (periods)")
-
-
-def _draw_law(axes: Axes, cube: xr.Dataset, variable: str, exponent: float) -> None:
-    """Draw Brouwer's power law, six times above the middle of each bundle of curves so that it does not hide them."""
     time = cube["time"].isel(integrator=-1).values
-    for source in ("plain", "compensated", "extended"):
+    for source in _MARKERS:
         level = np.exp(np.log(cube[f"{variable}_rms"].sel(source=source).isel(sample=-1)).mean().item())
-        law = 6 * level * (time / time[-1]) ** exponent
-        axes.plot(time, law, color="#8a8a8a", linewidth=1.6, zorder=1.5)
+        axes.plot(time, 6 * level * (time / time[-1]) ** exponent, color="#8a8a8a", linewidth=1.6, zorder=1.5)
 
 
 def _draw_exponents(axes: Axes, cube: xr.Dataset, names: list[str], variable: str, exponent: float) -> None:
