@@ -17,8 +17,7 @@ from nearharmonic.errors import NearharmonicError, SettingError
 from nearharmonic.integrators import integrators
 from nearharmonic.output.store import write
 from nearharmonic.output.table import Table, save
-from nearharmonic_paper.experiments.paper import reductions as reduced_run
-from nearharmonic_paper.experiments.paper import run
+from nearharmonic_paper.experiments.paper import reductions, run
 from nearharmonic_paper.experiments.paper.earlier import Earlier, forget, keep
 from nearharmonic_paper.experiments.paper.run import (
     Omission,
@@ -326,7 +325,7 @@ EARLIER_SHO = Sweep(
 )  # fmt: skip
 KEPLER = replace(EARLIER_SHO, system="kepler", t_end="8766", lowest=1.0, highest=100.0, precision=("double",))
 KEEPING, REDUCING = "run:integrate", "reductions:integrate_and_reduce"
-FUNCTIONS = {KEEPING: run, REDUCING: reduced_run}
+FUNCTIONS = {KEEPING: run, REDUCING: reductions}
 
 
 @pytest.fixture
@@ -389,43 +388,28 @@ def test_twice_as_fine_a_grid_integrates_exactly_the_new_half(tmp_path, integrat
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "change",
+    ("change", "known"),
     [
-        {"shards": 2, "lowest": 0.1},
         *(
-            pytest.param(one, marks=pytest.mark.slow)
-            for one in ({"shards": 3}, {"lowest": 1e-2}, {"highest": 0.5}, {"precision": ("double",)})
+            (change, True)
+            for change in (
+                {"shards": 2, "lowest": 0.1}, {"shards": 3}, {"lowest": 1e-2}, {"highest": 0.5},
+                {"precision": ("double",)}, {"precision": ("double", "extended")},
+            )
         ),
+        *((change, False) for change in ({"t_end": "6"}, {"samples": 30}, {"summation": "plain"})),
     ],
-)
-def test_other_shards_and_smaller_grids_integrate_nothing(tmp_path, integrated, change):
+)  # fmt: skip
+def test_runs_of_equal_settings_are_taken_over_and_no_others(tmp_path, integrated, change, known):
     asked = replace(EARLIER_SHO, points_per_decade=10)
+    if change.get("precision") == asked.precision:
+        asked = replace(asked, precision=("double",))
     make(tmp_path / "one", asked)
     other = replace(asked, **change)
     integrated.clear()
     made = make(tmp_path / "one", other)
-    assert set(integrated) == planned(other) - planned(asked) == set()
+    assert set(integrated) == planned(other) - (planned(asked) if known else set())
     assert made == make(tmp_path / "other", other)
-
-
-@pytest.mark.slow
-def test_another_precision_integrates_its_runs_alone(tmp_path, integrated):
-    asked = replace(EARLIER_SHO, precision=("double",), points_per_decade=10)
-    make(tmp_path / "one", asked)
-    integrated.clear()
-    made = make(tmp_path / "one", replace(asked, precision=("double", "extended")))
-    assert {precision for precision, _ in integrated} == {"extended"}
-    assert made == make(tmp_path / "other", replace(asked, precision=("double", "extended")))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("change", [{"t_end": "6"}, {"samples": 30}, {"summation": "plain"}])
-def test_other_runs_are_not_taken_over(tmp_path, integrated, change):
-    asked = replace(EARLIER_SHO, points_per_decade=5)
-    make(tmp_path / "one", asked)
-    integrated.clear()
-    make(tmp_path / "one", replace(asked, **change))
-    assert set(integrated) == planned(replace(asked, **change))
 
 
 @pytest.mark.slow

@@ -141,19 +141,13 @@ def forbidden(monkeypatch):
 def test_rows_that_were_made_once_are_read_in_any_order(folder, monkeypatch):
     made = {name: tuple(tableaus.columns_of(integrators[name]).values()) for name in ("ruth", "leapfrog", "aba104")}
     header, rows = tableaus.overview(*made)
+    tableaus.overview("babs7o7h")  # added to those that are kept
     forbidden(monkeypatch)
     assert tableaus.overview("aba104", "ruth") == (header, [made["aba104"], made["ruth"]])
     assert rows == list(made.values())
 
 
-def test_a_new_method_is_added_to_those_that_are_kept(folder, monkeypatch):
-    tableaus.overview("ruth")
-    tableaus.overview("leapfrog")
-    forbidden(monkeypatch)
-    assert [row[0] for row in tableaus.overview("leapfrog", "ruth")[1]] == ["leapfrog", "ruth"]
-
-
-@pytest.mark.parametrize("change", [{"label": "another"}, {"digits": 40}, {"order": 3}, {"first": "kick"}])
+@pytest.mark.parametrize("change", [{"label": "another"}, {"first": "kick"}])
 def test_a_row_of_other_facts_is_made_anew(folder, monkeypatch, change):
     tableaus.overview("ruth")
     ruth = integrators["ruth"]

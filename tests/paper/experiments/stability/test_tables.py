@@ -14,7 +14,7 @@ from scipy.stats import t as student
 import nearharmonic as nh
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.output.dataset import assembled
+from nearharmonic.output.store import read
 from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.stability.reductions import OF_KINETIC_ENERGY as reduction
 from nearharmonic_paper.experiments.stability.reductions import (
@@ -439,7 +439,7 @@ def test_interval_of_exponent_is_jackknife_of_its_orbits():
 # --- The stress tests from their tasks to their cubes.
 
 
-RENDERING_METHODS = ("ruth", "babps9o7h")
+PAIR = ("ruth", "babps9o7h")
 SMALL = {
     "henon_heiles": EnsembleSettings(
         trajectories=10,
@@ -458,38 +458,23 @@ SMALL = {
 REDUCTIONS = {"henon_heiles": henon_heiles_cube, "kepler": kepler_cube, "rounding": rounding_cube}
 
 
-def results(asked, **inputs):
-    """Result of a job of the task ``asked``, with nothing in reach that its digests do not cover."""
+def results(function, inputs=None, **settings):
+    """Results and provenance of a job, with nothing in reach that its digests do not cover."""
+    asked = task(f"nearharmonic_paper.experiments.stability.{function}", **settings)
     with covered(asked):
-        return function_of(asked)(**asked["settings"], **inputs)
-
-
-@pytest.fixture(scope="module")
-def runs(tmp_path_factory):
-    """Run files of each ensemble, by method; the last method first."""
-    folder, made = tmp_path_factory.mktemp("runs"), {}
-    for name, settings in SMALL.items():
-        for method in reversed(RENDERING_METHODS):
-            asked = task(
-                f"nearharmonic_paper.experiments.stability.run:{name}_measure", integrator=method, settings=settings
-            )
-            path = str(folder / f"{name}-{method}.h5")
-            write(results(asked)["run"], [path], provenance(asked))
-            made.setdefault(name, {})[method] = path
-    return made
+        return function_of(asked)(**settings, **(inputs or {})), provenance(asked)
 
 
 @pytest.mark.parametrize("name", SMALL)
-def test_cube_holds_runs_in_order_of_methods(runs, name):
-    room = "nearharmonic_paper.experiments.stability"
-    asked = task(f"{room}.reductions:{name}", integrators=RENDERING_METHODS, settings=SMALL[name])
-    cube = results(asked, **runs[name])["cube"]
-    made = {
-        method: results(task(f"{room}.run:{name}_measure", integrator=method, settings=SMALL[name]))["run"]
-        for method in RENDERING_METHODS
-    }
-    parts = {method: assembled(run.variables, run.coordinates, {}) for method, run in made.items()}
-    expected = REDUCTIONS[name](stacked(RENDERING_METHODS, [parts[method] for method in RENDERING_METHODS]))
+def test_cube_holds_runs_in_order_of_methods(tmp_path, name):
+    paths = {}
+    for method in reversed(PAIR):
+        made, origin = results(f"run:{name}_measure", integrator=method, settings=SMALL[name])
+        paths[method] = str(tmp_path / f"{method}.h5")
+        write(made["run"], [paths[method]], origin)
+    made, _ = results(f"reductions:{name}", paths, integrators=PAIR, settings=SMALL[name])
+    cube = made["cube"]
+    expected = REDUCTIONS[name](stacked(PAIR, [read(paths[method]) for method in PAIR]))
     xr.testing.assert_equal(cube, expected)
-    assert cube.integrator.values.tolist() == list(RENDERING_METHODS)
+    assert cube.integrator.values.tolist() == list(PAIR)
     assert cube.attrs == {}
