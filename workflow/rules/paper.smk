@@ -17,7 +17,7 @@ PAPER_RUNS = list(
 TABLE_FILES = [f"{RESULTS}/tables/skipped.csv", *PAPER_TABLES.values()]
 
 
-# On a cluster they run where Snakemake runs: each takes less than a second.
+# On a cluster they run where Snakemake runs: each takes a few seconds.
 localrules:
     skipped,
     paper_tables,

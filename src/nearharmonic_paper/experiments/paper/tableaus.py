@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
-from nearharmonic.core.machine import disk
 from nearharmonic.exact.decimals import BigFloat, fixed_point
 from nearharmonic.integrators import forest_ruth_1990, plain_integrators
 from nearharmonic.integrators import integrators as registry
@@ -31,24 +29,18 @@ from nearharmonic.theory.order import (
     position_rows,
 )
 from nearharmonic.theory.oscillator import kappa, lambda_max, table_4, tableau_of
-from nearharmonic_paper.tasks.provenance import code_digest, coefficients_digest
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
 # --- Table of all methods, computed without integration; the paper has no such table.
-#
-# Its rows are cached on disk: a row depends only on the coefficients and the code, and its proofs take up to a second
-# for a method of order ten.
 
 Header = tuple[str, ...]
 Cell = str | int | float
 Cells = tuple[Cell, ...]
 Columns = tuple[Header, list[Cells]]
 
-#: Maximum number of rows on disk, half a kilobyte each. A larger cache is cleared.
-MOST_KEPT = 1000
 #: Quantities whose harmonic order is a column.
 HARMONIC = ("position", "momentum", "energy")
 #: Potentials for which an order is a column besides, by degree; T is quadratic.
@@ -60,20 +52,9 @@ def overview(*names: str) -> Columns:
 
     Errors are powers of tau with the norms of :func:`nearharmonic.theory.order.leading_errors`. An
     effective error is s norm^(1/order), which includes the cost of s stages. Edges of stability have 12 decimals.
-
-    Rows are kept by the digest of their method, in a file in the folder of compiled code, which is writable only for
-    the user. Its name depends on all code that computes a row.
     """
-    tableaus = [registry[name] for name in names or plain_integrators]
-    keys = [coefficients_digest([tableau]) for tableau in tableaus]
-    place = disk.place_of(f"overview-{code_digest(__name__)[:32]}")
-    kept = disk.read(place) if place else None
-    rows: dict[str, Any] = json.loads(kept[1]) if kept else {}
-    missing = {key: columns_of(tableau) for key, tableau in zip(keys, tableaus, strict=True) if key not in rows}
-    rows |= missing
-    if missing and place:
-        disk.write(place, "overview", json.dumps(rows if len(rows) <= MOST_KEPT else missing).encode())
-    return tuple(rows[keys[0]]), [tuple(rows[key].values()) for key in keys]
+    rows = [columns_of(registry[name]) for name in names or plain_integrators]
+    return tuple(rows[0]), [tuple(row.values()) for row in rows]
 
 
 def columns_of(tableau: Tableau) -> dict[str, Cell]:

@@ -335,7 +335,7 @@ def panels():
 
 @pytest.fixture(scope="module")
 def panels_figure(panels):
-    return fig6_substeps.draw_panels(panels)
+    return fig6_substeps.fig6_substeps(panels)
 
 
 def grid(panels_figure):
@@ -396,7 +396,7 @@ def test_dots_carry_the_signs_of_the_pair_that_follows(panels_figure, panels, fi
 @pytest.fixture(scope="module")
 def paper():
     panels = paper_panels()
-    return panels, fig6_substeps.draw_panels(panels)
+    return panels, fig6_substeps.fig6_substeps(panels)
 
 
 @pytest.mark.parametrize(("index", "legs"), [(0, "steps-post"), (1, "steps-pre")])

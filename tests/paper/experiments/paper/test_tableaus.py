@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import inf, sqrt
 
 import matplotlib.pyplot as plt
@@ -15,7 +14,6 @@ from nearharmonic.errors import SettingError
 from nearharmonic.integrators import integrators
 from nearharmonic.output.store import write
 from nearharmonic_paper.config.reading import load
-from nearharmonic_paper.experiments.paper import tableaus
 from nearharmonic_paper.experiments.paper.figures import fig2_decomposition
 from nearharmonic_paper.experiments.paper.reductions import reduce
 from nearharmonic_paper.experiments.paper.run import integrate, shards_of
@@ -122,55 +120,6 @@ def test_table_3_of_the_leapfrog_has_its_even_orders():
     header, rows = even_orders("leapfrog")
     cells = dict(zip(header, rows[-1], strict=True))
     assert [cells[key] for key in ("h", "tau^0", "tau^2", "tau^4", "tau^2 of Table 2")] == [1, 1.0, -0.5, 0.0, -0.5]
-
-
-# --- Rows of the table of methods are computed once, and then found in a cache by their dependencies.
-
-
-@pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """An empty folder of kept rows."""
-    monkeypatch.setenv("NEARHARMONIC_CACHE_DIR", str(tmp_path))
-    return tmp_path
-
-
-def forbidden(monkeypatch):
-    monkeypatch.setattr(tableaus, "columns_of", lambda tableau: pytest.fail(f"{tableau.name} is made again"))
-
-
-def test_rows_that_were_made_once_are_read_in_any_order(folder, monkeypatch):
-    made = {name: tuple(tableaus.columns_of(integrators[name]).values()) for name in ("ruth", "leapfrog", "aba104")}
-    header, rows = tableaus.overview(*made)
-    tableaus.overview("babs7o7h")  # added to those that are kept
-    forbidden(monkeypatch)
-    assert tableaus.overview("aba104", "ruth") == (header, [made["aba104"], made["ruth"]])
-    assert rows == list(made.values())
-
-
-@pytest.mark.parametrize("change", [{"label": "another"}, {"first": "kick"}])
-def test_a_row_of_other_facts_is_made_anew(folder, monkeypatch, change):
-    tableaus.overview("ruth")
-    ruth = integrators["ruth"]
-    other = ruth.role("kick") if "first" in change else replace(ruth, **change)
-    monkeypatch.setattr(tableaus, "registry", {"ruth": other})
-    _, (row,) = tableaus.overview("ruth")
-    assert row == tuple(tableaus.columns_of(other).values())
-
-
-def test_rows_of_other_code_are_not_read(folder, monkeypatch):
-    tableaus.overview("ruth")
-    monkeypatch.setattr(tableaus, "code_digest", lambda module: "another" * 10)
-    monkeypatch.setattr(tableaus, "columns_of", lambda tableau: {"integrator": "made again"})
-    assert tableaus.overview("ruth")[1] == [("made again",)]
-
-
-def test_a_file_that_is_damaged_is_made_again(folder, monkeypatch):
-    _, before = tableaus.overview("ruth")
-    (place,) = folder.iterdir()
-    place.write_bytes(place.read_bytes()[:-7])
-    assert tableaus.overview("ruth")[1] == before
-    forbidden(monkeypatch)
-    assert tableaus.overview("ruth")[1] == before
 
 
 # --- Methods with kicks of a modified potential, and processed ones, in a config: from the plan to the figures.
