@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from mpmath import cbrt, mp, mpf
 
 from nearharmonic.engine.trajectory import sweep
-from nearharmonic.exact.newton import Proof, prove, rank_and_pivots
+from nearharmonic.exact.newton import Proof
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.search import RandomStarts
 from nearharmonic.theory.oscillator import harmonic_energy_error
@@ -232,32 +232,6 @@ def test_solution_that_is_counted_but_not_found_leaves_set_incomplete(monkeypatc
 # --- proofs and digits -----------------------------------------------------------------------------------------------
 
 
-def test_the_proof_bounds_the_distance_to_the_solution():
-    equations = Equations(5, 6)
-    start = [float(c) for c in equations.tableau_unknowns(integrators["abas5o6h"])]
-    near, exact = polish(equations, start, digits=40), polish(equations, start, digits=120)
-    proof = prove(equations.residuals, equations.jacobian, near.unknowns, radius="1e-30")
-    assert proof.proved
-    with mp.workdps(120):
-        apart = max(abs(a - b) for a, b in zip(near.unknowns, exact.unknowns, strict=True))
-    assert apart <= proof.distance < mpf(10) ** -30
-
-
-def test_no_proof_where_there_is_no_solution():
-    equations = Equations(5, 6)
-    shifted = [c + Fraction(1, 10**8) for c in equations.tableau_unknowns(integrators["abas5o6h"])]
-    assert not prove(equations.residuals, equations.jacobian, shifted, radius="1e-9").proved
-    ruth = Equations(3, 4)
-    assert not prove(ruth.residuals, ruth.jacobian, [Fraction(0), Fraction(0)], radius="1e-3").proved
-
-
-def test_no_digits_are_written_where_newton_finds_no_solution():
-    lost = polish(Equations(4, 5), [0.3, 0.2, 0.4], digits=50)
-    assert not lost.converged
-    assert (lost.unknowns, lost.outer, lost.inner) == ((), (), ())
-    assert lost.residual > 0
-
-
 def test_candidate_that_does_not_converge_is_reported_with_residual_reached():
     outcome = _root(Equations(4, 5), [0.3, 0.2, 0.4], digits=50, hits=1, eliminated=False)
     assert isinstance(outcome, str)
@@ -291,12 +265,6 @@ def test_other_sets_lie_in_families_to_printed_digits(name, free):
     assert point.continued.residual < mpf(10) ** -128
     # One coefficient of BAB's8o7H is printed ten units of its last decimal off.
     assert point.decimals == (75 if name == "babps8o7h" else 76)
-
-
-def test_the_rank_drops_where_two_unknowns_act_alike():
-    # With every coefficient but the centres 0 the step is Strang's, and outer unknowns cannot be told from inner ones.
-    rank, pivots = rank_and_pivots(Equations(7, 8).jacobian, [Fraction(0)] * 6)
-    assert rank == len(pivots) < 6
 
 
 def test_rank_of_printed_set_is_that_among_members_of_its_family():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from decimal import Decimal
-from fractions import Fraction
+from itertools import zip_longest
 
 import numpy as np
 import pytest
@@ -104,12 +104,6 @@ def test_an_error_of_many_energies_does_not_stretch_the_axis():
     cube = errors()
     cube["max_energy_error"][1, -2] = 1e6
     assert draw_profile(cube).axes[0].get_ylim()[1] == 10
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("unit", "ending"), [("1", ""), ("h", "  (h)")])
-def test_the_unit_of_the_step_stands_on_the_axis(unit, ending):
-    assert draw_profile(errors(unit=unit)).axes[1].get_xlabel() == r"step size per stage, $\tau/s$" + ending
 
 
 # --- Figure 2: kappa of both compositions, vanishing orders, and the legend.
@@ -342,13 +336,6 @@ def grid(panels_figure):
     return [axes for axes in panels_figure.axes if axes.get_xlabel().startswith("$q")]
 
 
-def coefficient_pairs(drift, kick):
-    """Exact (drift, kick) pairs, the shorter row filled up with a zero."""
-    drift, kick = list(map(Fraction, drift)), list(map(Fraction, kick))
-    n = max(len(drift), len(kick))
-    return list(zip(drift + [0] * (n - len(drift)), kick + [0] * (n - len(kick)), strict=True))
-
-
 def marks(axes, legend):
     """(q, p) -> text of the legend whose markers, one over the other, lie there; the dots of ``axes``, all of them."""
     known = {tuple(stack(artists)): text for text, artists in entries(legend).items()}
@@ -375,7 +362,7 @@ def compare(drawn, expected):
 @pytest.mark.parametrize("first", ["drift", "kick"])
 def test_dots_carry_the_signs_of_the_pair_that_follows(panels_figure, panels, first):
     rows = {"drift": (TOY_KICK, TOY_DRIFT), "kick": (TOY_DRIFT, TOY_KICK)}[first]
-    pairs = coefficient_pairs(*rows)
+    pairs = list(zip_longest(*(map(float, row) for row in rows), fillvalue=0.0))
     index = {"drift": 0, "kick": 1}[first]
     panel = list(panels.values())[index]
     path = [

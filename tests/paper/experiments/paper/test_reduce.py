@@ -384,8 +384,3 @@ def test_an_exact_sum_depends_on_no_order_and_skips_nan():
     table = xr.DataArray([*orders, np.full(row.size, np.nan)], dims=("run", "sample"))
     assert exact_sum(table, "sample").values[:3].tolist() == [1e16 + 1000] * 3
     assert np.isnan(exact_sum(table, "sample").values[3])
-
-
-def test_errors_over_every_step_say_what_they_are_relative_to():
-    found = reductions.max_energy_error(blocks())
-    assert found.attrs == described("of |H - H0|/|H0| over every step, inf if diverged")

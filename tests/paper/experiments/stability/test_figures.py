@@ -96,34 +96,20 @@ def test_panel_title_names_method_first_edge_and_gap_growth():
 # Kinetic energy
 
 
-def test_panels_of_kinetic_energy_show_amplitudes_that_their_titles_name():
+def test_panels_of_kinetic_energy_show_errors_by_step_and_over_ruth_by_amplitude():
     cube = amplitudes()
-    upper = kinetic_energy(cube).axes[:2]
-    for axes, letter, amplitude in zip(upper, "AB", (0.031, 1.02), strict=True):
-        assert axes.get_title(loc="left") == rf"$\mathbf{{{letter}}}$  amplitude {amplitude}"
-        assert axes.get_xlabel() == r"step size per stage, $\tau/s$"
+    axes = kinetic_energy(cube).axes
+    shown = [(f"amplitude {a}", TAU, cube.max_energy_error.sel(roles="own", amplitude=a)) for a in (0.031, 1.02)]
+    for roles, title in (("own", r"error / Ruth's at $\tau/s$ = 0.07"), ("exchanged", "the same, T and V exchanged")):
+        shown.append((title, cube.amplitude, cube.relative_error.sel(roles=roles)))
+    for panel, letter, (title, x, values) in zip(axes, "ABCD", shown, strict=True):
+        assert panel.get_title(loc="left") == rf"$\mathbf{{{letter}}}$  {title}"
         for name in METHODS:
-            errors = cube.max_energy_error.sel(roles="own", amplitude=amplitude, integrator=name)
-            assert look(line_of(axes, TAU, errors)) == look_of(name)
-        assert len(axes.get_lines()) == len(METHODS)
-        assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
-    assert upper[0].get_ylabel() == r"$\max\,|\Delta H/H_0|$"
-    assert upper[0].get_ylim() == upper[1].get_ylim()
-
-
-def test_errors_over_ruth_are_drawn_in_own_and_exchanged_roles():
-    cube = amplitudes()
-    lower = kinetic_energy(cube).axes[2:]
-    titles = (r"$\mathbf{C}$  error / Ruth's at $\tau/s$ = 0.07", r"$\mathbf{D}$  the same, T and V exchanged")
-    for axes, roles, title in zip(lower, ("own", "exchanged"), titles, strict=True):
-        assert axes.get_title(loc="left") == title
-        assert axes.get_xlabel() == "amplitude $A$"
-        for name in METHODS:
-            ratio = cube.relative_error.sel(roles=roles, integrator=name)
-            assert look(line_of(axes, cube.amplitude, ratio)) == look_of(name)
-        assert len(axes.get_lines()) == len(METHODS)
-    assert lower[0].get_ylabel() == "error / Ruth's"
-    assert lower[0].get_ylim() == lower[1].get_ylim()
+            assert look(line_of(panel, x, values.sel(integrator=name))) == look_of(name)
+        assert len(panel.get_lines()) == len(METHODS)
+        assert (panel.get_xscale(), panel.get_yscale()) == ("log", "log")
+    for left, right in (axes[:2], axes[2:]):
+        assert left.get_ylim() == right.get_ylim()
 
 
 def test_large_error_does_not_stretch_axes_of_kinetic_energy():
@@ -274,10 +260,14 @@ def test_white_edged_line_is_at_first_linear_limit_inside_map():
 def test_colour_bar_of_ensembles_is_that_of_every_map(henon_heiles):
     _, figure, maps, _ = henon_heiles
     (bar,) = [axes for axes in figure.axes if "median" in axes.get_title()]
-    assert bar.get_title() == r"median over the ensemble of $\max\,|\Delta H/H_0|$"
-    assert bar.get_xlim() == pytest.approx((-8, 0), abs=1e-12)
-    assert ticks(bar.xaxis) == {rf"$10^{{{k}}}$": pytest.approx(k, abs=1e-12) for k in (-8, -6, -4, -2, 0)}
-    assert [axes.images[0].get_clim() for axes in maps] == [bar.get_xlim()] * len(METHODS)
+    assert_decades(bar.get_xlim(), ticks(bar.xaxis), -8, [axes.images[0] for axes in maps])
+
+
+def assert_decades(limits, places, lowest, images):
+    """A colour bar from 10^lowest to 1 has a tick at each second decade, and its limits are those of the maps."""
+    assert limits == pytest.approx((lowest, 0), abs=1e-12)
+    assert places == {rf"$10^{{{k}}}$": pytest.approx(k, abs=1e-12) for k in range(lowest, 1, 2)}
+    assert [image.get_clim() for image in images] == [limits] * len(METHODS)
 
 
 # Kepler
@@ -329,9 +319,7 @@ def test_map_colour_bars_and_legends_explain_colours(kepler):
     _, figure, _ = kepler
     for part in figure.subfigs[:2]:
         bar = part.axes[-1]
-        assert bar.get_ylim() == pytest.approx((-10, 0), abs=1e-12)
-        assert ticks(bar.yaxis) == {rf"$10^{{{k}}}$": pytest.approx(k, abs=1e-12) for k in (-10, -8, -6, -4, -2, 0)}
-        assert [axes.collections[0].get_clim() for axes in maps_of(part)] == [bar.get_ylim()] * len(METHODS)
+        assert_decades(bar.get_ylim(), ticks(bar.yaxis), -10, [axes.collections[0] for axes in maps_of(part)])
         assert to_hex(entries(part.legends[0])["lost"][0].get_facecolor()) == "#b8b8b8"
 
 
