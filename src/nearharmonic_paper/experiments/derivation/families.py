@@ -320,12 +320,14 @@ def rank_printed(names: Sequence[str], starts: RandomStarts) -> list[Ranking]:
 
     The sample of members is not uniform. Sets of one family share a sample.
     """
-    families: dict[Equations, Any] = {}
-    for equations in map(equations_of, map(integrators.__getitem__, names)):
+    rankings, families = [], dict[Equations, Any]()
+    for name in names:
+        equations = equations_of(integrators[name])
         if equations not in families:
             points = sample(equations, starts)
             families[equations] = points, np.array([_criteria(equations, x) for x in points.tolist()])
-    return [_ranking(name, starts.count, *families[equations_of(integrators[name])]) for name in names]
+        rankings.append(_ranking(name, equations, starts.count, *families[equations]))
+    return rankings
 
 
 def derived_tableaus(
@@ -356,8 +358,7 @@ def derived_tableaus(
     return tableaus
 
 
-def _ranking(name: str, starts: int, points: Any, criteria: Any) -> Ranking:
-    equations = equations_of(integrators[name])
+def _ranking(name: str, equations: Equations, starts: int, points: Any, criteria: Any) -> Ranking:
     printed = [float(c) for c in equations.tableau_unknowns(integrators[name])]
     own = np.array(_criteria(equations, printed))
     smaller = criteria < own

@@ -156,15 +156,13 @@ def _folded(gradients: list[Numbers]) -> list[Numbers]:
 # --- All solutions of a case without free parameters, by exact elimination: numbers of complex and real solutions.
 #
 # Half a symmetric step, up to the centre of the tableau, is a matrix H = [[A, B], [C, D]] of polynomials in tau with
-# A D
-# - B C = 1, A and D even, B and C odd; the step is K = [[A D + B C, 2 B D], [2 A C, A D + B C]]. The conditions on the
-# position up to tau^lambda then read A D = cos(tau/2)^2 and B D = sin(tau/2) cos(tau/2) up to that power, so that one
-# of
-# the polynomials (B or D) determines the others as truncated series. The remaining conditions are that A D - B C has no
-# higher powers. Let y_i, with weight i, be the coefficients of tau^(2i) of this polynomial. The remaining conditions in
-# y_i have weights w_1, ..., w_k, and their leading parts have y = 0 as the only common zero. By Bezout's theorem there
-# are then exactly w_1 ... w_k / k! complex solutions with their multiplicities, and the quotient ring has that
-# dimension.
+# A D - B C = 1, A and D even, B and C odd; the step is K = [[A D + B C, 2 B D], [2 A C, A D + B C]]. The conditions on
+# the position up to tau^lambda then read A D = cos(tau/2)^2 and B D = sin(tau/2) cos(tau/2) up to that power, so that
+# one of the polynomials (B or D) determines the others as truncated series. The remaining conditions are that
+# A D - B C has no higher powers. Let y_i, with weight i, be the coefficients of tau^(2i) of this polynomial. The
+# remaining conditions in y_i have weights w_1, ..., w_k, and their leading parts have y = 0 as the only common zero. By
+# Bezout's theorem there are then exactly w_1 ... w_k / k! complex solutions with their multiplicities, and the quotient
+# ring has that dimension.
 #
 # The coefficients follow from A and B by Euclid's algorithm, so different solutions in y have different tableaus.
 # Solutions without a tableau (a degree is too low) can only reduce the number of tableaus.
@@ -182,8 +180,6 @@ class ReducedSystem:
     weights: tuple[int, ...]
     A: PowerSeries
     B: PowerSeries
-    C: PowerSeries
-    D: PowerSeries
 
     @property
     def complex_solutions(self) -> int:
@@ -269,7 +265,7 @@ def reduced_system(equations: Equations) -> ReducedSystem:
     determinant = [add(p, q, -1) for p, q in zip(determinant, [{}, *product(B, C, s)], strict=True)]
     conditions = [p for p in determinant[1:] if p]
     weights = [max(map(weight, p)) for p in conditions]
-    return ReducedSystem(k, tuple(conditions), tuple(weights), A, B, C, D)
+    return ReducedSystem(k, tuple(conditions), tuple(weights), A, B)
 
 
 def _negative(series: PowerSeries) -> PowerSeries:

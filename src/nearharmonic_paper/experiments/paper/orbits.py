@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.execution import Trajectories
 from nearharmonic.engine.numbers import start_array
 from nearharmonic.engine.settings import Numerics, tau_grid
 from nearharmonic.engine.solution import Problem
@@ -279,7 +278,15 @@ def displaced(integrator: str, iterations: int) -> dict[str, Contents]:
     system = panel["system"]
     samples = {round(n) for n in tau_grid(1, iterations, PER_DECADE)} | {iterations}
     marks = np.array([0, *sorted(samples)])
-    paths = [_integrated(tableau, panel, summation, marks) for summation in SUMS]
+    (q_y, p_y), runs, paths = map(str, panel["start"]), len(DISPLACEMENTS), []
+    for summation in SUMS:
+        starts = [start_array(system, (q_x, q_y), ("0", p_y), plain=summation == "plain") for q_x in DISPLACEMENTS]
+        paths.append(
+            integrate_batch(
+                system, tableau, t_end=Fraction(panel["tau"]) * iterations, steps=[iterations] * runs, samples=2,
+                numerics=Numerics(summation=summation), start=np.concatenate(starts), marks=np.tile(marks, (runs, 1)),
+            )
+        )  # fmt: skip
     columns = ("left_at", "max_energy_error", "block_max", "q")
     left_at, largest, blocks, q = (np.stack([getattr(path, key) for path in paths], axis=1) for key in columns)
     over, unit = ("displacement", "summation"), system.units["q"]
@@ -300,17 +307,6 @@ def displaced(integrator: str, iterations: int) -> dict[str, Contents]:
     }  # fmt: skip
     evaluations = sum(tableau.evaluations(n or iterations) for n in left_at.ravel().tolist())
     return {"cube": Contents(variables=variables, attributes=attributes, evaluations=evaluations)}
-
-
-def _integrated(tableau: Tableau, panel: dict[str, Any], summation: str, marks: np.ndarray[Any, Any]) -> Trajectories:
-    """Return the runs with one summation, sampled at ``marks``; the last mark is the number of steps."""
-    system, (q_y, p_y), runs = panel["system"], map(str, panel["start"]), len(DISPLACEMENTS)
-    starts = [start_array(system, (q_x, q_y), ("0", p_y), plain=summation == "plain") for q_x in DISPLACEMENTS]
-    steps = int(marks[-1])
-    return integrate_batch(
-        system, tableau, t_end=Fraction(panel["tau"]) * steps, steps=[steps] * runs, samples=2,
-        numerics=Numerics(summation=summation), start=np.concatenate(starts), marks=np.tile(marks, (runs, 1)),
-    )  # fmt: skip
 
 
 # --- Content of Figures 2 and 4, on paper and in a browser, without matplotlib.
