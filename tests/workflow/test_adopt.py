@@ -76,7 +76,7 @@ def test_results_that_were_copied_are_adopted_and_nothing_runs_again(finished, t
     assert adopted.returncode == 0, adopted.stderr
     assert copy.jobs(*TINY) == {}
     assert copy.nearharmonic("verify", "tiny").returncode == 0
-    edited = copy.folder / "src/nearharmonic_paper/experiments/paper/reduce.py"
+    edited = copy.folder / "src/nearharmonic_paper/experiments/paper/reductions.py"
     edited.write_text(edited.read_text() + "_EDITED = 1\n")
     assert copy.jobs("results/tiny/cubes/sho.h5", *TINY) == {"reduce": 1}
 

@@ -11,10 +11,9 @@ import pytest
 from nearharmonic.engine.settings import Sweep, steps_of
 from nearharmonic.output import store
 from nearharmonic.output.store import assembled
-from nearharmonic_paper.experiments.paper.plan import Run
-from nearharmonic_paper.experiments.paper.reduce import cube_of
-from nearharmonic_paper.experiments.paper.reduce import numbers as reduced_numbers
-from nearharmonic_paper.experiments.paper.run import integrate_run
+from nearharmonic_paper.experiments.paper.reductions import cube_of
+from nearharmonic_paper.experiments.paper.reductions import numbers as reduced_numbers
+from nearharmonic_paper.experiments.paper.run import Run, integrate_run
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -124,7 +124,7 @@ def test_another_config_is_other_work(fresh, first):
 
 
 def test_a_run_that_fails_is_remembered_as_failed(fresh):
-    place = fresh.folder / "src/nearharmonic_paper/experiments/paper/decompose.py"
+    place = fresh.folder / "src/nearharmonic_paper/experiments/paper/tableaus.py"
     text = place.read_text()
     place.write_text(f"{text}\nassert not __name__\n")
     try:

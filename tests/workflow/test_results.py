@@ -107,7 +107,7 @@ def jobs_after_edit(finished, module, more, *arguments):
             {"integrate": 12, "reduce": 3, **{f"draw_{name}": 1 for name in SYSTEMS}, "skipped": 1, "decide_claims": 1},
         ),
         (
-            "nearharmonic_paper/experiments/paper/reduce.py",
+            "nearharmonic_paper/experiments/paper/reductions.py",
             {
                 **{f"draw_{name}": 1 for name in SYSTEMS},
                 "reduce": 3,

@@ -13,8 +13,8 @@ from nearharmonic_paper.config.files import refuse, warn_of_name
 from nearharmonic_paper.config.reading import load
 from nearharmonic.errors import NearharmonicError
 from nearharmonic_paper.record.adopt import ADOPTING, noting
-from nearharmonic_paper.experiments.paper.plan import REDUCED_AT_ONCE, shards_of
-from nearharmonic_paper.experiments.paper.settings import ORBITS
+from nearharmonic_paper.experiments.paper.run import REDUCED_AT_ONCE, shards_of
+from nearharmonic_paper.experiments.paper.experiment import ORBITS
 from nearharmonic_paper.tasks.experiment import figures_of
 from nearharmonic_paper.tasks.experiment import experiments
 from nearharmonic_paper.tasks.provenance import task

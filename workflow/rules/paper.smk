@@ -17,7 +17,7 @@ PAPER_RUNS = list(
 TABLE_FILES = [f"{RESULTS}/tables/skipped.csv", *PAPER_TABLES.values()]
 
 
-# On a cluster they run where Snakemake runs: each takes less than a second.
+# On a cluster they run where Snakemake runs: each takes a few seconds.
 localrules:
     skipped,
     paper_tables,
@@ -56,7 +56,7 @@ rule integrate:
         task=lambda wildcards: (
             task("nearharmonic_paper.experiments.paper.run:integrate", **shard_of(wildcards))
             if CONFIG.samples
-            else task("nearharmonic_paper.experiments.paper.reduced_run:integrate_and_reduce", **shard_of(wildcards))
+            else task("nearharmonic_paper.experiments.paper.reductions:integrate_and_reduce", **shard_of(wildcards))
         ),
         earlier="nearharmonic_paper.experiments.paper.earlier:Earlier",
     script:
@@ -72,7 +72,7 @@ rule reduce_method:
         LOG("reduce/{system}/{integrator}"),
     params:
         task=lambda wildcards: task(
-            "nearharmonic_paper.experiments.paper.reduce:reduce_method",
+            "nearharmonic_paper.experiments.paper.reductions:reduce_method",
             sweep=SWEEPS[wildcards.system],
             integrator=wildcards.integrator,
         ),
@@ -91,7 +91,7 @@ rule reduce:
         system="|".join(SWEEPS),  # other cubes have rules of their own
     params:
         task=lambda wildcards: task(
-            "nearharmonic_paper.experiments.paper.reduce:reduce",
+            "nearharmonic_paper.experiments.paper.reductions:reduce",
             sweep=SWEEPS[wildcards.system],
             integrators=CONFIG.methods,
         ),
@@ -105,7 +105,7 @@ rule decompose:
     log:
         LOG("reduce/sho_terms"),
     params:
-        task=task("nearharmonic_paper.experiments.paper.decompose:decompose", integrators=CONFIG.decomposed),
+        task=task("nearharmonic_paper.experiments.paper.tableaus:decompose", integrators=CONFIG.decomposed),
     script:
         "../scripts/task.py"
 
@@ -118,7 +118,11 @@ rule skipped:
     log:
         LOG("tables/skipped"),
     params:
-        task=task("nearharmonic_paper.experiments.paper.plan:table", sweeps=CONFIG.sweeps, integrators=CONFIG.methods),
+        task=task(
+            "nearharmonic_paper.experiments.paper.run:omissions_table",
+            sweeps=CONFIG.sweeps,
+            integrators=CONFIG.methods,
+        ),
     script:
         "../scripts/task.py"
 

@@ -7,9 +7,7 @@ TWO_STEPS["kinetic_energy"] = {
     "results": {"cube": CUBE("kinetic_energy"), "table": TABLE("kinetic_energy")},
     "logs": ("stability/kinetic_energy_run", "stability/kinetic_energy"),
     "measure": task("nearharmonic_paper.experiments.stability.run:kinetic_energy_measure", integrators=CONFIG.methods),
-    "reduce": task(
-        "nearharmonic_paper.experiments.stability.kinetic_energy_reductions:reduce", integrators=CONFIG.methods
-    ),
+    "reduce": task("nearharmonic_paper.experiments.stability.reductions:kinetic_energy", integrators=CONFIG.methods),
 }
 
 
@@ -60,7 +58,7 @@ rule stability_cube:
         LOG("stability/{ensemble}"),
     params:
         task=lambda wildcards: task(
-            f"nearharmonic_paper.experiments.stability.{wildcards.ensemble}_reductions:reduce",
+            f"nearharmonic_paper.experiments.stability.reductions:{wildcards.ensemble}",
             integrators=CONFIG.stepwise,
             settings=getattr(CONFIG.stability, wildcards.ensemble),
         ),
@@ -75,7 +73,7 @@ rule linear_stability_cube:
     log:
         LOG("stability/linear"),
     params:
-        task=task("nearharmonic_paper.experiments.stability.linear:measure", integrators=CONFIG.methods),
+        task=task("nearharmonic_paper.experiments.stability.reductions:linear", integrators=CONFIG.methods),
     script:
         "../scripts/task.py"
 

@@ -35,7 +35,7 @@ rule structure_cube:
         LOG("stability/conservation"),
     params:
         task=task(
-            "nearharmonic_paper.experiments.stability.conservation_reductions:reduce",
+            "nearharmonic_paper.experiments.stability.reductions:structure",
             integrators=CONFIG.stepwise,
             t_end=STRUCTURE_T_END,
         ),

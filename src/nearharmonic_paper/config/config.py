@@ -15,8 +15,8 @@ from nearharmonic.output.atomic import write_text
 from nearharmonic.output.table import pipes
 from nearharmonic.systems import systems
 from nearharmonic_paper.entries import POSITIVE, STRICT, PositiveNumber, Reading, setting, whole_from
-from nearharmonic_paper.experiments.paper.plan import suitable_shards
-from nearharmonic_paper.experiments.paper.settings import PAPER, Summation, SystemSettings
+from nearharmonic_paper.experiments.paper.experiment import Summation, SystemSettings
+from nearharmonic_paper.experiments.paper.run import PAPER, suitable_shards
 from nearharmonic_paper.tasks.experiment import beside_the_paper, experiments
 
 #: Maximum length of a name: file systems allow 255 bytes.

@@ -16,7 +16,7 @@ from nearharmonic.registry.user_module import is_file
 from nearharmonic.systems import System, systems
 from nearharmonic.systems.gradients import check_gradients
 from nearharmonic.systems.user_file import SystemDefinition
-from nearharmonic_paper.experiments.paper.settings import SystemSettings
+from nearharmonic_paper.experiments.paper.experiment import SystemSettings
 from nearharmonic_paper.tasks.experiment import experiments
 
 #: Reserved names of the workflow; names of cubes and of folders of runs are reserved too.

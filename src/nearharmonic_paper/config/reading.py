@@ -15,7 +15,7 @@ from nearharmonic.systems import systems
 from nearharmonic_paper.config.config import NUMBERS, Config, adapter, schema, sections
 from nearharmonic_paper.config.definitions import define, folders_of, named
 from nearharmonic_paper.config.files import MOST_ENTRIES, MOST_LEVELS, read_mapping
-from nearharmonic_paper.experiments.paper.plan import check_sweep
+from nearharmonic_paper.experiments.paper.run import check_sweep
 
 
 def load(mapping: Mapping[str, Any], files: Iterable[Path | str] = ()) -> Config:

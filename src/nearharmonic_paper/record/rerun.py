@@ -13,9 +13,8 @@ import numpy as np
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.output import store
 from nearharmonic.output.store import Variables
-from nearharmonic_paper.experiments.paper.plan import runs_of
-from nearharmonic_paper.experiments.paper.reduced_run import reduced_run
-from nearharmonic_paper.experiments.paper.run import integrate_run
+from nearharmonic_paper.experiments.paper.reductions import reduced_run
+from nearharmonic_paper.experiments.paper.run import integrate_run, runs_of
 from nearharmonic_paper.record import manifest
 from nearharmonic_paper.record.manifest import check_files_of
 from nearharmonic_paper.record.query import SKIPPED, settings_of
@@ -24,7 +23,7 @@ from nearharmonic_paper.tasks.provenance import defined, read_definitions
 #: Tasks that write run files.
 REPEATED = (
     "nearharmonic_paper.experiments.paper.run:integrate",
-    "nearharmonic_paper.experiments.paper.reduced_run:integrate_and_reduce",
+    "nearharmonic_paper.experiments.paper.reductions:integrate_and_reduce",
 )
 
 

@@ -19,7 +19,7 @@ from typing import Any
 from nearharmonic.errors import RefusedError
 from nearharmonic.output.atomic import remove_parts
 from nearharmonic_paper.config.config import Config
-from nearharmonic_paper.experiments.paper.plan import totals_in
+from nearharmonic_paper.experiments.paper.run import totals_in
 from nearharmonic_paper.record import history, manifest, state
 from nearharmonic_paper.record.fingerprint import fingerprint, machine, revision
 from nearharmonic_paper.record.history import dead_in

@@ -24,7 +24,7 @@ from nearharmonic.plotting.profile import (
     lines,
 )
 from nearharmonic_paper.claims.results import power_of_ten, short
-from nearharmonic_paper.experiments.paper.shown import (
+from nearharmonic_paper.experiments.paper.orbits import (
     MERCURY_RELATIVISTIC_ADVANCE,
     SATISFIED_BELOW,
     advances,

@@ -25,8 +25,8 @@ from nearharmonic_paper.claims.claim import OPEN
 from nearharmonic_paper.claims.summary import VERDICTS as IN_A_SENTENCE
 from nearharmonic_paper.claims.summary import in_words
 from nearharmonic_paper.experiments.paper.orbits import paper_panels
-from nearharmonic_paper.experiments.paper.plan import Totals, totals_in
-from nearharmonic_paper.experiments.paper.settings import PAPER as SYSTEMS_OF_THE_PAPER
+from nearharmonic_paper.experiments.paper.run import PAPER as SYSTEMS_OF_THE_PAPER
+from nearharmonic_paper.experiments.paper.run import Totals, totals_in
 from nearharmonic_paper.record.manifest import Texts
 from nearharmonic_paper.report.panels import MARKERS, Panel
 from nearharmonic_paper.report.plots import decomposition, energy_error, perihelion, phase_space

@@ -19,7 +19,7 @@ from matplotlib.text import Text
 
 from nearharmonic.integrators import BENCHMARKED, integrators
 from nearharmonic.recommendation.measure import Solver
-from nearharmonic_paper.experiments.paper.figures import draw_panels
+from nearharmonic_paper.experiments.paper.figures import fig6_substeps
 from nearharmonic_paper.experiments.work_precision.figures import work_precision_figure
 from nearharmonic_paper.tasks.experiment import experiments, figures_of
 from nearharmonic_paper.tasks.provenance import function_of
@@ -66,7 +66,9 @@ def drawing(name):
 @cache
 def figure_of(name):
     """The figure ``name`` of three methods, laid out."""
-    figure = draw_panels(made.toy_panels()) if name == "fig6_substeps" else drawing(name)(CUBES[name][0](made.METHODS))
+    figure = (
+        fig6_substeps(made.toy_panels()) if name == "fig6_substeps" else drawing(name)(CUBES[name][0](made.METHODS))
+    )
     figure.draw_without_rendering()
     return figure
 
@@ -115,8 +117,8 @@ def test_a_figure_draws_a_cube_without_a_number(name):
 @pytest.mark.slow
 def test_figure_6_draws_one_panel_alone_and_path_without_number():
     panels = made.toy_panels()
-    is_drawn(draw_panels({"A": panels["A"]}))
-    is_drawn(draw_panels({k: made.emptied(panel, "H", "hamiltonian") for k, panel in panels.items()}))
+    is_drawn(fig6_substeps({"A": panels["A"]}))
+    is_drawn(fig6_substeps({k: made.emptied(panel, "H", "hamiltonian") for k, panel in panels.items()}))
 
 
 @pytest.mark.slow

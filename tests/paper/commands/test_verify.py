@@ -13,7 +13,7 @@ from nearharmonic_paper.record.adopt import check_tasks
 from nearharmonic_paper.tasks.provenance import settings_digest, task
 from nearharmonic_paper.tasks.receipts import Receipt
 
-TASK = task("nearharmonic_paper.experiments.paper.decompose:decompose", integrators=["ruth"])
+TASK = task("nearharmonic_paper.experiments.paper.tableaus:decompose", integrators=["ruth"])
 CUBE = "results/paper/cubes/sho_terms.h5"
 
 
@@ -106,7 +106,7 @@ def test_results_of_the_described_tasks_are_adopted(results):
         ({"code": "0"}, "was made with other code;"),
         ({"coefficients": "0", "code": "0"}, "was made with other code and coefficients;"),
         (
-            {"function": "nearharmonic_paper.experiments.paper.reduce:reduce"},
+            {"function": "nearharmonic_paper.experiments.paper.reductions:reduce"},
             "other settings and code and coefficients;",
         ),
     ],
@@ -118,5 +118,5 @@ def test_results_of_other_tasks_are_not(results, changes, says):
 
 def test_settings_that_are_written_otherwise_are_the_same():
     assert settings_digest(TASK) == settings_digest(
-        task("nearharmonic_paper.experiments.paper.decompose:decompose", integrators=("ruth",))
+        task("nearharmonic_paper.experiments.paper.tableaus:decompose", integrators=("ruth",))
     )

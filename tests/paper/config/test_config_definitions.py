@@ -20,8 +20,7 @@ import nearharmonic as nh
 from nearharmonic.integrators import plain_integrators
 from nearharmonic.systems.user_file import load_system
 from nearharmonic_paper.config.reading import load
-from nearharmonic_paper.experiments.paper.plan import runs_of
-from nearharmonic_paper.experiments.paper.run import integrate_run
+from nearharmonic_paper.experiments.paper.run import integrate_run, runs_of
 from nearharmonic_paper.tasks.job import covered
 from nearharmonic_paper.tasks.provenance import defined, digests, read_definitions, settings_text, task
 from support.oracles.reference_solutions import oscillator_step

@@ -15,7 +15,7 @@ from nearharmonic_paper.record import manifest
 from nearharmonic_paper.tasks.provenance import task
 from nearharmonic_paper.tasks.receipts import Receipt, damaged_receipts, names_made_by
 
-TASK = task("nearharmonic_paper.experiments.paper.decompose:decompose", integrators=["ruth"])
+TASK = task("nearharmonic_paper.experiments.paper.tableaus:decompose", integrators=["ruth"])
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def test_it_holds_size_digest_and_origin_of_each_file(results):
         "cubes/a.h5": {
             "size": 7,
             "sha256": sha256(b"numbers").hexdigest(),
-            "function": "nearharmonic_paper.experiments.paper.decompose:decompose",
+            "function": "nearharmonic_paper.experiments.paper.tableaus:decompose",
             "code": TASK["code"],
             "coefficients": TASK["coefficients"],
             "settings": sha256(b'{"integrators": ["ruth"]}').hexdigest(),

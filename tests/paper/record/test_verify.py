@@ -125,7 +125,7 @@ def test_other_code_and_coefficients_are_reported_once_per_function(results, cha
     ("function", "target"),
     [
         ("nearharmonic_paper.experiments.derivation.run:derive", " -- derive"),
-        ("nearharmonic_paper.experiments.paper.reduce:reduce", ""),
+        ("nearharmonic_paper.experiments.paper.reductions:reduce", ""),
         ("nearharmonic_paper.claims.table:decided", ""),
     ],
 )

@@ -18,7 +18,7 @@ from nearharmonic_paper.tasks.receipts import Receipt
 
 SMOKE = Path(__file__).parents[3] / "config/smoke.yaml"
 MADE = ("cubes/a.h5", "cubes/b.h5", "tables/skipped.csv")
-TASK = task("nearharmonic_paper.experiments.paper.decompose:decompose", integrators=["ruth"])
+TASK = task("nearharmonic_paper.experiments.paper.tableaus:decompose", integrators=["ruth"])
 
 
 @pytest.fixture

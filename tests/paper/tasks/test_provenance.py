@@ -40,7 +40,7 @@ def digests(root):
     folder = "nearharmonic_paper.experiments.paper"
     return {
         **of_runs,
-        "cubes": code_digest(f"{folder}.reduce", root=root),
+        "cubes": code_digest(f"{folder}.reductions", root=root),
         "fig1": code_digest("nearharmonic.plotting.energy_error", root=root),
     }
 
@@ -57,8 +57,7 @@ def digests(root):
         pytest.param(
             "nearharmonic/integrators/nielsen_2015.py", set(), marks=pytest.mark.slow
         ),  # coefficients have a digest of their own
-        ("nearharmonic_paper/experiments/paper/reduce.py", {"cubes"}),
-        pytest.param("nearharmonic_paper/experiments/paper/reductions.py", {"cubes"}, marks=pytest.mark.slow),
+        ("nearharmonic_paper/experiments/paper/reductions.py", {"cubes"}),
         pytest.param("nearharmonic/plotting/style.py", {"fig1"}, marks=pytest.mark.slow),
         pytest.param("nearharmonic_paper/experiments/paper/figures.py", set(), marks=pytest.mark.slow),
         pytest.param("nearharmonic/cli.py", set(), marks=pytest.mark.slow),
@@ -195,7 +194,7 @@ def test_task_looks_up_only_what_it_names_or_imports():
 
 
 def test_task_covers_modified_methods_that_it_names():
-    one = task("nearharmonic_paper.experiments.paper.reduce:reduce_decomposition", integrators=["chin_4a", "ruth"])
+    one = task("nearharmonic_paper.experiments.paper.reductions:reduce_decomposition", integrators=["chin_4a", "ruth"])
     assert one["integrators"] == ["chin_4a", "ruth"]
     assert one["coefficients"] == coefficients_digest([modified_integrators["chin_4a"], integrators["ruth"]])
     with covered(one):

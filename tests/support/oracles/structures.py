@@ -6,7 +6,7 @@ from fractions import Fraction
 from types import SimpleNamespace
 
 from nearharmonic.output.store import assembled
-from nearharmonic_paper.experiments.stability.conservation_reductions import structure_cube
+from nearharmonic_paper.experiments.stability.reductions import structure_cube
 from nearharmonic_paper.experiments.stability.run import structure_runs
 
 

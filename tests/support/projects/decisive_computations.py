@@ -23,8 +23,8 @@ from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.exact_oscillator.reductions import crossings
 from nearharmonic_paper.experiments.exact_oscillator.run import starts_on
 from nearharmonic_paper.experiments.exact_oscillator.settings import ExactOscillatorSettings
-from nearharmonic_paper.experiments.stability.kepler_reductions import evaluations_below, rotation_per_sample
-from nearharmonic_paper.experiments.stability.rounding_reductions import growth
+from nearharmonic_paper.experiments.stability.reductions import evaluations_below, rotation_per_sample
+from nearharmonic_paper.experiments.stability.reductions import growth_exponent as growth
 from nearharmonic_paper.experiments.stability.run import kepler_apoapsis
 from nearharmonic_studies.trained.problems import NAMED, named_ensemble, orbit_ensemble, random_ensemble
 from nearharmonic_studies.trained.reductions import gains

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from nearharmonic_paper.experiments.paper import plan
-from nearharmonic_paper.experiments.paper import plan as shards
+from nearharmonic_paper.experiments.paper import run as plan
 
 
 def planned_runs(sweeps, methods):
@@ -11,7 +10,7 @@ def planned_runs(sweeps, methods):
         run
         for sweep in sweeps
         for name in methods
-        for index in range(shards.shards_of(sweep, name))
+        for index in range(plan.shards_of(sweep, name))
         for run in plan.runs_of(sweep, name, index)
     ]
 

@@ -58,7 +58,8 @@ def entry(content: bytes, identifier: str) -> dict[str, object]:
     """The entry of a file in the manifest."""
     return {
         "size": len(content), "sha256": hashlib.sha256(content).hexdigest(),
-        "function": "nearharmonic_paper.experiments.paper.reduce:reduce", "code": "23" * 32, "coefficients": "45" * 32,
+        "function": "nearharmonic_paper.experiments.paper.reductions:reduce",
+        "code": "23" * 32, "coefficients": "45" * 32,
         "run": identifier,
         "systems": ["kepler"], "integrators": ["ruth"], "volatile": [],
     }  # fmt: skip

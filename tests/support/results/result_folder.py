@@ -14,10 +14,9 @@ import h5py
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.output import table
 from nearharmonic.output.table import Table
-from nearharmonic_paper.experiments.paper.decompose import decompose
-from nearharmonic_paper.experiments.paper.plan import shards_of
-from nearharmonic_paper.experiments.paper.reduce import reduce
-from nearharmonic_paper.experiments.paper.run import integrate
+from nearharmonic_paper.experiments.paper.reductions import reduce
+from nearharmonic_paper.experiments.paper.run import integrate, shards_of
+from nearharmonic_paper.experiments.paper.tableaus import decompose
 from nearharmonic_paper.tasks import job
 from nearharmonic_paper.tasks.provenance import provenance, task
 from support.results import finished_results

@@ -15,7 +15,7 @@ from nearharmonic.integrators.nielsen_2015 import TABLEAUS
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.search import RandomStarts
 from nearharmonic.output.table import progress
-from nearharmonic_paper.experiments.derivation.conditions import (
+from nearharmonic_paper.experiments.derivation.search import (
     Equations,
     PolishedSolution,
     agreeing_decimals,
@@ -23,8 +23,9 @@ from nearharmonic_paper.experiments.derivation.conditions import (
     equations_of,
     polish,
     reduced_system,
+    sample,
+    search,
 )
-from nearharmonic_paper.experiments.derivation.search import sample, search
 
 # --- All real solutions of a case without free parameters: search, exact count, refinement and proof.
 #
@@ -122,11 +123,7 @@ class Reach:
 
 
 def solve(
-    equations: Equations,
-    starts: RandomStarts,
-    *,
-    digits: int = DIGITS,
-    eliminable: int = ELIMINABLE,
+    equations: Equations, starts: RandomStarts, *, digits: int = DIGITS, eliminable: int = ELIMINABLE
 ) -> IsolatedSolutions:
     """Find all real solutions of a case without free parameters, from random starts and by elimination."""
     found = search(equations, starts)
@@ -136,26 +133,16 @@ def solve(
         candidates = _joined(candidates, start)
     roots, unfinished = _proved(equations, candidates, digits)
     complete = bool(elimination and elimination.simple and elimination.real_solutions == len(roots) and not unfinished)
+    complex_number = elimination.complex_solutions if elimination else None
+    real_number = elimination.real_solutions if elimination else None
     return IsolatedSolutions(
-        equations=equations,
-        roots=tuple(roots),
-        complex_solutions=elimination.complex_solutions if elimination else None,
-        real_solutions=elimination.real_solutions if elimination else None,
-        complete=complete,
-        starts=found.starts,
-        converged=found.converged,
-        box=starts.box,
-        bound=starts.bound,
-        unfinished=tuple(unfinished),
-    )
+        equations, tuple(roots), complex_number, real_number, complete, found.starts, found.converged, starts.box,
+        starts.bound, tuple(unfinished),
+    )  # fmt: skip
 
 
 def reach(
-    stages: Sequence[int],
-    starts: RandomStarts,
-    known: Mapping[int, IsolatedSolutions],
-    *,
-    digits: int = DIGITS,
+    stages: Sequence[int], starts: RandomStarts, known: Mapping[int, IsolatedSolutions], *, digits: int = DIGITS
 ) -> list[Reach]:
     """Find the largest harmonic order for each number of stages; ``known`` are solved cases of order s + 1, by stages.
 
@@ -165,28 +152,15 @@ def reach(
     results = []
     for s in stages:
         case = known.get(s) or solve(Equations(s, s + 1), starts, digits=digits)
-        results.append(_reach_of(case, starts))
-        progress(f"{s} stages: harmonic order {results[-1].harmonic_order}")
+        if case.roots:
+            highest, settled = s + 1, case.complete and all(root.higher[0] > NOT_ZERO for root in case.roots)
+        else:
+            highest = s if _exists(Equations(s, s), starts) else 0
+            settled = case.complete and highest > 0
+        complex_solutions = reduced_system(case.equations).complex_solutions
+        results.append(Reach(s, 2 * s, highest, len(case.roots), complex_solutions, case.starts, settled))
+        progress(f"{s} stages: harmonic order {highest}")
     return results
-
-
-def _reach_of(case: IsolatedSolutions, starts: RandomStarts) -> Reach:
-    """Return the largest harmonic order, from the solutions of order s + 1."""
-    s = case.equations.stages
-    if case.roots:
-        highest, settled = s + 1, case.complete and all(root.higher[0] > NOT_ZERO for root in case.roots)
-    else:
-        highest = s if _exists(Equations(s, s), starts) else 0
-        settled = case.complete and highest > 0
-    return Reach(
-        stages=s,
-        lambda_max=2 * s,
-        harmonic_order=highest,
-        solutions=len(case.roots),
-        complex_solutions=reduced_system(case.equations).complex_solutions,
-        starts=case.starts,
-        proved_largest=settled,
-    )
 
 
 def _joined(candidates: list[Candidate], start: Sequence[Any]) -> list[Candidate]:
@@ -226,18 +200,9 @@ def _root(equations: Equations, start: Sequence[Any], digits: int, hits: int, el
     with mp.workdps(30):
         higher = equations.errors([mpf(c) for c in polished.unknowns], highest + 3)[highest:]
     return Root(
-        outer=polished.outer,
-        inner=polished.inner,
-        residual=polished.residual,
-        proved=True,
-        radius=proof.radius,
-        distance=proof.distance,
-        hits=hits,
-        eliminated=eliminated,
-        sum_of_absolute_values=sum(coefficients),
-        largest_coefficient=max(coefficients),
-        higher=tuple(abs(float(k)) for k in higher),
-    )
+        polished.outer, polished.inner, polished.residual, proof.proved, proof.radius, proof.distance, hits, eliminated,
+        sum(coefficients), max(coefficients), tuple(abs(float(k)) for k in higher),
+    )  # fmt: skip
 
 
 def _exists(equations: Equations, starts: RandomStarts) -> bool:
@@ -341,20 +306,12 @@ def printed_point(name: str, *, digits: int = 128) -> PrintedPoint:
     rank, pivots = rank_and_pivots(equations.jacobian, printed)
     fixed = tuple(j for j in range(equations.unknowns) if j not in pivots)
     continued = polish(equations, printed, digits=digits)
-    residuals = [abs(k) for k in equations.residuals(printed)]
     with mp.workdps(30):
-        largest = max(map(as_mpf, residuals))
-    return PrintedPoint(
-        name=name,
-        equations=equations,
-        rank=rank,
-        free_parameters=equations.unknowns - rank,
-        fixed=fixed,
-        printed_residual=largest,
-        proof=prove(equations.residuals, equations.jacobian, printed, radius=f"1e-{tableau.digits - 2}", fixed=fixed),
-        continued=continued,
-        decimals=agreeing_decimals(tableau, continued.outer, continued.inner) if continued.converged else 0,
-    )
+        largest = max(as_mpf(abs(k)) for k in equations.residuals(printed))
+    proof = prove(equations.residuals, equations.jacobian, printed, radius=f"1e-{tableau.digits - 2}", fixed=fixed)
+    decimals = agreeing_decimals(tableau, continued.outer, continued.inner) if continued.converged else 0
+    free = equations.unknowns - rank
+    return PrintedPoint(name, equations, rank, free, fixed, largest, proof, continued, decimals)
 
 
 def rank_printed(names: Sequence[str], starts: RandomStarts) -> list[Ranking]:
@@ -362,8 +319,7 @@ def rank_printed(names: Sequence[str], starts: RandomStarts) -> list[Ranking]:
 
     The sample of members is not uniform. Sets of one family share a sample.
     """
-    families: dict[Equations, Any] = {}
-    rankings = []
+    rankings, families = [], dict[Equations, Any]()
     for name in names:
         equations = equations_of(integrators[name])
         if equations not in families:
@@ -406,21 +362,16 @@ def _ranking(name: str, equations: Equations, starts: int, points: Any, criteria
     own = np.array(_criteria(equations, printed))
     smaller = criteria < own
     fractions = smaller.mean(axis=0) if len(points) else np.full(own.shape, np.nan)
-    slopes = _slopes(equations, printed)
+    sum_slope, higher_slope, *_ = _slopes(equations, printed)
     return Ranking(
-        name=name,
-        starts=starts,
-        members=len(points),
-        sum_of_absolute_values=float(own[0]),
-        higher=tuple(own[1:].tolist()),
-        smaller_sum=float(fractions[0]),
-        smaller_higher=tuple(fractions[1:].tolist()),
+        name, starts, members=len(points),
+        sum_of_absolute_values=float(own[0]), higher=tuple(own[1:].tolist()),
+        smaller_sum=float(fractions[0]), smaller_higher=tuple(fractions[1:].tolist()),
         better_in_all=int(smaller.all(axis=1).sum()),
         smallest_sum=float(criteria[:, 0].min(initial=np.inf)),
         nearest=float(np.abs(points - np.array(printed)).max(axis=1).min(initial=np.inf)),
-        sum_slope=slopes[0],
-        higher_slope=slopes[1],
-    )
+        sum_slope=sum_slope, higher_slope=higher_slope,
+    )  # fmt: skip
 
 
 def _criteria(equations: Equations, x: Sequence[float]) -> list[float]:

@@ -23,8 +23,7 @@ import numpy as np
 from nearharmonic.engine.settings import Sweep, tau_range
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.store import Variables, claimed_attributes, complaint, read_precisions, variables_of
-from nearharmonic_paper.experiments.paper.plan import Run, shard_range
-from nearharmonic_paper.experiments.paper.run import gathered
+from nearharmonic_paper.experiments.paper.run import Run, gathered, shard_range
 
 #: Folder of the files that are kept, in the folder of results.
 PLACE = "logs/earlier"
@@ -104,16 +103,12 @@ class Earlier:
         """Return True if a file of these attributes may hold runs of the job."""
         theirs, ours = json.loads(attributes["settings"]), self._settings
         same = all(attributes[key] == self._origin[key] for key in ("code_digest", "coefficients_digest"))
-        if not same or _fixed(theirs) != _fixed(ours):
+        if not same or any(theirs.get(key) != ours.get(key) for key in ("integrator", "definitions")):
+            return False
+        if any(theirs["sweep"][key] != value for key, value in ours["sweep"].items() if key not in CHOOSING):
             return False
         (begin, end), (first, last) = map(_ends_of, (theirs, ours))
         return begin <= last and first <= end
-
-
-def _fixed(settings: Mapping[str, Any]) -> tuple[Any, ...]:
-    """Return the settings that determine a run."""
-    sweep = {key: value for key, value in settings["sweep"].items() if key not in CHOOSING}
-    return sweep, settings["integrator"], settings.get("definitions")
 
 
 def _ends_of(settings: Mapping[str, Any]) -> tuple[float, float]:

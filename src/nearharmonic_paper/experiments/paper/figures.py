@@ -27,13 +27,13 @@ from nearharmonic.plotting.style import (
     style_of,
     write_beside,
 )
-from nearharmonic_paper.experiments.paper.orbits import paper_panels
-from nearharmonic_paper.experiments.paper.shown import (
+from nearharmonic_paper.experiments.paper.orbits import (
     MERCURY_RELATIVISTIC_ADVANCE,
     SATISFIED_BELOW,
     Advances,
     advances,
     arcseconds_per_century,
+    paper_panels,
 )
 
 if TYPE_CHECKING:
@@ -243,14 +243,12 @@ _SURFACE: dict[str, Any] = {"colors": "#1f2d3d", "linewidths": 1.0, "linestyles"
 
 
 @house_style
-def fig6_substeps() -> Figure:
-    """Draw the four panels of the paper."""
-    return draw_panels(paper_panels())
+def fig6_substeps(panels: Mapping[str, xr.Dataset] | None = None) -> Figure:
+    """Draw each Dataset of :func:`~nearharmonic_paper.experiments.paper.orbits.substeps` in a panel of its letter.
 
-
-@house_style
-def draw_panels(panels: Mapping[str, xr.Dataset]) -> Figure:
-    """Draw each Dataset of ``experiments.paper.substeps.substeps`` in a panel of its letter, two in a row."""
+    Two stand in a row; by default they are the four panels of the paper.
+    """
+    panels = panels or paper_panels()
     rows = (len(panels) + 1) // 2
     height = 0.7 + 3.3 * rows
     drawn = new_figure(7.6, height)

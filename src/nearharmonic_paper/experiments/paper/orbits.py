@@ -1,19 +1,16 @@
-"""Long orbits and substeps: Lyapunov exponents, and the panels of Figure 6."""
+"""Long orbits and substeps: Lyapunov exponents, the panels of Figure 6, and advances of the perihelion."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
-from functools import partial
 from itertools import zip_longest
 from math import sqrt
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.execution import Trajectories
 from nearharmonic.engine.numbers import start_array
 from nearharmonic.engine.settings import Numerics, tau_grid
 from nearharmonic.engine.solution import Problem
@@ -21,9 +18,10 @@ from nearharmonic.engine.variation import tangent_system
 from nearharmonic.integrators import integrators, nielsen_2015, yoshida_1990
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import log
-from nearharmonic.numerics.portable import Floats, dot
+from nearharmonic.numerics.portable import Bools, Floats, dot
 from nearharmonic.numerics.statistics import mean, student_975
-from nearharmonic.output.store import Contents, Variables, coordinate, variable
+from nearharmonic.output.store import Contents, Variables, coordinate, double_runs, variable
+from nearharmonic.plotting.profile import Line, lines
 from nearharmonic.systems import System, henon_heiles, sho
 from nearharmonic.systems.quantities import Vector
 
@@ -49,24 +47,6 @@ SCALED_EVERY = 500
 #: the whole run.
 BLOCKS = 10
 
-#: Variables over orbit: their further dimensions, their meaning, and the quantity that determines their unit.
-MEANINGS = {
-    "q0": (("component",), "initial position", "q"),
-    "p0": (("component",), "initial momentum", "p"),
-    "initial_energy": ((), "initial energy H0", "energy"),
-    "energy_error": (("time",), "(H - H0)/|H0|", "1"),
-    "lyapunov_exponent": (
-        ("time",),
-        "largest Lyapunov exponent up to the time, ln|delta(t)|/t of a deviation delta of length 1 at t = 0",
-        "1/t",
-    ),
-    "lyapunov_exponent_interval": (
-        (),
-        "half width of the 95 % interval of the largest Lyapunov exponent up to the last time, by blocks of time",
-        "1/t",
-    ),
-}
-
 
 def chaos(integrator: str, t_end: int) -> dict[str, Contents]:
     """Return the contents of the file ``cube``: :func:`lyapunov_exponents` of the Henon-Heiles system.
@@ -85,40 +65,35 @@ def chaos(integrator: str, t_end: int) -> dict[str, Contents]:
 
 
 def lyapunov_exponents(system: System, problem: Problem, scalings: int) -> Variables:
-    """Integrate each of :data:`ORBITS` with a deviation from it; the variables are those of :data:`MEANINGS`.
+    """Integrate each of :data:`ORBITS` with a deviation from it; the variables are over orbit and time.
 
     A call of ``problem`` is a run of the tangent system of ``system``, which has no parameters, over the time between
     two rescalings. Their number is a multiple of :data:`BLOCKS`.
     """
-    every, unit = float(problem.end), system.units["t"]
-    time = every * np.arange(1.0, scalings + 1)
-    found = [_of_orbit(system, problem, orbit, time) for orbit in ORBITS.values()]
-    units = {**system.units, "1": "1", "1/t": "1" if unit == "1" else f"1/{unit}"}
+    every, units = float(problem.end), system.units
+    time, rate = every * np.arange(1.0, scalings + 1), "1" if units["t"] == "1" else f"1/{units['t']}"
+    followed = [follow(problem, TAU, orbit, scalings) for orbit in ORBITS.values()]
+    states, growth = (np.array(column) for column in zip(*followed, strict=True))
+    starts = np.array([[[float(x) for x in half] for half in orbit] for orbit in ORBITS.values()])
+    initial = system.energy(*map(tuple, starts.transpose(1, 2, 0)))
+    energy = system.energy(*map(tuple, states.transpose(2, 3, 0, 1)))
+    interval = []
+    for of_orbit in growth:
+        rates = np.array([mean(block) for block in np.split(of_orbit, BLOCKS)]) / every
+        spread = rates - mean(rates)
+        interval.append(student_975(BLOCKS - 1) * sqrt(dot(spread, spread) / (BLOCKS - 1) / BLOCKS))
+    exponent = "largest Lyapunov exponent up to the time, ln|delta(t)|/t of a deviation delta of length 1 at t = 0"
+    width = "half width of the 95 % interval of the largest Lyapunov exponent up to the last time, by blocks of time"
+    along, over = ("orbit", "component"), ("orbit", "time")
     return {
         **coordinate("orbit", list(ORBITS), "orbit"),
-        **coordinate("time", time, "time", unit),
-        **{
-            name: variable(("orbit", *dims), np.array([one[name] for one in found]), text, units[key])
-            for name, (dims, text, key) in MEANINGS.items()
-        },
-    }
-
-
-def _of_orbit(system: System, problem: Problem, orbit: Orbit, time: Floats) -> dict[str, object]:
-    """Return the variables of one orbit."""
-    q0, p0 = (tuple(map(float, values)) for values in orbit)
-    states, growth = follow(problem, TAU, orbit, time.size)
-    q, p = (tuple(rows) for rows in states.transpose(1, 2, 0))
-    start, energy = system.energy(q0, p0), system.energy(q, p)
-    rates = np.array([mean(block) for block in np.split(growth, BLOCKS)]) / float(problem.end)
-    spread = rates - mean(rates)
-    return {
-        "q0": q0,
-        "p0": p0,
-        "initial_energy": start,
-        "energy_error": (energy - start) / abs(start),
-        "lyapunov_exponent": np.cumsum(growth) / time,
-        "lyapunov_exponent_interval": student_975(BLOCKS - 1) * sqrt(dot(spread, spread) / (BLOCKS - 1) / BLOCKS),
+        **coordinate("time", time, "time", units["t"]),
+        "q0": variable(along, starts[:, 0], "initial position", units["q"]),
+        "p0": variable(along, starts[:, 1], "initial momentum", units["p"]),
+        "initial_energy": variable("orbit", initial, "initial energy H0", units["energy"]),
+        "energy_error": variable(over, (energy - initial[:, None]) / abs(initial[:, None]), "(H - H0)/|H0|"),
+        "lyapunov_exponent": variable(over, np.cumsum(growth, axis=1) / time, exponent, rate),
+        "lyapunov_exponent_interval": variable("orbit", interval, width, rate),
     }
 
 
@@ -147,7 +122,6 @@ def follow(problem: Problem, tau: float, orbit: tuple[Vector, Vector], runs: int
 
 # --- The substeps of a step in phase space, and the Hamiltonian around them (Nielsen 2015, Eqs. 3, 4 and Fig. 6).
 
-Array = np.ndarray[Any, np.dtype[Any]]
 State = tuple[float, float]
 #: (lowest, highest) q and (lowest, highest) p of the grid of the Hamiltonian.
 Window = tuple[State, State]
@@ -187,37 +161,11 @@ def substeps(
     iterations: int = 2,
     component: int = 0,
 ) -> xr.Dataset:
-    """Return all substeps of some steps in doubles, for one degree of freedom: the dataset of :func:`_dataset`.
+    """Return all substeps of some steps in doubles, for one degree of freedom, and the Hamiltonian around them.
 
     ``start`` is q and p of the moving coordinate, whose index is ``component``; the others are zero and stay zero.
     ``window`` is the part of the phase plane for the Hamiltonian. ``max_energy_error`` is over :data:`FOLLOWED`
     iterations, inf if the path diverges, and ``left_at`` the iteration at which it diverges, else 0.
-    """
-    plane = _Plane(system, component)
-    pairs = list(zip_longest(map(float, tableau.drift), map(float, tableau.kick), fillvalue=0.0))
-    walk = partial(_walk, pairs=pairs, plane=plane, tau=tau, drift_first=tableau.first == "drift")
-    path = [walk(start)]
-    while len(path) < iterations:
-        path.append(walk(path[-1][-1]))
-    points = np.array(path)
-    q, p = points[..., 0], points[..., 1]
-    q_grid, p_grid = (np.linspace(low, high, GRID) for low, high in window)
-    with np.errstate(over="ignore", invalid="ignore"):  # a path may go to infinity
-        energy = plane.hamiltonian(q, p)
-        around = plane.hamiltonian(q_grid[None, :], p_grid[:, None])
-        error = (energy - energy[0, 0]) / abs(energy[0, 0])
-    signs = np.sign(np.array([*pairs, (0.0, 0.0)])).astype(np.int8)
-    found = _dataset(system.units, (q, p, energy, error), signs, (q_grid, p_grid, around))
-    largest, left_at = _follow(walk, start, plane, system.surface_limit)
-    found["max_energy_error"] = ((), largest, {"units": "1"})
-    found["left_at"] = ((), left_at, {"units": "1"})
-    names = {"integrator": tableau.name, "label": tableau.label, "first": tableau.first}
-    told = {"system": system.name, "system_label": system.label, "component": component}
-    return found.assign_attrs(names | told | {"tau": tau, "followed": FOLLOWED})
-
-
-def _dataset(units: Mapping[str, str], path: Sequence[Array], signs: Array, around: Sequence[Array]) -> xr.Dataset:
-    """Return the drawn data: q, p, H and its error along the ``path``, and H on a grid ``around`` it.
 
     q, p, H and ``energy_error`` (relative to the start, signed) over (iteration, substep): substep 0 is the initial and
     substep s + 1 the final position, and substep i the state after the i-th pair of drift and kick; a zero completes
@@ -226,36 +174,53 @@ def _dataset(units: Mapping[str, str], path: Sequence[Array], signs: Array, arou
     """
     import xarray as xr
 
-    q, p, energy, error = path
-    q_grid, p_grid, hamiltonian = around
-    iterations, substeps = q.shape
-    along = ("iteration", "substep")
+    plane = _Plane(tableau, system, component, tau)
+    path = [plane.walk(start)]
+    while len(path) < iterations:
+        path.append(plane.walk(path[-1][-1]))
+    points = np.array(path)
+    q, p = points[..., 0], points[..., 1]
+    q_grid, p_grid = (np.linspace(low, high, GRID) for low, high in window)
+    with np.errstate(over="ignore", invalid="ignore"):  # a path may go to infinity
+        energy = plane.hamiltonian(q, p)
+        around = plane.hamiltonian(q_grid[None, :], p_grid[:, None])
+        error = (energy - energy[0, 0]) / abs(energy[0, 0])
+    drifts, kicks = np.sign(np.array([*plane.pairs, (0.0, 0.0)])).astype(np.int8).T
+    largest, left_at = plane.follow(start)
+    units, along = system.units, ("iteration", "substep")
     return xr.Dataset(
         {
             "q": (along, q, {"units": units["q"], "long_name": "position"}),
             "p": (along, p, {"units": units["p"], "long_name": "momentum"}),
             "H": (along, energy, {"units": units["energy"], "long_name": "Hamiltonian"}),
             "energy_error": (along, error, {"units": "1"}),
-            "next_drift_sign": ("substep", signs[:, 0], {"units": "1"}),
-            "next_kick_sign": ("substep", signs[:, 1], {"units": "1"}),
-            "kind": ("substep", ["initial", *["substep"] * (substeps - 2), "final"]),
-            "hamiltonian": (("p_grid", "q_grid"), hamiltonian, {"units": units["energy"]}),
+            "next_drift_sign": ("substep", drifts, {"units": "1"}),
+            "next_kick_sign": ("substep", kicks, {"units": "1"}),
+            "kind": ("substep", ["initial", *["substep"] * (len(drifts) - 2), "final"]),
+            "hamiltonian": (("p_grid", "q_grid"), around, {"units": units["energy"]}),
+            "max_energy_error": ((), largest, {"units": "1"}),
+            "left_at": ((), left_at, {"units": "1"}),
         },
         coords={
             "iteration": ("iteration", np.arange(1, iterations + 1)),
-            "substep": ("substep", np.arange(substeps)),
+            "substep": ("substep", np.arange(len(drifts))),
             "q_grid": ("q_grid", q_grid, {"units": units["q"], "long_name": "position"}),
             "p_grid": ("p_grid", p_grid, {"units": units["p"], "long_name": "momentum"}),
         },
-    )
+        attrs={
+            "integrator": tableau.name, "label": tableau.label, "first": tableau.first, "system": system.name,
+            "system_label": system.label, "component": component, "tau": tau, "followed": FOLLOWED,
+        },
+    )  # fmt: skip
 
 
 class _Plane:
-    """A system with all coordinates except one at rest at zero."""
+    """Steps of a method on a system with all coordinates except one at rest at zero."""
 
-    def __init__(self, system: System, component: int) -> None:
-        self._system, self._component = system, component
-        self._parameters = system.constants(float)
+    def __init__(self, tableau: Tableau, system: System, component: int, tau: float) -> None:
+        self._system, self._component, self._tau = system, component, tau
+        self._parameters, self._drift_first = system.constants(float), tableau.first == "drift"
+        self.pairs = list(zip_longest(map(float, tableau.drift), map(float, tableau.kick), fillvalue=0.0))
 
     def _embed(self, value: Any) -> tuple[Any, ...]:
         return tuple(value if i == self._component else 0.0 for i in range(self._system.dimension))
@@ -263,39 +228,35 @@ class _Plane:
     def hamiltonian(self, q: Any, p: Any) -> Any:
         return self._system.energy(self._embed(q), self._embed(p), self._parameters)
 
-    def velocity(self, p: float) -> float:
+    def _velocity(self, p: float) -> float:
         return float(self._system.formulas().grad_T(self._embed(p), *self._parameters)[self._component])
 
-    def force(self, q: float) -> float:
+    def _force(self, q: float) -> float:
         return -float(self._system.grad_V(self._embed(q), *self._parameters)[self._component])
 
+    def walk(self, start: State) -> list[State]:
+        """Return ``start`` and the state after each (drift, kick) pair: Eq. 3 if drifts are first, else Eq. 4."""
+        (q, p), points = start, [start]
+        for drift, kick in self.pairs:
+            if self._drift_first:
+                q += self._tau * drift * self._velocity(p)
+                p += self._tau * kick * self._force(q)
+            else:
+                p += self._tau * kick * self._force(q)
+                q += self._tau * drift * self._velocity(p)
+            points.append((q, p))
+        return points
 
-def _walk(start: State, pairs: list[State], plane: _Plane, tau: float, *, drift_first: bool) -> list[State]:
-    """Return ``start`` and the state after each (drift, kick) pair: Eq. 3 if ``drift_first``, else Eq. 4."""
-    q, p = start
-    points = [start]
-    for drift, kick in pairs:
-        if drift_first:
-            q += tau * drift * plane.velocity(p)
-            p += tau * kick * plane.force(q)
-        else:
-            p += tau * kick * plane.force(q)
-            q += tau * drift * plane.velocity(p)
-        points.append((q, p))
-    return points
-
-
-def _follow(walk: Callable[[State], list[State]], start: State, plane: _Plane, limit: float) -> tuple[float, int]:
-    """Return the largest |dH/H0| over FOLLOWED iterations and 0, or inf and the iteration of divergence."""
-    reference = plane.hamiltonian(*start)
-    state, largest = start, 0.0
-    for iteration in range(1, FOLLOWED + 1):
-        state = walk(state)[-1]
-        error = abs(plane.hamiltonian(*state) - reference) / abs(reference)
-        if not error <= limit:  # true for NaN too
-            return math.inf, iteration
-        largest = max(largest, error)
-    return largest, 0
+    def follow(self, start: State) -> tuple[float, int]:
+        """Return the largest |dH/H0| over FOLLOWED iterations and 0, or inf and the iteration of divergence."""
+        reference, state, largest = self.hamiltonian(*start), start, 0.0
+        for iteration in range(1, FOLLOWED + 1):
+            state = self.walk(state)[-1]
+            error = abs(self.hamiltonian(*state) - reference) / abs(reference)
+            if not error <= self._system.surface_limit:  # true for NaN too
+                return math.inf, iteration
+            largest = max(largest, error)
+        return largest, 0
 
 
 # --- Panel D of Figure 6 from starts outside the plane q_x = 0: there the paths finally diverge.
@@ -317,24 +278,28 @@ def displaced(integrator: str, iterations: int) -> dict[str, Contents]:
     system = panel["system"]
     samples = {round(n) for n in tau_grid(1, iterations, PER_DECADE)} | {iterations}
     marks = np.array([0, *sorted(samples)])
-    paths = [_integrated(tableau, panel, summation, marks) for summation in SUMS]
-
-    def of_runs(key: str) -> Any:
-        return np.stack([getattr(path, key) for path in paths], axis=1)
-
-    over, unit, left_at = ("displacement", "summation"), system.units["q"], of_runs("left_at")
+    (q_y, p_y), runs, paths = map(str, panel["start"]), len(DISPLACEMENTS), []
+    for summation in SUMS:
+        starts = [start_array(system, (q_x, q_y), ("0", p_y), plain=summation == "plain") for q_x in DISPLACEMENTS]
+        paths.append(
+            integrate_batch(
+                system, tableau, t_end=Fraction(panel["tau"]) * iterations, steps=[iterations] * runs, samples=2,
+                numerics=Numerics(summation=summation), start=np.concatenate(starts), marks=np.tile(marks, (runs, 1)),
+            )
+        )  # fmt: skip
+    columns = ("left_at", "max_energy_error", "block_max", "q")
+    left_at, largest, blocks, q = (np.stack([getattr(path, key) for path in paths], axis=1) for key in columns)
+    over, unit = ("displacement", "summation"), system.units["q"]
     variables = {
         **coordinate("displacement", np.array(DISPLACEMENTS, dtype=float), "initial q_x", unit),
         **coordinate("summation", SUMS, "summation of the steps"),
         **coordinate("iteration", marks[1:], "number of the iteration"),
         "left_at": variable(over, left_at, "iteration that left the energy surface, 0 if none did"),
-        "max_energy_error": variable(
-            over, of_runs("max_energy_error"), "maximum of |H - H0|/|H0| over every iteration, inf if one left"
-        ),
+        "max_energy_error": variable(over, largest, "maximum of |H - H0|/|H0| over every iteration, inf if one left"),
         "block_max_energy_error": variable(
-            (*over, "iteration"), of_runs("block_max")[..., 1:], "maximum of |H - H0|/|H0| since the previous sample"
+            (*over, "iteration"), blocks[..., 1:], "maximum of |H - H0|/|H0| since the previous sample"
         ),
-        "q_x": variable((*over, "iteration"), of_runs("q")[..., 1:, 0], "q_x", unit),
+        "q_x": variable((*over, "iteration"), q[..., 1:, 0], "q_x", unit),
     }
     attributes = {
         "system": system.name, "system_label": system.label, "integrator": tableau.name, "label": tableau.label,
@@ -344,12 +309,41 @@ def displaced(integrator: str, iterations: int) -> dict[str, Contents]:
     return {"cube": Contents(variables=variables, attributes=attributes, evaluations=evaluations)}
 
 
-def _integrated(tableau: Tableau, panel: dict[str, Any], summation: str, marks: np.ndarray[Any, Any]) -> Trajectories:
-    """Return the runs with one summation, sampled at ``marks``; the last mark is the number of steps."""
-    system, (q_y, p_y), runs = panel["system"], map(str, panel["start"]), len(DISPLACEMENTS)
-    starts = [start_array(system, (q_x, q_y), ("0", p_y), plain=summation == "plain") for q_x in DISPLACEMENTS]
-    steps = int(marks[-1])
-    return integrate_batch(
-        system, tableau, t_end=Fraction(panel["tau"]) * steps, steps=[steps] * runs, samples=2,
-        numerics=Numerics(summation=summation), start=np.concatenate(starts), marks=np.tile(marks, (runs, 1)),
-    )  # fmt: skip
+# --- Content of Figures 2 and 4, on paper and in a browser, without matplotlib.
+
+#: An error term below this level is zero to the digits of the coefficients; terms of fewer digits are exactly 0.
+SATISFIED_BELOW = 1e-30
+#: Arcseconds per century, from general relativity: Nobili & Will (1986), doi:10.1038/320039a0.
+MERCURY_RELATIVISTIC_ADVANCE = 42.98
+
+
+def arcseconds_per_century(orbital_period: float) -> float:
+    """Return 1 rad per orbit in arcseconds per century, for a period in hours."""
+    return (180 * 3600 / math.pi) * (36525 * 24) / orbital_period
+
+
+class Advances(NamedTuple):
+    """Perihelion advances of the runs of one method over tau_per_stage.
+
+    ``size`` is positive, NaN where there is none to draw; ``interval`` is the half width of its 95 % interval, which
+    excludes zero where the advance is ``known``, and includes it where it is ``unknown``.
+    """
+
+    line: Line
+    evaluations: Floats
+    size: Floats
+    interval: Floats
+    known: Bools
+    unknown: Bools
+
+
+def advances(cube: xr.Dataset, columns: int) -> list[Advances]:
+    """Return the advances of each method of ``cube`` in double, as many as ``columns`` can show."""
+    found = []
+    for line in lines(double_runs(cube), ["perihelion_advance"], columns):
+        size: Floats = np.abs(np.array(line.runs["perihelion_advance"].values, float))
+        size[~(np.isfinite(size) & (size > 0))] = np.nan
+        interval = np.array(line.runs["perihelion_advance_interval"].values, float)
+        evaluations = line.runs["evaluations_per_orbit"].values
+        found.append(Advances(line, evaluations, size, interval, interval < size, interval >= size))
+    return found

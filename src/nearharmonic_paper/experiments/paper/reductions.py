@@ -2,24 +2,32 @@
 
 A reduction is a function below ``@reduction(...)``, which names the variables that it needs: those of a run file, over
 (tau_per_stage, sample, component). Attributes of the dataset name ``system`` and ``integrator``. With
-``over="tau_per_stage"`` a reduction takes the whole curves of the cube instead. No integration depends on this module.
+``over="tau_per_stage"`` a reduction takes the whole curves of the cube instead.
+No integration depends on this module, except one that keeps reduced numbers alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from math import inf
+from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from nearharmonic.engine import invariants
 from nearharmonic.engine.description import SINCE
+from nearharmonic.engine.settings import Sweep
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.statistics import linear_trend, trend_linearity
 from nearharmonic.numerics.statistics import observed_order as order_of_curve
-from nearharmonic.output.store import described
+from nearharmonic.output import store
+from nearharmonic.output.store import Contents, Variables, assembled, described, variables_of
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
+from nearharmonic_paper.experiments.paper.run import COORDINATES, PAPER, Completion, Run, integrate, integrate_run
 from nearharmonic_paper.tasks.reduction import Reductions, exact_sum
 
 reduction = Reductions()
@@ -104,3 +112,122 @@ def orbital_period(system: System) -> float:
     if system.period is None:
         return float("nan")
     return system.period(*system.start(float), *system.constants(float))
+
+
+# --- Assembly of cubes from run files: the reduced numbers of all methods.
+
+#: Values of cells without a run; other variables are NaN.
+NO_RUN: dict[Any, Any] = {"status": "skipped", "steps": 0, "evaluations": 0, "diverged_at": 0}
+#: Variables that a cube copies from run files.
+TAKEN_OVER = ("tau_per_stage", "tau", "steps", "evaluations", "status", "diverged_at")
+
+
+def reduce(sweep: Sweep, integrators: Sequence[str], **runs: Sequence[str]) -> dict[str, xr.Dataset]:
+    """Return the ``cube`` of a system, :func:`cube_of` the files of each method, by its name in ``runs``.
+
+    They are its run files, or one file of reduced numbers. The methods are in the order of ``integrators``.
+    """
+    return {"cube": cube_of(sweep.system, {name: numbers_of(sweep.system, runs[name]) for name in integrators})}
+
+
+def reduce_method(sweep: Sweep, integrator: str, runs: Sequence[str]) -> dict[str, xr.Dataset]:
+    """Return the ``reduced`` numbers of the run files of a method: a cube of many files is made in constant memory."""
+    return {"reduced": numbers_of(sweep.system, runs).assign_attrs(system=sweep.system, integrator=integrator)}
+
+
+def numbers_of(system: str, paths: Iterable[str]) -> xr.Dataset:
+    """Return the counts and the reduced numbers of one method's runs over (precision, tau_per_stage).
+
+    One file is read at a time, without the variables that no reduction of the system needs.
+    """
+    shards: dict[str, list[xr.Dataset]] = {}
+    for path in paths:
+        for precision, runs in store.read_precisions(path, leave_out=_left_out(system)).items():
+            if "precision" in runs.dims:
+                return runs  # those of all files of a method
+            shards.setdefault(precision, []).append(numbers(runs))
+    curves = {name: joined(parts, "tau_per_stage").sortby("tau_per_stage") for name, parts in shards.items()}
+    whole = joined([one.expand_dims(precision=[name]) for name, one in curves.items()], "precision")
+    whole["precision"].attrs |= described("precision")
+    return whole
+
+
+def _left_out(system: str) -> tuple[str, ...]:
+    """States, the largest part of a run file: only drifts of invariants need them, and the paper does without."""
+    return ("q", "p", "q_low", "p_low") if system in PAPER else ()
+
+
+def numbers(runs: xr.Dataset) -> xr.Dataset:
+    """Return the numbers of ``runs`` over tau_per_stage: those of the file, and the results of the reductions."""
+    if "sample" not in runs.dims:
+        return runs  # reduced already
+    runs = runs.reset_coords()  # xarray compares auxiliary coordinates at every operation
+    return runs[list(TAKEN_OVER)].assign(reduction.of(runs))
+
+
+def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:
+    """Return the cube of a system, over (precision, integrator, tau_per_stage).
+
+    ``methods`` has the numbers of each method over (precision, tau_per_stage), by its name. Runs that the plan omits
+    have the status "skipped" and NaN errors. A reader can run one again: the attributes ``q0``, ``p0`` and
+    ``parameters`` are JSON of exact digits, as the arguments of :func:`nearharmonic.integrate` are.
+    """
+    problem = systems[system]
+    labels = [integrators[name].label for name in methods]
+    cube = joined([numbers.expand_dims(integrator=[name]) for name, numbers in methods.items()], "integrator")
+    cube = cube.transpose("precision", "integrator", "tau_per_stage").assign_coords(label=("integrator", labels))
+    cube = cube.assign(reduction.of(cube, over="tau_per_stage"))
+    stages = np.array([integrators[name].stages for name in methods])
+    cube["stages"] = ("integrator", stages, described("stages s: tau is s times the step size per stage"))
+    cube.tau_per_stage.attrs |= described("step size per stage", problem.units["t"])
+    label = "name in the paper" if problem.name in systems.registered else "label"
+    for name, text in (("integrator", "integrator"), ("label", label), ("precision", "precision")):
+        cube[name].attrs |= described(text)
+    attributes: dict[str, Any] = {"system": system, "system_label": problem.label}
+    if system not in systems.registered:
+        attributes |= {"energy_at_start": invariants.energy_at_start(problem), "energy_unit": problem.units["energy"]}
+    constants = {name: parameter.value for name, parameter in problem.parameters.items()}
+    for name, value in (("q0", problem.q0), ("p0", problem.p0), ("parameters", constants)):
+        attributes[name] = json.dumps(value)
+    if problem.period is not None:
+        attributes["orbital_period"] = orbital_period(problem)
+    if "energy_floor" in cube.attrs:  # of the run files
+        attributes["energy_floor"] = cube.attrs["energy_floor"]
+    cube.attrs = attributes
+    return cube
+
+
+def joined(parts: Sequence[xr.Dataset], dimension: str) -> xr.Dataset:
+    """Return ``parts`` along ``dimension``, with fill values for missing variables of a part."""
+    names = {name for part in parts for name in part.data_vars}
+    return xr.concat(
+        parts, dimension, data_vars="all", coords="minimal", compat="override", join="outer",
+        fill_value={name: NO_RUN.get(name, np.nan) for name in names}, combine_attrs="override",
+    )  # fmt: skip
+
+
+# --- Runs of which reduced numbers alone are kept.
+
+#: Samples of a run, from which its numbers are computed before it is dropped.
+SAMPLES = 500
+#: Runs that are held at once: 28 MB of planar trajectories.
+AT_ONCE = 1000
+
+
+def integrate_and_reduce(
+    sweep: Sweep, integrator: str, shard: int, earlier: Completion | None = None
+) -> dict[str, Contents]:
+    """Integrate one shard with 500 samples, as :func:`integrate` does, and keep numbers over tau_per_stage alone."""
+    return integrate(sweep, integrator, shard, earlier, reduced_run)
+
+
+def reduced_run(run: Run) -> Variables:
+    """Return the numbers of planned runs over tau_per_stage, a thousand runs at a time."""
+    parts = []
+    for begin in range(0, len(run.steps), AT_ONCE):
+        among = slice(begin, begin + AT_ONCE)
+        some = replace(run, tau_per_stage=run.tau_per_stage[among], steps=run.steps[among], samples=SAMPLES)
+        notes = {"system": run.sweep.system, "integrator": run.integrator}
+        trajectories = assembled(integrate_run(some), COORDINATES, notes)
+        parts.append(numbers(trajectories.drop_vars(_left_out(run.sweep.system), errors="ignore")))
+    return variables_of(joined(parts, "tau_per_stage"))

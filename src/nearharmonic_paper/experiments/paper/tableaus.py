@@ -1,23 +1,25 @@
-"""Tables of methods: the paper's, and one of all methods."""
+"""What follows from the coefficients of methods alone: the paper's tables, one of all methods, and error terms."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
-from typing import Any
+from typing import TYPE_CHECKING, Any, get_args
 
-from nearharmonic.core.machine import disk
-from nearharmonic.exact.polynomials import fixed_point
+import numpy as np
+
+from nearharmonic.exact.polynomials import BigFloat, fixed_point
 from nearharmonic.integrators import forest_ruth_1990, plain_integrators
-from nearharmonic.integrators import integrators as methods_by_name
+from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import First, Tableau
 from nearharmonic.math import pow
+from nearharmonic.output.store import assembled, coordinate, method_coordinates, variable
 from nearharmonic.output.table import Table
 from nearharmonic.theory.order import (
     ErrorTerm,
     closed_sums,
     generalised_order_of,
+    harmonic_order,
     harmonic_orders_of,
     leading_errors,
     momentum_row,
@@ -25,21 +27,19 @@ from nearharmonic.theory.order import (
     order_of,
     position_rows,
 )
-from nearharmonic.theory.oscillator import stability_gaps, table_4, tableau_of
-from nearharmonic_paper.tasks.provenance import code_digest, coefficients_digest
+from nearharmonic.theory.oscillator import kappa, lambda_max, stability_gaps, table_4, tableau_of
+
+if TYPE_CHECKING:
+    import xarray as xr
+
 
 # --- Table of all methods, computed without integration; the paper has no such table.
-#
-# The module is separate from the tables of the paper because its rows are cached on disk: a row depends only on the
-# coefficients and the code, and its proofs take up to a second for a method of order ten.
 
 Header = tuple[str, ...]
 Cell = str | int | float
 Cells = tuple[Cell, ...]
 Columns = tuple[Header, list[Cells]]
 
-#: Maximum number of rows on disk, half a kilobyte each. A larger cache is cleared.
-MOST_KEPT = 1000
 #: Quantities whose harmonic order is a column.
 HARMONIC = ("position", "momentum", "energy")
 #: Potentials for which an order is a column besides, by degree; T is quadratic.
@@ -51,20 +51,9 @@ def overview(*names: str) -> Columns:
 
     Errors are powers of tau with the norms of :func:`nearharmonic.theory.order.leading_errors`. An
     effective error is s norm^(1/order), which includes the cost of s stages. Edges of stability have 12 decimals.
-
-    Rows are kept by the digest of their method, in a file in the folder of compiled code, which is writable only for
-    the user. Its name depends on all code that computes a row.
     """
-    tableaus = [methods_by_name[name] for name in names or plain_integrators]
-    keys = [coefficients_digest([tableau]) for tableau in tableaus]
-    place = disk.place_of(f"overview-{code_digest(__name__)[:32]}")
-    kept = disk.read(place) if place else None
-    rows: dict[str, Any] = json.loads(kept[1]) if kept else {}
-    missing = {key: columns_of(tableau) for key, tableau in zip(keys, tableaus, strict=True) if key not in rows}
-    rows |= missing
-    if missing and place:
-        disk.write(place, "overview", json.dumps(rows if len(rows) <= MOST_KEPT else missing).encode())
-    return tuple(rows[keys[0]]), [tuple(rows[key].values()) for key in keys]
+    rows = [columns_of(registry[name]) for name in names or plain_integrators]
+    return tuple(rows[0]), [tuple(row.values()) for row in rows]
 
 
 def columns_of(tableau: Tableau) -> dict[str, Cell]:
@@ -119,28 +108,28 @@ def _generalised(tableau: Tableau, *, quadratic: bool) -> str:
 
 NOTHING = ""
 
-#: File names of the paper's tables, and of the table of all methods.
-STEMS = (
-    "table1_structure", "table2_recursion", "table2_values", "table3_even_orders", "table4_coefficients", "integrators",
-)  # fmt: skip
-
 
 def paper_tables(integrators: Sequence[str]) -> dict[str, Table]:
-    """Return the paper's tables, and the table of the methods ``integrators``, by their file names, :data:`STEMS`.
+    """Return the paper's tables, and the table of the methods ``integrators``, by their file names.
 
     The paper illustrates its Tables 2 and 3 with three stages in the BAB composition; here they are for Ruth's method.
     """
     (ruth,) = forest_ruth_1990.TABLEAUS
-    columns = (
-        (structure(ruth), "Table 1: mirror images among the coefficients of Ruth's method."),
-        (recursion_symbols(ruth, first="kick"), "Table 2: the recursion for three stages as BAB, in symbols."),
-        (recursion_values(ruth, first="kick"), "Table 2 for Ruth's method as BAB, in numbers."),
-        (even_orders(ruth, first="kick"), "Table 3: closed sums for Ruth's method as BAB, beside Table 2's numbers."),
-        (table_4(), "Table 4: independent coefficients; d is the outer row, c the inner one."),
-        (overview(*integrators), "Every integrator: structure, orders, leading errors, linear stability."),
-    )
-    tables = (Table(header=header, rows=rows, caption=caption) for (header, rows), caption in columns)
-    return dict(zip(STEMS, tables, strict=True))
+    symbols, values = (made(ruth, first="kick") for made in (recursion_symbols, recursion_values))
+    made: dict[str, tuple[tuple[Header, Sequence[Cells]], str]] = {
+        "table1_structure": (structure(ruth), "Table 1: mirror images among the coefficients of Ruth's method."),
+        "table2_recursion": (symbols, "Table 2: the recursion for three stages as BAB, in symbols."),
+        "table2_values": (values, "Table 2 for Ruth's method as BAB, in numbers."),
+        "table3_even_orders": (
+            even_orders(ruth, first="kick"),
+            "Table 3: closed sums for Ruth's method as BAB, beside Table 2's numbers.",
+        ),
+        "table4_coefficients": (table_4(), "Table 4: independent coefficients; d is the outer row, c the inner one."),
+        "integrators": (
+            overview(*integrators), "Every integrator: structure, orders, leading errors, linear stability."
+        ),
+    }  # fmt: skip
+    return {stem: Table(header=header, rows=rows, caption=text) for stem, ((header, rows), text) in made.items()}
 
 
 def structure(integrator: str | Tableau) -> Columns:
@@ -167,24 +156,20 @@ def recursion_symbols(integrator: str | Tableau, *, first: First | None = None) 
     which the paper does not decompose (last line of Eq. 6).
     """
     tableau = tableau_of(integrator, first)
-    drifts, width = len(tableau.drift), _powers(tableau)
-    rows: list[Cells] = [(0, *_padded(["q_a"], width))]
-    rows.append((1, *_padded(["Q[0,0]", "c_1 p_a / m", "D_1 Qbar[0,0]"][: _highest(tableau, 1) + 1], width)))
-    for h in range(2, drifts + 1):
-        cells = [_recursion_entry(tableau, h, power) for power in range(_highest(tableau, h) + 1)]
-        rows.append((h, *_padded(cells, width)))
-    return _powers_header(width), [*rows, ("p_b / m", *_padded(_momentum_entries(tableau), width))]
+    first_drift = ["Q[0,0]", "c_1 p_a / m", "D_1 Qbar[0,0]"][: _highest(tableau, 1) + 1]
+    later = [
+        (h, [_recursion_entry(tableau, h, power) for power in range(_highest(tableau, h) + 1)])
+        for h in range(2, len(tableau.drift) + 1)
+    ]
+    return _by_power(tableau, [(0, ["q_a"]), (1, first_drift), *later, ("p_b / m", _momentum_entries(tableau))])
 
 
 def recursion_values(integrator: str | Tableau, *, first: First | None = None) -> Columns:
     """Return Table 2 in numbers for m = k = 1; even powers have units of q_a, odd ones p_a (momentum: vice versa)."""
     tableau = tableau_of(integrator, first)
-    width = _powers(tableau)
-    rows: list[Cells] = [
-        (h, *_padded(map(float, row[: _highest(tableau, h) + 1]), width))
-        for h, row in enumerate(position_rows(tableau))
-    ]
-    return _powers_header(width), [*rows, ("p_b", *_padded(map(float, momentum_row(tableau)), width))]
+    rows = [(h, row[: _highest(tableau, h) + 1]) for h, row in enumerate(position_rows(tableau))]
+    every: list[tuple[str | int, Sequence[Any]]] = [*rows, ("p_b", momentum_row(tableau))]
+    return _by_power(tableau, [(h, [float(x) for x in row]) for h, row in every])
 
 
 def even_orders(integrator: str | Tableau, *, first: First | None = None) -> Columns:
@@ -212,18 +197,11 @@ def _highest(tableau: Tableau, h: int) -> int:
     return max(0, 2 * h - (tableau.first == "drift"))
 
 
-def _powers(tableau: Tableau) -> int:
-    """Return the number of powers for position and momentum; one of them has tau^(2s + 1)."""
-    return 2 * tableau.stages + 2
-
-
-def _powers_header(width: int) -> Header:
-    return ("h", *(f"tau^{power}" for power in range(width)))
-
-
-def _padded(cells: Iterable[str | float], width: int) -> Cells:
-    row = list(cells)
-    return (*row, *[NOTHING] * (width - len(row)))
+def _by_power(tableau: Tableau, rows: Iterable[tuple[str | int, Sequence[str | float]]]) -> Columns:
+    """Return the columns and rows of Table 2; a row has no entries for the highest powers, up to tau^(2s + 1)."""
+    width = 2 * tableau.stages + 2
+    header = ("h", *(f"tau^{power}" for power in range(width)))
+    return header, [(h, *cells, *[NOTHING] * (width - len(cells))) for h, cells in rows]
 
 
 def _recursion_entry(tableau: Tableau, h: int, power: int) -> str:
@@ -248,3 +226,38 @@ def _momentum_entries(tableau: Tableau) -> list[str]:
         text += f" - d_{h + 1} Qbar[{h},{power - 1}]" if kicked and power else ""
         entries.append(text.strip())
     return entries
+
+
+# --- Error terms of the oscillator: errors of the position after one step, order by order.
+
+#: Decimals from which rounded coefficients leave terms far below 1e-30: the ten benchmarked methods have as many.
+MANY_DIGITS = 39
+
+
+def decompose(integrators: Sequence[str]) -> dict[str, xr.Dataset]:
+    """Return the ``cube`` of position error terms kappa over (integrator, first, order).
+
+    Terms are up to the highest order of each composition, and NaN in the exchanged role of a method with modified
+    potentials, which does not exist.
+    """
+    tableaus, roles = [registry[name] for name in integrators], get_args(First)
+    terms = [[_terms(t, first) for first in roles] for t in tableaus]
+    highest = max(len(row) for rows in terms for row in rows)
+    values = [[[*map(float, row), *[np.nan] * (highest - len(row))] for row in rows] for rows in terms]
+    text = "position error term kappa of the harmonic oscillator; kick first is BAB, drift first is ABA"
+    variables = {
+        **method_coordinates(tableaus),
+        **coordinate("first", roles, "operator that comes first"),
+        **coordinate("order", np.arange(1, highest + 1), "order lambda in tau"),
+        "kappa": variable(("integrator", "first", "order"), values, text),
+    }
+    return {"cube": assembled(variables, ["label"], {})}
+
+
+def _terms(tableau: Tableau, first: First) -> list[BigFloat]:
+    """Return the terms; those that vanish to the digits of a method of few digits are 0, not their rounding errors."""
+    if tableau.modified and first != tableau.first:
+        return []
+    terms = kappa(tableau, lambda_max(tableau, first=first), first=first)
+    vanishing = harmonic_order(tableau, first=first) if tableau.digits < MANY_DIGITS else 0
+    return [*(0 * term for term in terms[:vanishing]), *terms[vanishing:]]

@@ -6,13 +6,12 @@ from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.stability.settings import StabilitySettings
 from nearharmonic_paper.tasks.experiment import Experiment, Figure
 
-FIGURES = {
-    "linear_stability": Figure(
-        draw="nearharmonic_paper.experiments.stability.figures:linear_stability",
-        title="Linear stability",
-        cube="linear_stability",
-        category="Stability",
-        caption=(
+#: Title, cube and caption of each figure, by the name of its function.
+DRAWN = {
+    "linear_stability": (
+        "Linear stability",
+        "linear_stability",
+        (
             "Half the trace of the step matrix of the harmonic oscillator, polynomials in tau known exactly, against "
             "step size per stage tau/s; cos(tau), the exact one, is the thin line. A method is stable while the curve "
             "stays between -1 and 1; red marks the gaps where it does not, ticks at the top those too narrow to be "
@@ -20,12 +19,10 @@ FIGURES = {
             "Past the last edge none is stable."
         ),
     ),
-    "henon_heiles_stability": Figure(
-        draw="nearharmonic_paper.experiments.stability.figures:henon_heiles_stability",
-        title="Ensembles on energy surfaces of Hénon and Heiles",
-        cube="stability_henon_heiles",
-        category="Stability",
-        caption=(
+    "henon_heiles_stability": (
+        "Ensembles on energy surfaces of Hénon and Heiles",
+        "stability_henon_heiles",
+        (
             "Henon-Heiles ensembles: for each method, four energy surfaces from H = 1/24 (top strip) to the energy of "
             "escape, H = 1/6 (bottom strip), against the step size per stage. Colour is the median over the "
             "trajectories of the largest energy error: the lighter the better. Grey: more than 1 % of the "
@@ -34,12 +31,10 @@ FIGURES = {
             "narrower than a column. Initial conditions are quasi-random in the microcanonical measure."
         ),
     ),
-    "kepler_stability": Figure(
-        draw="nearharmonic_paper.experiments.stability.figures:kepler_stability",
-        title="Kepler orbits by eccentricity",
-        cube="stability_kepler",
-        category="Stability",
-        caption=(
+    "kepler_stability": (
+        "Kepler orbits by eccentricity",
+        "stability_kepler",
+        (
             "Kepler orbits of eccentricity e from the apoapsis. A: largest energy error; B: spurious advance of the "
             "perihelion in radians per orbit; each against force evaluations per orbit, one map a method, the lighter "
             "the better. Grey: the orbit was lost (the energy error reached the energy itself, or the perihelion "
@@ -47,12 +42,10 @@ FIGURES = {
             "methods. The eccentricity is spaced by the logarithm of the perihelion distance, 1 - e."
         ),
     ),
-    "rounding_growth": Figure(
-        draw="nearharmonic_paper.experiments.stability.figures:rounding_growth",
-        title="Growth of rounding errors",
-        cube="stability_rounding",
-        category="Stability",
-        caption=(
+    "rounding_growth": (
+        "Growth of rounding errors",
+        "stability_rounding",
+        (
             "Effect of rounding alone on Kepler orbits over a long time, as root mean square over an ensemble. A: "
             "energy; B: lag along the track, as mean anomaly. Solid: plain summation; dashed: compensated; "
             "dash-dotted: extended precision; dotted: the lag that coefficients rounded to double cause in exact "
@@ -60,12 +53,10 @@ FIGURES = {
             "errors, t^1/2 and t^3/2. C, D: the exponents fitted, with 95 % intervals by the jackknife over orbits."
         ),
     ),
-    "kinetic_energy": Figure(
-        draw="nearharmonic_paper.experiments.stability.figures:kinetic_energy",
-        title="A kinetic energy that is not quadratic",
-        cube="kinetic_energy",
-        category="Stability",
-        caption=(
+    "kinetic_energy": (
+        "A kinetic energy that is not quadratic",
+        "kinetic_energy",
+        (
             "Relativistic oscillator, H = sqrt(1 + p^2) - 1 + q^2/2, t in [0, 500], from q = A at rest. A, B: largest "
             "energy error over every step against step size per stage, at a small and at a relativistic amplitude. C: "
             "the same at tau/s = 0.05 against amplitude, over that of Ruth's method: the lead of the harmonic methods "
@@ -75,6 +66,13 @@ FIGURES = {
         ),
     ),
 }
+FIGURES = {
+    name: Figure(
+        draw=f"nearharmonic_paper.experiments.stability.figures:{name}",
+        title=title, cube=cube, caption=caption, category="Stability",
+    )
+    for name, (title, cube, caption) in DRAWN.items()
+}  # fmt: skip
 ENSEMBLES = ("henon_heiles", "kepler", "rounding")
 
 

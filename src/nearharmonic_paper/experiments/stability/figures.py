@@ -28,7 +28,7 @@ from nearharmonic.plotting.style import (
     panel_letter,
     style_of,
 )
-from nearharmonic_paper.experiments.stability.henon_heiles_reductions import TOLERATED
+from nearharmonic_paper.experiments.stability.reductions import TOLERATED
 
 KEPLER_COLUMNS = 5
 # --- Kepler maps: energy error, spurious perihelion advance and loss of the orbit over eccentricity and step size.
@@ -73,10 +73,7 @@ def _draw_maps(
     for axes in grid[:, 0]:
         axes.set_ylabel("e", rotation=0, labelpad=6)
     part.supxlabel("force evaluations per orbit", fontsize=8.5, y=0.005)
-    bar = part.colorbar(image, cax=part.add_axes((0.9, 0.13, 0.015, 0.66)), extend="min")
-    ticks = np.arange(np.log10(limits[0]), np.log10(limits[1]) + 1, 2)
-    bar.set_ticks(ticks, labels=[rf"$10^{{{int(t)}}}$" for t in ticks])
-    bar.ax.grid(visible=False)
+    _colour_bar(part, image, (0.9, 0.13, 0.015, 0.66), limits)
     part.legend(handles=[Patch(color=LOST_COLOUR, label="lost")], loc="upper right", fontsize=8, borderaxespad=0.2)
     part.text(0.01, 0.985, rf"$\mathbf{{{letter}}}$  {says}", va="top", fontsize=9)
 
@@ -106,6 +103,17 @@ def _draw_map(axes: Axes, one: xr.Dataset, variable: str, limits: tuple[float, f
     axes.grid(visible=False)
     axes.set_title(str(one["label"].item()), fontsize=8, pad=2)
     return image
+
+
+def _colour_bar(
+    figure: Any, image: Any, place: tuple[float, ...], limits: tuple[float, float], orientation: str = "vertical"
+) -> Any:
+    """Draw the bar of decades between ``limits``, two apart, at a place of the figure."""
+    bar = figure.colorbar(image, cax=figure.add_axes(place), extend="min", orientation=orientation)
+    ticks = np.arange(np.log10(limits[0]), np.log10(limits[1]) + 1, 2)
+    bar.set_ticks(ticks, labels=[rf"$10^{{{int(t)}}}$" for t in ticks])
+    bar.ax.grid(visible=False)
+    return bar
 
 
 def _edges(centres: Any) -> Any:
@@ -158,9 +166,8 @@ def henon_heiles_stability(cube: xr.Dataset) -> Figure:
         image = _draw_method(axes, cube.sel(integrator=name), colours)
     rows[-1].set_xlabel(r"step size per stage, $\tau/s$")
     _annotate(drawn, image, height)
-    drawn.text(
-        0.955, 1 - 0.62 / height, f"Hénon-Heiles system, {problem_of(cube)}".rstrip(", "), ha="right", fontsize=9
-    )
+    says = f"Hénon-Heiles system, {problem_of(cube)}".rstrip(", ")
+    drawn.text(0.955, 1 - 0.62 / height, says, ha="right", fontsize=9)
     return drawn
 
 
@@ -171,13 +178,10 @@ def _draw_method(axes: Axes, one: xr.Dataset, colours: Any) -> Any:
         shade = np.log10(one["energy_error"].sel(quantile=0.5).transpose("energy", "tau_per_stage").values)
     escaped = one["escaped"].transpose("energy", "tau_per_stage").values > TOLERATED
     image = axes.imshow(
-        np.ma.masked_where(escaped, shade),
-        aspect="auto",
-        interpolation="none",
-        cmap=colours,
+        np.ma.masked_where(escaped, shade), aspect="auto", interpolation="none", cmap=colours,
         norm=Normalize(np.log10(SMALLEST), np.log10(LARGEST)),
         extent=(tau[0] - half, tau[-1] + half, len(shade) - 0.5, -0.5),
-    )
+    )  # fmt: skip
     limit = one["linear_limit"].item()
     if tau[0] - half <= limit <= tau[-1] + half:
         axes.axvline(limit, **LIMIT)
@@ -193,17 +197,10 @@ def _draw_method(axes: Axes, one: xr.Dataset, colours: Any) -> Any:
 
 def _annotate(figure: Figure, image: Any, height: float) -> None:
     """Draw the colour bar above the maps, with the meaning of grey and of the line."""
-    bar = figure.colorbar(
-        image,
-        cax=figure.add_axes((0.135, 1 - 0.33 / height, 0.42, 0.12 / height)),
-        extend="min",
-        orientation="horizontal",
-    )
-    ticks = np.arange(np.log10(SMALLEST), np.log10(LARGEST) + 1, 2)
-    bar.set_ticks(ticks.tolist(), labels=[rf"$10^{{{int(t)}}}$" for t in ticks])
+    place = (0.135, 1 - 0.33 / height, 0.42, 0.12 / height)
+    bar = _colour_bar(figure, image, place, (SMALLEST, LARGEST), orientation="horizontal")
     bar.ax.set_title(r"median over the ensemble of $\max\,|\Delta H/H_0|$", fontsize=8.5, pad=3)
     bar.ax.tick_params(labelsize=8, pad=1)
-    bar.ax.grid(visible=False)
     handles = [
         Patch(color=ESCAPED_COLOUR, label="more than 1 % escaped"),
         Line2D([], [], label="first linear limit", **LIMIT),
@@ -326,8 +323,7 @@ def rounding_growth(cube: xr.Dataset) -> Figure:
     drawn.subplots_adjust(left=0.125, right=0.985, top=0.865, bottom=0.065, hspace=0.27, wspace=0.25)
     upper, lower = drawn.subplots(2, 2, height_ratios=[1.5, 1])
     for column, (variable, exponent, says, sources) in enumerate(PANELS):
-        _draw_growth(upper[column], cube, names, variable, sources)
-        _draw_law(upper[column], cube, variable, exponent)
+        _draw_growth(upper[column], cube, names, variable, sources, exponent)
         upper[column].set_ylabel(says)
         panel_letter(upper[column], "AB"[column], ("energy", "lag along the track")[column])
         _draw_exponents(lower[column], cube, names, variable, exponent)
@@ -344,26 +340,21 @@ def rounding_growth(cube: xr.Dataset) -> Figure:
     return drawn
 
 
-def _draw_growth(axes: Axes, cube: xr.Dataset, names: list[str], variable: str, sources: tuple[str, ...]) -> None:
+def _draw_growth(
+    axes: Axes, cube: xr.Dataset, names: list[str], variable: str, sources: tuple[str, ...], exponent: float
+) -> None:
+    """Draw the curves, and Brouwer's power law six times above the middle of each bundle, which it would hide."""
     for name in names:
         for source in sources:
             rms = cube[f"{variable}_rms"].sel(integrator=name, source=source).values
-            axes.plot(
-                cube["time"].sel(integrator=name).values,
-                rms,
-                **style_of(name).line(marker="none", linestyle=_LINES[source], linewidth=0.9),
-            )
+            look = style_of(name).line(marker="none", linestyle=_LINES[source], linewidth=0.9)
+            axes.plot(cube["time"].sel(integrator=name).values, rms, **look)
     log_scale(axes, "xy")
     axes.set_xlabel("time  (periods)")
-
-
-def _draw_law(axes: Axes, cube: xr.Dataset, variable: str, exponent: float) -> None:
-    """Draw Brouwer's power law, six times above the middle of each bundle of curves so that it does not hide them."""
     time = cube["time"].isel(integrator=-1).values
-    for source in ("plain", "compensated", "extended"):
+    for source in _MARKERS:
         level = np.exp(np.log(cube[f"{variable}_rms"].sel(source=source).isel(sample=-1)).mean().item())
-        law = 6 * level * (time / time[-1]) ** exponent
-        axes.plot(time, law, color="#8a8a8a", linewidth=1.6, zorder=1.5)
+        axes.plot(time, 6 * level * (time / time[-1]) ** exponent, color="#8a8a8a", linewidth=1.6, zorder=1.5)
 
 
 def _draw_exponents(axes: Axes, cube: xr.Dataset, names: list[str], variable: str, exponent: float) -> None:

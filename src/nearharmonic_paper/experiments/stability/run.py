@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from decimal import Decimal, localcontext
 from fractions import Fraction
@@ -18,7 +18,6 @@ from nearharmonic.engine.execution import Trajectories
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.numbers import start_row
 from nearharmonic.engine.settings import Numerics, tau_grid
-from nearharmonic.integrators import integrators
 from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import cos, sin
@@ -74,19 +73,6 @@ def orbit_runs(tableau: Tableau, steps: int, orbits: int, eccentricity: Floats) 
     )  # fmt: skip
 
 
-def _columns(tableau: Tableau, settings: MapSettings) -> Iterator[tuple[int, Integers, Trajectories]]:
-    """Yield (steps per orbit, indices of the orbits, their runs), coarse steps first, while any orbit is needed."""
-    grid = eccentricities(settings)
-    below = np.zeros(grid.size, dtype=np.int64)
-    for steps in np.unique(steps_per_orbit(settings, tableau.stages)).tolist():
-        needed = np.flatnonzero(below < 2)
-        if not needed.size:
-            return
-        paths = orbit_runs(tableau, steps, settings.orbits, grid[needed])
-        below[needed] = np.where(paths.max_energy_error < FLOOR, below[needed] + 1, 0)
-        yield steps, needed, paths
-
-
 def kepler_measure(integrator: str, settings: MapSettings) -> dict[str, Contents]:
     """Return the file ``run``: orbits under one method, over (tau_per_stage, eccentricity), step sizes in periods.
 
@@ -94,15 +80,21 @@ def kepler_measure(integrator: str, settings: MapSettings) -> dict[str, Contents
     :data:`FLOOR` at two coarser step sizes; ``orbits_kept``, ``q`` and ``p`` are NaN there too. Step sizes that round
     to the same number of steps per period share one computation.
     """
-    tableau, grid = integrators[integrator], eccentricities(settings)
+    tableau, grid = registry[integrator], eccentricities(settings)
     distinct, where = np.unique(steps_per_orbit(settings, tableau.stages), return_inverse=True)
     shape = (distinct.size, grid.size)
     error, kept = np.full(shape, np.nan), np.full(shape, np.nan)
     q, p = (np.full((*shape, settings.orbits + 1, SYSTEM.dimension), np.nan) for _ in range(2))
     evaluations = np.zeros(distinct.size, dtype=np.int64)
-    for i, (steps, orbits, paths) in enumerate(_columns(tableau, settings)):
-        error[i, orbits], q[i, orbits], p[i, orbits] = paths.max_energy_error, paths.q, paths.p
-        kept[i, orbits] = np.where(paths.left_at > 0, paths.left_at / steps, settings.orbits)
+    below = np.zeros(grid.size, dtype=np.int64)
+    for i, steps in enumerate(distinct.tolist()):  # coarse steps first
+        needed = np.flatnonzero(below < 2)
+        if not needed.size:
+            break
+        paths = orbit_runs(tableau, steps, settings.orbits, grid[needed])
+        below[needed] = np.where(paths.max_energy_error < FLOOR, below[needed] + 1, 0)
+        error[i, needed], q[i, needed], p[i, needed] = paths.max_energy_error, paths.q, paths.p
+        kept[i, needed] = np.where(paths.left_at > 0, paths.left_at / steps, settings.orbits)
         evaluations[i] = paths.evaluations.sum()
     tau, over = "tau_per_stage", ("tau_per_stage", "eccentricity")
     states = (*over, "sample", "component")
@@ -197,10 +189,8 @@ def structure_runs(system: System, tableaus: Sequence[Tableau], t_end: Fraction)
         **coordinate("axis", axes, "coordinate or momentum of the start that is shifted"),
         **coordinate("offset", [float(x * SPACING) for x in OFFSETS], "shift of the start, in units of scale"),
     }
-    sizes = {name: len(values) for name, (_, values, _) in coordinates.items()} | {
-        "sample": CONSERVATION_SAMPLES,
-        "block": BLOCKS,
-    }
+    sizes = {name: len(values) for name, (_, values, _) in coordinates.items()}
+    sizes |= {"sample": CONSERVATION_SAMPLES, "block": BLOCKS}
     found: Variables = {}
     for key, (dims, meaning) in MEANINGS.items():
         over = ("integrator", *dims)
@@ -224,11 +214,13 @@ def _computed(system: System, tableau: Tableau, t_end: Fraction) -> dict[str, An
             start=start, numerics=Numerics(**how),
         )  # fmt: skip
 
-    there = [run(steps, summation=name) for name in SUMMATIONS]
-    back = [run(steps, -tau, _end(path), summation=name) for name, path in zip(SUMMATIONS, there, strict=True)]
-    scale = np.repeat(
-        [nearest_power_of_two(float(np.abs(x).max())) for x in (there[0].q, there[0].p)], system.dimension
-    )
+    there, back = [], []
+    for name in SUMMATIONS:
+        there.append(path := run(steps, summation=name))
+        end = np.concatenate([x[:, -1] for x in (path.q, path.q_low, path.p, path.p_low)], axis=1)
+        back.append(run(steps, -tau, end, summation=name))
+    largest = [nearest_power_of_two(float(np.abs(x).max())) for x in (there[0].q, there[0].p)]
+    scale = np.repeat(largest, system.dimension)
     beside = run(steps, start=_beside(system, scale), precision="extended")
     long_run = run(long_steps, samples=long_steps + 1)
     (velocity, force), (long_velocity, long_force) = _rates(system, there[0]), _rates(system, long_run)
@@ -249,11 +241,6 @@ def _computed(system: System, tableau: Tableau, t_end: Fraction) -> dict[str, An
         pairs = zip(there, back, strict=True)
         found[f"state{low}"] = np.array([[_phase(path, low)[0] for path in pair] for pair in pairs]) / scale
     return found
-
-
-def _end(path: Trajectories) -> Floats:
-    """Return the last states with all their digits, as starts."""
-    return np.concatenate([x[:, -1] for x in (path.q, path.q_low, path.p, path.p_low)], axis=1)
 
 
 def _beside(system: System, scale: Floats) -> Floats:
@@ -324,12 +311,6 @@ def henon_heiles_surface(energy: Fraction, count: int, seed: int) -> Floats:
     return starts
 
 
-def henon_heiles_starts(settings: EnsembleSettings) -> Floats:
-    """Return the initial conditions (surfaces * trajectories, 8), surface by surface."""
-    surfaces = [henon_heiles_surface(Fraction(e), settings.trajectories, settings.seed) for e in settings.energies]
-    return np.concatenate(surfaces)
-
-
 def henon_heiles_schedule(t_end: Fraction, tau: Fraction) -> tuple[int, int]:
     """Return (steps, steps between measurements).
 
@@ -361,8 +342,9 @@ def integrate_ensemble(
 
 def henon_heiles_measure(integrator: str, settings: EnsembleSettings) -> dict[str, Contents]:
     """Return the file ``run``: fraction escaped and energy error of one method over (energy, tau_per_stage)."""
-    tableau = integrators[integrator]
-    start, grid, t_end = henon_heiles_starts(settings), settings.tau_per_stage.grid(), Fraction(settings.t_end)
+    tableau, grid, t_end = registry[integrator], settings.tau_per_stage.grid(), Fraction(settings.t_end)
+    surfaces = [henon_heiles_surface(Fraction(e), settings.trajectories, settings.seed) for e in settings.energies]
+    start = np.concatenate(surfaces)
     rows = [integrate_ensemble(tableau, tau * tableau.stages, t_end, start, len(settings.energies)) for tau in grid]
     over = ("energy", "tau_per_stage")
     looks = f"quantile of the largest |H - H0|/|H0| over {LOOKS} or more evenly spaced instants, inf if escaped"
@@ -383,12 +365,10 @@ def henon_heiles_measure(integrator: str, settings: EnsembleSettings) -> dict[st
 
 # --- Energy errors for a T that is not quadratic: the relativistic oscillator, by amplitude.
 #
-# At small amplitudes the system is the harmonic oscillator; at amplitude A the momentum reaches sqrt((1 + A^2/2)^2 -
-# 1).
-# Each method runs in its own roles and with the roles of T and V exchanged. Exchanged roles are equivalent, after q
-# -> p,
-# p -> -q, to the method in its own roles on p^2/2 + sqrt(1 + q^2) - 1. This system is equally anharmonic, but quadratic
-# in p: only the form of T differs.
+# At small amplitudes the system is the harmonic oscillator; at amplitude A the momentum reaches
+# sqrt((1 + A^2/2)^2 - 1). Each method runs in its own roles and with the roles of T and V exchanged. Exchanged roles
+# are equivalent, after q -> p, p -> -q, to the method in its own roles on p^2/2 + sqrt(1 + q^2) - 1. This system is
+# equally anharmonic, but quadratic in p: only the form of T differs.
 
 AMPLITUDES = ("0.01", "0.03", "0.1", "0.3", "1", "3", "10")
 LOWEST, HIGHEST, POINTS_PER_DECADE = 0.01, 1.0, 20
@@ -407,11 +387,18 @@ def kinetic_energy_measure(integrators: Sequence[str]) -> dict[str, Contents]:
     """
     kept = [registry[name] for name in integrators if registry[name].requires is None]
     grid = tau_grid(LOWEST, HIGHEST, POINTS_PER_DECADE)
+    _, p0 = RELATIVISTIC.start(Fraction)
+    start = np.array([start_row([Fraction(a)], p0) for a in AMPLITUDES for _ in grid])
     shape = (len(ROLES), len(AMPLITUDES), len(kept), len(grid))
     largest, mean = np.empty(shape), np.empty(shape)
     for j, tableau in enumerate(kept):
         for i, method in enumerate((tableau, exchanged(tableau))):
-            largest[i, :, j], mean[i, :, j] = _errors(method, grid)
+            steps = [method.steps(tau, RELATIVISTIC.t_end) for tau in grid] * len(AMPLITUDES)
+            paths = integrate_batch(
+                RELATIVISTIC, method, t_end=Fraction(RELATIVISTIC.t_end), steps=steps, samples=2, start=start
+            )
+            largest[i, :, j] = paths.max_energy_error.reshape(shape[1], shape[3])
+            mean[i, :, j] = paths.mean_energy_error.reshape(shape[1], shape[3])
     dims = ("roles", "amplitude", "integrator", "tau_per_stage")
     variables = {
         "max_energy_error": variable(dims, largest, "maximum of |H - H0|/|H0|, inf if diverged"),
@@ -422,23 +409,6 @@ def kinetic_energy_measure(integrators: Sequence[str]) -> dict[str, Contents]:
         **coordinate("tau_per_stage", list(grid), "step size per stage"),
     }
     return {"run": Contents(variables=variables, coordinates=("label",))}
-
-
-def _errors(tableau: Tableau, grid: Sequence[float]) -> tuple[Any, Any]:
-    """Return largest and mean error (amplitude, tau) of all runs of one method, computed together in lanes."""
-    steps = [tableau.steps(tau, RELATIVISTIC.t_end) for tau in grid]
-    _, p0 = RELATIVISTIC.start(Fraction)
-    starts = [start_row([Fraction(a)], p0) for a in AMPLITUDES for _ in grid]
-    paths = integrate_batch(
-        RELATIVISTIC,
-        tableau,
-        t_end=Fraction(RELATIVISTIC.t_end),
-        steps=steps * len(AMPLITUDES),
-        samples=2,
-        start=np.array(starts),
-    )
-    shape = (len(AMPLITUDES), len(grid))
-    return paths.max_energy_error.reshape(shape), paths.mean_energy_error.reshape(shape)
 
 
 # --- Growth of round-off over long times: energy and along-track error of an ensemble of Kepler orbits.
@@ -534,7 +504,7 @@ def errors(found: NDArray[Any], reference: NDArray[Any]) -> tuple[Floats, Floats
 
 def rounding_measure(integrator: str, settings: RoundingSettings) -> dict[str, Contents]:
     """Return the file ``run``: energy error and lag by rounding alone over (source, orbit, sample), for one method."""
-    tableau = integrators[integrator]
+    tableau = registry[integrator]
     plan, start = rounding_schedule(settings, tableau.stages), rounding_starts(settings)
     samples = np.unique(np.array(geometric(1, plan.samples, TIMES)).round().astype(np.int64))
 

@@ -185,11 +185,9 @@ class StabilitySettings:
 def _check_ensemble(asked: EnsembleSettings, methods: int) -> None:
     here = "stability.henon_heiles"
     grid = asked.tau_per_stage
-    if Fraction(grid.highest) < Fraction(grid.lowest):
-        allowed = f"a finite number, at least lowest = {grid.lowest}"
-        raise bad_setting(f"{here}.tau_per_stage.highest", _number(grid.highest), allowed)
-    points = int((Fraction(grid.highest) - Fraction(grid.lowest)) / Fraction(grid.spacing)) + 1
-    if points > MOST_POINTS:
+    lowest, highest, spacing = (Fraction(x) for x in (grid.lowest, grid.highest, grid.spacing))
+    _check_ends(f"{here}.tau_per_stage", lowest, highest, grid.lowest)
+    if (points := int((highest - lowest) / spacing) + 1) > MOST_POINTS:
         allowed = f"the grid would have {points} step sizes, and may have {MOST_POINTS}"
         raise bad_setting(f"{here}.tau_per_stage.spacing", _number(grid.spacing), allowed)
     each = sum(float(asked.t_end) / float(tau) for tau in grid.grid())
@@ -199,9 +197,7 @@ def _check_ensemble(asked: EnsembleSettings, methods: int) -> None:
 def _check_map(asked: MapSettings, methods: int) -> None:
     here = "stability.kepler"
     grid = asked.evaluations_per_orbit
-    if grid.highest < grid.lowest:
-        key, allowed = f"{here}.evaluations_per_orbit.highest", f"a finite number, at least lowest = {grid.lowest:g}"
-        raise bad_setting(key, _number(grid.highest), allowed)
+    _check_ends(f"{here}.evaluations_per_orbit", grid.lowest, grid.highest, f"{grid.lowest:g}")
     if grid.highest * asked.orbits > MOST_STEPS:
         raise bad_setting(f"{here}.orbits", asked.orbits, f"one run may take {MOST_STEPS:.0e} evaluations")
     points = 1 + grid.points_per_decade * log10(grid.highest / grid.lowest)
@@ -220,6 +216,11 @@ def _check_rounding(asked: RoundingSettings, stages: int) -> None:
         raise bad_setting(f"{here}.steps", asked.steps, allowed)
     # Three runs in double-double, which costs about eight times as much as double.
     check_affordable(f"{here}.ensemble", asked.ensemble, asked.steps * 24 * stages)
+
+
+def _check_ends(key: str, lowest: Fraction | float, highest: Fraction | float, told: str) -> None:
+    if highest < lowest:
+        raise bad_setting(f"{key}.highest", _number(highest), f"a finite number, at least lowest = {told}")
 
 
 def _number(value: Any) -> float | int:

@@ -18,7 +18,7 @@ from nearharmonic.theory.oscillator import (
     stability_limit,
     touching_points,
 )
-from nearharmonic_paper.experiments.stability.linear import KNOWN_LIMITS
+from nearharmonic_paper.experiments.stability.reductions import KNOWN_LIMITS
 from support.methods.ten_methods import EVERY_METHOD, TEN_METHODS
 from support.oracles.reference_solutions import oscillator_step
 

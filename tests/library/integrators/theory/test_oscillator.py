@@ -24,7 +24,7 @@ from nearharmonic.theory.oscillator import (
     step_polynomials,
     table_4,
 )
-from nearharmonic_paper.experiments.stability.linear import KNOWN_LIMITS
+from nearharmonic_paper.experiments.stability.reductions import KNOWN_LIMITS
 from support.oracles.random_tableaus import tableaus
 from support.oracles.reference_solutions import oscillator_step
 from support.oracles.word_series import operators_of

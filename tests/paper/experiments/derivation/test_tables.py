@@ -7,7 +7,7 @@ from types import SimpleNamespace as Made
 import pytest
 from mpmath import mpf
 
-from nearharmonic_paper.experiments.derivation import tables
+from nearharmonic_paper.experiments.derivation import run as tables
 
 ROOT = Made(
     outer=("0.125", "0.375", "0.375", "0.125"), inner=("0.3", "0.4", "0.3"), sum_of_absolute_values=2.5, hits=11,

@@ -1,13 +1,40 @@
-"""Figures 1, 3 and 5: the curves are the cube's, in the panel, look and legend entry of their method."""
+"""Figures of the paper, read back from their artists."""
 
 from __future__ import annotations
 
+from decimal import Decimal
+from itertools import zip_longest
+
 import numpy as np
 import pytest
+from matplotlib.colors import to_hex
+from matplotlib.lines import Line2D
 
+import nearharmonic as nh
 from nearharmonic.plotting.energy_error import draw_profile
-from support.cubes.artists import SOLID, drawn, line_of, look, look_of, slope
-from support.cubes.figure_cubes import GAPS, METHODS, TAU, errors
+from nearharmonic_paper.experiments.paper import figures as fig2_decomposition
+from nearharmonic_paper.experiments.paper import figures as fig4_perihelion
+from nearharmonic_paper.experiments.paper import figures as fig6_displaced
+from nearharmonic_paper.experiments.paper import figures as fig6_substeps
+from nearharmonic_paper.experiments.paper import tableaus as decompose
+from nearharmonic_paper.experiments.paper.orbits import paper_panels
+from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, lines_of, look, look_of, slope, ticks
+from support.cubes.figure_cubes import (
+    GAPS,
+    METHODS,
+    TAU,
+    TOY_DRIFT,
+    TOY_KICK,
+    advances,
+    displaced,
+    errors,
+    label,
+    terms,
+    toy_panels,
+)
+
+# --- Figures 1, 3 and 5: the curves are the cube's, in the panel, look and legend entry of their method.
+
 
 DASHED = (4, 2)
 
@@ -79,7 +106,347 @@ def test_an_error_of_many_energies_does_not_stretch_the_axis():
     assert draw_profile(cube).axes[0].get_ylim()[1] == 10
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("unit", "ending"), [("1", ""), ("h", "  (h)")])
-def test_the_unit_of_the_step_stands_on_the_axis(unit, ending):
-    assert draw_profile(errors(unit=unit)).axes[1].get_xlabel() == r"step size per stage, $\tau/s$" + ending
+# --- Figure 2: kappa of both compositions, vanishing orders, and the legend.
+
+
+#: Orders that vanish in the cube, by the row that is outermost.
+VANISH = {"drift": [1, 2, 4], "kick": [1, 2, 3, 6]}
+ORDERS = np.arange(1, 10)
+
+
+@pytest.fixture
+def cube():
+    return terms()
+
+
+def remaining(cube, name, first):
+    """Kappa by order, NaN where it vanishes or there is none."""
+    return np.where(np.isin(ORDERS, VANISH[first]), np.nan, cube.kappa.sel(integrator=name, first=first).values)
+
+
+def test_kick_first_error_terms_are_lines_in_method_colour(cube):
+    upper, _ = fig2_decomposition.fig2_decomposition(cube).axes
+    assert (upper.get_yscale(), upper.get_ylabel()) == ("log", r"error term of the position, $\kappa_\lambda$")
+    for name in METHODS:
+        curve = line_of(upper, ORDERS, remaining(cube, name, "kick"))
+        assert look(curve) == (look_of(name)[0], None, None, SOLID)
+        np.testing.assert_array_equal(ORDERS[drawn(curve)], [4, 5, 7, 8])
+
+
+def test_drift_first_error_terms_are_circles_around_markers(cube):
+    upper, _ = fig2_decomposition.fig2_decomposition(cube).axes
+    for name in METHODS:
+        circle, inside = lines_of(upper, ORDERS, remaining(cube, name, "drift"))
+        assert look(circle) == (look_of(name)[0], "o", "none", NO_LINE)
+        assert look(inside) == look_of(name, NO_LINE)
+        assert circle.get_markersize() > inside.get_markersize()
+        np.testing.assert_array_equal(ORDERS[drawn(circle)], [3, 5, 6, 7, 8, 9])
+    assert len(upper.get_lines()) == 3 * len(METHODS)
+
+
+def test_vanishing_terms_are_bars_for_kick_circles_for_drift_first(cube):
+    _, lower = fig2_decomposition.fig2_decomposition(cube).axes
+    for row, name in enumerate(METHODS):
+        bars = line_of(lower, VANISH["kick"], row)
+        assert (look(bars)[0], look(bars)[1], look(bars)[3]) == (look_of(name)[0], "_", NO_LINE)
+        circle, inside = lines_of(lower, VANISH["drift"], row)
+        assert look(circle) == (look_of(name)[0], "o", "none", NO_LINE)
+        assert look(inside) == look_of(name, NO_LINE)
+    assert len(lower.get_lines()) == 3 * len(METHODS)
+
+
+def test_rows_are_named_downwards_in_order_of_methods(cube):
+    _, lower = fig2_decomposition.fig2_decomposition(cube).axes
+    assert ticks(lower.yaxis) == {label(name): row for row, name in enumerate(METHODS)}
+    heights = [lower.transData.transform((1, row))[1] for row in range(len(METHODS))]
+    assert heights == sorted(heights, reverse=True)
+    bottom, top = lower.get_ylim()
+    assert top < 0 < len(METHODS) - 1 < bottom
+
+
+def test_rounded_coefficients_of_twenty_digits_keep_the_vanishing_terms(monkeypatch):
+    """Suzuki's five leapfrogs, u = 1/(4 - 4^(1/3)): order 4 on every system, and kappa_5 is no rounding error."""
+    u = round(1 / (4 - Decimal(4) ** (Decimal(1) / 3)), 20)
+    drift = (u, u, 1 - 4 * u, u, u)
+    kick = (u / 2, u, (1 - 3 * u) / 2, (1 - 3 * u) / 2, u, u / 2)
+    suzuki = nh.Tableau(
+        name="suzuki", label="Suzuki", kick=tuple(map(str, kick)), drift=tuple(map(str, drift)), first="kick",
+        order=4, digits=20, source="doi:10.1016/0375-9601(90)90962-N",
+    )  # fmt: skip
+    monkeypatch.setattr(decompose, "registry", {"suzuki": suzuki})
+    kappa = decompose.decompose(["suzuki"])["cube"].kappa.sel(integrator="suzuki").values
+    assert (kappa[:, :4] == 0).all()
+    assert (kappa[:, 4] > 0.1).all()
+
+
+# --- Figure 4: advances with their intervals, significance, and the axis in arcseconds per century.
+
+
+#: Indices of the step sizes whose advance the cube tells from zero, and of those it does not.
+TOLD = [0, 1, 2, *range(6, 12)]
+NOT_TOLD = list(range(12, 25))
+
+
+@pytest.fixture
+def advance_cube():
+    return advances()
+
+
+def at(values, indices):
+    """``values`` at ``indices``, NaN elsewhere."""
+    return np.where(np.isin(np.arange(values.size), indices), values, np.nan)
+
+
+def curves(advance_cube, name):
+    """Evaluations, the absolute advances that are told from zero, and those that are not."""
+    one = advance_cube.sel(integrator=name)
+    size = np.abs(one.perihelion_advance.values)
+    return one.evaluations_per_orbit.values, at(size, TOLD), at(size, NOT_TOLD)
+
+
+def test_advance_beyond_its_interval_is_dot_and_some_have_markers(advance_cube):
+    axes = fig4_perihelion.fig4_perihelion(advance_cube).axes[0]
+    for name in METHODS:
+        x, told, _ = curves(advance_cube, name)
+        dots, marks = lines_of(axes, x, told)
+        colour = look_of(name)[0]
+        assert look(dots) == (colour, ".", colour, SOLID)
+        assert look(marks) == look_of(name, NO_LINE)
+        assert np.flatnonzero(drawn(dots)).tolist() == TOLD
+
+
+def test_advance_within_its_interval_or_equal_to_it_is_cross(advance_cube):
+    axes = fig4_perihelion.fig4_perihelion(advance_cube).axes[0]
+    for name in METHODS:
+        x, _, not_told = curves(advance_cube, name)
+        crosses = line_of(axes, x, not_told)
+        colour, marker, _, line = look(crosses)
+        assert (colour, marker, line) == (look_of(name)[0], "x", NO_LINE)
+        assert np.flatnonzero(drawn(crosses)).tolist() == NOT_TOLD
+
+
+def test_error_bars_are_intervals_of_nonzero_advances(advance_cube):
+    axes = fig4_perihelion.fig4_perihelion(advance_cube).axes[0]
+    assert len(axes.containers) == len(METHODS)
+    for name, container in zip(METHODS, axes.containers, strict=True):
+        one = advance_cube.sel(integrator=name)
+        _, _, (bars,) = container
+        segments = [s for s in bars.get_segments() if len(s) and np.isfinite(s).all()]
+        size, interval = np.abs(one.perihelion_advance.values), one.perihelion_advance_interval.values
+        assert len(segments) == len(TOLD)
+        for i, segment in zip(TOLD, segments, strict=True):
+            np.testing.assert_array_equal(segment[:, 0], one.evaluations_per_orbit.values[i])
+            np.testing.assert_allclose(segment[:, 1], [size[i] - interval[i], size[i] + interval[i]], rtol=1e-14)
+        (colour,) = bars.get_color()
+        assert to_hex(colour) == look_of(name)[0]
+
+
+def test_the_second_axis_reads_arcseconds_per_century(advance_cube):
+    axes = fig4_perihelion.fig4_perihelion(advance_cube).axes[0]
+    (century,) = axes.child_axes
+    axes.set_ylim(1e-7, 1e-6)
+    axes.figure.draw_without_rendering()
+    # 206264.806247096355 arcseconds in a radian (IAU), 876600 h in a Julian century, 2000 h in this cube's orbit.
+    factor = 206264.806247096355 * 876600 / 2000
+    np.testing.assert_allclose(century.get_ylim(), [1e-7 * factor, 1e-6 * factor], rtol=1e-12)
+
+
+def relativistic_line(figure):
+    (line,) = [line for line in figure.axes[0].get_lines() if line.is_dashed()]
+    low, high = line.get_ydata()
+    assert low == high
+    assert list(line.get_xdata()) == [0, 1]  # from the left edge to the right one
+    return line, low
+
+
+def test_relativistic_line_is_labelled_at_42_98_arcseconds_per_century(advance_cube):
+    figure = fig4_perihelion.fig4_perihelion(advance_cube)
+    _, level = relativistic_line(figure)
+    assert level * 206264.806247096355 * 876600 / 2000 == pytest.approx(42.98, rel=1e-12)
+    (note,) = figure.axes[0].texts
+    assert note.get_text() == "general relativity: 42.98″ per century"
+    assert note.xy[1] == level
+
+
+def test_the_relativistic_line_of_mercury_is_what_general_relativity_gives(advance_cube):
+    # 6 pi GM / (c^2 a (1 - e^2)) rad per orbit; GM in m^3/s^2, a in m. The line rests on 42.98: 4 digits.
+    c, GM, a, e = 299792458.0, 1.32712440018e20, 5.790905e10, 0.20563
+    advance_cube.attrs["orbital_period"] = 2 * np.pi * np.sqrt(a**3 / GM) / 3600
+    _, level = relativistic_line(fig4_perihelion.fig4_perihelion(advance_cube))
+    assert level == pytest.approx(6 * np.pi * GM / (c**2 * a * (1 - e**2)), rel=5e-4)
+
+
+# --- The figure of panel D outside its plane: curves, crosses at divergence, and legend.
+
+
+@pytest.fixture
+def displaced_cube():
+    return displaced()
+
+
+@pytest.fixture
+def figure(displaced_cube):
+    return fig6_displaced.fig6_displaced(displaced_cube)
+
+
+def curve(displaced_cube, summation, run):
+    """The points of a curve: finite samples, and where it leaves at the limit."""
+    one = displaced_cube.isel(summation=summation, displacement=run)
+    kept = np.isfinite(one.block_max_energy_error.values)
+    x, y = displaced_cube.iteration.values[kept], one.block_max_energy_error.values[kept]
+    left_at = int(one.left_at)
+    return (np.append(x, left_at), np.append(y, 1.5)) if left_at else (x, y)
+
+
+@pytest.mark.parametrize("summation", [0, 1])
+def test_a_curve_ends_at_the_limit_where_the_path_leaves(displaced_cube, figure, summation):
+    for run in range(3):
+        line = line_of(figure.axes[summation], *curve(displaced_cube, summation, run))
+        left_at = int(displaced_cube.left_at[run, summation])
+        crosses = lines_of(figure.axes[summation], [left_at], [1.5])
+        assert len(crosses) == (left_at > 0)
+        for cross in crosses:
+            assert look(cross)[1::2] == ("X", NO_LINE)
+            assert cross.get_color() == line.get_color()
+
+
+# --- Figure 6: dots coloured by the next signs, the path between them, and the text of each panel.
+
+
+#: Text of the legend, by whether the drift and the kick of the pair that follows are negative.
+SAYS = {
+    (False, False): "next c, d ≥ 0",
+    (True, False): "next c < 0",
+    (False, True): "next d < 0",
+    (True, True): "next c, d < 0",
+}
+
+
+@pytest.fixture(scope="module")
+def panels():
+    return toy_panels()
+
+
+@pytest.fixture(scope="module")
+def panels_figure(panels):
+    return fig6_substeps.fig6_substeps(panels)
+
+
+def grid(panels_figure):
+    return [axes for axes in panels_figure.axes if axes.get_xlabel().startswith("$q")]
+
+
+def marks(axes, legend):
+    """(q, p) -> text of the legend whose markers, one over the other, lie there; the dots of ``axes``, all of them."""
+    known = {tuple(stack(artists)): text for text, artists in entries(legend).items()}
+    found = {}
+    for line in axes.get_lines():
+        if len(line.get_xdata()) == 1:
+            found.setdefault((line.get_xdata()[0], line.get_ydata()[0]), []).append(line)
+    return {place: known.get(tuple(stack(sorted(lines, key=Line2D.get_zorder)))) for place, lines in found.items()}
+
+
+def stack(lines):
+    return [(*look(line), line.get_markersize(), line.get_markeredgewidth()) for line in lines]
+
+
+def compare(drawn, expected):
+    """Each expected (q, p, text) is drawn there, to rounding, and nothing else."""
+    assert len(drawn) == len(expected)
+    for q, p, text in expected:
+        place = min(drawn, key=lambda at: abs(at[0] - q) + abs(at[1] - p))
+        assert place == pytest.approx((q, p), abs=1e-12)
+        assert drawn[place] == text
+
+
+@pytest.mark.parametrize("first", ["drift", "kick"])
+def test_dots_carry_the_signs_of_the_pair_that_follows(panels_figure, panels, first):
+    rows = {"drift": (TOY_KICK, TOY_DRIFT), "kick": (TOY_DRIFT, TOY_KICK)}[first]
+    pairs = list(zip_longest(*(map(float, row) for row in rows), fillvalue=0.0))
+    index = {"drift": 0, "kick": 1}[first]
+    panel = list(panels.values())[index]
+    path = [
+        list(zip(*rows, strict=True)) for rows in zip(panel.q.values.tolist(), panel.p.values.tolist(), strict=True)
+    ]
+    expected = []
+    for points in path:
+        for (c, d), (q, p) in zip(pairs[1:], points[1:-1], strict=True):
+            expected.append((q, p, SAYS[c < 0, d < 0]))
+        expected += [(*points[0], "initial position"), (*points[-1], "final position")]
+    # The end of the first iteration is the start of the second: circle and cross over each other, no one's entry.
+    both = path[0][-1]
+    expected = [entry for entry in expected if entry[:2] != both] + [(*both, None)]
+    assert {text for *_, text in expected} >= set(SAYS.values())
+    compare(marks(grid(panels_figure)[index], panels_figure.legends[0]), expected)
+
+
+@pytest.fixture(scope="module")
+def paper():
+    panels = paper_panels()
+    return panels, fig6_substeps.fig6_substeps(panels)
+
+
+@pytest.mark.parametrize(("index", "legs"), [(0, "steps-post"), (1, "steps-pre")])
+def test_path_follows_q_in_drifts_and_p_in_kicks(panels_figure, panels, index, legs):
+    # A drift first: along q to the corner, then along p; "steps-post" keeps y, then jumps. A kick first: the reverse.
+    panel = list(panels.values())[index]
+    ways = [line for line in grid(panels_figure)[index].get_lines() if len(line.get_xdata()) > 1]
+    assert [line.get_drawstyle() for line in ways] == [legs] * 2
+    for line, q, p in zip(ways, panel.q.values, panel.p.values, strict=True):
+        np.testing.assert_array_equal(line.get_xdata(), q)
+        np.testing.assert_array_equal(line.get_ydata(), p)
+        assert look(line)[1] is None
+        assert look(line)[3] != NO_LINE
+
+
+def statement(axes):
+    return axes.texts[0].get_text()
+
+
+def test_each_panel_states_final_error_and_largest_later_error(panels_figure, panels):
+    for axes, panel in zip(grid(panels_figure), panels.values(), strict=True):
+        q, p = (panel[name].values[-1, -1] for name in "qp")
+        error, largest = f"{abs((q * q + p * p) / 2 - 0.5) / 0.5:.1e}", f"{panel.max_energy_error.item():.1e}"
+        (a, i), (b, j) = error.split("e"), largest.split("e")
+        assert statement(axes) == (
+            rf"$|\Delta H/H_0|$ = ${a}\times10^{{{int(i)}}}$ after 2 iterations,"
+            "\n" + rf"up to ${b}\times10^{{{int(j)}}}$ in 1000 iterations"
+        )
+
+
+def test_a_panel_states_where_its_path_leaves_its_energy_surface(paper):
+    panels, panels_figure = paper
+    texts = dict(zip(panels, map(statement, grid(panels_figure)), strict=True))
+    assert texts["C"].endswith(f"leaves its energy surface at iteration {int(panels['C'].left_at)}")
+    assert all("leaves" not in texts[letter] for letter in "ABD")
+
+
+def test_dashed_contour_runs_through_start_and_window_is_cubes(panels_figure, panels):
+    for axes, panel in zip(grid(panels_figure), panels.values(), strict=True):
+        assert axes.get_xlim() == (-1.5, 1.5)
+        assert axes.get_ylim() == (-1.5, 1.6)
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("$q$", "$p$")
+        _, _, surface = axes.collections
+        (path,) = [path for path in surface.get_paths() if len(path.vertices)]
+        # The oscillator's surface is a circle of radius 1; linear interpolation of H in a cell, 161 over 3.1, errs by
+        # no more than the square of the cell.
+        radii = np.hypot(*path.vertices[:-1].T)
+        assert np.abs(radii - 1).max() < (3.1 / 160) ** 2
+        found = entries(panels_figure.legends[0])["energy surface of the start"][0]
+        assert to_hex(surface.get_edgecolor()[0]) == to_hex(found.get_color())
+        width = surface.get_linewidths()[0]
+        assert surface.get_linestyles()[0][1] == pytest.approx([d * width for d in look(found)[3]])
+        assert panel.H.values[0, 0] == 0.5
+
+
+def test_shades_are_hamiltonian_with_p_upwards_on_colour_scale(panels_figure, panels):
+    bars = [axes for axes in panels_figure.axes if axes.get_title() == "$H$"]
+    for axes, bar in zip(grid(panels_figure), bars, strict=True):
+        shades = axes.collections[0]
+        low, high = shades.get_clim()
+        assert bar.get_ylim() == (low, high)
+        assert low <= 0.0  # in the middle
+        assert high >= (1.5**2 + 1.6**2) / 2  # in the upper corners
+        # Within the innermost shade, H is below its upper level.
+        inner = shades.get_paths()[0].vertices
+        assert (np.hypot(*inner.T) ** 2 / 2).max() <= shades.levels[1] + 1e-3

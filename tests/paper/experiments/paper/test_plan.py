@@ -1,4 +1,4 @@
-"""The plan: grids, shards, steps, precision and omissions."""
+"""The plan: grids, shards, steps, precision, reasons for omissions, and runs of an earlier config."""
 
 from __future__ import annotations
 
@@ -9,14 +9,33 @@ from itertools import pairwise
 import mpmath
 import numpy as np
 import pytest
+import xarray as xr
 from mpmath import mpf
 
 from nearharmonic.engine.settings import Sweep, steps_over, tau_grid, tau_range
 from nearharmonic.errors import NearharmonicError, SettingError
 from nearharmonic.integrators import integrators
-from nearharmonic_paper.experiments.paper.plan import check_sweep, runs_of, shard_range, shards_of, suitable_shards
+from nearharmonic.output.store import write
+from nearharmonic.output.table import Table, save
+from nearharmonic_paper.experiments.paper import reductions, run
+from nearharmonic_paper.experiments.paper.earlier import Earlier, forget, keep
+from nearharmonic_paper.experiments.paper.run import (
+    Omission,
+    check_sweep,
+    runs_of,
+    shard_range,
+    shards_of,
+    skipped,
+    suitable_shards,
+    summary_line,
+    totals,
+)
+from nearharmonic_paper.tasks.provenance import provenance, task
 from support.oracles.reference_solutions import ellipse_error
 from support.projects.plans import omitted, planned_runs
+
+# --- The plan: grids, shards, steps, precision and omissions.
+
 
 SHO = Sweep(
     system="sho",
@@ -41,13 +60,7 @@ def test_grid_has_equal_ratios_from_lowest_to_highest():
     assert (len(grid), grid[0], grid[-1]) == (161, 1e-4, 1.0)
     for a, b in pairwise(grid):
         assert b / a == pytest.approx(10 ** (1 / 40), rel=1e-5)  # six significant digits in each
-
-
-def test_a_grid_reaches_a_highest_that_is_itself_rounded():
-    assert tau_grid(0.01, 158.489, 40)[-1] == 158.489  # below 10^2.2 = 158.48932
-
-
-def test_a_grid_stops_below_a_highest_between_its_points():
+    assert tau_grid(0.01, 158.489, 40)[-1] == 158.489  # itself rounded, below 10^2.2 = 158.48932
     assert tau_grid(1.0, 99.0, 1) == (1.0, 10.0)
 
 
@@ -79,14 +92,6 @@ def test_steps_of_a_grid_are_those_of_each_step_size(name):
     assert steps_over(taus, "500", integrators[name]).tolist() == each
 
 
-def test_two_shards_cost_same_within_one_step_of_grid():
-    costs = [
-        sum(run.steps[i] for run in runs_of(HENON_HEILES, "aba864", k) for i in range(len(run.steps))) for k in (0, 1)
-    ]
-    # Cut at a step size, each part is off by at most the largest of them: a share 1 - 10^(-1/40) of the whole.
-    assert abs(costs[0] / sum(costs) - 0.5) <= 1 - 10 ** (-1 / 40)
-
-
 def test_jobs_of_a_fine_grid_take_the_time_asked_for():
     """10^5 step sizes: all jobs have equal shares, but for one run, of which there are thousands in each."""
     fine = replace(HENON_HEILES, points_per_decade=25_000, samples=0)
@@ -96,16 +101,6 @@ def test_jobs_of_a_fine_grid_take_the_time_asked_for():
     parts = [runs_of(asked, "ruth", index)[0] for index in (0, count // 2, count - 1)]
     costs = [sum(part.steps) * 3 * 2e-9 + len(part.steps) * 1e-4 for part in parts]
     assert costs == pytest.approx([5.0] * 3, rel=0.05)
-
-
-@pytest.mark.parametrize("name", ["ruth", "babps9o7h"])
-def test_steps_cover_the_interval_as_closely_as_whole_steps_can(name):
-    stages = integrators[name].stages
-    for index in (0, 1):
-        (run,) = runs_of(HENON_HEILES, name, index)
-        for tau, steps in zip(run.tau_per_stage, run.steps, strict=True):
-            off = abs(Fraction(run.sweep.t_end) - steps * Fraction(tau * stages))
-            assert off <= Fraction(tau * stages) / 2
 
 
 @pytest.mark.parametrize("name", ["ruth", "aba864", "abas5o6h", "babs7o7h"])
@@ -158,7 +153,7 @@ def test_runs_and_omissions_add_up_to_the_whole_product():
     runs = planned_runs(sweeps, methods)
     extended = sum(len(run.steps) for run in runs if run.precision == "extended")
     left_out = sum(row.runs for row in omitted(sweeps, methods) if row.what == "runs in extended precision")
-    assert extended + left_out == 2 * 161
+    assert extended + left_out == 4 * 161
     assert sum(len(run.steps) for run in runs if run.precision == "double") == 4 * 161
 
 
@@ -191,3 +186,216 @@ def test_most_steps_of_method_are_those_of_fewest_stages():
     check_sweep(replace(HENON_HEILES, lowest=1e-7, highest=1e-7), ("babs7o7h",))  # 500 / 7e-7 = 7.1e8
     with pytest.raises(NearharmonicError, match="1666666667 steps"):
         check_sweep(replace(HENON_HEILES, lowest=1e-7, highest=1e-7), ("babs7o7h", "ruth"))
+
+
+# --- Each reason for an omission, with its runs and force evaluations counted by hand.
+
+
+def asked_of(system, method, t_end, lowest, highest, precision=("double",)):
+    sweep = Sweep(
+        system=system, t_end=t_end, lowest=lowest, highest=highest, points_per_decade=1, precision=precision,
+        summation="compensated", samples=10, shards=1,
+    )  # fmt: skip
+    return (sweep,), (method,)
+
+
+def found(settings, cubes=None):
+    """(precision, what, runs, evaluations) of each row; all are of the config's one system and method."""
+    rows = skipped(*settings, cubes or {})
+    assert {(row.system, row.integrator) for row in rows} == {(settings[0][0].system, settings[1][0])}
+    return {(row.precision, row.what): (row.runs, row.evaluations) for row in rows}
+
+
+def test_kepler_orbits_run_once_and_leapfrog_reuses_force():
+    """700 h in 7 steps of 100 h and one step of 1000 h: 8 and 2 forces, of which 6 open a step that is not the first.
+
+    The full grid has the runs in both precisions, and in double each once more for the perihelion.
+    """
+    assert found(asked_of("kepler", "leapfrog", "700", 100, 1000)) == {
+        ("double", "runs for the perihelion alone"): (2, 10),
+        ("double", "the force that opens a step"): (1, 6),
+        ("extended", "runs in extended precision"): (2, 10),
+    }
+
+
+def test_step_sizes_that_round_to_same_steps_are_run_once():
+    """Five units of time in 2 steps of 3 x 1 (rounded from 1.67) and one step of 3 x 10 or 3 x 100."""
+    assert found(asked_of("henon_heiles", "ruth", "5", 1, 100)) == {
+        ("double", "runs of a step size"): (1, 3),
+        ("extended", "runs in extended precision"): (3, 12),
+    }
+
+
+def test_extended_precision_is_left_out_where_double_is_good_enough():
+    """0.9 in 3000, 300, 30 and 3 steps: the error, tau^4/60 for Ruth, is below 1e-13 for the finest alone."""
+    precisions = ("double", "extended")
+    assert found(asked_of("sho", "ruth", "0.9", 1e-4, 0.1, precisions)) == {
+        ("extended", "runs in extended precision"): (3, 3 * (300 + 30 + 3)),
+    }
+
+
+def runs(steps, evaluations, status, precision="double"):
+    """A cube of one method made by hand, the step sizes 1, 2, ... per stage."""
+    over = ("precision", "integrator", "tau_per_stage")
+    columns = {"steps": steps, "evaluations": evaluations, "status": status}
+    return xr.Dataset(
+        {name: (over, np.array([[values]])) for name, values in columns.items()},
+        coords={"precision": [precision], "integrator": ["leapfrog"], "tau_per_stage": np.arange(1.0, len(steps) + 1)},
+    )
+
+
+def test_rest_of_runs_that_left_is_spared_by_each_once():
+    """One run made 5 of 20 steps, with 6 of 21 forces, one 3 of 10 steps, with 4 of 11; one stayed, one was shared."""
+    cube = runs([40, 20, 20, 10], [41, 6, 6, 4], ["ok", "diverged", "diverged", "diverged"])
+    rows = found(asked_of("henon_heiles", "leapfrog", "40", 1, 1), {"henon_heiles": cube})
+    assert rows["double", "the rest of a run"] == (2, 15 + 7)
+
+
+def test_runs_that_were_skipped_are_not_counted_as_done():
+    """In extended precision the finest was run alone: 41 + 6 + 41 forces, of three runs."""
+    double = runs([40, 20], [41, 6], ["ok", "diverged"])
+    extended = runs([40, 0], [41, 0], ["ok", "skipped"], "extended")
+    cube = xr.concat([double, extended], "precision", data_vars="all")
+    done, full, *saved = totals([], {"henon_heiles": cube})
+    assert (done.runs, done.evaluations) == (full.runs, full.evaluations) == (3, 88)
+    assert saved == []
+
+
+@pytest.mark.parametrize("many", [100, 900])
+def test_totals_add_rows_of_reason_and_put_largest_first(many):
+    row = {"system": "sho", "integrator": "ruth", "precision": "double"}
+    rows = [
+        Omission(**row, what="runs of a step size", reason="few", runs=3, evaluations=400),
+        Omission(**row, what="the rest of a run", reason="many", runs=1, evaluations=many),
+        Omission(**row, what="the rest of a run", reason="many", runs=2, evaluations=50),
+    ]
+    cube = runs([40], [41], ["ok"])
+    done, full, *saved = totals(rows, {"henon_heiles": cube})
+    assert (done.runs, done.evaluations) == (1, 41)
+    assert (full.runs, full.evaluations) == (1 + 3, 41 + 450 + many)
+    few, rest = ("runs of a step size: few", 3, 400), ("the rest of a run: many", 3, many + 50)
+    assert [(r.reason, r.runs, r.evaluations) for r in saved] == ([rest, few] if many > 350 else [few, rest])
+    assert {(r.system, r.integrator, r.precision) for r in (done, full, *saved)} == {("all", "all", "all")}
+
+
+def test_the_line_has_the_shares_of_the_full_grid(tmp_path):
+    """41 forces done and 123 saved: a quarter of 164, and three quarters."""
+    row = Omission(
+        system="sho", integrator="ruth", precision="double", what="the rest of a run", reason="left", runs=1,
+        evaluations=123,
+    )  # fmt: skip
+    rows = [row, *totals([row], {"henon_heiles": runs([40], [41], ["ok"])})]
+    save(Table(header=Omission._fields, rows=rows, caption=""), [tmp_path / "skipped.csv"])
+    assert summary_line(tmp_path / "skipped.csv").startswith(
+        "25% of the full grid of 1.6e+02 force evaluations was needed; skipped, as it changes no result: "
+        "75% the rest of a run: left. Details: "
+    )
+
+
+# --- Runs that an earlier config has made are taken over: what is integrated, and the bytes of the files.
+
+
+EARLIER_SHO = Sweep(
+    system="sho", t_end="5", lowest=1e-4, highest=1.0, points_per_decade=40, precision=("double", "extended"),
+    samples=20, shards=1,
+)  # fmt: skip
+KEPLER = replace(EARLIER_SHO, system="kepler", t_end="8766", lowest=1.0, highest=100.0, precision=("double",))
+KEEPING, REDUCING = "run:integrate", "reductions:integrate_and_reduce"
+FUNCTIONS = {KEEPING: run, REDUCING: reductions}
+
+
+@pytest.fixture
+def integrated(monkeypatch):
+    """Each (precision, steps) that is integrated; step sizes with equal steps share one."""
+    seen = []
+    original = run.integrate_run
+
+    def noting(one):
+        seen.extend(dict.fromkeys((one.precision, steps) for steps in one.steps))
+        return original(one)
+
+    for module in FUNCTIONS.values():
+        monkeypatch.setattr(module, "integrate_run", noting)
+    return seen
+
+
+def make(folder, asked, function=KEEPING):
+    """Write the run files of Ruth's method as jobs do, and return their bytes."""
+    contents = {}
+    shards = [folder / f"runs/{asked.system}/ruth/{i}.h5" for i in range(shards_of(asked, "ruth"))]
+    keep(folder, shards)
+    for index, place in enumerate(shards):
+        settings = {"sweep": asked, "integrator": "ruth", "shard": index}
+        origin = provenance(task(f"nearharmonic_paper.experiments.paper.{function}", **settings))
+        module, name = FUNCTIONS[function], function.partition(":")[2]
+        made = getattr(module, name)(**settings, earlier=Earlier(folder, place, origin))["run"]
+        place.parent.mkdir(parents=True, exist_ok=True)
+        write(place, made.variables, {**made.attributes, **origin}, made.groups, coordinates=made.coordinates)
+        contents[place.name] = place.read_bytes()
+    forget(folder)
+    return contents
+
+
+def planned(asked):
+    runs = [one for index in range(shards_of(asked, "ruth")) for one in runs_of(asked, "ruth", index)]
+    return {(one.precision, steps) for one in runs for steps in one.steps}
+
+
+@pytest.mark.parametrize(
+    ("asked", "function"),
+    [
+        (EARLIER_SHO, KEEPING),
+        *(
+            pytest.param(*of, marks=pytest.mark.slow)
+            for of in ((KEPLER, KEEPING), (replace(EARLIER_SHO, samples=0), REDUCING))
+        ),
+    ],
+)
+def test_twice_as_fine_a_grid_integrates_exactly_the_new_half(tmp_path, integrated, asked, function):
+    fine = replace(asked, points_per_decade=80)
+    make(tmp_path / "one", asked, function)
+    assert set(integrated) == planned(asked)
+    integrated.clear()
+    made = make(tmp_path / "one", fine, function)
+    assert len(integrated) == len(set(integrated))
+    assert set(integrated) == planned(fine) - planned(asked)
+    assert made == make(tmp_path / "other", fine, function)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("change", "known"),
+    [
+        *(
+            (change, True)
+            for change in (
+                {"shards": 2, "lowest": 0.1}, {"shards": 3}, {"lowest": 1e-2}, {"highest": 0.5},
+                {"precision": ("double",)}, {"precision": ("double", "extended")},
+            )
+        ),
+        *((change, False) for change in ({"t_end": "6"}, {"samples": 30}, {"summation": "plain"})),
+    ],
+)  # fmt: skip
+def test_runs_of_equal_settings_are_taken_over_and_no_others(tmp_path, integrated, change, known):
+    asked = replace(EARLIER_SHO, points_per_decade=10)
+    if change.get("precision") == asked.precision:
+        asked = replace(asked, precision=("double",))
+    make(tmp_path / "one", asked)
+    other = replace(asked, **change)
+    integrated.clear()
+    made = make(tmp_path / "one", other)
+    assert set(integrated) == planned(other) - (planned(asked) if known else set())
+    assert made == make(tmp_path / "other", other)
+
+
+@pytest.mark.slow
+def test_damaged_earlier_file_gives_nothing(tmp_path, integrated):
+    asked = replace(EARLIER_SHO, points_per_decade=5)
+    whole = make(tmp_path / "one", asked)
+    place = tmp_path / "one/runs/sho/ruth/0.h5"
+    damaged = bytearray(whole["0.h5"])
+    damaged[len(damaged) // 2] ^= 1
+    place.write_bytes(damaged)
+    integrated.clear()
+    assert make(tmp_path / "one", asked) == whole
+    assert set(integrated) == planned(asked)
