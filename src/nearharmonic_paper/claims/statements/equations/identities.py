@@ -19,7 +19,7 @@ from nearharmonic.integrators.tableau import Tableau, palindrome
 from nearharmonic.theory.order import order_of
 from nearharmonic.theory.oscillator import kappa
 from nearharmonic_paper.claims.claim import Decide, Decision, counted, either, mathematics, misprint, tallied
-from nearharmonic_paper.claims.results import Results, short
+from nearharmonic_paper.claims.results import Results, only, short
 
 #: Coefficients: fractions, or numbers of mpmath.
 Row = Sequence[Any]
@@ -124,6 +124,17 @@ def _momenta_agree(kicks: Row, drifts: Row) -> bool:
 def last_row(m: Any, q: tuple[Any, Any], drift: Any, kick: Any) -> Any:
     """Return the momentum by Eq. 6 from the last two positions."""
     return m * (q[1] - q[0]) / drift - kick * q[1]
+
+
+def solutions(stages: int, good: Callable[[int], bool], words: str) -> Decide:
+    """Judge of statements about the number of real solutions with some stages."""
+
+    def decide(results: Results) -> Decision:
+        row = only(results.rows("derived_counts"), "stages", str(stages))
+        count = int(row["real solutions by Sturm"])
+        return either(good(count), f"{count} real solutions{words}")
+
+    return decide
 
 
 #: Takes coefficients and the terms of the position after each drift to formulas with what they should be equal to.

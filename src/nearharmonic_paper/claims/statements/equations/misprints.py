@@ -20,8 +20,8 @@ from nearharmonic_paper.claims.statements.equations.identities import (
     drawn,
     eq_14,
     position_terms,
+    solutions,
 )
-from nearharmonic_paper.claims.statements.tableaus.coefficients import solutions
 
 #: The lower limit of the product of Eq. 2.
 FIRST_FACTOR = 0

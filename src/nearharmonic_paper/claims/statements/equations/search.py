@@ -8,11 +8,14 @@ from itertools import pairwise
 from nearharmonic_paper.claims.claim import Decision, counted, either, result, tallied
 from nearharmonic_paper.claims.judging import GENERALLY, SMALL
 from nearharmonic_paper.claims.results import Results, require, short
-from nearharmonic_paper.claims.statements.tableaus.sizes import largest
 
 DOCUMENT = ("derived/coefficients.toml",)
 #: Largest kappa at which the paper's minimisation ends.
 ASKED = 1e-128
+
+
+def largest(*coefficients: str) -> float:
+    return max(abs(float(c)) for c in coefficients)
 
 
 @result(

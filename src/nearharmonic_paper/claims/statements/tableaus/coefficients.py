@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from decimal import Decimal, localcontext
 from functools import cache
@@ -12,8 +12,9 @@ from nearharmonic.integrators import nielsen_2015
 from nearharmonic.integrators.tableau import Tableau, palindrome
 from nearharmonic.theory.order import harmonic_orders_of, order_of
 from nearharmonic.theory.oscillator import independent, kappa
-from nearharmonic_paper.claims.claim import Decide, Decision, counted, either, finding, misprint, result, tallied
-from nearharmonic_paper.claims.results import Results, only, short
+from nearharmonic_paper.claims.claim import Decision, counted, either, finding, misprint, result, tallied
+from nearharmonic_paper.claims.results import Results, short
+from nearharmonic_paper.claims.statements.equations.identities import solutions
 
 SETS = tuple(tableau.name for tableau in nielsen_2015.TABLEAUS)
 FIVE_STAGES = ("abas5o6h", "abas5o6h_b", "abas5o6h_c")
@@ -177,17 +178,6 @@ def _with_inner(method: Tableau, index: int, text: str) -> Tableau:
 def four_unique_sets(results: Results) -> Decision:
     found = {one["name"]: one["decimals"] for one in results.derived["agreements"]}
     return tallied((found.get(name) == DECIMALS for name in UNIQUE), "sets")
-
-
-def solutions(stages: int, good: Callable[[int], bool], words: str) -> Decide:
-    """Judge of statements about the number of real solutions with some stages."""
-
-    def decide(results: Results) -> Decision:
-        row = only(results.rows("derived_counts"), "stages", str(stages))
-        count = int(row["real solutions by Sturm"])
-        return either(good(count), f"{count} real solutions{words}")
-
-    return decide
 
 
 COUNTS = (

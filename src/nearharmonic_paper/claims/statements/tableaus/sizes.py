@@ -6,11 +6,8 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic_paper.claims.claim import Decision, counted, either, result
 from nearharmonic_paper.claims.judging import GENERALLY, SMALL
 from nearharmonic_paper.claims.results import Results, label, short
+from nearharmonic_paper.claims.statements.equations.search import largest
 from nearharmonic_paper.claims.statements.tableaus.coefficients import sets
-
-
-def largest(*coefficients: str) -> float:
-    return max(abs(float(c)) for c in coefficients)
 
 
 def _size(tableau: Tableau) -> float:
