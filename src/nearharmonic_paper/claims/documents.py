@@ -21,12 +21,21 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.atomic import write_bytes
 from nearharmonic.output.page import pipes
 from nearharmonic.output.store import read, write_dataset
-from nearharmonic_paper.claims.claim import OPEN
+from nearharmonic_paper.claims.claim import (
+    FINDING,
+    OPEN,
+    VERDICTS,
+    Entry,
+    failures,
+    in_words,
+    of_the_paper,
+    sums,
+    tally,
+)
 from nearharmonic_paper.claims.judging import MEANINGS
-from nearharmonic_paper.claims.statements.performance.discussion import CLOSE, ROUND
-from nearharmonic_paper.claims.statements.tableaus.trained import ENSEMBLES
-from nearharmonic_paper.claims.summary import FINDING, VERDICTS, Entry, failures, in_words, of_the_paper, sums, tally
+from nearharmonic_paper.claims.performance import CLOSE, ROUND
 from nearharmonic_paper.claims.table import FILES, decided
+from nearharmonic_paper.claims.tableaus import ENSEMBLES
 
 #: Systems by the ends of ids, in the order of the paper.
 SYSTEMS = {"sho": "oscillator", "henon-heiles": "Hénon-Heiles", "kepler": "Sun-Mercury"}

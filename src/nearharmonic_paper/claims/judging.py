@@ -13,8 +13,7 @@ from nearharmonic.numerics import portable
 from nearharmonic.numerics.portable import Bools, Floats
 from nearharmonic.numerics.statistics import PLATEAU, line_slope, mean
 from nearharmonic.output.dataset import double_runs
-from nearharmonic_paper.claims.claim import Decide, Decision, Verdict, combined
-from nearharmonic_paper.claims.results import Results, label, once, require, short
+from nearharmonic_paper.claims.claim import Decide, Decision, Results, Verdict, combined, label, once, require, short
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -12,12 +12,8 @@ from typing import Any
 
 from nearharmonic.integrators import plain_integrators as registered
 from nearharmonic.output.table import Table
-from nearharmonic_paper.claims.claim import Claim
-from nearharmonic_paper.claims.results import Results
-from nearharmonic_paper.claims.statements.equations import decomposition, identities, misprints, search
-from nearharmonic_paper.claims.statements.figures import henon_heiles, kepler, oscillator, substeps
-from nearharmonic_paper.claims.statements.performance import comparisons, discussion
-from nearharmonic_paper.claims.statements.tableaus import coefficients, methods, roles, sizes, splitting, trained
+from nearharmonic_paper.claims import equations, figures, performance, splitting, tableaus
+from nearharmonic_paper.claims.claim import Claim, Results
 from nearharmonic_paper.tasks.experiment import folders
 from nearharmonic_paper.tasks.provenance import code_digest
 from nearharmonic_paper.tasks.sources import ROOT, path_of
@@ -50,13 +46,8 @@ def claims_in(module: ModuleType) -> Iterator[Claim]:
 #: All statements of the paper in its order; the digest of the job covers these imports, so that an edit invalidates
 #: decisions.
 CLAIMS: tuple[Claim, ...] = tuple(
-    claim
-    for group in (
-        splitting, decomposition, identities, misprints, search, coefficients, sizes, trained, roles, methods,
-        oscillator, henon_heiles, kepler, substeps, comparisons, discussion,
-    )
-    for claim in claims_in(group)
-)  # fmt: skip
+    claim for group in (splitting, equations, tableaus, figures, performance) for claim in claims_in(group)
+)
 
 #: Result files for decisions or values of statements, relative to the folder of results.
 FILES: tuple[str, ...] = tuple(sorted({name for claim in CLAIMS for name in (*claim.needs, *claim.also)}))

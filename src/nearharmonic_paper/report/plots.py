@@ -23,7 +23,7 @@ from nearharmonic.plotting.profile import (
     floor_near,
     lines,
 )
-from nearharmonic_paper.claims.results import power_of_ten, short
+from nearharmonic_paper.claims.claim import power_of_ten, short
 from nearharmonic_paper.experiments.paper.shown import (
     MERCURY_RELATIVISTIC_ADVANCE,
     SATISFIED_BELOW,

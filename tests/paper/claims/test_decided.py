@@ -11,9 +11,7 @@ import pytest
 import xarray as xr
 
 from nearharmonic.errors import ResultFileError
-from nearharmonic_paper.claims.claim import OPEN
-from nearharmonic_paper.claims.results import Results, short
-from nearharmonic_paper.claims.summary import KINDS, VERDICTS
+from nearharmonic_paper.claims.claim import KINDS, OPEN, VERDICTS, Results, short
 from nearharmonic_paper.claims.table import CLAIMS, FILES, KEYS, decide, decided
 from nearharmonic_paper.tasks.experiment import experiments
 from nearharmonic_paper.tasks.job import write

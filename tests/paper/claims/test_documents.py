@@ -10,8 +10,8 @@ import pytest
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import BENCHMARKED, plain_integrators
+from nearharmonic_paper.claims.claim import failures
 from nearharmonic_paper.claims.documents import FAILURES, documents, failures_in_words, verdicts
-from nearharmonic_paper.claims.summary import failures
 from nearharmonic_paper.claims.table import decided
 from nearharmonic_paper.pages.targets import stability
 from support.projects.workflow_project import Project

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from nearharmonic_paper.claims.claim import margin
-from nearharmonic_paper.claims.results import Undecided
+from nearharmonic_paper.claims.claim import Undecided, margin
 
 
 def between(low, high):

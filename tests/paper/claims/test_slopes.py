@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from nearharmonic_paper.claims.claim import Undecided
 from nearharmonic_paper.claims.judging import BAND, LONG, SHORT, Curves, large_steps, local_slopes, orders
-from nearharmonic_paper.claims.results import Undecided
 
 X = np.geomspace(1e-4, 1, 161)  # forty a decade
 

@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from nearharmonic_paper.claims.summary import failures, sums, tally, verdicts_line
+from nearharmonic_paper.claims.claim import failures, sums, tally, verdicts_line
 from nearharmonic_paper.claims.table import CLAIMS
 
 TARGETS = {one.id: one.target for one in CLAIMS}

@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 
 from nearharmonic.integrators import plain_integrators as integrators
-from nearharmonic_paper.claims.statements.performance.comparisons import best_performance
-from nearharmonic_paper.claims.statements.tableaus.trained import (
-    ENSEMBLES,
-    FEWEST_METHODS,
-    RELATED,
-    minimised_coefficients,
-)
+from nearharmonic_paper.claims.performance import best_performance
+from nearharmonic_paper.claims.tableaus import ENSEMBLES, FEWEST_METHODS, RELATED, minimised_coefficients
 from support.results.recorded_results import held_results
 
 THREE = ("babps9o7h", "babps8o7h", "abas5o6h")

@@ -14,9 +14,18 @@ from nearharmonic.integrators import BENCHMARKED, chin_1997, omelyan_2002, rowla
 from nearharmonic.integrators.tableau import Tableau, palindrome
 from nearharmonic.systems import System, henon_heiles, kepler, sho
 from nearharmonic.theory.order import order_of
-from nearharmonic_paper.claims.claim import Decide, Decision, background, counted, either, mathematics, tallied
+from nearharmonic_paper.claims.claim import (
+    Decide,
+    Decision,
+    Results,
+    background,
+    counted,
+    either,
+    mathematics,
+    short,
+    tallied,
+)
 from nearharmonic_paper.claims.judging import APPROXIMATELY
-from nearharmonic_paper.claims.results import Results, short
 
 #: Methods with modified kicks that are older than the paper.
 FORCE_GRADIENT = tuple(
