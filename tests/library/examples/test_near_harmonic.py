@@ -11,19 +11,19 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic_paper.pages import examples
+from support.results.page_inputs import benchmark
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs/results/examples.md").read_text(encoding="utf-8")
 
 
-FILES = sorted(map(str, (ROOT / "examples").glob("*.py")))
+examples = benchmark("near_harmonic")
 
 
 @pytest.fixture(scope="module")
 def systems():
     """The examples."""
-    return examples.examples_in(FILES)
+    return examples.examples_in((ROOT / "examples").glob("*.py"))
 
 
 def variation(system, tau, t_end, **start):

@@ -7,6 +7,7 @@ import json
 import sys
 
 import numpy as np
+import pytest
 import xarray as xr
 
 from nearharmonic.core.formulas.number import FUNCTIONS
@@ -254,18 +255,19 @@ def write_variables(path, unit, meaning="time", name="t", dimension="sample"):
     store.write(path, {name: variable(dimension, [0.0, 1.0], meaning, unit)}, {})
 
 
-def benchmark(command, monkeypatch):
+def benchmark(command):
     """Module of a command below benchmarks/."""
-    monkeypatch.syspath_prepend(ROOT / "benchmarks")
-    return importlib.import_module(command)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(ROOT / "benchmarks")
+        return importlib.import_module(command)
 
 
 def filled_by(commands, text, monkeypatch, tmp_path):
     """Text of a page that each command has filled with what it might measure."""
-    monkeypatch.setattr(benchmark("timing", monkeypatch), "ROOT", tmp_path)
+    monkeypatch.setattr(benchmark("timing"), "ROOT", tmp_path)
     for command in commands:
         name, *options = command.split()
-        module = benchmark(name, monkeypatch)
+        module = benchmark(name)
         place = tmp_path / module.PAGE
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_text(text, encoding="utf-8")
