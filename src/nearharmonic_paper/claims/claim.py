@@ -1,15 +1,9 @@
 """Statements of the paper that can be decided by numbers: their data, their decisions, and sums of verdicts.
 
-Statements of the paper that can be decided by numbers, and their decisions.
-
 A statement is a row: a :class:`Claim` in a file of its group; there is no other list. The decorator of its kind, for
 example :data:`result`, takes its words and its threshold, and the function below it decides. The name of the function,
 with hyphens, is the id. Statements with a common method of decision are rows of a tuple, with an ``id`` each:
-``result(...)(judge)``, where a function with the parameters of the row returns the judge.
-
-Data for decisions: the files of one folder of results, each read once, and the methods.
-
-Number of statements by kind and verdict, in a table and in a sentence.
+``result(...)(partial(judge, ...))``, where the parameters of the row come before the results.
 """
 
 from __future__ import annotations
@@ -18,11 +12,11 @@ import json
 import os
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, wraps
+from functools import cached_property, partial, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, ParamSpec, TypeVar, get_args
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.integrators import integrators, plain_integrators
@@ -41,6 +35,9 @@ __all__ = ["Results", "Undecided", "label", "only", "power_of_ten", "require", "
 
 Given = ParamSpec("Given")
 Found = TypeVar("Found")
+
+
+# --- Data for decisions: the files of one folder of results, each read once, and the methods. -------------------------
 
 
 class Undecided(Exception):
@@ -148,12 +145,12 @@ def label(name: str) -> str:
     return integrators[name].label if name in integrators else name
 
 
-# --- Margins: the range of thresholds of a statement that leave its verdict unchanged.
+# --- Margins: the range of thresholds of a statement that leave its verdict unchanged. --------------------------------
 
 #: The margin of proofs, counts and comparisons of digits.
 EXACT = "exact: no threshold"
 #: Successive factors of a threshold: in steps of 12 % up to ten, then by squares.
-_STEP, _CLOSE, _FARTHEST = 10 ** (1 / 20), 20, 1e150
+FACTORS = (*(10 ** (k / 20) for k in range(1, 21)), *(10.0**2**k for k in range(1, 8)))
 
 
 def margin(verdict_at: Callable[[float], str], bound: float) -> str:
@@ -170,7 +167,21 @@ def margin(verdict_at: Callable[[float], str], bound: float) -> str:
         except Undecided:
             return "undecided"
 
-    low, high = (_last(asked, bound, way) for way in (-1, 1))
+    def last(way: int) -> float | None:
+        """Return the last threshold with an equal verdict in one direction, to a thousandth; None if none differs."""
+        inside = bound
+        for factor in FACTORS:
+            outside = bound * factor**way
+            if asked(outside) != verdict:
+                while max(inside, outside) > 1.001 * min(inside, outside):
+                    middle = (inside * outside) ** 0.5
+                    inside, outside = (middle, outside) if asked(middle) == verdict else (inside, middle)
+                return inside
+            inside = outside
+        return None
+
+    verdict = asked(bound)
+    low, high = map(last, (-1, 1))
     if low is None and high is None:
         return f"threshold {short(bound)}; any other gives the same verdict"
     start = "" if low is None else f" from {short(low)}"
@@ -178,28 +189,7 @@ def margin(verdict_at: Callable[[float], str], bound: float) -> str:
     return f"threshold {short(bound)}; the same verdict{start}{end}"
 
 
-def _last(asked: Callable[[float], str], bound: float, way: int) -> float | None:
-    """Return the last threshold with an equal verdict in one direction, to a hundredth; None if it never changes."""
-    verdict, inside = asked(bound), bound
-    for factor in _factors():
-        outside = bound * factor**way
-        if asked(outside) == verdict:
-            inside = outside
-            continue
-        while max(inside, outside) > 1.001 * min(inside, outside):
-            middle = (inside * outside) ** 0.5
-            inside, outside = (middle, outside) if asked(middle) == verdict else (inside, middle)
-        return inside
-    return None
-
-
-def _factors() -> Iterator[float]:
-    yield from (_STEP**k for k in range(1, _CLOSE + 1))
-    factor = 100.0
-    while factor <= _FARTHEST:
-        yield factor
-        factor *= factor
-
+# --- Statements and decisions. ----------------------------------------------------------------------------------------
 
 Verdict = Literal["holds", "holds but for edges", "holds in part", "fails", "erratum", "not decided here"]
 OPEN: Verdict = "not decided here"
@@ -278,18 +268,18 @@ class Claim:
         return found._replace(verdict="erratum" if wrong else found.verdict, margin=words)
 
 
-def _statements(kind: Kind) -> Callable[..., Callable[[Decide], Claim]]:
-    """Return the decorator of functions that decide statements of one kind; it takes the other attributes."""
+def _statement(kind: Kind, **attributes: Any) -> Callable[[Decide], Claim]:
+    """Return the decorator of a function that decides a statement of one kind, with the other attributes."""
 
-    def attributed(**attributes: Any) -> Callable[[Decide], Claim]:
-        return lambda decide: Claim(**{"id": decide.__name__.replace("_", "-")} | attributes, kind=kind, decide=decide)
+    def decorated(decide: Decide) -> Claim:
+        given = {"id": getattr(decide, "__name__", "").replace("_", "-"), **attributes}
+        return Claim(**given, kind=kind, decide=decide)
 
-    return attributed
+    return decorated
 
 
 #: The decorators of functions that decide statements, one for each kind.
-result, mathematics, misprint = _statements("result"), _statements("mathematics"), _statements("misprint")
-attribution, background, finding = _statements("attribution"), _statements("background"), _statements("finding")
+result, mathematics, misprint, attribution, background, finding = (partial(_statement, one) for one in get_args(Kind))
 
 
 def either(good: bool, value: str) -> Decision:
@@ -319,6 +309,8 @@ def combined(verdicts: Iterable[Verdict], value: str) -> Decision:
         return Decision(found.pop(), value)
     return Decision("holds but for edges" if found == {"holds", "holds but for edges"} else "holds in part", value)
 
+
+# --- Number of statements by kind and verdict, in a table and in a sentence. ------------------------------------------
 
 Entry = Mapping[str, Any]
 

@@ -160,8 +160,11 @@ def failures_in_words(entries: Sequence[Entry]) -> str:
 def page(entries: Sequence[Entry]) -> str:
     """Return the page of all statements, in Markdown; no line is longer than a screen."""
     by_id = {entry["id"]: entry for entry in entries}
-    lines = [INTRODUCTION, *_wrapped(f"{tally(entries)}. {failures_in_words(entries)}"), *_table_of_sums(entries)]
-    lines += ["## The statements that carry the paper", ""]
+    shown = [verdict for verdict in VERDICTS if any(entry["verdict"] == verdict for entry in of_the_paper(entries))]
+    rows = [[kind, count, *(found[verdict] or "" for verdict in shown)] for kind, count, found in sums(entries)]
+    lines = [INTRODUCTION, *_wrapped(f"{tally(entries)}. {failures_in_words(entries)}")]
+    lines += pipes(["kind", "statements", *(VERDICTS[verdict] for verdict in shown)], rows, align="lr")
+    lines += ["", "## The statements that carry the paper", ""]
     lines += [line for name in CARRYING for line in _in_short(by_id[name])]
     lines += ["## What general words and the verdicts mean", ""]
     lines += [line for meaning in MEANINGS for line in _item(f"{meaning.words}.")]
@@ -172,50 +175,31 @@ def page(entries: Sequence[Entry]) -> str:
     return "\n".join(lines)
 
 
-def _table_of_sums(entries: Sequence[Entry]) -> list[str]:
-    shown = [verdict for verdict in VERDICTS if any(entry["verdict"] == verdict for entry in of_the_paper(entries))]
-    rows = [[kind, count, *(found[verdict] or "" for verdict in shown)] for kind, count, found in sums(entries)]
-    return [*pipes(["kind", "statements", *(VERDICTS[verdict] for verdict in shown)], rows, align="lr"), ""]
-
-
-#: Section of an equation, table or figure, by its kind and the last number in each section.
-_PLACES = {
-    "Eq": ((4, "Section 2"), (17, "Section 3"), (20, "Section 4.B")),
-    "Table": ((1, "Section 2"), (3, "Section 3"), (4, "Section 4.A")),
-    "Figure": ((6, "Section 4.B"),),
-}
-_TITLES = {
+#: Title of each section, and what a place in it begins with: its name, or that of an equation, a table or a figure.
+SECTIONS = {
     "Abstract": "Abstract",
-    "Section 1": "Section 1, Introduction",
-    "Section 2": "Section 2, Fundamental theorems",
-    "Section 3": "Section 3, Methods",
-    "Section 4.A": "Section 4.A, Obtained splitting coefficients",
-    "Section 4.B": "Section 4.B, Numerical tests",
-    "Section 5": "Section 5, Discussion",
-    "Section 6": "Section 6, Conclusion",
+    "Section 1, Introduction": "Section 1",
+    "Section 2, Fundamental theorems": r"Section 2|Eq\. [1-4]\b|Table 1",
+    "Section 3, Methods": r"Section 3|Eq\. ([5-9]|1[0-7])\b|Table [23]",
+    "Section 4.A, Obtained splitting coefficients": r"Section 4\.A|Table 4",
+    "Section 4.B, Numerical tests": r"Section 4\.B|Eq\. (18|19|20)\b|Figure [1-6]\b",
+    "Section 5, Discussion": "Section 5",
+    "Section 6, Conclusion": "Section 6",
 }
-
-
-def section_of(place: str) -> str:
-    """Return the section of a place in the paper: the named section, or that of its equation, table or figure."""
-    named = re.match(r"(Abstract|Section \d(?:\.[AB])?)", place)
-    if named:
-        return named[1]
-    ((kind, number),) = re.findall(r"^(Eq|Table|Figure)\.? (\d+)", place)
-    return next(section for last, section in _PLACES[kind] if int(number) <= last)
 
 
 def _by_section(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
-    """Return the statements of the paper by section, in order."""
-    found: dict[str, list[Entry]] = {section: [] for section in _TITLES}
+    """Return the statements of the paper by the titles of their sections, in order."""
+    found: dict[str, list[Entry]] = {title: [] for title in SECTIONS}
     for entry in of_the_paper(entries):
-        found[section_of(entry["paper"]["section"])].append(entry)
-    return {section: those for section, those in found.items() if those}
+        place = entry["paper"]["section"]
+        found[next(title for title, places in SECTIONS.items() if re.match(places, place))].append(entry)
+    return {title: those for title, those in found.items() if those}
 
 
-def _folded(section: str, entries: Sequence[Entry]) -> Iterator[str]:
+def _folded(title: str, entries: Sequence[Entry]) -> Iterator[str]:
     verdicts = Counter(entry["verdict"] for entry in entries)
-    yield from ("<details>", f"<summary>{_TITLES[section]}: {in_words(verdicts)}</summary>", "")
+    yield from ("<details>", f"<summary>{title}: {in_words(verdicts)}</summary>", "")
     for entry in entries:
         yield from _told(entry)
     yield from ("</details>", "")
@@ -224,11 +208,8 @@ def _folded(section: str, entries: Sequence[Entry]) -> Iterator[str]:
 def _in_short(entry: Entry) -> Iterator[str]:
     """Return a statement, its verdict and its value."""
     yield from _item(f"“{entry['paper']['sentence']}” ({entry['paper']['section']}; `{entry['id']}`): ")
-    yield ""
-    first, *rest = _lines(f"{entry['verdict']}: {entry['value']}.")
-    yield f"  {first.replace(entry['verdict'], '**' + entry['verdict'] + '**', 1)}"
-    yield from (f"  {line}" for line in rest)
-    yield ""
+    lines = "\n".join(["", *(f"  {line}" for line in _lines(f"{entry['verdict']}: {entry['value']}.")), ""])
+    yield lines.replace(entry["verdict"], f"**{entry['verdict']}**", 1)
 
 
 def _told(entry: Entry) -> Iterator[str]:

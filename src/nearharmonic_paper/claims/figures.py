@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -63,11 +64,10 @@ from nearharmonic_paper.claims.judging import (
     judged,
     large_steps,
     local_slopes,
+    orders_on,
     over,
     range_words,
     rank_correlation,
-    slopes_are,
-    stretch,
 )
 
 TERMS = ("cubes/sho_terms.h5",)
@@ -90,7 +90,7 @@ FIGURE_1 = tuple(
         threshold=SLOPE,
         bound=BAND,
         needs=("cubes/sho.h5",),
-    )(slopes_are("sho", orders))
+    )(partial(orders_on, "sho", orders))
     for name, sentence, statement, orders in (
         (
             "fig-1-sixth-order",
@@ -329,7 +329,7 @@ def orders_of_figure(number: int, system: str) -> Claim:
         threshold=SLOPE,
         bound=BAND,
         needs=(f"cubes/{system}.h5",),
-    )(slopes_are(system, ORDERS))
+    )(partial(orders_on, system, ORDERS))
 
 
 FIGURE_3 = orders_of_figure(3, "henon_heiles")
@@ -348,7 +348,7 @@ def fig_3_sixth_order_descent(results: Results, band: float) -> Decision:
     asked = large_steps(curves, *DESCENDING)
     for name in DESCENDING:
         slopes = local_slopes(curves, name)
-        found = stretch(asked, slopes, 6, band)
+        found = asked.longest(np.abs(slopes - 6) <= band)
         verdicts.append(judged(found))
         inside = slopes[(curves.x >= found.low) & (curves.x <= found.high)]
         spread = f", slopes {inside.min():.1f} to {inside.max():.1f}" if inside.size else ""
@@ -371,7 +371,7 @@ def fig_3_steepest(results: Results, band: float) -> Decision:
     curves, lengths = curves_of(results, "henon_heiles"), {}
     for name in (name for name, order in ORDERS.items() if order == 4):
         asked = large_steps(curves, name)
-        lengths[name] = stretch(asked, local_slopes(curves, name), 6, band).decades
+        lengths[name] = asked.longest(np.abs(local_slopes(curves, name) - 6) <= band).decades
     others = {name: length for name, length in lengths.items() if name not in DESCENDING}
     longest = max(others, key=others.__getitem__)
     told = ", ".join(f"{label(name)} {lengths[name]:.2f}" for name in DESCENDING)

@@ -8,6 +8,7 @@ Section 5: stability with large steps, kinetic energies that are not quadratic, 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache, partial
 from math import inf, log
 
 import numpy as np
@@ -17,8 +18,6 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Bools, Floats
 from nearharmonic.theory.linear_stability import growth_rate, stability_gaps, stability_limit
 from nearharmonic_paper.claims.claim import (
-    Claim,
-    Decide,
     Decision,
     Results,
     Verdict,
@@ -27,7 +26,6 @@ from nearharmonic_paper.claims.claim import (
     counted,
     either,
     label,
-    once,
     require,
     result,
     short,
@@ -63,30 +61,29 @@ RIVALS = {
 }  # fmt: skip
 
 
-def _outperforms_ruth(system: str) -> Claim:
-    @result(
+def _outperforms_ruth(system: str, results: Results, factor: float) -> Decision:
+    curves = curves_of(results, system)
+    ruth, new = curves.errors(["ruth"])[0], curves.errors(NEW)
+    asked = curves.compared(ruth, new, kept=new)
+    worst, best = (ruth[asked.asked] / one[asked.asked] for one in (new.max(axis=0), new.min(axis=0)))
+    value = f"Ruth's error over that of the worst new method {short(worst.min(), 2)} to {short(worst.max(), 2)}"
+    return over(asked, ruth >= factor * new.max(axis=0), f"{value}, over the best up to {short(best.max(), 2)}")
+
+
+RUTH = tuple(
+    result(
         id=f"outperform-ruth-{system.replace('_', '-')}",
         paper="Section 5, Discussion",
         sentence="the new schemes outperforms the acclaimed stage-optimized integrator Ruth by several orders of "
         "magnitude",
-        statement=f"The new schemes outperform Ruth by several orders of magnitude, on the {SYSTEMS[system]}",
+        statement=f"The new schemes outperform Ruth by several orders of magnitude, on the {name}",
         threshold="Ruth's maximum error at least 100 times that of each of the four new methods in the figures "
         f"{range_words('a new one')}; {SEVERAL_ORDERS.brief}; {PERFORMANCE.brief}",
         bound=SEVERAL_ORDERS.number,
         needs=(f"cubes/{system}.h5",),
-    )
-    def decide(results: Results, factor: float) -> Decision:
-        curves = curves_of(results, system)
-        ruth, new = curves.errors(["ruth"])[0], curves.errors(NEW)
-        asked = curves.compared(ruth, new, kept=new)
-        worst, best = (ruth[asked.asked] / one[asked.asked] for one in (new.max(axis=0), new.min(axis=0)))
-        value = f"Ruth's error over that of the worst new method {short(worst.min(), 2)} to {short(worst.max(), 2)}"
-        return over(asked, ruth >= factor * new.max(axis=0), f"{value}, over the best up to {short(best.max(), 2)}")
-
-    return decide
-
-
-RUTH = tuple(map(_outperforms_ruth, SYSTEMS))
+    )(partial(_outperforms_ruth, system))
+    for system, name in SYSTEMS.items()
+)
 
 
 @result(
@@ -99,97 +96,96 @@ RUTH = tuple(map(_outperforms_ruth, SYSTEMS))
     needs=CUBES,
 )
 def outperform_ruth(results: Results, factor: float) -> Decision:
-    verdicts, told = _against_ruth(
-        results, lambda ruth, worst: ruth > factor * worst,
-        lambda gain: f"{short(gain.min(), 2)} to {short(gain.max(), 2)}", "at {} step sizes",
-    )  # fmt: skip
-    return combined(verdicts, f"Ruth's error over that of the worst new method, maximum and mean: {told}")
+    verdicts, told = _against_ruth(results, lambda ruth, worst: ruth > factor * worst)
+    listed = (
+        f"{name} {' and '.join(f'{short(gain.min(), 2)} to {short(gain.max(), 2)}' for gain in gains)} "
+        f"at {gains[0].size} step sizes"
+        for name, gains in told.items()
+    )
+    value = f"Ruth's error over that of the worst new method, maximum and mean: {', '.join(listed)}"
+    return combined(verdicts, value)
 
 
 def _against_ruth(
-    results: Results, better: Callable[[Floats, Floats], Bools], says: Callable[[Floats], str], count: str
-) -> tuple[list[Verdict], str]:
-    """Compare Ruth's errors with the worst of the new ones; return verdicts, and what is said of the gains."""
+    results: Results, better: Callable[[Floats, Floats], Bools]
+) -> tuple[list[Verdict], dict[str, list[Floats]]]:
+    """Compare Ruth's errors with the worst of the new ones; return verdicts, and gains by system and measure."""
     verdicts: list[Verdict] = []
-    told = []
+    gains: dict[str, list[Floats]] = {}
     for system, name in SYSTEMS.items():
-        curves, gains = curves_of(results, system), []
+        curves = curves_of(results, system)
         new = curves.errors(NEW)
         asked = curves.compared(curves.errors(["ruth"]), new, kept=new)
         for variable in MEASURES.values():
             ruth, worst = curves.errors(["ruth"], variable)[0], curves.errors(NEW, variable).max(axis=0)
             verdicts.append(over(asked, better(ruth, worst)).verdict)
-            gains.append(says(ruth[asked.asked] / worst[asked.asked]))
-        told.append(f"{name} {gains[0]} and {gains[1]} {count.format(int(asked.asked.sum()))}")
-    return verdicts, ", ".join(told)
+            gains.setdefault(name, []).append(ruth[asked.asked] / worst[asked.asked])
+    return verdicts, gains
 
 
-def _outperforms(rival: str, system: str) -> Claim:
-    names, whose, labels = RIVALS[rival]
+def _outperforms(names: Sequence[str], system: str, results: Results, ratio: float) -> Decision:
+    curves, told = curves_of(results, system), []
+    asked = curves.compared(curves.errors((*names, *NEW)))
+    verdicts: list[Verdict] = []
+    total = int(asked.asked.sum())
+    for measure, variable in MEASURES.items():
+        old, new = curves.errors(names, variable).min(axis=0), curves.errors(NEW, variable)
+        verdicts += [over(asked, one < ratio * old).verdict for one in new]
+        counts = (new < old)[:, asked.asked].sum(axis=1).tolist()
+        best = int((new.min(axis=0) < old)[asked.asked].sum())
+        listed = ", ".join(f"{label(name)} {count}" for name, count in zip(NEW, counts, strict=True))
+        told.append(
+            f"{measure} error " + ("each at all" if {*counts} == {total} else f"{listed}, the best of them {best}")
+        )
+    return combined(verdicts, f"ahead at step sizes, of {total}: {'; '.join(told)}; {asked.words()}")
 
-    @result(
+
+KAHAN_AND_BLANES = tuple(
+    result(
         id=f"outperform-{rival}-{system.replace('_', '-')}",
         paper="Section 6, Conclusion",
         sentence="the obtained integrators outperform the three stage fourth order integrator by R. Ruth as well as "
         "the more optimized integrators by W. Kahan and S. Blanes",
-        statement=f"The obtained integrators outperform the more optimized ones {whose}, on the {SYSTEMS[system]}",
+        statement=f"The obtained integrators outperform the more optimized ones {whose}, on the {name}",
         threshold="maximum and mean error of each of the four new methods in the figures below those of "
         f"{labels} {range_words()}; in part: also for some of the four, or for one of the two errors; "
         f"{PERFORMANCE.brief}",
         bound=1.0,
         needs=(f"cubes/{system}.h5",),
-    )
-    def decide(results: Results, ratio: float) -> Decision:
-        curves, told = curves_of(results, system), []
-        asked = curves.compared(curves.errors((*names, *NEW)))
-        verdicts: list[Verdict] = []
-        for measure, variable in MEASURES.items():
-            old, new = curves.errors(names, variable).min(axis=0), curves.errors(NEW, variable)
-            verdicts += [over(asked, one < ratio * old).verdict for one in new]
-            counts = {label(name): int((one < old)[asked.asked].sum()) for name, one in zip(NEW, new, strict=True)}
-            best = int((new.min(axis=0) < old)[asked.asked].sum())
-            listed = ", ".join(f"{name} {count}" for name, count in counts.items())
-            every = set(counts.values()) == {int(asked.asked.sum())}
-            told.append(f"{measure} error " + ("each at all" if every else f"{listed}, the best of them {best}"))
-        total = int(asked.asked.sum())
-        return combined(verdicts, f"ahead at step sizes, of {total}: {'; '.join(told)}; {asked.words()}")
-
-    return decide
+    )(partial(_outperforms, names, system))
+    for rival, (names, whose, labels) in RIVALS.items()
+    for system, name in SYSTEMS.items()
+)
 
 
-KAHAN_AND_BLANES = tuple(_outperforms(rival, system) for rival in RIVALS for system in SYSTEMS)
+def _favourable_to_yoshida(system: str, results: Results, ratio: float) -> Decision:
+    curves, told = curves_of(results, system), []
+    largest = curves.errors(NEW)
+    asked = curves.compared(curves.errors(["yoshida_s7o6a"]), largest, kept=largest)
+    verdicts: list[Verdict] = []
+    for measure, variable in MEASURES.items():
+        yoshida = curves.errors(["yoshida_s7o6a"], variable)[0]
+        verdict, value, _ = for_larger_steps(asked, curves.errors(NEW, variable).max(axis=0) < ratio * yoshida)
+        verdicts.append(verdict)
+        told.append(f"{measure} error {value}")
+    return combined(verdicts, "; ".join(told))
 
 
-def _favourable_to_yoshida(system: str) -> Claim:
-    @result(
+MODERATE_STEPS = tuple(
+    result(
         id=f"yoshida-moderate-steps-{system.replace('_', '-')}",
         paper="Section 6, Conclusion",
         sentence="The obtained integrators also compare favorably with higher order integrators by H. Yoshida for "
         "moderate time steps",
-        statement=f"The new methods compare favorably with Yosh s7o6 A for moderate steps, on the {SYSTEMS[system]}",
+        statement=f"The new methods compare favorably with Yosh s7o6 A for moderate steps, on the {name}",
         threshold="maximum and mean error of each of the four new methods in the figures below those of Yosh s7o6 A at "
         "the end of the range of comparison, which is where the maximum error of a new one passes 1 %; "
         f"{MODERATE.brief}; in part: over half a decade that ends before, or for one of the errors",
         bound=1.0,
         needs=(f"cubes/{system}.h5",),
-    )
-    def decide(results: Results, ratio: float) -> Decision:
-        curves, told = curves_of(results, system), []
-        largest = curves.errors(NEW)
-        asked = curves.compared(curves.errors(["yoshida_s7o6a"]), largest, kept=largest)
-        verdicts: list[Verdict] = []
-        for measure, variable in MEASURES.items():
-            yoshida = curves.errors(["yoshida_s7o6a"], variable)[0]
-            below = curves.errors(NEW, variable).max(axis=0) < ratio * yoshida
-            verdict, value, _ = for_larger_steps(asked, below)
-            verdicts.append(verdict)
-            told.append(f"{measure} error {value}")
-        return combined(verdicts, "; ".join(told))
-
-    return decide
-
-
-MODERATE_STEPS = tuple(map(_favourable_to_yoshida, SYSTEMS))
+    )(partial(_favourable_to_yoshida, system))
+    for system, name in SYSTEMS.items()
+)
 
 
 @result(
@@ -258,12 +254,13 @@ def significantly_better(results: Results, factor: float) -> Decision:
     needs=CUBES,
 )
 def greatly_and_consistently(results: Results, factor: float) -> Decision:
-    verdicts, told = _against_ruth(
-        results, lambda ruth, worst: ruth >= factor * worst,
-        lambda gain: f"{int((gain >= factor).sum())} (least gain {short(float(gain.min()), 2)})", "of {}",
-    )  # fmt: skip
-    gained = f"the worst gains {short(factor)} or more at step sizes, by maximum and mean error"
-    return combined(verdicts, f"{gained}: {told}")
+    verdicts, told = _against_ruth(results, lambda ruth, worst: ruth >= factor * worst)
+    listed = []
+    for name, gains in told.items():
+        counts = (f"{int((gain >= factor).sum())} (least gain {short(float(gain.min()), 2)})" for gain in gains)
+        listed.append(f"{name} {' and '.join(counts)} of {gains[0].size}")
+    value = f"the worst gains {short(factor)} or more at step sizes, by maximum and mean error: {', '.join(listed)}"
+    return combined(verdicts, value)
 
 
 METHODS = ("ruth", *NEW)
@@ -282,47 +279,37 @@ def _ends_in_words(ends: Mapping[str, float]) -> str:
     return ", ".join(f"{label(name)} {short(end) if end < inf else 'none'}" for name, end in ends.items())
 
 
-def _on_each_system(words: str, end: Callable[[Curves, Floats], float]) -> Decide:
-    """Judge of a step size that is read off a curve of maximum errors."""
-
-    def decide(results: Results, ratio: float) -> Decision:
-        found, told = [], []
-        for system, name in SYSTEMS.items():
-            curves = curves_of(results, system)
-            found.append({method: end(curves, curves.errors([method])[0]) for method in METHODS})
-            told.append(f"{name} {_ends_in_words(found[-1])}{curves.unit}")
-        return _above(found, f"{words}: {'; '.join(told)}", ratio)
-
-    return decide
+def _on_each_system(words: str, end: Callable[[Curves, Floats], float], results: Results, ratio: float) -> Decision:
+    """Compare a step size that is read off a curve of maximum errors."""
+    found, told = [], []
+    for system, name in SYSTEMS.items():
+        curves = curves_of(results, system)
+        found.append({method: end(curves, curves.errors([method])[0]) for method in METHODS})
+        told.append(f"{name} {_ends_in_words(found[-1])}{curves.unit}")
+    return _above(found, f"{words}: {'; '.join(told)}", ratio)
 
 
-def _of_each_method(words: str, end: Callable[[Tableau], float]) -> Decide:
-    """Judge of a step size that follows from the coefficients."""
-
-    @once
-    def ends(results: Results) -> dict[str, float]:
-        return {name: end(results.method(name)) for name in METHODS}
-
-    def decide(results: Results, ratio: float) -> Decision:
-        return _above([ends(results)], f"{words}: {_ends_in_words(ends(results))}", ratio)
-
-    return decide
+def _of_each_method(words: str, end: Callable[[Tableau], float], results: Results, ratio: float) -> Decision:
+    """Compare a step size that follows from the coefficients."""
+    ends = {name: end(results.method(name)) for name in METHODS}
+    return _above([ends], f"{words}: {_ends_in_words(ends)}", ratio)
 
 
 def _loss(curves: Curves, error: Floats) -> float:
     return float(curves.x[error > LOST].min(initial=inf))
 
 
+@cache
 def _limit(method: Tableau) -> float:
     return float(stability_limit(method)) / method.stages
 
 
+@cache
 def _growing(method: Tableau) -> float:
     """Return the first step size per stage at which the oscillator grows by a factor of ten in a gap of stability."""
     for low, high in stability_gaps(method):
         # Growth rises from the edge of a gap; the last gap has no end.
-        steps = np.linspace(float(low), min(float(high), 1.5 * float(low)), 402)[1:-1]
-        for tau in steps:
+        for tau in np.linspace(float(low), min(float(high), 1.5 * float(low)), 402)[1:-1]:
             if float(growth_rate(method, tau)) / tau * T_END >= log(GREATLY.number):
                 return float(tau) / method.stages
     return inf
@@ -355,14 +342,14 @@ STABILITY = tuple(
             "Large steps with small errors: the maximum error passes 1 % at a larger τ/s than Ruth's",
             f"the smallest τ/s at which the maximum error passes 1 % {ABOVE}, on each system",
             CUBES,
-            _on_each_system("τ/s of an error of 1 %", _loss),
+            partial(_on_each_system, "τ/s of an error of 1 %", _loss),
         ),
         (
             "stable-linear-limit",
             "Linear stability: the limit of stability on the oscillator is at a larger τ/s than Ruth's",
             f"the smallest τ/s at which |tr K| of the step matrix K passes 2, proved, {ABOVE}",
             (),
-            _of_each_method("τ/s of the limit", _limit),
+            partial(_of_each_method, "τ/s of the limit", _limit),
         ),
         (
             "stable-growth",
@@ -370,7 +357,7 @@ STABILITY = tuple(
             f"the smallest τ/s at which the step matrix grows tenfold over t = {T_END:.0f} {ABOVE}; where |tr K| "
             "passes 2 for the first time, the gap of stability may be too narrow for that",
             (),
-            _of_each_method("τ/s", _growing),
+            partial(_of_each_method, "τ/s", _growing),
         ),
         (
             "stable-first-spike",
@@ -378,7 +365,7 @@ STABILITY = tuple(
             "the smallest τ/s whose maximum error is at least ten times that of a larger one, or, if there is none, "
             f"at which a run diverges, {ABOVE}, on each system",
             CUBES,
-            _on_each_system("τ/s", _spike),
+            partial(_on_each_system, "τ/s", _spike),
         ),
     )
 )
@@ -397,24 +384,18 @@ STABILITY = tuple(
     needs=("cubes/kinetic_energy.h5",),
 )
 def t_not_quadratic(results: Results, least: float) -> Decision:
-    good, told = [], []
-    for amplitude, (ruth, *new) in _by_roles(results).items():
+    cube, good, told = results.cube("kinetic_energy"), [], []
+    for name in METHODS:
+        require(name in cube["integrator"].values, f"the results do not have the method {label(name)}")
+    errors = cube["max_energy_error"].sel(tau_per_stage=0.05, method="nearest").sel(integrator=[*METHODS])
+    ratios = errors.sel(roles="own") / errors.sel(roles="exchanged")
+    for amplitude in (0.1, 1.0):
+        ruth, *new = ratios.sel(amplitude=amplitude, method="nearest").values.tolist()
         good += [one > max(least, ruth) for one in new]
         listed = ", ".join(f"{label(name)} {short(one, 2)}" for name, one in zip(NEW, new, strict=True))
         told.append(f"at amplitude {short(amplitude)} {listed}, Ruth {short(ruth, 2)}")
     value = f"error over that with the roles exchanged: {'; '.join(told)}"
     return either(sum(good) > GENERALLY.number * len(good), value)
-
-
-@once
-def _by_roles(results: Results) -> dict[float, list[float]]:
-    """Errors over those with the roles exchanged by amplitude, of Ruth's method and of the new ones."""
-    cube = results.cube("kinetic_energy")
-    for name in ("ruth", *NEW):
-        require(name in cube["integrator"].values, f"the results do not have the method {label(name)}")
-    errors = cube["max_energy_error"].sel(tau_per_stage=0.05, method="nearest").sel(integrator=["ruth", *NEW])
-    ratios = errors.sel(roles="own") / errors.sel(roles="exchanged")
-    return {one: ratios.sel(amplitude=one, method="nearest").values.tolist() for one in (0.1, 1.0)}
 
 
 #: Evaluations of the force an orbit, as in the figures of Kepler maps, and a round orbit beside those that come close.
