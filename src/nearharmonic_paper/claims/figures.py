@@ -1,13 +1,4 @@
-"""Statements about the six figures.
-
-Figures 1 and 2: the simple harmonic oscillator, its observed orders and its error terms.
-
-Figure 3: the Hénon-Heiles system.
-
-Figures 4 and 5: the advance of the perihelion of Mercury and the energy errors.
-
-Figure 6: substeps in phase space.
-"""
+"""Statements about the six figures."""
 
 from __future__ import annotations
 
@@ -27,7 +18,6 @@ from nearharmonic.theory.linear_stability import stability_limit
 from nearharmonic.theory.oscillator import kappa, lambda_max, zeta
 from nearharmonic_paper.claims.claim import (
     Claim,
-    Decide,
     Decision,
     Results,
     Verdict,
@@ -59,7 +49,6 @@ from nearharmonic_paper.claims.judging import (
     SLOPE,
     STABLE,
     Curves,
-    Range,
     curves_of,
     judged,
     large_steps,
@@ -69,6 +58,8 @@ from nearharmonic_paper.claims.judging import (
     range_words,
     rank_correlation,
 )
+
+# --- Figures 1 and 2: the harmonic oscillator, its observed orders and its error terms. -------------------------------
 
 TERMS = ("cubes/sho_terms.h5",)
 #: First moves of the ABA and of the BAB composition.
@@ -114,6 +105,9 @@ FIGURE_1 = tuple(
 )
 
 
+in_figure_2 = partial(result, paper="Section 4.B, text to Figure 2", needs=TERMS)
+
+
 @mathematics(
     paper="Section 3, last paragraph",
     sentence="The objectives κ₀ and κ₁ are always 0 if Σ c_i = Σ d_i = 1",
@@ -142,14 +136,6 @@ def _terms(results: Results, name: str, first: str | None = None) -> Any:
     return row[np.isfinite(row)]
 
 
-@once
-def _by_parity(results: Results) -> tuple[Any, Any, Any]:
-    """The even terms of the ABA and of the BAB composition, and the odd ones of both."""
-    terms = results.cube("sho_terms")["kappa"]
-    one, other = (terms.sel(first=first, order=terms["order"] % 2 == 0).values for first in COMPOSITIONS)
-    return one, other, terms.sel(order=(terms["order"] % 2 == 1) & (terms["order"] > 3)).values
-
-
 @result(
     paper="Figure 2, caption",
     sentence="Lines and markers of the same color intersect exactly at even orders",
@@ -159,21 +145,22 @@ def _by_parity(results: Results) -> tuple[Any, Any, Any]:
     needs=TERMS,
 )
 def fig_2_even_orders_meet(results: Results, vanished: float) -> Decision:
-    one, other, odd = _by_parity(results)
+    terms = results.cube("sho_terms")["kappa"]
+    orders, values = terms["order"].values, terms.transpose("first", "integrator", "order").sel(first=[*COMPOSITIONS])
+    one, other = values.values[..., orders % 2 == 0]
     reached = np.isfinite(one) & np.isfinite(other)
     none = (one < vanished) & (other < vanished)
     same = (np.abs(one - other) <= np.spacing(np.maximum(np.abs(one), np.abs(other)))) | none
-    differ = short(float(np.nanmax(np.abs(np.diff(odd, axis=1)))))
-    return tallied(same[reached].tolist(), "even terms", f"; odd ones differ, by up to {differ}")
+    differ = np.nanmax(np.abs(np.diff(values.values[..., (orders % 2 == 1) & (orders > 3)], axis=0)))
+    beside = f"; odd ones differ, by up to {short(float(differ))}"
+    return tallied(same[reached].tolist(), "even terms", beside)
 
 
-@result(
-    paper="Section 4.B, text to Figure 2",
+@in_figure_2(
     sentence="the obtained BAB methods have more error terms when implemented as ABA methods",
     statement="The obtained BAB methods have more error terms when implemented as ABA methods",
     threshold=f"more terms that do not vanish as ABA than as BAB, for each BAB method of Figure 2; {ZERO}",
     bound=VANISHED,
-    needs=TERMS,
 )
 def fig_2_more_terms_as_aba(results: Results, vanished: float) -> Decision:
     names = [m.name for m in _methods(results) if m.first == "kick"]
@@ -183,50 +170,40 @@ def fig_2_more_terms_as_aba(results: Results, vanished: float) -> Decision:
     return counted(good, ", ".join(f"{label(name)} {aba} against {bab}" for name, (aba, bab) in counts.items()))
 
 
-@result(
-    paper="Section 4.B, text to Figure 2",
+@in_figure_2(
     sentence="the seventh harmonic order of BAB's8o7H eliminates the seventh order error term of the position "
     "coordinate for the BAB implementation as opposed to the sixth harmonic order integrator ABAs5o6H A",
     statement="κ₇ vanishes for BAB's8o7H as BAB, as opposed to ABAs5o6H",
     threshold=f"κ₇ of BAB's8o7H vanishes, that of ABAs5o6H does not; {ZERO}",
     bound=VANISHED,
-    needs=TERMS,
 )
 def fig_2_kappa_7(results: Results, vanished: float) -> Decision:
     bab, aba = _terms(results, "babps8o7h")[6], _terms(results, "abas5o6h")[6]
     return counted([bab < vanished, aba > vanished], f"{short(bab, 1)} for BAB's8o7H, {short(aba)} for ABAs5o6H")
 
 
-@result(
-    paper="Section 4.B, text to Figure 2",
+@in_figure_2(
     sentence="The largest integer value of λ with no integration error reads the SHO integration order",
     statement="The largest λ up to which all terms vanish is the harmonic order in the name of the method",
     threshold=f"equal numbers for each of the four new methods in the figures; {ZERO}",
     bound=VANISHED,
-    needs=TERMS,
 )
 def fig_2_reads_order(results: Results, vanished: float) -> Decision:
-    good, told = [], []
-    for name in SIXTH:
-        last = int(np.argmax([*(_terms(results, name) >= vanished), True]))
-        good.append(f"o{last}H" in label(name))
-        told.append(f"{label(name)} {last}")
-    return counted(good, ", ".join(told))
+    last = {label(name): int(np.argmax([*(_terms(results, name) >= vanished), True])) for name in SIXTH}
+    return counted([f"o{n}H" in name for name, n in last.items()], ", ".join(f"{name} {n}" for name, n in last.items()))
 
 
 #: The methods of order six and more that are compositions of leapfrog steps with as few stages as solutions were found.
 STAGE_OPTIMISED = ("yoshida_s7o6a", "s9odr6a", "s15odr8")
 
 
-@result(
-    paper="Section 4.B, text to Figure 2",
+@in_figure_2(
     sentence="Stage-optimized integrators of higher orders generally have rapidly diverging higher order error "
     "contributions",
     statement="Of Yosh s7o6 A, s9odr6a and s15odr8 most have terms κ far larger than those of the new methods",
     threshold="the largest κ at least ten times that of each of the four new methods in the figures, for more than "
     f"half of Yosh s7o6 A, s9odr6a and s15odr8; {GREATLY.brief}; {GENERALLY.brief}",
     bound=GREATLY.number,
-    needs=TERMS,
 )
 def fig_2_yoshida_diverges(results: Results, factor: float) -> Decision:
     new = {name: float(_terms(results, name).max()) for name in SIXTH}
@@ -259,6 +236,9 @@ def fig_2_large_steps(results: Results, factor: float) -> Decision:
     return over(asked, theirs >= factor * best, value)
 
 
+# --- Figure 3: the Hénon-Heiles system. -------------------------------------------------------------------------------
+
+HENON_HEILES, KEPLER = ("cubes/henon_heiles.h5",), ("cubes/kepler.h5",)
 DESCENDING = ("babps8o7h", "babps9o7h")
 ORDERS = {
     "ruth": 4, "s5odr4": 4, "aba104": 4, "aba864": 4, "aba1064": 4, "yoshida_s7o6a": 6, "abas5o6h": 4, "babs7o7h": 4,
@@ -341,7 +321,7 @@ FIGURE_3 = orders_of_figure(3, "henon_heiles")
     statement="BAB's8o7H and BAB's9o7H exhibit a sixth order descent of the maximum error for large τ",
     threshold=f"{SLOPE}; among large step sizes, {LARGE.brief}",
     bound=BAND,
-    needs=("cubes/henon_heiles.h5",),
+    needs=HENON_HEILES,
 )
 def fig_3_sixth_order_descent(results: Results, band: float) -> Decision:
     curves, told, verdicts = curves_of(results, "henon_heiles"), [], []
@@ -365,7 +345,7 @@ def fig_3_sixth_order_descent(results: Results, band: float) -> Decision:
     threshold=f"more decades of large step sizes with local slopes within {BAND} of 6 than each of the other seven "
     f"methods of fourth order; {LARGE.brief}",
     bound=BAND,
-    needs=("cubes/henon_heiles.h5",),
+    needs=HENON_HEILES,
 )
 def fig_3_steepest(results: Results, band: float) -> Decision:
     curves, lengths = curves_of(results, "henon_heiles"), {}
@@ -377,6 +357,9 @@ def fig_3_steepest(results: Results, band: float) -> Decision:
     told = ", ".join(f"{label(name)} {lengths[name]:.2f}" for name in DESCENDING)
     value = f"{told} decades, the others up to {others[longest]:.2f}, {label(longest)}"
     return counted([lengths[name] > others[longest] for name in DESCENDING], value)
+
+
+# --- Figures 4 and 5: the advance of the perihelion of Mercury and the energy errors. ---------------------------------
 
 
 @background(
@@ -453,25 +436,21 @@ def with_and_without_sixth_order(decide: Callable[[tuple[str, ...]], Decision]) 
     return found._replace(value=f"{found.value}; {said}")
 
 
-def _least(curves: Curves, name: str, variable: str, among: tuple[str, ...], ratio: float) -> Decision:
-    largest = curves.errors(among)
-    asked = curves.compared(largest, kept=largest[among.index(name)])
-    others = [one for one in among if one != name]
-    errors = curves.errors(others, variable)
-    good = curves.errors([name], variable)[0] < ratio * errors.min(axis=0)
-    beaten = dict.fromkeys(errors.argmin(axis=0)[asked.asked & ~good])
-    elsewhere = ", ".join(label(others[i]) for i in beaten)
-    return over(asked, good, f"elsewhere ahead: {elsewhere}" if elsewhere else "")
+def _best(name: str, variable: str, results: Results, ratio: float) -> Decision:
+    """Decide whether a method has the smallest error of the ten."""
+    curves = curves_of(results, "kepler")
 
+    def decide(among: tuple[str, ...]) -> Decision:
+        largest = curves.errors(among)
+        asked = curves.compared(largest, kept=largest[among.index(name)])
+        others = [one for one in among if one != name]
+        errors = curves.errors(others, variable)
+        good = curves.errors([name], variable)[0] < ratio * errors.min(axis=0)
+        beaten = dict.fromkeys(errors.argmin(axis=0)[asked.asked & ~good])
+        elsewhere = ", ".join(label(others[i]) for i in beaten)
+        return over(asked, good, f"elsewhere ahead: {elsewhere}" if elsewhere else "")
 
-def _best(name: str, variable: str) -> Decide:
-    """Judge of statements that a method has the smallest error of the ten."""
-
-    def decide(results: Results, ratio: float) -> Decision:
-        curves = curves_of(results, "kepler")
-        return with_and_without_sixth_order(lambda among: _least(curves, name, variable, among, ratio))
-
-    return decide
+    return with_and_without_sixth_order(decide)
 
 
 BEST = tuple(
@@ -482,8 +461,8 @@ BEST = tuple(
         statement=f"{name} shows the best performance in regard to the {words} error",
         threshold=f"its {measure} error below that of each of the other nine {range_words(name)}",
         bound=1.0,
-        needs=("cubes/kepler.h5",),
-    )(_best(method, MEASURES[measure]))
+        needs=KEPLER,
+    )(partial(_best, method, MEASURES[measure]))
     for measure, words, name, method in (
         ("maximum", "maximum", "ABA104", "aba104"),
         ("mean", "average", "BAB's9o7H", "babps9o7h"),
@@ -494,12 +473,6 @@ BEST = tuple(
 COINCIDING = ("abas5o6h", "aba104", "babps8o7h")
 
 
-def _advance(curves: Curves, names: tuple[str, ...]) -> tuple[Floats, Floats]:
-    """Return absolute advances and intervals, one row per method."""
-    rows = [[np.abs(curves.of(n, v)) for n in names] for v in ("perihelion_advance", "perihelion_advance_interval")]
-    return np.array(rows[0]), np.array(rows[1])
-
-
 @result(
     paper="Figure 4, caption",
     sentence="The integrators ABAs5o6H, ABA104 and BAB's8o7H achieve approximately the same performance, obfuscating "
@@ -508,11 +481,11 @@ def _advance(curves: Curves, names: tuple[str, ...]) -> tuple[Floats, Floats]:
     threshold="the largest of their advances at most 1.26 times the smallest, "
     f"{range_words('the first of the three')}; {APPROXIMATELY.brief}",
     bound=DOT,
-    needs=("cubes/kepler.h5",),
+    needs=KEPLER,
 )
 def fig_4_coincide(results: Results, dot: float) -> Decision:
     curves = curves_of(results, "kepler")
-    advance, _ = _advance(curves, COINCIDING)
+    advance = np.abs(curves.rows(COINCIDING, "perihelion_advance"))
     asked = curves.compared(curves.errors(COINCIDING))
     ratio = advance.max(axis=0) / advance.min(axis=0)
     value = f"largest over least {short(ratio[asked.asked].min())} to {short(ratio[asked.asked].max())}"
@@ -541,11 +514,11 @@ def _at_evaluations(curves: Curves, advance: Floats, number: float = 240.0) -> s
     threshold="the width of each interval at most 21 % of the advance, 1/1.26 of the 26 % that a dot covers, "
     f"{range_words('the first of the ten')}; {SIGNIFICANTLY.brief}",
     bound=(DOT - 1) / SIGNIFICANTLY.number,
-    needs=("cubes/kepler.h5",),
+    needs=KEPLER,
 )
 def fig_4_intervals(results: Results, widest: float) -> Decision:
     curves = curves_of(results, "kepler")
-    advance, interval = _advance(curves, BENCHMARKED)
+    advance, interval = (np.abs(curves.rows(BENCHMARKED, f"perihelion_advance{end}")) for end in ("", "_interval"))
     asked = curves.compared(curves.errors(BENCHMARKED))
     share = (2 * interval / advance).max(axis=0)
     low, high = (short(100 * one, 2) for one in (share[asked.asked].min(), share[asked.asked].max()))
@@ -559,7 +532,7 @@ def fig_4_intervals(results: Results, widest: float) -> Decision:
     threshold="the rates of advance in the two halves within 2 % of each other, the widest 95 % interval of a fit, "
     f"{range_words('the first of the ten')}",
     bound=0.02,
-    needs=("cubes/kepler.h5",),
+    needs=KEPLER,
 )
 def precession_linear(results: Results, off: float) -> Decision:
     curves = curves_of(results, "kepler")
@@ -582,7 +555,7 @@ def precession_linear(results: Results, off: float) -> Decision:
     threshold="the curves of ABAs5o6H, ABA104 and BAB's8o7H coincide in Figure 5, as they do in the precession by the "
     f"caption of Figure 4: maximum and mean errors within a factor of 1.26, {range_words()}; {APPROXIMATELY.brief}",
     bound=DOT,
-    needs=("cubes/kepler.h5",),
+    needs=KEPLER,
 )
 def figure_of_the_precession(results: Results, dot: float) -> Decision:
     curves, told = curves_of(results, "kepler"), []
@@ -606,24 +579,27 @@ def figure_of_the_precession(results: Results, dot: float) -> Decision:
     threshold="the rank correlation of the ten methods' advances with their mean errors is nearer to 1 than with their "
     f"maximum errors, {range_words()}",
     bound=1.0,
-    needs=("cubes/kepler.h5",),
+    needs=KEPLER,
 )
 def accumulated_error_and_mean(results: Results, ratio: float) -> Decision:
     curves = curves_of(results, "kepler")
-    return with_and_without_sixth_order(lambda names: _agreement(curves, names, ratio))
+
+    def decide(names: tuple[str, ...]) -> Decision:
+        largest, mean = curves.errors(names), curves.errors(names, "mean_energy_error")
+        advance = np.abs(curves.rows(names, "perihelion_advance"))
+        known = curves.compared(largest)
+        asked = known._replace(asked=known.asked & np.isfinite(advance).all(axis=0))
+        lacking = f"the advances of the {len(names)} methods are known at fewer than three step sizes"
+        require(asked.asked.sum() >= FEWEST, lacking)
+        by_mean, by_largest = (rank_correlation(advance, other) for other in (mean, largest))
+        told = (short(float(np.median(one[asked.asked])), 2) for one in (by_mean, by_largest))
+        value = "median rank correlation {} with the mean and {} with the maximum error".format(*told)
+        return over(asked, 1 - by_mean < ratio * (1 - by_largest), value)
+
+    return with_and_without_sixth_order(decide)
 
 
-def _agreement(curves: Curves, names: tuple[str, ...], ratio: float) -> Decision:
-    largest, mean = curves.errors(names), curves.errors(names, "mean_energy_error")
-    advance, _ = _advance(curves, names)
-    known = curves.compared(largest)
-    asked = Range(known.x, known.asked & np.isfinite(advance).all(axis=0), known.unit)
-    lacking = f"the advances of the {len(names)} methods are known at fewer than three step sizes"
-    require(asked.asked.sum() >= FEWEST, lacking)
-    by_mean, by_largest = (rank_correlation(advance, other) for other in (mean, largest))
-    told = (short(float(np.median(one[asked.asked])), 2) for one in (by_mean, by_largest))
-    value = "median rank correlation {} with the mean and {} with the maximum error".format(*told)
-    return over(asked, 1 - by_mean < ratio * (1 - by_largest), value)
+# --- Figure 6: substeps in phase space. -------------------------------------------------------------------------------
 
 
 @result(

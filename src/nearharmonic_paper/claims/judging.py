@@ -208,10 +208,14 @@ class Curves:
         require(name in self.names, f"the results do not have the method {label(name)}")
         return self.cube[variable].values[self.names.index(name)]
 
+    def rows(self, names: Sequence[str], variable: str) -> Floats:
+        """Return a row of a variable for each method."""
+        return np.array([self.of(name, variable) for name in names])
+
     def errors(self, names: Sequence[str], variable: str = "max_energy_error") -> Floats:
         """Return a row of errors for each method; infinite where the run diverged."""
-        rows = np.array([self.of(name, variable) for name in names])
-        return np.where(np.isnan(rows), np.inf, rows)
+        found = self.rows(names, variable)
+        return np.where(np.isnan(found), np.inf, found)
 
     def compared(self, *rows: Floats, kept: Floats | None = None) -> Range:
         """Return the range in which all ``rows`` of errors, or tables of them, can be compared.
