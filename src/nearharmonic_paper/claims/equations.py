@@ -1,17 +1,8 @@
 """Statements of Section 3: equations and their misprints, and how solutions are found, counted and picked.
 
-Section 3: decomposition of a step and its consequences, Equations 6 and 14, Table 2.
-
-Section 3: equations that hold for all coefficients or for none, C_n, Equations 13, 15 and 16, Table 3, their errata.
-
-They are decided in exact arithmetic on coefficients drawn at random, which share nothing with any method: a step on the
-oscillator is multiplied out shear by shear, and an identity between polynomials that fails, fails almost everywhere.
-
-Misprints that their context puts right, in Equations 2 and 13, below 11 and of BAB', and what Eq. 14 leaves free.
-
-Each is decided as printed, in exact arithmetic. Others stand beside the statements that they are about.
-
-The end of Section 3 and the conclusion: how solutions are found, how many there are, which are picked.
+Equations that hold for all coefficients or for none are decided in exact arithmetic on coefficients drawn at random,
+which share nothing with any method: a step on the oscillator is multiplied out shear by shear, and an identity between
+polynomials that fails, fails almost everywhere. Misprints are decided as printed.
 """
 
 from __future__ import annotations
@@ -19,6 +10,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
+from functools import partial
 from itertools import pairwise
 from math import sqrt
 from typing import Any, NamedTuple
@@ -30,7 +22,6 @@ from nearharmonic.integrators.tableau import Tableau, palindrome
 from nearharmonic.theory.order import order_of
 from nearharmonic.theory.oscillator import kappa, step_polynomials
 from nearharmonic_paper.claims.claim import (
-    Decide,
     Decision,
     Results,
     counted,
@@ -45,6 +36,8 @@ from nearharmonic_paper.claims.claim import (
     tallied,
 )
 from nearharmonic_paper.claims.judging import GENERALLY, NOT_SUITABLE, SIGNIFICANTLY, SMALL
+
+# --- Decomposition of a step and its consequences, Equations 6 and 14, Table 2. ---------------------------------------
 
 #: Table 2 as the paper prints it, by h and the power of tau.
 TABLE_2 = (
@@ -169,6 +162,8 @@ def harmonic_four_is_four(results: Results) -> Decision:
     return either(bool(rows) and not bad, f"{len(rows) - len(bad)} of {len(rows)} methods")
 
 
+# --- Equations that hold for all coefficients or for none: C_n, Equations 13, 15 and 16, Table 3, their errata. -------
+
 #: Coefficients: fractions, or numbers of mpmath.
 Row = Sequence[Any]
 DRAWS = 5
@@ -230,10 +225,10 @@ def c_n_below_eq_6(results: Results) -> Decision:
         [_off(one, [b / a for a, b in pairwise(read(one.drifts))]) for one in (*drawn(3), _ruth(results))]
         for read in readings
     )
-    good = [not any(off[:-1]) for off in (first, second)]
     told = [short(float(off[-1])) for off in (first, second)]
     value = f"for Ruth's method a term of the position is off by {told[0]} with c₄ = c₁ and by {told[1]} with c₄ = 0"
-    return either(any(good), f"{value}; c_n/c_(n-1) is {'wrong as well' if any(mended[:-1]) else 'right'}")
+    good = not any(first[:-1]) or not any(second[:-1])
+    return either(good, f"{value}; c_n/c_(n-1) is {'wrong as well' if any(mended[:-1]) else 'right'}")
 
 
 def _off(coefficients: Drawn, ratios: Row) -> Any:
@@ -256,47 +251,32 @@ def _off(coefficients: Drawn, ratios: Row) -> Any:
     threshold=f"equal to the momentum of Eq. 5 on the oscillator with m = 2, k = 3 and τ = 1/3, {DRAWN}",
 )
 def eq_6_p_row(_: Results) -> Decision:
-    return either(all(_momenta_agree(*one) for one in drawn(4)), f"equal for {DRAWS} sets of four stages")
-
-
-def _momenta_agree(kicks: Row, drifts: Row) -> bool:
     m, k, tau, last = 2, 3, Fraction(1, 3), Fraction(2, 7)
-    before = q = Fraction(5, 11)
-    p = Fraction(-3, 13)
-    for d, c in zip(kicks, drifts, strict=True):
-        p -= tau * d * k * q
-        before, q = q, q + tau * c * p / m
-    return bool(p - tau * last * k * q == last_row(m, (before, q), tau * drifts[-1], tau * last * k))
+    good = []
+    for kicks, drifts in drawn(4):
+        before = q = Fraction(5, 11)
+        p = Fraction(-3, 13)
+        for d, c in zip(kicks, drifts, strict=True):
+            p -= tau * d * k * q
+            before, q = q, q + tau * c * p / m
+        good.append(p - tau * last * k * q == m * (q - before) / (tau * drifts[-1]) - tau * last * k * q)
+    return either(all(good), f"equal for {DRAWS} sets of four stages")
 
 
-def last_row(m: Any, q: tuple[Any, Any], drift: Any, kick: Any) -> Any:
-    """Return the momentum by Eq. 6 from the last two positions."""
-    return m * (q[1] - q[0]) / drift - kick * q[1]
-
-
-def solutions(stages: int, good: Callable[[int], bool], words: str) -> Decide:
-    """Judge of statements about the number of real solutions with some stages."""
-
-    def decide(results: Results) -> Decision:
-        row = only(results.rows("derived_counts"), "stages", str(stages))
-        count = int(row["real solutions by Sturm"])
-        return either(good(count), f"{count} real solutions{words}")
-
-    return decide
+def solutions(stages: int, good: Callable[[int], bool], words: str, results: Results) -> Decision:
+    """Decide on the number of real solutions with some stages."""
+    count = int(only(results.rows("derived_counts"), "stages", str(stages))["real solutions by Sturm"])
+    return either(good(count), f"{count} real solutions{words}")
 
 
 #: Takes coefficients and the terms of the position after each drift to formulas with what they should be equal to.
 Formulas = Callable[[Drawn, list[list[Any]]], Iterable[tuple[Any, Any]]]
 
 
-def identity(things: str, stages: int, formulas: Formulas, *, symmetric: bool = False) -> Decide:
-    """Judge of formulas for terms of the position, on coefficients drawn at random."""
-
-    def decide(_: Results) -> Decision:
-        pairs = [pair for one in drawn(stages, symmetric=symmetric) for pair in formulas(one, position_terms(one))]
-        return tallied((formula == exact for formula, exact in pairs), f"{things} equal")
-
-    return decide
+def identity(things: str, stages: int, formulas: Formulas, _: Results, *, symmetric: bool = False) -> Decision:
+    """Decide on formulas for terms of the position, on coefficients drawn at random."""
+    pairs = [pair for one in drawn(stages, symmetric=symmetric) for pair in formulas(one, position_terms(one))]
+    return tallied((formula == exact for formula, exact in pairs), f"{things} equal")
 
 
 def _eq_13(one: Drawn, rows: list[list[Any]]) -> Iterable[tuple[Any, Any]]:
@@ -316,7 +296,7 @@ eq_13 = mathematics(
     sentence="the following identities must be true for symmetric fourth order splitting coefficients",
     statement="The formulas of Eq. 13 for ζ₁ to ζ₄ of three stages are right",
     threshold=f"equal to the terms of the position after a step, multiplied out kick by drift, {DRAWN}, symmetric ones",
-)(identity("terms", 3, _eq_13, symmetric=True))
+)(partial(identity, "terms", 3, _eq_13, symmetric=True))
 
 
 def closed_form() -> tuple[Any, Any, Any, Any]:
@@ -367,7 +347,7 @@ table_3 = mathematics(
     sentence="τ² and τ⁴ separations can be expressed as in Table 3",
     statement="The sums of the τ² column are right for every h",
     threshold=SUMS,
-)(identity("sums", 5, lambda one, rows: [(_tau2(one, h), row[2]) for h, row in enumerate(rows)]))
+)(partial(identity, "sums", 5, lambda one, rows: [(_tau2(one, h), row[2]) for h, row in enumerate(rows)]))
 
 
 @misprint(
@@ -390,11 +370,7 @@ eq_16 = mathematics(
     sentence="the following identities must be true to satisfy the fourth conditions for the SHO",
     statement="The sums of Eq. 16 for ζ₂ and ζ₄ are right, with an inner sum that runs to h",
     threshold=SUMS,
-)(identity("sums", 5, lambda one, rows: [(_tau2(one, 5), rows[-1][2]), (_tau4(one, 5, 5), rows[-1][4])]))
-
-
-#: a, b, m and k below Eq. 17.
-CONSTANTS = (1, -1, 1, 1)
+)(partial(identity, "sums", 5, lambda one, rows: [(_tau2(one, 5), rows[-1][2]), (_tau4(one, 5, 5), rows[-1][4])]))
 
 
 @mathematics(
@@ -404,20 +380,9 @@ CONSTANTS = (1, -1, 1, 1)
     threshold="exactly, from q and p = m dq/dt of Eq. 12 at t = 0",
 )
 def initial_values_below_eq_17(_: Results) -> Decision:
-    a, b, m, k = CONSTANTS
+    a, b, m, k = 1, -1, 1, 1
     q, p = a, m * b * sqrt(k / m)  # cos 0 = 1, sin 0 = 0
     return either((q, p) == (1, -1), f"q_a = {q}, p_a = {p:.0f}")
-
-
-def counterexample() -> Tableau:
-    """Three stages with c = (2, -3, 2) that solve Eq. 16: d_1 = 1 - sqrt(11/48), d_2 = 1/2 - d_1."""
-    with mp.workdps(DIGITS):
-        d1 = 1 - mp.sqrt(mpf(11) / 48)
-        outer, inner = (mp.nstr(one, DIGITS - 5) for one in (d1, mpf(1) / 2 - d1))
-    return Tableau(
-        name="eq_16", label="Eq. 16", order=2, first="kick", source="Eq. 16 with c_1 = 2", digits=DIGITS - 10,
-        kick=palindrome(outer, inner), drift=palindrome("2", centre="-3"),
-    )  # fmt: skip
 
 
 @mathematics(
@@ -429,7 +394,13 @@ def counterexample() -> Tableau:
     bound=1e-70,
 )
 def eq_16_general(_: Results, rounded: float) -> Decision:
-    method = counterexample()
+    with mp.workdps(DIGITS):
+        d1 = 1 - mp.sqrt(mpf(11) / 48)
+        outer, inner = (mp.nstr(one, DIGITS - 5) for one in (d1, mpf(1) / 2 - d1))
+    method = Tableau(
+        name="eq_16", label="Eq. 16", order=2, first="kick", source="Eq. 16 with c_1 = 2", digits=DIGITS - 10,
+        kick=palindrome(outer, inner), drift=palindrome("2", centre="-3"),
+    )  # fmt: skip
     second, third, fourth = (float(one) for one in kappa(method, 4)[1:])
     order = order_of(method, highest=5)
     value = (
@@ -439,10 +410,7 @@ def eq_16_general(_: Results, rounded: float) -> Decision:
     return either(max(second, fourth) > rounded or order >= 4, value)
 
 
-#: The lower limit of the product of Eq. 2.
-FIRST_FACTOR = 0
-#: The mass for which the condition below Eq. 11 is tried.
-MASS = 2
+# --- Misprints that their context puts right, and what Eq. 14 leaves free; others stand beside their statements. ------
 
 
 @misprint(
@@ -453,7 +421,7 @@ MASS = 2
 )
 def eq_2_product(results: Results) -> Decision:
     k = len(results.method("ruth").outer)
-    factors = len(range(FIRST_FACTOR, k + 1))
+    factors = len(range(k + 1))
     return either(factors == k, f"{factors} factors for {k} pairs of coefficients. The product begins with i = 1")
 
 
@@ -477,7 +445,7 @@ def eq_2_order_symbol(results: Results, vanished: float) -> Decision:
     f"k = 3, {DRAWN}",
 )
 def q_bar_below_eq_11(_: Results) -> Decision:
-    m, k = MASS, 3
+    m, k = 2, 3
     exact = [Fraction(-k, m) * one.kicks[0] * one.drifts[0] for one in drawn(3)]
     printed = [-one.kicks[0] * one.drifts[0] * k for one in drawn(3)]
     right = "is right" if [entry / m for entry in printed] == exact else "is wrong as well"
@@ -535,8 +503,10 @@ four_unique_or_more = misprint(
     statement="BABs6o7H is unique, while Table 4 says beside it that more exist",
     threshold="one real solution with six stages and harmonic order seven, by Sturm's theorem",
     needs=("tables/derived_counts.csv",),
-)(solutions(6, lambda count: count == 1, ": isolated is meant, and Table 4 is right"))
+)(partial(solutions, 6, lambda count: count == 1, ": isolated is meant, and Table 4 is right"))
 
+
+# --- How solutions are found, how many there are, which are picked. ---------------------------------------------------
 
 DOCUMENT = ("derived/coefficients.toml",)
 #: Largest kappa at which the paper's minimisation ends.

@@ -1,9 +1,4 @@
-"""Statements that compare methods over systems: accuracy, stability, other kinetic energies, close encounters.
-
-Abstract, discussion and conclusion: comparison of the new methods with previous ones, system by system.
-
-Section 5: stability with large steps, kinetic energies that are not quadratic, close encounters, higher order.
-"""
+"""Statements that compare methods over systems: accuracy, stability, other kinetic energies, close encounters."""
 
 from __future__ import annotations
 
@@ -61,6 +56,10 @@ RIVALS = {
 }  # fmt: skip
 
 
+in_discussion = partial(result, paper="Section 5, Discussion")
+in_conclusion = partial(result, paper="Section 6, Conclusion")
+
+
 def _outperforms_ruth(system: str, results: Results, factor: float) -> Decision:
     curves = curves_of(results, system)
     ruth, new = curves.errors(["ruth"])[0], curves.errors(NEW)
@@ -71,9 +70,8 @@ def _outperforms_ruth(system: str, results: Results, factor: float) -> Decision:
 
 
 RUTH = tuple(
-    result(
+    in_discussion(
         id=f"outperform-ruth-{system.replace('_', '-')}",
-        paper="Section 5, Discussion",
         sentence="the new schemes outperforms the acclaimed stage-optimized integrator Ruth by several orders of "
         "magnitude",
         statement=f"The new schemes outperform Ruth by several orders of magnitude, on the {name}",
@@ -86,8 +84,7 @@ RUTH = tuple(
 )
 
 
-@result(
-    paper="Section 6, Conclusion",
+@in_conclusion(
     sentence="the obtained integrators outperform the three stage fourth order integrator by R. Ruth",
     statement="Each of the four new methods of the figures has a smaller error than Ruth's at equal cost",
     threshold="Ruth's maximum and mean error above those of each of the four new methods in the figures, on each "
@@ -141,9 +138,8 @@ def _outperforms(names: Sequence[str], system: str, results: Results, ratio: flo
 
 
 KAHAN_AND_BLANES = tuple(
-    result(
+    in_conclusion(
         id=f"outperform-{rival}-{system.replace('_', '-')}",
-        paper="Section 6, Conclusion",
         sentence="the obtained integrators outperform the three stage fourth order integrator by R. Ruth as well as "
         "the more optimized integrators by W. Kahan and S. Blanes",
         statement=f"The obtained integrators outperform the more optimized ones {whose}, on the {name}",
@@ -172,9 +168,8 @@ def _favourable_to_yoshida(system: str, results: Results, ratio: float) -> Decis
 
 
 MODERATE_STEPS = tuple(
-    result(
+    in_conclusion(
         id=f"yoshida-moderate-steps-{system.replace('_', '-')}",
-        paper="Section 6, Conclusion",
         sentence="The obtained integrators also compare favorably with higher order integrators by H. Yoshida for "
         "moderate time steps",
         statement=f"The new methods compare favorably with Yosh s7o6 A for moderate steps, on the {name}",
@@ -188,8 +183,7 @@ MODERATE_STEPS = tuple(
 )
 
 
-@result(
-    paper="Section 6, Conclusion",
+@in_conclusion(
     sentence="The best performance is generally achieved by the methods BAB's9o7H, BAB's8o7H and ABAs5o6H A",
     statement="The best performance is generally achieved by BAB's9o7H, BAB's8o7H and ABAs5o6H",
     threshold="the smallest maximum error of the ten is that of one of the three at more than half of the step sizes "
@@ -242,8 +236,7 @@ def significantly_better(results: Results, factor: float) -> Decision:
     return counted(good, f"pairs with the new method ahead, by maximum and mean error: {', '.join(told)}")
 
 
-@result(
-    paper="Section 5, Discussion",
+@in_discussion(
     sentence="All numerical tests suggest that the obtained integrators in spite of an increased number of stages "
     "greatly and consistently improve the integration accuracy and stability",
     statement="All tests suggest that the obtained integrators greatly and consistently improve the accuracy",
@@ -262,6 +255,8 @@ def greatly_and_consistently(results: Results, factor: float) -> Decision:
     value = f"the worst gains {short(factor)} or more at step sizes, by maximum and mean error: {', '.join(listed)}"
     return combined(verdicts, value)
 
+
+# --- Section 5: stability with large steps, kinetic energies that are not quadratic, close encounters, higher order. --
 
 METHODS = ("ruth", *NEW)
 ABOVE = "above Ruth's, for each of the four new methods in the figures"
@@ -326,9 +321,8 @@ def _spike(curves: Curves, error: Floats) -> float:
 
 #: High numerical stability is four things, each with its number. Step sizes are per stage, which is at equal cost.
 STABILITY = tuple(
-    result(
+    in_discussion(
         id=name,
-        paper="Section 5, Discussion",
         sentence="Optimized fourth order schemes appear to be useful for achieving high numerical stability allowing "
         "large time steps with minimal integration error",
         statement=statement,
@@ -371,8 +365,7 @@ STABILITY = tuple(
 )
 
 
-@result(
-    paper="Section 5, Discussion",
+@in_discussion(
     sentence="The performance of the obtained integrators generally declines for systems where T(p) deviates "
     "significantly from a squared kinetic energy",
     statement="The performance generally declines where T deviates significantly from a squared kinetic energy",

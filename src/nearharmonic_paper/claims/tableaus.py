@@ -1,15 +1,4 @@
-"""Statements about coefficients: Table 4, sizes and roles of its rows, trained methods, the list of the ten methods.
-
-Table 4: its coefficients, which sets are unique, what they solve, and the digit that is wrong.
-
-Size of the coefficients of Table 4, and so of the substeps.
-
-Statements of the paper that methods trained by the energy error bear on.
-
-Roles of the rows of Table 4, and their effect on the errors.
-
-Section 4.B: the list of the ten methods, double precision and compensated summation.
-"""
+"""Statements about coefficients: Table 4, sizes and roles of its rows, trained methods, the list of the ten methods."""
 
 from __future__ import annotations
 
@@ -18,9 +7,9 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from decimal import Decimal, localcontext
-from functools import cache
+from functools import cache, partial
 from itertools import groupby
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from mpmath import mp, mpf
@@ -63,6 +52,8 @@ from nearharmonic_paper.claims.splitting import leapfrogs
 if TYPE_CHECKING:
     import xarray as xr
 
+
+# --- Table 4: its coefficients, which sets are unique, what they solve, and the digit that is wrong. ------------------
 
 SETS = tuple(tableau.name for tableau in nielsen_2015.TABLEAUS)
 FIVE_STAGES = ("abas5o6h", "abas5o6h_b", "abas5o6h_c")
@@ -236,7 +227,7 @@ COUNTS = (
         statement="With five stages and harmonic order six there are four real solutions; the paper presents three",
         threshold="four real solutions, counted by elimination and Sturm's theorem, which miss none",
         needs=("tables/derived_counts.csv",),
-    )(solutions(5, lambda count: count == 4, " with five stages")),
+    )(partial(solutions, 5, lambda count: count == 4, " with five stages")),
     result(
         id="six-stage-solutions",
         paper="Table 4, second heading",
@@ -244,7 +235,7 @@ COUNTS = (
         statement="BABs6o7H is not the only isolated solution with six stages and harmonic order seven",
         threshold="more than one real solution, counted by elimination and Sturm's theorem",
         needs=("tables/derived_counts.csv",),
-    )(solutions(6, lambda count: count > 1, " with six stages")),
+    )(partial(solutions, 6, lambda count: count > 1, " with six stages")),
 )
 
 
@@ -263,7 +254,7 @@ def unique_sets_solve_both(results: Results, zero: float) -> Decision:
     return tallied((one < zero for one in left.values()), "sets", f"; {bad}" if bad else "")
 
 
-def _sides(results: Results, *, prime: bool) -> Decision:
+def _sides(prime: bool, results: Results) -> Decision:
     """Decide whether each BAB or BAB' set has the momentum, the position if ``prime``, of lower order."""
     good, told = [], []
     for t in sets(results):
@@ -281,7 +272,7 @@ SIDES = (
         sentence="the error of p_(s+1) remains unaddressed for the BAB solution",
         statement="The conditions of a BAB set leave the momentum a lower harmonic order than the position",
         threshold="the proved harmonic order of p below that of q, for the BAB sets of Table 4",
-    )(lambda results: _sides(results, prime=False)),
+    )(partial(_sides, False)),
     result(
         id="bab-prime-leaves-q",
         paper="Section 4.A",
@@ -289,8 +280,11 @@ SIDES = (
         statement="The conditions of a BAB' set leave the position a lower harmonic order than the momentum",
         threshold="the proved harmonic order of q below that of p, for the BAB' sets of Table 4. BAB's7o6H tells "
         "nothing: terms of even order are equal for q and p",
-    )(lambda results: _sides(results, prime=True)),
+    )(partial(_sides, True)),
 )
+
+
+# --- Size of the coefficients of Table 4, and so of the substeps. -----------------------------------------------------
 
 
 def _size(tableau: Tableau) -> float:
@@ -348,6 +342,8 @@ def small_coefficients_of_one_row(results: Results, ratio: float) -> Decision:
     return either(bool(told), f"{len(told)} sets, larger in: {', '.join(told)}" if told else "no set")
 
 
+# --- What methods trained by the energy error bear on. ----------------------------------------------------------------
+
 TRAINED = "cubes/trained.h5"
 #: The ensembles of random potentials whose strengths span the widest band, as the cube names them.
 ENSEMBLES = ("d = 2, 0.01 to 0.5", "d = 3, 0.01 to 0.5")
@@ -358,51 +354,17 @@ RELATED = 0.5
 FEWEST_METHODS = 12
 
 
-class Errors(NamedTuple):
-    """Mean errors of methods at equal cost.
-
-    Attributes
-    ----------
-    names, kinds : list of str
-        Methods, and whether each is published, own or trained.
-    tau_per_stage : (T,) array
-        Step sizes over the cost of a step.
-    mean_log : (methods, T) array
-        Mean over all problems of log10 of the maximum error.
-    """
-
-    names: list[str]
-    kinds: list[str]
-    tau_per_stage: Floats
-    mean_log: Floats
-
-    def least(self, names: Sequence[str]) -> Floats:
-        """Return the least error among some methods, for each step size."""
-        found: Floats = self.mean_log[[self.names.index(name) for name in names]].min(axis=0)
-        return found
-
-    def of_order_four_or_more(self, results: Results) -> Errors:
-        """Return the errors of the methods of high order."""
-        kept = [i for i, name in enumerate(self.names) if results.methods[name].order >= 4]
-        names, kinds = ([row[i] for i in kept] for row in (self.names, self.kinds))
-        return Errors(names, kinds, self.tau_per_stage, self.mean_log[kept])
-
-
-def errors_on_random_potentials(results: Results) -> Errors:
-    """Return the errors of the methods of ``results`` on both ensembles together."""
+def errors_on_random_potentials(results: Results) -> xr.DataArray:
+    """Return means of log10 of the maximum error (integrator, point) on both ensembles, at ``tau_per_stage``."""
     cube = results.cube("trained")
     for name in ENSEMBLES:
         require(name in cube["ensemble"].values, f"the results do not have the random potentials {name}")
     # Methods with modified potentials, which spend gradients on small coefficients, are not among those looked at.
     both = cube.sel(ensemble=list(ENSEMBLES))
     tau = both["tau_per_stage"].values[0]
-    known = np.isfinite(tau)  # other ensembles may have more step sizes
-    return Errors(
-        [str(name) for name in both["integrator"].values],
-        [str(kind) for kind in both["kind"].values],
-        tau[known],
-        both["mean_log_error"].mean("ensemble").transpose("integrator", "point").values[:, known],
-    )
+    errors = both["mean_log_error"].mean("ensemble").transpose("integrator", "point")
+    errors = errors.assign_coords(tau_per_stage=("point", tau), kind=("integrator", both["kind"].values))
+    return errors.isel(point=np.isfinite(tau))  # other ensembles may have more step sizes
 
 
 def lead_of_trained(results: Results, names: Sequence[str], what: str) -> str:
@@ -413,10 +375,10 @@ def lead_of_trained(results: Results, names: Sequence[str], what: str) -> str:
         errors = errors_on_random_potentials(results)
     except Undecided:
         return ""
-    trained = [name for name, kind in zip(errors.names, errors.kinds, strict=True) if kind == "trained"]
-    if not trained or not set(names) <= set(errors.names) or errors.tau_per_stage.size == 0:
+    trained = errors[errors["kind"].values == "trained"]
+    if not trained.size or not set(names) <= set(errors["integrator"].values):
         return ""
-    lead = errors.least(names) - errors.least(trained)
+    lead = (errors.sel(integrator=list(names)).min("integrator") - trained.min("integrator")).values
     low, high = short(lead.min(), 2), short(lead.max(), 2)
     return (
         f"; on {ENSEMBLE_WORDS}, which are not in the paper, methods trained on other such potentials are ahead of "
@@ -438,47 +400,41 @@ def lead_of_trained(results: Results, names: Sequence[str], what: str) -> str:
     needs=(TRAINED,),
 )
 def minimised_coefficients(results: Results, related: float) -> Decision:
-    found, said = _correlations(results)
-    good = found >= related
-    first, *rest = said
-    counts = f"{short(related, 2)} or more at {good.sum()} of {good.size} step sizes"
-    return counted(good.tolist(), "; ".join([first, counts, *rest]))
-
-
-@once
-def _correlations(results: Results) -> tuple[Floats, list[str]]:
-    """The correlation at each step size, and what is told of it."""
-    errors = errors_on_random_potentials(results).of_order_four_or_more(results)
-    x = errors.tau_per_stage
-    known = len(errors.names) >= FEWEST_METHODS and x.size
+    every = errors_on_random_potentials(results)
+    errors = every[[results.methods[name].order >= 4 for name in every["integrator"].values]]
+    methods, x = [results.methods[name] for name in errors["integrator"].values], errors["tau_per_stage"].values
+    known = len(methods) >= FEWEST_METHODS and x.size
     require(known, f"the results have fewer than {FEWEST_METHODS} methods of order four or more, or no step size")
-    methods = [results.methods[name] for name in errors.names]
     sums = np.array([sum(abs(float(c)) for c in (*one.kick, *one.drift)) for one in methods])
-    found, fourth = _correlation(sums, errors.mean_log), np.array([one.order == 4 for one in methods])
+    found, fourth = _correlation(sums, errors.values), np.array([one.order == 4 for one in methods])
     told = [f"rank correlation {short(found[0], 2)} at τ/s = {short(x[0])} to {short(found[-1], 2)} at {short(x[-1])}"]
+    good = found >= related
+    told.append(f"{short(related, 2)} or more at {good.sum()} of {good.size} step sizes")
     if fourth.sum() >= FEWEST_METHODS:
-        among = _correlation(sums[fourth], errors.mean_log[fourth])
+        among = _correlation(sums[fourth], errors.values[fourth])
         told.append(f"among those of order four alone {short(among.min(), 2)} to {short(among.max(), 2)}")
-    return found, [*told, *_leaders(errors, sums)]
+    return counted(good.tolist(), "; ".join([*told, *_leaders(errors, sums)]))
 
 
 def _correlation(sums: Floats, mean_log: Floats) -> Floats:
     return rank_correlation(np.broadcast_to(sums[:, None], mean_log.shape), mean_log)
 
 
-def _leaders(errors: Errors, sums: Floats) -> Iterator[str]:
+def _leaders(errors: xr.DataArray, sums: Floats) -> Iterator[str]:
     """The methods of least error with their sums, and what the method of the least sum loses to them."""
-    leaders: list[int] = errors.mean_log.argmin(axis=0).tolist()
-    led = []
-    for best, places in groupby(range(len(leaders)), leaders.__getitem__):
-        x = [short(float(errors.tau_per_stage[i])) for i in places]
-        led.append(f"{label(errors.names[best])} ({short(sums[best])}) at {' to '.join(dict.fromkeys((x[0], x[-1])))}")
+    names, x = errors["integrator"].values.tolist(), errors["tau_per_stage"].values
+    leaders, led = errors.values.argmin(axis=0).tolist(), []
+    for best, points in groupby(range(len(leaders)), leaders.__getitem__):
+        first, *_, last = [short(float(x[i])) for i in points] * 2
+        led.append(f"{label(names[best])} ({short(float(sums[best]))}) at {' to '.join(dict.fromkeys((first, last)))}")
     yield f"least error, with the sum: {', '.join(led)}"
     small = int(sums.argmin())
-    ratios = pow(10.0, errors.mean_log[small] - errors.mean_log.min(axis=0))
-    of = f"{short(sums[small])}, of {label(errors.names[small])}"
+    ratios = pow(10.0, errors.values[small] - errors.values.min(axis=0))
+    of = f"{short(sums[small])}, of {label(names[small])}"
     yield f"the least sum is {of}, with {short(ratios.min())} to {short(ratios.max())} times the least error"
 
+
+# --- Roles of the rows of Table 4, and their effect on the errors. ----------------------------------------------------
 
 TABLES = ("tables/derived_errors.csv", "tables/derived_solutions.csv")
 
@@ -549,6 +505,8 @@ def _kick_over_drift(results: Results, name: str) -> dict[str, float]:
     }
     return {tau: errors["kick", tau] / error for (first, tau), error in errors.items() if first == "drift"}
 
+
+# --- Section 4.B: the list of the ten methods, double precision and compensated summation. ----------------------------
 
 #: The modules of the ten methods but Nielsen's own: what they declare is covered by the digest of the job.
 SOURCES = (blanes_2013, forest_ruth_1990, kahan_li_1997, yoshida_1990)
@@ -686,18 +644,14 @@ def compensated_summation(results: Results, factor: float) -> Decision:
     rms = cube["energy_error_rms"].isel(sample=slice(-20, None))
     gains = (rms.sel(source="plain") / rms.sel(source="compensated")).median("sample").values
     worst = label(str(cube["integrator"].values[gains.argmin()]))
-    gained = f"; gains {short(gains.min(), 2)} ({worst}) to {short(gains.max(), 2)}"
-    return tallied((gains >= factor).tolist(), "methods", f"{gained}{_runs(cube)}")
-
-
-def _runs(cube: xr.Dataset) -> str:
-    """Describe the runs, as far as the cube says."""
-    told = f"; {cube.sizes['orbit']} Kepler orbits" if "orbit" in cube.sizes else ""
+    told = f"; gains {short(gains.min(), 2)} ({worst}) to {short(gains.max(), 2)}"
+    # The runs, as far as the cube says.
+    told += f"; {cube.sizes['orbit']} Kepler orbits" if "orbit" in cube.sizes else ""
     if "time" in cube:
         ends = cube["time"].values[:, -1]
         told += f" of {ends.min():.0f} to {ends.max():.0f} periods"
     steps = json.loads(cube.attrs.get("settings", "{}")).get("settings", {}).get("steps")
-    return told + (f" in {steps} steps" if steps else "")
+    return tallied((gains >= factor).tolist(), "methods", told + (f" in {steps} steps" if steps else ""))
 
 
 @finding(
