@@ -20,19 +20,13 @@ from nearharmonic_studies.samplers.page import page as samplers
 from nearharmonic_studies.trained.page import page as trained
 from nearharmonic_studies.trained.page import training
 from support.results import page_inputs
-from support.results.page_inputs import LINES, TABLES, filled_by
+from support.results.page_inputs import LINES, TABLES
 from support.results.recorded_results import unpack
 from support.results.stated_numbers import ROOT
 
 DOCS = ROOT / "docs"
 PAGES = {path.stem: path for path in DOCS.glob("*/*.md") if "<!-- end -->" in path.read_text(encoding="utf-8")}
 EXAMPLES = sorted(map(str, (ROOT / "examples").glob("*.py")))
-#: Page -> commands below benchmarks/ that measure for it.
-BENCHMARKS = {
-    "timings": ["beyond_double", "kernels"], "samplers": ["samplers_in_libraries"], "stepper": ["stepper"],
-    "formulas": ["functions"], "large_grids": ["large_grids"], "larger_systems": ["larger_systems"],
-    "testing": ["trials --quick", "trials"],
-}  # fmt: skip
 
 
 def text_of(name):
@@ -95,9 +89,8 @@ MADE = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LINES)
-def test_small_inputs_give_these_lines_and_the_text_stays(name, tmp_path, monkeypatch):
-    made = MADE[name](tmp_path)["page"] if name in MADE else text_of(name)
-    made = filled_by(BENCHMARKS.get(name, []), made, monkeypatch, tmp_path)
+def test_small_inputs_give_these_lines_and_the_text_stays(name, tmp_path):
+    made = MADE[name](tmp_path)["page"]
     assert filled(made, parts(text_of(name))) == text_of(name)
     found = parts(made)
     for part, lines in LINES[name].items():

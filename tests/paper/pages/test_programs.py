@@ -18,7 +18,6 @@ import yaml
 
 import nearharmonic as nh
 from nearharmonic.cli import main
-from nearharmonic.exchange.export import export
 from nearharmonic.integrators.file import tableaus_of
 from nearharmonic_paper.record import archive as pack
 from nearharmonic_paper.record import verify
@@ -85,10 +84,6 @@ def test_file_in_the_folder_of_integrators_is_registered(tmp_path):
     assert done.stdout.split() == [str(len(nh.integrators) + 1), "2"]
 
 
-def test_page_on_exchange_shows_the_json_of_the_leapfrog():
-    assert blocks("exchange", "json") == [export(nh.integrators["leapfrog"], "json")]
-
-
 @pytest.mark.slow
 def test_hook_of_pre_commit_takes_tableaus_and_checks_them(capsys):
     (hook,) = yaml.safe_load((ROOT / ".pre-commit-hooks.yaml").read_text(encoding="utf-8"))
@@ -124,19 +119,3 @@ def test_commands_of_deposits_work_on_an_archive(working_folder, monkeypatch):
 def test_blocks_of_own_experiments_are_files_of_the_example(block, name):
     _, _, shown = (ADDED / name).read_text(encoding="utf-8").partition("\n\n")  # without the docstring
     assert blocks("own_experiments", "text")[block].strip() == shown.strip()
-
-
-@pytest.mark.long
-def test_bare_environment_runs_readme(tmp_path):
-    readme = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
-    subprocess.run([sys.executable, "-m", "venv", str(tmp_path / "bare")], check=True)
-    python = str(tmp_path / "bare/bin/python")
-    subprocess.run([python, "-m", "pip", "install", "-q", "-c", str(ROOT / "constraints.txt"), str(ROOT)], check=True)
-    lines = [line for block in readme if "results/paper" not in block for line in block.splitlines()]
-    code = "\n".join([
-        *(line for line in lines if "nh.plot(" not in line),
-        "try: nh.plot(curves)", "except ImportError as error: print(error)",
-    ])  # fmt: skip
-    done = subprocess.run([python, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[-1].startswith("a plot needs the package matplotlib")
