@@ -226,18 +226,6 @@ def test_parameters_and_start_come_in_the_number_type_asked_for():
     assert nh.systems["sho"].constants(float) == ()
 
 
-def test_the_energy_is_kinetic_plus_potential_in_any_number_type():
-    """Sun and Mercury: p^2/2 - GM/x at the start, in which y = 0; the circular oscillator orbit has H = 1/2."""
-    system = nh.systems["kepler"]
-    (q, p), constants = system.start(mpf), system.constants(mpf)
-    expected = mpf("0.139896") ** 2 / 2 - mpf("1.71994752") / mpf("69.82")
-    assert abs(system.energy(q, p, constants) - expected) < mpf(10) ** -57
-    assert system.energy(*system.start(float), system.constants(float)) == pytest.approx(float(expected), rel=1e-15)
-    angle = np.linspace(0, 6, 7)
-    assert nh.systems["sho"].energy((np.cos(angle),), (np.sin(angle),)) == pytest.approx(np.full(7, 0.5), rel=1e-15)
-    assert nh.systems["henon_heiles"].energy(*nh.systems["henon_heiles"].start(Fraction)) == Fraction(1, 8)
-
-
 def test_a_registered_system_passes_the_check_of_first_use(system):
     check_gradients(system)
 
@@ -291,13 +279,6 @@ def test_the_sun_pulls_with_all_the_digits_of_its_source():
     parameter = nh.systems["kepler"].parameters["GM"]
     assert Fraction(parameter.value) == GM_KM3_S2 * SECONDS_PER_HOUR**2 / UNIT_KM**3
     assert parameter.unit == "1e18 km3 h-2"
-
-
-def test_units_are_those_of_the_numbers():
-    plain = dict.fromkeys(("q", "p", "t", "energy"), "1")
-    orbit = {"q": "1e6 km", "p": "1e6 km h-1", "t": "h", "energy": "1e12 km2 h-2"}
-    expected = dict.fromkeys(STARTS, plain) | {"kepler": orbit, "kepler_regularised": orbit}
-    assert {name: dict(nh.systems[name].units) for name in STARTS} == expected
 
 
 def test_period_follows_from_keplers_third_law_in_km_and_s():

@@ -6,7 +6,6 @@ import contextlib
 import io
 import json
 import re
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -67,21 +66,6 @@ def test_commands_of_own_integrators_work_one_after_another(working_folder, caps
     (said,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("looks wrong")]
     right, wrong = tomllib.loads(text)["kick"][2], tomllib.loads(text)["kick"][0]
     assert said.startswith(f"looks wrong: kick[0] = {wrong}: with {right}")
-
-
-@pytest.mark.slow
-def test_file_in_the_folder_of_integrators_is_registered(tmp_path):
-    (text,) = blocks("own_integrators", "text")
-    package = shutil.copytree(
-        ROOT / "src/nearharmonic", tmp_path / "src/nearharmonic", ignore=lambda *_: ["__pycache__"]
-    )
-    (package / "integrators/omelyan_mryglod_folk_2002.py").write_text(text, encoding="utf-8")
-    code = "import nearharmonic as nh; print(len(nh.integrators), nh.integrators['two_kicks'].order)"
-    done = subprocess.run(
-        [sys.executable, "-c", code], env={"PYTHONPATH": str(tmp_path / "src")}, check=True, capture_output=True,
-        text=True,
-    )  # fmt: skip
-    assert done.stdout.split() == [str(len(nh.integrators) + 1), "2"]
 
 
 @pytest.mark.slow

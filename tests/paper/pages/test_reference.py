@@ -6,7 +6,6 @@ import contextlib
 import inspect
 import io
 import json
-import os
 import re
 import tomllib
 
@@ -16,7 +15,7 @@ import yaml
 
 import nearharmonic as nh
 from nearharmonic import cli
-from nearharmonic.cli import command_names, main
+from nearharmonic.cli import main
 from support.results.stated_numbers import ROOT
 
 # --- lists of docs/reference: signatures, commands, statuses, dimensions and variables are those of the code ----------
@@ -211,28 +210,6 @@ def test_bibtex_of_a_page_names_the_source(pages, name):
     assert text.startswith("@software") == source.startswith(("found by", "trained by"))
     (year,) = re.findall(r"\((\d{4})\)", source)[:1] or [""]
     assert year in text
-
-
-@pytest.mark.slow
-def test_help_texts_are_those_that_a_terminal_shows(extensions, monkeypatch):
-    from generated_reference import COLUMNS, commands_part
-
-    monkeypatch.setenv("COLUMNS", str(COLUMNS))
-    shown = dict(re.findall(r"^## (.*?)\n\n```text\n(.*?)\n```", commands_part(), flags=re.MULTILINE | re.DOTALL))
-    assert shown.keys() == {"nearharmonic", *(f"nearharmonic {name}" for name in command_names())}
-    for heading, text in shown.items():
-        assert text == printed(*heading.split()[1:], "--help").rstrip()
-
-
-@pytest.mark.slow
-def test_writer_leaves_unchanged_pages_and_removes_old_ones(extensions, tmp_path):
-    from generated_reference import write_all
-
-    write_all(tmp_path, {"methods/a.md": "a", "methods/b.md": "b"})
-    os.utime(tmp_path / "methods/a.md", (1, 1))
-    write_all(tmp_path, {"methods/a.md": "a", "methods/c.md": "c"})
-    assert (tmp_path / "methods/a.md").stat().st_mtime == 1
-    assert {path.name for path in tmp_path.glob("*/*")} == {"a.md", "c.md"}
 
 
 # --- pages for developers and the changelog: they are short, name tests that exist, and have one version everywhere ---

@@ -6,7 +6,6 @@ import ast
 import copy
 import importlib
 import importlib.util
-import itertools
 import os
 import pickle
 import re
@@ -72,18 +71,6 @@ def test_each_import_works_alone_and_before_all_others(first):
     alone = [IMPORTS[first][0], "import nearharmonic", IMPORTS[first][1]]
     rest = [line for name in order[1:] for line in IMPORTS[name]]
     in_a_fresh_process("\n".join(alone + rest))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("names", [("package", "system"), ("source", "package"), ("from package", "system", "source")])
-def test_imports_work_in_every_order(names):
-    # Processes are expensive: the orders of a few imports share one process, which forgets the package between them.
-    forget = "for name in [n for n in sys.modules if n.split('.')[0] == 'nearharmonic']: del sys.modules[name]"
-    text = ["import sys"]
-    for order in itertools.permutations(names):
-        text += [forget, *(IMPORTS[name][0] for name in order), "import nearharmonic"]
-        text += [IMPORTS[name][1] for name in order]
-    in_a_fresh_process("\n".join(text))
 
 
 @pytest.mark.parametrize(("registry", "one"), [(nh.systems, "kepler"), (nh.integrators, "aba864")])
