@@ -201,11 +201,12 @@ Kind = Literal["result", "mathematics", "misprint", "attribution", "background",
 
 
 class Decision(NamedTuple):
-    """Verdict on a statement, the measured value in words and numbers, and the margin of its threshold."""
+    """Verdict on a statement, the measured value in words and numbers, the margin of its threshold, a short value."""
 
     verdict: Verdict
     value: str
     margin: str = ""
+    brief: str = ""
 
 
 #: Function of the results, and of the threshold if it is a number.
@@ -287,9 +288,9 @@ def either(good: bool, value: str) -> Decision:
     return Decision("holds" if good else "fails", value)
 
 
-def counted(good: Sequence[bool], value: str) -> Decision:
+def counted(good: Sequence[bool], value: str, brief: str = "") -> Decision:
     """Return the decision on several objects: holds, in part or fails, if all, some or none of them are good."""
-    return Decision("holds" if all(good) else "holds in part" if any(good) else "fails", value)
+    return Decision("holds" if all(good) else "holds in part" if any(good) else "fails", value, brief=brief)
 
 
 def tallied(good: Iterable[bool], things: str, beside: str = "") -> Decision:
@@ -298,16 +299,15 @@ def tallied(good: Iterable[bool], things: str, beside: str = "") -> Decision:
     return counted(found, f"{sum(found)} of {len(found)} {things}{beside}")
 
 
-def combined(verdicts: Iterable[Verdict], value: str) -> Decision:
+def combined(verdicts: Iterable[Verdict], value: str, brief: str = "") -> Decision:
     """Return the decision on a statement of several parts.
 
     It holds or fails if all parts do. It holds but for edges if all parts hold at least but for edges. Otherwise it
     holds in part.
     """
     found = set(verdicts)
-    if len(found) == 1:
-        return Decision(found.pop(), value)
-    return Decision("holds but for edges" if found == {"holds", "holds but for edges"} else "holds in part", value)
+    verdict: Verdict = "holds but for edges" if found == {"holds", "holds but for edges"} else "holds in part"
+    return Decision(found.pop() if len(found) == 1 else verdict, value, brief=brief)
 
 
 # --- Number of statements by kind and verdict, in a table and in a sentence. ------------------------------------------

@@ -50,6 +50,7 @@ from nearharmonic_paper.claims.judging import (
     STABLE,
     Curves,
     curves_of,
+    in_decades,
     judged,
     large_steps,
     local_slopes,
@@ -72,36 +73,23 @@ VANISHED = 1e-30
 ZERO = "a term below 10⁻³⁰ vanishes: rounded decimals leave up to 10⁻⁷³ of one, and all others are above 10⁻⁴"
 
 
-FIGURE_1 = tuple(
-    result(
-        id=name,
-        paper="Section 4.B, text to Figure 1",
-        sentence=sentence,
-        statement=statement,
-        threshold=SLOPE,
-        bound=BAND,
-        needs=("cubes/sho.h5",),
-    )(partial(orders_on, "sho", orders))
-    for name, sentence, statement, orders in (
-        (
-            "fig-1-sixth-order",
-            "the integrators ABAs5o6H A, BABs7o7H, BAB's8o7H and BAB's9o7H behave as sixth order integrators",
-            "ABAs5o6H, BABs7o7H, BAB's8o7H and BAB's9o7H behave as sixth order integrators on the oscillator",
-            dict.fromkeys(SIXTH, 6),
-        ),
-        (
-            "fig-1-fourth-order",
-            READS_ORDER,
-            f"{READS_ORDER}: four for Ruth, s5odr4, ABA104, ABA864 and ABA1064",
-            dict.fromkeys(FOURTH, 4),
-        ),
-        (
-            "fig-1-yoshida",
-            READS_ORDER,
-            f"{READS_ORDER}: six for Yosh s7o6 A",
-            {"yoshida_s7o6a": 6},
-        ),
-    )
+in_figure_1 = partial(
+    result, paper="Section 4.B, text to Figure 1", threshold=SLOPE, bound=BAND, needs=("cubes/sho.h5",)
+)
+FIGURE_1 = (
+    in_figure_1(
+        id="fig-1-sixth-order",
+        sentence="the integrators ABAs5o6H A, BABs7o7H, BAB's8o7H and BAB's9o7H behave as sixth order integrators",
+        statement="ABAs5o6H, BABs7o7H, BAB's8o7H and BAB's9o7H behave as sixth order integrators on the oscillator",
+    )(partial(orders_on, "sho", dict.fromkeys(SIXTH, 6))),
+    in_figure_1(
+        id="fig-1-fourth-order",
+        sentence=READS_ORDER,
+        statement=f"{READS_ORDER}: four for Ruth, s5odr4, ABA104, ABA864 and ABA1064",
+    )(partial(orders_on, "sho", dict.fromkeys(FOURTH, 4))),
+    in_figure_1(id="fig-1-yoshida", sentence=READS_ORDER, statement=f"{READS_ORDER}: six for Yosh s7o6 A")(
+        partial(orders_on, "sho", {"yoshida_s7o6a": 6})
+    ),
 )
 
 
@@ -324,18 +312,19 @@ FIGURE_3 = orders_of_figure(3, "henon_heiles")
     needs=HENON_HEILES,
 )
 def fig_3_sixth_order_descent(results: Results, band: float) -> Decision:
-    curves, told, verdicts = curves_of(results, "henon_heiles"), [], []
+    curves, told, found = curves_of(results, "henon_heiles"), [], []
     asked = large_steps(curves, *DESCENDING)
     for name in DESCENDING:
         slopes = local_slopes(curves, name)
-        found = asked.longest(np.abs(slopes - 6) <= band)
-        verdicts.append(judged(found))
-        inside = slopes[(curves.x >= found.low) & (curves.x <= found.high)]
+        piece = asked.longest(np.abs(slopes - 6) <= band)
+        found.append(piece)
+        inside = slopes[(curves.x >= piece.low) & (curves.x <= piece.high)]
         spread = f", slopes {inside.min():.1f} to {inside.max():.1f}" if inside.size else ""
-        told.append(f"{label(name)} for {found.words(curves.unit)}{spread}")
+        told.append(f"{label(name)} for {piece.words(curves.unit)}{spread}")
     steepest = short(np.nanmax([local_slopes(curves, name)[asked.asked] for name in DESCENDING]), 2)
     told += [f"for larger steps ragged, up to {steepest}", f"large: {asked.words()}"]
-    return combined(verdicts, "; ".join(told))
+    brief = f"slope 6 over {in_decades(found)}; half a decade asked"
+    return combined(map(judged, found), "; ".join(told), brief)
 
 
 @result(
@@ -448,7 +437,8 @@ def _best(name: str, variable: str, results: Results, ratio: float) -> Decision:
         good = curves.errors([name], variable)[0] < ratio * errors.min(axis=0)
         beaten = dict.fromkeys(errors.argmin(axis=0)[asked.asked & ~good])
         elsewhere = ", ".join(label(others[i]) for i in beaten)
-        return over(asked, good, f"elsewhere ahead: {elsewhere}" if elsewhere else "")
+        found = over(asked, good, f"elsewhere ahead: {elsewhere}" if elsewhere else "")
+        return found._replace(brief=f"{found.brief} step sizes: {found.value.partition(',')[0]}")
 
     return with_and_without_sixth_order(decide)
 

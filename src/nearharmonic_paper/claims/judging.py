@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import ceil, log10, sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -236,16 +236,16 @@ class Curves:
 
 def over(asked: Range, good: Bools, value: str = "") -> Decision:
     """Return the verdict on a statement over a range: holds everywhere, but for edges, in part, or fails."""
-    count = int(asked.asked.sum())
-    tail = f"; {value}" if value else ""
-    if good[asked.asked].all():
-        return Decision("holds", f"{asked.words()}, all {count} step sizes{tail}")
+    count, true = int(asked.asked.sum()), int((good & asked.asked).sum())
+    tail, brief = f"; {value}" if value else "", f"{true} of {count}"
+    if true == count:
+        return Decision("holds", f"{asked.words()}, all {count} step sizes{tail}", brief=brief)
+    share = f"{brief} step sizes of {asked.words()}"
     low, high = asked.longest(good)
-    share = f"{int((good & asked.asked).sum())} of {count} step sizes of {asked.words()}"
     if high < PART * low:
-        return Decision("fails", f"{share}{tail}")
+        return Decision("fails", f"{share}{tail}", brief=brief)
     verdict: Verdict = "holds but for edges" if asked.but_for_edges(good) else "holds in part"
-    return Decision(verdict, f"{asked.words(good)}, in one piece; {share}{tail}")
+    return Decision(verdict, f"{asked.words(good)}, in one piece; {share}{tail}", brief=brief)
 
 
 def for_larger_steps(asked: Range, good: Bools) -> Decision:
@@ -327,13 +327,20 @@ def judged(found: Piece) -> Verdict:
 
 def orders(curves: Curves, expected: Mapping[str, int], band: float) -> Decision:
     """Decide whether each method has its order as a slope, where its error is neither rounding nor above 1 %."""
-    verdicts, told = [], []
+    found = {}
     for name, order in expected.items():
         asked = curves.compared(curves.errors([name]))
-        found = asked.longest(np.abs(local_slopes(curves, name) - order) <= band)
-        verdicts.append(judged(found))
-        told.append(f"{label(name)} {order} over {found.words(curves.unit)}")
-    return combined(verdicts, "; ".join(told))
+        found[name] = asked.longest(np.abs(local_slopes(curves, name) - order) <= band)
+    told = (f"{label(name)} {expected[name]} over {piece.words(curves.unit)}" for name, piece in found.items())
+    slopes = " and ".join(map(str, dict.fromkeys(expected.values())))
+    brief = f"slope {slopes} over {in_decades(found.values())}"
+    return combined(map(judged, found.values()), "; ".join(told), brief)
+
+
+def in_decades(found: Iterable[Piece]) -> str:
+    """Return the shortest and the longest of some pieces in words."""
+    lengths = [piece.decades for piece in found]
+    return f"{min(lengths):.2f} to {max(lengths):.2f} decades"
 
 
 def orders_on(system: str, expected: Mapping[str, int], results: Results, band: float) -> Decision:

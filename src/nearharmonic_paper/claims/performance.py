@@ -124,17 +124,20 @@ def _outperforms(names: Sequence[str], system: str, results: Results, ratio: flo
     curves, told = curves_of(results, system), []
     asked = curves.compared(curves.errors((*names, *NEW)))
     verdicts: list[Verdict] = []
-    total = int(asked.asked.sum())
+    total, every = int(asked.asked.sum()), list[int]()
     for measure, variable in MEASURES.items():
         old, new = curves.errors(names, variable).min(axis=0), curves.errors(NEW, variable)
         verdicts += [over(asked, one < ratio * old).verdict for one in new]
         counts = (new < old)[:, asked.asked].sum(axis=1).tolist()
+        every += counts
         best = int((new.min(axis=0) < old)[asked.asked].sum())
         listed = ", ".join(f"{label(name)} {count}" for name, count in zip(NEW, counts, strict=True))
         told.append(
             f"{measure} error " + ("each at all" if {*counts} == {total} else f"{listed}, the best of them {best}")
         )
-    return combined(verdicts, f"ahead at step sizes, of {total}: {'; '.join(told)}; {asked.words()}")
+    low, high = min(every), max(every)
+    brief = f"{low} of {total}" if low == high else f"{low} to {high} of {total}"
+    return combined(verdicts, f"ahead at step sizes, of {total}: {'; '.join(told)}; {asked.words()}", brief)
 
 
 KAHAN_AND_BLANES = tuple(
@@ -161,7 +164,7 @@ def _favourable_to_yoshida(system: str, results: Results, ratio: float) -> Decis
     verdicts: list[Verdict] = []
     for measure, variable in MEASURES.items():
         yoshida = curves.errors(["yoshida_s7o6a"], variable)[0]
-        verdict, value, _ = for_larger_steps(asked, curves.errors(NEW, variable).max(axis=0) < ratio * yoshida)
+        verdict, value, *_ = for_larger_steps(asked, curves.errors(NEW, variable).max(axis=0) < ratio * yoshida)
         verdicts.append(verdict)
         told.append(f"{measure} error {value}")
     return combined(verdicts, "; ".join(told))
@@ -223,7 +226,7 @@ def best_performance(results: Results, share: float) -> Decision:
     needs=CUBES,
 )
 def significantly_better(results: Results, factor: float) -> Decision:
-    good, told = [], []
+    good, told, brief = [], [], []
     for system, name in SYSTEMS.items():
         curves, counts = curves_of(results, system), []
         asked = curves.compared(curves.errors(BENCHMARKED)).asked
@@ -233,7 +236,10 @@ def significantly_better(results: Results, factor: float) -> Decision:
             good += pairs
             counts.append(sum(pairs))
         told.append(f"{name} {counts[0]} and {counts[1]} of {len(NEW) * len(BEFORE)}")
-    return counted(good, f"pairs with the new method ahead, by maximum and mean error: {', '.join(told)}")
+        brief.append(f"{name.removesuffix(' system')} {counts[0]} / {counts[1]}")
+    value = f"pairs with the new method ahead, by maximum and mean error: {', '.join(told)}"
+    won = f"pairs won by maximum / mean error, of {len(NEW) * len(BEFORE)}: {', '.join(brief)}"
+    return counted(good, value, won)
 
 
 @in_discussion(
@@ -320,48 +326,37 @@ def _spike(curves: Curves, error: Floats) -> float:
 
 
 #: High numerical stability is four things, each with its number. Step sizes are per stage, which is at equal cost.
-STABILITY = tuple(
-    in_discussion(
-        id=name,
-        sentence="Optimized fourth order schemes appear to be useful for achieving high numerical stability allowing "
-        "large time steps with minimal integration error",
-        statement=statement,
-        threshold=threshold,
-        bound=1.0,
-        needs=needs,
-    )(judge)
-    for name, statement, threshold, needs, judge in (
-        (
-            "stable-with-large-steps",
-            "Large steps with small errors: the maximum error passes 1 % at a larger τ/s than Ruth's",
-            f"the smallest τ/s at which the maximum error passes 1 % {ABOVE}, on each system",
-            CUBES,
-            partial(_on_each_system, "τ/s of an error of 1 %", _loss),
-        ),
-        (
-            "stable-linear-limit",
-            "Linear stability: the limit of stability on the oscillator is at a larger τ/s than Ruth's",
-            f"the smallest τ/s at which |tr K| of the step matrix K passes 2, proved, {ABOVE}",
-            (),
-            partial(_of_each_method, "τ/s of the limit", _limit),
-        ),
-        (
-            "stable-growth",
-            "Visible instability: the amplitude on the oscillator grows tenfold at a larger τ/s than Ruth's",
-            f"the smallest τ/s at which the step matrix grows tenfold over t = {T_END:.0f} {ABOVE}; where |tr K| "
-            "passes 2 for the first time, the gap of stability may be too narrow for that",
-            (),
-            partial(_of_each_method, "τ/s", _growing),
-        ),
-        (
-            "stable-first-spike",
-            "Resonances: the first spike of the maximum error is at a larger τ/s than Ruth's",
-            "the smallest τ/s whose maximum error is at least ten times that of a larger one, or, if there is none, "
-            f"at which a run diverges, {ABOVE}, on each system",
-            CUBES,
-            partial(_on_each_system, "τ/s", _spike),
-        ),
-    )
+highly_stable = partial(
+    in_discussion,
+    sentence="Optimized fourth order schemes appear to be useful for achieving high numerical stability allowing "
+    "large time steps with minimal integration error",
+    bound=1.0,
+)
+STABILITY = (
+    highly_stable(
+        id="stable-with-large-steps",
+        statement="Large steps with small errors: the maximum error passes 1 % at a larger τ/s than Ruth's",
+        threshold=f"the smallest τ/s at which the maximum error passes 1 % {ABOVE}, on each system",
+        needs=CUBES,
+    )(partial(_on_each_system, "τ/s of an error of 1 %", _loss)),
+    highly_stable(
+        id="stable-linear-limit",
+        statement="Linear stability: the limit of stability on the oscillator is at a larger τ/s than Ruth's",
+        threshold=f"the smallest τ/s at which |tr K| of the step matrix K passes 2, proved, {ABOVE}",
+    )(partial(_of_each_method, "τ/s of the limit", _limit)),
+    highly_stable(
+        id="stable-growth",
+        statement="Visible instability: the amplitude on the oscillator grows tenfold at a larger τ/s than Ruth's",
+        threshold=f"the smallest τ/s at which the step matrix grows tenfold over t = {T_END:.0f} {ABOVE}; where |tr K| "
+        "passes 2 for the first time, the gap of stability may be too narrow for that",
+    )(partial(_of_each_method, "τ/s", _growing)),
+    highly_stable(
+        id="stable-first-spike",
+        statement="Resonances: the first spike of the maximum error is at a larger τ/s than Ruth's",
+        threshold="the smallest τ/s whose maximum error is at least ten times that of a larger one, or, if there is "
+        f"none, at which a run diverges, {ABOVE}, on each system",
+        needs=CUBES,
+    )(partial(_on_each_system, "τ/s", _spike)),
 )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from importlib import import_module
 from types import ModuleType
@@ -58,13 +58,27 @@ COLUMNS = ("id", "section", "sentence", *KEYS[2:])
 
 
 def decide(results: Results) -> list[dict[str, Any]]:
-    """Return an entry with the keys :data:`KEYS` for every statement; a damaged file is a ResultFileError."""
+    """Return an entry with :data:`KEYS` and ``brief`` for each statement; a damaged file is a ResultFileError."""
     entries = []
     for claim in (*CLAIMS, *own_claims()):
         told = vars(claim) | claim.decision(results)._asdict() | {"needs": list(claim.needs)}
         told["paper"] = {"section": claim.paper, "sentence": claim.sentence}
-        entries.append({key: told[key] for key in KEYS})
+        entries.append({key: told[key] for key in (*KEYS, "brief")})
     return entries
+
+
+def document(entries: Sequence[Mapping[str, Any]]) -> str:
+    """Return the JSON text of entries, a list of objects with :data:`KEYS`."""
+    told = [{key: entry[key] for key in KEYS} for entry in entries]
+    return json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def results_of(
+    folder: str | os.PathLike[str], integrators: Sequence[str] | None = None, leftovers: Sequence[str] = ()
+) -> Results:
+    """Return a folder of results with the methods of these names, by default every registered splitting method."""
+    names = registered if integrators is None else integrators
+    return Results(folder, {name: registered[name] for name in names}, leftovers)
 
 
 def decided(
@@ -76,10 +90,8 @@ def decided(
     Methods of a user's config are not included, so that they change no verdict. ``leftovers`` are files of another
     config, which decide nothing.
     """
-    methods_by_name = {name: registered[name] for name in (registered if integrators is None else integrators)}
-    entries = decide(Results(folder, methods_by_name, leftovers))
+    entries = decide(results_of(folder, integrators, leftovers))
     flat = [{**entry, **entry["paper"], "needs": ", ".join(entry["needs"])} for entry in entries]
     caption = "Statements of the paper, and what the numbers say of them."
-    text = json.dumps(entries, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     table = Table(header=COLUMNS, rows=[[entry[column] for column in COLUMNS] for entry in flat], caption=caption)
-    return {"table": table, "document": text}
+    return {"table": table, "document": document(entries)}

@@ -306,7 +306,7 @@ def test_verdict_counts_step_sizes_at_which_smaller_sums_err_less(turned, verdic
 def test_few_methods_are_not_compared(count, decided):
     results = held_results()
     results.cubes["trained"] = results.cubes["trained"].sel(integrator=HIGH[:count])
-    verdict, value, _ = minimised_coefficients.decision(results)
+    verdict, value, *_ = minimised_coefficients.decision(results)
     assert (verdict != "not decided here") == decided
     assert decided or value == "the results have fewer than 12 methods of order four or more, or no step size"
 
@@ -315,7 +315,7 @@ def test_few_methods_are_not_compared(count, decided):
 def test_without_an_ensemble_nothing_is_decided(missing):
     results = held_results()
     results.cubes["trained"] = results.cubes["trained"].drop_sel(ensemble=missing)
-    expected = ("not decided here", f"the results do not have the random potentials {missing}", "")
+    expected = ("not decided here", f"the results do not have the random potentials {missing}", "", "")
     assert minimised_coefficients.decision(results) == expected
     assert "trained" not in best_performance.decision(results).value
 
