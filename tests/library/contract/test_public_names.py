@@ -100,6 +100,7 @@ def modules_of(names):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.* is deprecated:DeprecationWarning")  # of a library below jax_md
 def test_references_in_docstrings_resolve():
     names = [info.name for info in walk_packages(nh.__path__, "nearharmonic.") if ".templates" not in info.name]
     found, missing = 0, []
