@@ -135,7 +135,7 @@ def main() -> None:
     options = asked(__doc__, 9, page=PAGE)
     times = measured(options.repeats)
     complete = all(HEYOKA in {label for _, label in best} for best in times.values())
-    show(parts(times, processor()), PAGE, options.page and complete)
+    show(parts(times, processor()), PAGE, options.page if complete else None)
     if options.page and not complete:
         raise SystemExit(
             "the page stays as it is: it compares with heyoka in quadruple precision, which is not installed"

@@ -11,6 +11,7 @@ from pathlib import Path
 from nearharmonic.numerics.clock import Patience, interleaved, pinned
 from nearharmonic.output.atomic import write_text
 from nearharmonic.output.table import filled_page
+from nearharmonic.plotting.style import save
 
 #: Where the pages are.
 ROOT = Path(__file__).parents[1]
@@ -20,7 +21,8 @@ def parser_of(doc, page=None):
     """Parser of a benchmark: its help has the first line of the docstring; ``--page`` fills a page that it has."""
     parser = argparse.ArgumentParser(description=doc.split("\n", maxsplit=1)[0])
     if page:
-        parser.add_argument("--page", action="store_true", help=f"write the tables to {page}, on a quiet machine")
+        words = f"write the tables to {page}, on a quiet machine, or to its copy below another folder than docs"
+        parser.add_argument("--page", nargs="?", const=ROOT / "docs", type=Path, metavar="FOLDER", help=words)
     return parser
 
 
@@ -31,11 +33,15 @@ def asked(doc, default, option="repeats", what="interleaved repeats of each call
     return parser.parse_args()
 
 
-def show(parts, page, fill):
-    """Print the generated parts of a page, and write them there if ``fill`` is true."""
-    print("\n\n".join(parts.values()))
-    if fill:
-        write_text(ROOT / page, filled_page(ROOT / page, parts))
+def show(parts, page, folder, picture=None):
+    """Print the generated parts of a page; write them, and the part ``figure``, below a folder if there is one."""
+    texts = {name: part for name, part in parts.items() if name != "figure"}
+    print("\n\n".join(texts.values()))
+    if folder:
+        place = folder / Path(page).relative_to("docs")
+        write_text(place, filled_page(ROOT / page, texts))
+        if picture:
+            save(parts["figure"], [place.with_name(picture)])
 
 
 def short(number, decimals=1, below=10):

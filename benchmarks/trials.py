@@ -41,7 +41,7 @@ def main() -> int:
     parser.add_argument("--quick", action="store_true", help="the cases of each change, without campaigns")
     options = parser.parse_args()
     counts = measured(options.quick)
-    show(parts(counts, options.quick), PAGE, options.page and bool(counts))
+    show(parts(counts, options.quick), PAGE, options.page if counts else None)
     return 1 if not counts or any(one["failed"] for one in counts.values()) else 0
 
 

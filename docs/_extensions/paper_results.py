@@ -13,7 +13,7 @@ from sphinx.util.docutils import SphinxDirective
 
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.output.table import Table, in_markdown
-from nearharmonic_paper.claims.summary import in_words
+from nearharmonic_paper.claims.claim import in_words
 from nearharmonic_paper.experiments.paper.tableaus import paper_tables
 from nearharmonic_paper.report.page import WORST_FIRST, figure_6_alive
 from nearharmonic_paper.report.shown import Places, ShownFigure, ShownTable

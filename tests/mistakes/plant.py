@@ -39,7 +39,7 @@ def entries() -> list[Entry]:
 def sources(tree: Path) -> Iterator[Path]:
     """Yield the files of a work tree in which mistakes are planted."""
     yield tree / "Snakefile"
-    for folder, endings in (("src", {".py"}), ("workflow", {".smk", ".py", ".yaml"})):
+    for folder, endings in (("src", {".py"}), ("benchmarks", {".py"}), ("workflow", {".smk", ".py", ".yaml"})):
         yield from (path for path in sorted((tree / folder).rglob("*")) if path.suffix in endings)
 
 

@@ -12,7 +12,8 @@ import pytest
 
 from nearharmonic_paper.tasks.provenance import function_of
 from support.projects import planned_jobs
-from support.projects.workflow_project import ROOT, TINY
+from support.projects.workflow_project import ROOT, TINY, Project
+from support.results.result_folder import write_manifest
 
 pytestmark = pytest.mark.slow
 
@@ -30,10 +31,17 @@ TABLES = {
 
 
 @pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """The project with the sources of its pages."""
+    made = Project(tmp_path_factory.mktemp("project"))
+    for name in ("docs", "examples", "benchmarks"):
+        shutil.copytree(ROOT / name, made.folder / name)
+    return made
+
+
+@pytest.fixture(scope="module")
 def made(project):
     """Rule -> the job of a page or of a picture, with the target that makes it."""
-    for name in ("docs", "examples"):
-        shutil.copytree(ROOT / name, project.folder / name)
     found = {}
     for target in ("pages", "pages_of_times"):
         done = project.python(planned_jobs.__file__, TINY[1], target)
@@ -67,7 +75,9 @@ def test_no_other_target_makes_a_page(planned):
 
 
 def test_the_function_of_a_page_takes_its_rules_inputs(jobs):
-    for job in jobs.values():
+    measured = {rule for rule, job in jobs.items() if "task" not in job.params}
+    assert measured == {rule for rule, job in jobs.items() if "command" in job.inputs}
+    for job in (job for rule, job in jobs.items() if rule not in measured):
         task = job.params["task"]
         assert bound(job)
         assert task["settings"]["page"] == f"docs/{job.outputs['page'][0].rpartition('docs/')[2]}"
@@ -81,6 +91,7 @@ def filled(jobs, project):
     (project.results / "tables").mkdir(parents=True, exist_ok=True)
     for name, text in TABLES.items():
         (project.results / f"tables/trained_{name}.csv").write_text(text)
+    write_manifest(project.results)
     return (f"{TINY[1]}", "results/tiny/docs/results/trained.md", "--allowed-rules", "page_of_trained")
 
 
@@ -108,6 +119,7 @@ def test_a_page_is_filled_once_and_survives_failing_jobs(project, filled):
     assert "page_of_trained" not in fill(project, filled, "-n").stdout
 
     (project.results / "tables/trained_gains.csv").write_text("ensemble\nMorse\n")
+    write_manifest(project.results)
     assert fill(project, filled).returncode != 0
     assert page.read_text(encoding="utf-8") == text
 

@@ -5,8 +5,9 @@ Pages are updated in place: their text stays, and so does the page if a job fail
 
 from nearharmonic.integrators import integrators
 from nearharmonic.systems import systems
+from nearharmonic_paper.tasks.provenance import code_digest
+from nearharmonic_paper.tasks.sources import digest_of, module_of, package_modules_of
 
-_EXAMPLES = {"files": sorted(map(str, Path("examples").glob("*.py")))}
 #: Registries whose names a page may show.
 _METHODS = {"integrators": integrators}
 _EVERY = _METHODS | {"systems": systems}
@@ -23,12 +24,15 @@ def _tables(*stems):
 
 # Page -> the function that fills it, registries, what the page is made of, and other results by the names of files.
 _PAGES = {
-    "results/examples": ("pages.examples:examples", _EVERY, _EXAMPLES, {"figure": "near_harmonic.png"}),
-    "start/gallery": ("pages.examples:gallery", _EVERY, _EXAMPLES, {"figure": "gallery.png"}),
-    "reference/methods": ("pages.methods:methods", _EVERY, {}, {}),
-    "results/ranking": ("pages.methods:ranking", _EVERY, {}, {}),
+    "start/gallery": (
+        "nearharmonic_paper.pages.library:gallery",
+        _EVERY,
+        {"files": sorted(map(str, Path("examples").glob("*.py")))},
+        {"figure": "gallery.png"},
+    ),
+    "reference/methods": ("nearharmonic_paper.pages.library:methods", _EVERY, {}, {}),
     "how_to/files": (
-        "pages.how_to:files",
+        "nearharmonic_paper.pages.library:files",
         _EVERY,
         {
             "runs": [RUN(f"{system}/{METHODS[0]}/0") for system in ("sho", "kepler")],
@@ -36,46 +40,47 @@ _PAGES = {
         },
         {},
     ),
-    "reference/variables": ("pages.how_to:variables", {"systems": systems}, {"files": list(_OF_KIND.values())}, {}),
-    "how_to/tabulated_potentials": (
-        "pages.how_to:tabulated_potentials",
-        _EVERY,
+    "reference/variables": (
+        "nearharmonic_paper.pages.library:variables",
+        {"systems": systems},
+        {"files": list(_OF_KIND.values())},
         {},
-        {"figure": "tabulated_potentials.png"},
     ),
-    "how_to/tangent_maps": ("pages.how_to:tangent_maps", _EVERY, {}, {"figure": "tangent_maps.png"}),
     "how_to/adapters": (
-        "pages.how_to:adapters",
+        "nearharmonic_paper.pages.library:adapters",
         _METHODS,
         {"errors": "docs/how_to/adapters.csv"},
         {"figure": "adapters.png"},
     ),
-    "how_to/gauss": ("pages.how_to:gauss", _EVERY, {}, {"figure": "gauss.png"}),
-    "how_to/tailor": ("pages.how_to:tailor", _EVERY, _EXAMPLES, {}),
     "results/derivation": (
-        "pages.targets:derivation",
+        "nearharmonic_paper.pages.targets:derivation",
         _METHODS,
         _tables(*(f"derived_{name}" for name in ("counts", "solutions", "errors", "families", "routes"))),
         {},
     ),
-    "results/exact_oscillator": ("pages.targets:exact_oscillator", _EVERY, {"cube": CUBE("exact_oscillator")}, {}),
-    "results/crystals": ("studies.crystals.results:page", _EVERY, {"cube": CUBE("crystals")}, {}),
-    "results/samplers": ("studies.samplers.results:page", _EVERY, {"cube": CUBE("samplers")}, {}),
+    "results/exact_oscillator": (
+        "nearharmonic_paper.pages.targets:exact_oscillator",
+        _EVERY,
+        {"cube": CUBE("exact_oscillator")},
+        {},
+    ),
+    "results/crystals": ("nearharmonic_studies.crystals.page:page", _EVERY, {"cube": CUBE("crystals")}, {}),
+    "results/samplers": ("nearharmonic_studies.samplers.page:page", _EVERY, {"cube": CUBE("samplers")}, {}),
     "results/stability": (
-        "pages.targets:stability",
+        "nearharmonic_paper.pages.targets:stability",
         _METHODS,
         _tables("stability_henon_heiles", "stability_rounding", "kinetic_energy"),
         {},
     ),
-    "results/timings": ("pages.targets:timings", _EVERY, {"cube": CUBE("work_precision")}, {}),
+    "results/timings": ("nearharmonic_paper.pages.targets:timings", _EVERY, {"cube": CUBE("work_precision")}, {}),
     "results/trained": (
-        "studies.trained.page:page",
+        "nearharmonic_studies.trained.page:page",
         _METHODS,
         _tables(*(f"trained_{name}" for name in ("gains", "methods", "ideas", "long", "times"))),
         {},
     ),
     "results/training": (
-        "studies.trained.page:training",
+        "nearharmonic_studies.trained.page:training",
         _METHODS,
         {purpose: f"{RESULTS}/tables/trained_landscape_{purpose}.csv" for purpose in CONFIG.trained.purposes},
         {},
@@ -83,16 +88,24 @@ _PAGES = {
 }
 if any(systems[name].regularisation is not None for name in CONFIG.systems):  # as config/regularised.yaml has them
     _PAGES["results/regularised"] = (
-        "pages.targets:regularised",
+        "nearharmonic_paper.pages.targets:regularised",
         _EVERY,
         {"cube": CUBE("work_precision")},
         {"file": "regularised.csv"},
     )
 #: Settings of functions of pages beside these.
 _SETTINGS = {
-    "how_to/tabulated_potentials": {"blocks": "docs/how_to/tabulated_potentials.md"},
     "reference/variables": {"kinds": list(_OF_KIND), "explained": "docs/how_to/files.md"},
     "results/regularised": {"names": list(CONFIG.systems)},
+}
+# Page -> the command below benchmarks/ that measures for it, and the pictures that it draws.
+_MEASURED = {
+    "results/examples": ("near_harmonic", ["near_harmonic.png"]),
+    "results/ranking": ("ranking", []),
+    "how_to/gauss": ("gauss", ["gauss.png"]),
+    "how_to/tabulated_potentials": ("tabulated_potentials", ["tabulated_potentials.png"]),
+    "how_to/tailor": ("tailor", []),
+    "how_to/tangent_maps": ("tangent_maps", ["tangent_maps.png"]),
 }
 _OF_TIMES = ("results/ranking", "results/timings", "results/regularised")
 
@@ -101,8 +114,13 @@ def _task_of(page):
     """Return the task of a page: its text as it is, and the names of all that its function looks up."""
     function, registries, _, _ = _PAGES[page]
     names = {kind: registry.registered for kind, registry in registries.items()}
-    place = f"nearharmonic_{function}" if function.startswith("studies.") else f"nearharmonic_paper.{function}"
-    return task(place, page=f"docs/{page}.md", **names, **_SETTINGS.get(page, {}))
+    return task(function, page=f"docs/{page}.md", **names, **_SETTINGS.get(page, {}))
+
+
+def _code_of(command):
+    """Return the digests of a command below benchmarks/ and of all modules that it imports."""
+    modules = {module for name in package_modules_of(command) if (module := module_of(name))}
+    return f"{digest_of(command)} {code_digest(*sorted(modules))}"
 
 
 for _page, (_, _, _inputs, _others) in _PAGES.items():
@@ -118,17 +136,40 @@ for _page, (_, _, _inputs, _others) in _PAGES.items():
             page=update(f"{DOCS}/{_page}.md"),
         log:
             LOG(f"pages/{_name}"),
-        threads: ALL_CORES if _name == "ranking" else 1  # nothing runs beside what is timed
         resources:
-            compiler=int(_name in ("examples", "methods", "tabulated_potentials", "tailor", "tangent_maps")),
+            compiler=int(_name == "methods"),
         params:
             task=lambda wildcards, page=_page: _task_of(page),
         script:
             "../scripts/task.py"
 
 
+for _page, (_command, _pictures) in _MEASURED.items():
+    _section, _, _name = _page.partition("/")
+
+    rule:
+        name:
+            f"page_of_{_name}"
+        input:
+            command=f"benchmarks/{_command}.py",
+        output:
+            pictures=[update(f"{DOCS}/{_section}/{file}") for file in _pictures],
+            page=update(f"{DOCS}/{_page}.md"),
+        log:
+            LOG(f"pages/{_name}"),
+        threads: ALL_CORES if _name == "ranking" else 1  # nothing runs beside what is timed
+        resources:
+            compiler=int(_name not in ("gauss", "ranking")),
+        params:
+            python=sys.executable,
+            docs=DOCS,
+            code=lambda wildcards, input: _code_of(input.command),
+        shell:
+            "{params.python} {input.command} --page {params.docs} > {log} 2>&1"
+
+
 #: The files of each page by its name.
-_FILLED = {page: getattr(rules, f"page_of_{Path(page).name}").output for page in _PAGES}
+_FILLED = {page: getattr(rules, f"page_of_{Path(page).name}").output for page in (*_PAGES, *_MEASURED)}
 
 
 rule pages:
@@ -139,7 +180,7 @@ rule pages:
 
 rule pages_of_times:  # on a machine that does nothing else
     input:
-        [_FILLED[page] for page in _OF_TIMES if page in _PAGES],
+        [_FILLED[page] for page in _OF_TIMES if page in _FILLED],
 
 
 if DOCS == "docs":

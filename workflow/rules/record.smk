@@ -97,7 +97,7 @@ def record_end(exit_status):
 
 def verdicts(document):
     """Return a line on the verdicts of this run, and the command that decides the open statements."""
-    from nearharmonic_paper.claims.summary import verdicts_line
+    from nearharmonic_paper.claims.claim import verdicts_line
     from nearharmonic.output.store import workflow_command
 
     return verdicts_line(document, workflow_command(document))

@@ -1,28 +1,156 @@
-"""Statements of the paper that can be decided by numbers, and their decisions.
+"""Statements of the paper that can be decided by numbers: their data, their decisions, and sums of verdicts.
 
 A statement is a row: a :class:`Claim` in a file of its group; there is no other list. The decorator of its kind, for
 example :data:`result`, takes its words and its threshold, and the function below it decides. The name of the function,
 with hyphens, is the id. Statements with a common method of decision are rows of a tuple, with an ``id`` each:
-``result(...)(judge)``, where a function with the parameters of the row returns the judge.
+``result(...)(partial(judge, ...))``, where the parameters of the row come before the results.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import json
+import os
+import tomllib
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from functools import cached_property, partial, wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, ParamSpec, TypeVar, get_args
 
 from nearharmonic.errors import NearharmonicError, ResultFileError
-from nearharmonic.output.store import workflow_command
-from nearharmonic_paper.claims.results import Results, Undecided, short
+from nearharmonic.integrators import integrators, plain_integrators
+from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.output.store import read, workflow_command
+from nearharmonic.output.table import power_of_ten, short
+from nearharmonic_paper.record.manifest import Texts
 from nearharmonic_paper.tasks.experiment import experiments
 
-# --- Margins: the range of thresholds of a statement that leave its verdict unchanged.
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+__all__ = ["Results", "Undecided", "label", "only", "power_of_ten", "require", "short"]
+
+
+Given = ParamSpec("Given")
+Found = TypeVar("Found")
+
+
+# --- Data for decisions: the files of one folder of results, each read once, and the methods. -------------------------
+
+
+class Undecided(Exception):
+    """The results lack the data of a statement; the message names them."""
+
+
+def require(known: object, lacking: str) -> None:
+    """Raise :class:`Undecided` with the message ``lacking`` if what is ``known`` is false or empty."""
+    if not known:
+        raise Undecided(lacking)
+
+
+def once(make: Callable[Given, Found]) -> Callable[Given, Found]:
+    """Return a function that keeps the values of ``make`` in its first argument, results or curves of them."""
+
+    @wraps(make)
+    def kept(*given: Given.args, **named: Given.kwargs) -> Found:
+        values: dict[Any, Found] = given[0].__dict__.setdefault("kept", {})
+        key = (make, *given[1:], *named.items())
+        if key not in values:
+            values[key] = make(*given, **named)
+        return values[key]
+
+    return kept
+
+
+class Results:
+    """A folder of results. A file that is missing, damaged or without rows is a ResultFileError.
+
+    ``methods`` are those of the statements, by default the registered splitting methods. ``leftovers`` are files that
+    count as missing.
+    """
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        methods: Mapping[str, Tableau] | None = None,
+        leftovers: Sequence[str] = (),
+    ) -> None:
+        self._leftovers = leftovers
+        self.folder = Path(folder)
+        self._texts = Texts(self.folder)
+        self.methods: Mapping[str, Tableau] = plain_integrators if methods is None else methods
+
+    def has(self, name: str) -> bool:
+        """Return True if the file ``name``, relative to the folder, exists and is no leftover."""
+        return name not in self._leftovers and (self.folder / name).is_file()
+
+    @once
+    def cube(self, stem: str) -> xr.Dataset:
+        """Return the cube of this name, only with the methods of the statements."""
+        cube = self._read_cube(stem)
+        if "integrator" not in cube.dims:
+            return cube
+        return cube.isel(integrator=[str(name) in self.methods for name in cube["integrator"].values])
+
+    def _read_cube(self, stem: str) -> xr.Dataset:
+        return read(self.folder / f"cubes/{stem}.h5")
+
+    @once
+    def rows(self, stem: str) -> list[dict[str, str]]:
+        """Return the rows of the table of this name without other methods, each cell a text by its column."""
+        known = {"", *self.methods}
+        return [row for row in self._read_rows(stem) if row.get("integrator", "") in known]
+
+    def _read_rows(self, stem: str) -> list[dict[str, str]]:
+        name = f"tables/{stem}.csv"
+        rows = self._texts.table(name).records()
+        if not rows:
+            raise self._texts.unusable(name, "holds no row")
+        return rows
+
+    @cached_property
+    def derived(self) -> dict[str, Any]:
+        """The document ``derived/coefficients.toml``."""
+        name = "derived/coefficients.toml"
+        text = self._texts.read(name)
+        try:
+            return tomllib.loads(text)
+        except ValueError as error:
+            raise self._texts.unusable(name, "is no TOML") from error
+
+    def method(self, name: str) -> Tableau:
+        """Return a method by its name, if it is among the methods; raise :class:`Undecided` otherwise."""
+        require(name in self.methods, f"the method {name} is not among those that are looked at")
+        return self.methods[name]
+
+    @once
+    def panels(self) -> dict[str, xr.Dataset]:
+        """Return the panels of Figure 6, by letter."""
+        from nearharmonic_paper.experiments.paper.orbits import paper_panels
+
+        return paper_panels()
+
+
+def only(rows: Sequence[Mapping[str, str]], key: str, value: str) -> Mapping[str, str]:
+    """Return the row with ``value`` under ``key``; raise :class:`Undecided` if there is none."""
+    found = [row for row in rows if row[key] == value]
+    require(found, f"the table has no {key} {value}")
+    return found[0]
+
+
+def label(name: str) -> str:
+    """Return the label of a method, or its name if it is not registered."""
+    return integrators[name].label if name in integrators else name
+
+
+# --- Margins: the range of thresholds of a statement that leave its verdict unchanged. --------------------------------
 
 #: The margin of proofs, counts and comparisons of digits.
 EXACT = "exact: no threshold"
 #: Successive factors of a threshold: in steps of 12 % up to ten, then by squares.
-_STEP, _CLOSE, _FARTHEST = 10 ** (1 / 20), 20, 1e150
+FACTORS = (*(10 ** (k / 20) for k in range(1, 21)), *(10.0**2**k for k in range(1, 8)))
 
 
 def margin(verdict_at: Callable[[float], str], bound: float) -> str:
@@ -39,7 +167,21 @@ def margin(verdict_at: Callable[[float], str], bound: float) -> str:
         except Undecided:
             return "undecided"
 
-    low, high = (_last(asked, bound, way) for way in (-1, 1))
+    def last(way: int) -> float | None:
+        """Return the last threshold with an equal verdict in one direction, to a thousandth; None if none differs."""
+        inside = bound
+        for factor in FACTORS:
+            outside = bound * factor**way
+            if asked(outside) != verdict:
+                while max(inside, outside) > 1.001 * min(inside, outside):
+                    middle = (inside * outside) ** 0.5
+                    inside, outside = (middle, outside) if asked(middle) == verdict else (inside, middle)
+                return inside
+            inside = outside
+        return None
+
+    verdict = asked(bound)
+    low, high = map(last, (-1, 1))
     if low is None and high is None:
         return f"threshold {short(bound)}; any other gives the same verdict"
     start = "" if low is None else f" from {short(low)}"
@@ -47,28 +189,7 @@ def margin(verdict_at: Callable[[float], str], bound: float) -> str:
     return f"threshold {short(bound)}; the same verdict{start}{end}"
 
 
-def _last(asked: Callable[[float], str], bound: float, way: int) -> float | None:
-    """Return the last threshold with an equal verdict in one direction, to a hundredth; None if it never changes."""
-    verdict, inside = asked(bound), bound
-    for factor in _factors():
-        outside = bound * factor**way
-        if asked(outside) == verdict:
-            inside = outside
-            continue
-        while max(inside, outside) > 1.001 * min(inside, outside):
-            middle = (inside * outside) ** 0.5
-            inside, outside = (middle, outside) if asked(middle) == verdict else (inside, middle)
-        return inside
-    return None
-
-
-def _factors() -> Iterator[float]:
-    yield from (_STEP**k for k in range(1, _CLOSE + 1))
-    factor = 100.0
-    while factor <= _FARTHEST:
-        yield factor
-        factor *= factor
-
+# --- Statements and decisions. ----------------------------------------------------------------------------------------
 
 Verdict = Literal["holds", "holds but for edges", "holds in part", "fails", "erratum", "not decided here"]
 OPEN: Verdict = "not decided here"
@@ -80,11 +201,12 @@ Kind = Literal["result", "mathematics", "misprint", "attribution", "background",
 
 
 class Decision(NamedTuple):
-    """Verdict on a statement, the measured value in words and numbers, and the margin of its threshold."""
+    """Verdict on a statement, the measured value in words and numbers, the margin of its threshold, a short value."""
 
     verdict: Verdict
     value: str
     margin: str = ""
+    brief: str = ""
 
 
 #: Function of the results, and of the threshold if it is a number.
@@ -147,18 +269,18 @@ class Claim:
         return found._replace(verdict="erratum" if wrong else found.verdict, margin=words)
 
 
-def _statements(kind: Kind) -> Callable[..., Callable[[Decide], Claim]]:
-    """Return the decorator of functions that decide statements of one kind; it takes the other attributes."""
+def _statement(kind: Kind, **attributes: Any) -> Callable[[Decide], Claim]:
+    """Return the decorator of a function that decides a statement of one kind, with the other attributes."""
 
-    def attributed(**attributes: Any) -> Callable[[Decide], Claim]:
-        return lambda decide: Claim(**{"id": decide.__name__.replace("_", "-")} | attributes, kind=kind, decide=decide)
+    def decorated(decide: Decide) -> Claim:
+        given = {"id": getattr(decide, "__name__", "").replace("_", "-"), **attributes}
+        return Claim(**given, kind=kind, decide=decide)
 
-    return attributed
+    return decorated
 
 
 #: The decorators of functions that decide statements, one for each kind.
-result, mathematics, misprint = _statements("result"), _statements("mathematics"), _statements("misprint")
-attribution, background, finding = _statements("attribution"), _statements("background"), _statements("finding")
+result, mathematics, misprint, attribution, background, finding = (partial(_statement, one) for one in get_args(Kind))
 
 
 def either(good: bool, value: str) -> Decision:
@@ -166,9 +288,9 @@ def either(good: bool, value: str) -> Decision:
     return Decision("holds" if good else "fails", value)
 
 
-def counted(good: Sequence[bool], value: str) -> Decision:
+def counted(good: Sequence[bool], value: str, brief: str = "") -> Decision:
     """Return the decision on several objects: holds, in part or fails, if all, some or none of them are good."""
-    return Decision("holds" if all(good) else "holds in part" if any(good) else "fails", value)
+    return Decision("holds" if all(good) else "holds in part" if any(good) else "fails", value, brief=brief)
 
 
 def tallied(good: Iterable[bool], things: str, beside: str = "") -> Decision:
@@ -177,13 +299,86 @@ def tallied(good: Iterable[bool], things: str, beside: str = "") -> Decision:
     return counted(found, f"{sum(found)} of {len(found)} {things}{beside}")
 
 
-def combined(verdicts: Iterable[Verdict], value: str) -> Decision:
+def combined(verdicts: Iterable[Verdict], value: str, brief: str = "") -> Decision:
     """Return the decision on a statement of several parts.
 
     It holds or fails if all parts do. It holds but for edges if all parts hold at least but for edges. Otherwise it
     holds in part.
     """
     found = set(verdicts)
-    if len(found) == 1:
-        return Decision(found.pop(), value)
-    return Decision("holds but for edges" if found == {"holds", "holds but for edges"} else "holds in part", value)
+    verdict: Verdict = "holds but for edges" if found == {"holds", "holds but for edges"} else "holds in part"
+    return Decision(found.pop() if len(found) == 1 else verdict, value, brief=brief)
+
+
+# --- Number of statements by kind and verdict, in a table and in a sentence. ------------------------------------------
+
+Entry = Mapping[str, Any]
+
+#: Kinds in the order of their weight, with plurals; findings are not counted, because they are not in the paper.
+KINDS = {
+    "result": "results", "mathematics": "mathematics", "background": "background", "attribution": "attributions",
+    "misprint": "misprints",
+}  # fmt: skip
+FINDING = "finding"
+#: Verdicts, with plurals.
+VERDICTS = {
+    "holds": "hold",
+    "holds but for edges": "hold but for edges",
+    "holds in part": "hold in part",
+    "fails": "fail",
+    "erratum": "are errata",
+    OPEN: "are not decided here",
+}
+#: Kinds whose failures are failures of substance.
+SUBSTANCE = ("result", "mathematics")
+
+
+def of_the_paper(entries: Iterable[Entry]) -> list[Entry]:
+    """Return the statements of the paper: all except findings."""
+    return [entry for entry in entries if entry["kind"] != FINDING]
+
+
+def sums(entries: Sequence[Entry]) -> list[tuple[str, int, dict[str, int]]]:
+    """Return each kind, the number of its statements, and the number of them with each verdict."""
+    found = []
+    for kind, many in KINDS.items():
+        verdicts = Counter(entry["verdict"] for entry in entries if entry["kind"] == kind)
+        if verdicts:
+            found.append((many, verdicts.total(), {verdict: verdicts[verdict] for verdict in VERDICTS}))
+    return found
+
+
+def tally(entries: Sequence[Entry]) -> str:
+    """Return the number of statements of the paper and of those with each verdict, in words."""
+    counted = of_the_paper(entries)
+    told = in_words(Counter(entry["verdict"] for entry in counted))
+    return f"Of the {len(counted)} statements of the paper that are checked {told}"
+
+
+def in_words(found: Mapping[str, int]) -> str:
+    """Return the numbers of statements by verdict in words: 1 holds, 2 are errata."""
+    told = ((found[verdict], verdict if found[verdict] == 1 else many) for verdict, many in VERDICTS.items())
+    return ", ".join(f"{number} {words}" for number, words in told if number)
+
+
+def failures(entries: Iterable[Entry]) -> list[Entry]:
+    """Return the statements that fail in substance: misprints and attributions are no failures of a method."""
+    return [entry for entry in entries if entry["verdict"] == "fails" and entry["kind"] in SUBSTANCE]
+
+
+def verdicts_line(document: str | Path, command: str) -> str:
+    """Return a line on the verdicts in ``tables/claims.json``, and the command that decides the open statements."""
+    from nearharmonic_paper.claims.table import CLAIMS, own_claims
+
+    entries = json.loads(Path(document).read_text(encoding="utf-8"))
+    makers = {one.id: one.maker for one in (*CLAIMS, *own_claims())}
+    missing = {makers[entry["id"]] for entry in of_the_paper(entries) if entry["verdict"] == OPEN}
+    later = sorted((target, time) for target, time in missing if target != "all")
+    if not later:
+        return f"{tally(entries)}."
+    share = "all" if len(later) == len(missing) else "most"
+    targets, times = zip(*later, strict=True)
+    # Behind --configfile Snakemake would take the targets for further files.
+    program, option, files = command.partition(" --configfile")
+    command = f"{program} {' '.join(targets)}{option}{files}"
+    return f"{tally(entries)}; {command} decides {share} of those left open ({', '.join(times)})."

@@ -6,7 +6,6 @@ all. An archive of the results that decide is among the tests.
 
 from __future__ import annotations
 
-import json
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -14,87 +13,42 @@ from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from textwrap import wrap
-from typing import Any, NamedTuple
+from typing import Any
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.atomic import write_bytes
 from nearharmonic.output.store import read, write_dataset
 from nearharmonic.output.table import pipes
-from nearharmonic_paper.claims.claim import OPEN
+from nearharmonic_paper.claims.claim import (
+    FINDING,
+    OPEN,
+    VERDICTS,
+    Entry,
+    failures,
+    in_words,
+    of_the_paper,
+    sums,
+    tally,
+)
 from nearharmonic_paper.claims.judging import MEANINGS
-from nearharmonic_paper.claims.statements.performance.discussion import CLOSE, ROUND
-from nearharmonic_paper.claims.statements.tableaus.trained import ENSEMBLES
-from nearharmonic_paper.claims.summary import FINDING, VERDICTS, Entry, failures, in_words, of_the_paper, sums, tally
-from nearharmonic_paper.claims.table import FILES, decided
+from nearharmonic_paper.claims.performance import CLOSE, ROUND
+from nearharmonic_paper.claims.table import FILES, decide, document, results_of
+from nearharmonic_paper.claims.tableaus import ENSEMBLES
 
 #: Systems by the ends of ids, in the order of the paper.
 SYSTEMS = {"sho": "oscillator", "henon-heiles": "Hénon-Heiles", "kepler": "Sun-Mercury"}
 
 
-class Row(NamedTuple):
-    """A row of README's table: words, id, the short form of its value, and, if there is a statement for each system,
-    the words before the short forms.
-    """
-
-    words: str
-    id: str
-    shorten: Callable[[str], str]
-    of_systems: str = ""
-
-
-def _found(pattern: str, value: str) -> str:
-    """Return the first matching group of the first match, or the whole match without groups."""
-    match = re.search(pattern, value)
-    if match is None:
-        raise ValueError(f"README's table looks for {pattern!r} in {value!r}")
-    return next((group for group in match.groups() if group is not None), match[0])
-
-
-def _pairs(value: str) -> str:
-    told = re.findall(r"(oscillator|Hénon-Heiles system|Sun-Mercury system) (\d+) and (\d+) of 24", value)
-    counts = [f"{name.removesuffix(' system')} {largest} / {mean}" for name, largest, mean in told]
-    return f"pairs won by maximum / mean error, of 24: {', '.join(counts)}"
-
-
-def _decades(value: str) -> str:
-    lengths = [float(length) for length in re.findall(r"\(([\d.]+) decades\)", value)]
-    return f"slope 6 over {min(lengths):.2f} to {max(lengths):.2f} decades"
-
-
-def _ahead(value: str) -> str:
-    """Return the smallest and the largest number of step sizes at which a new method is better."""
-    total = int(_found(r"of (\d+):", value))
-    counts = [int(count) for count in re.findall(r"B\S+ (\d+)", value)]
-    if "each at all" in value or not counts:
-        counts.append(total)
-    low, high = min(counts), max(counts)
-    return f"{low} of {total}" if low == high else f"{low} to {high} of {total}"
-
-
-def _share(value: str) -> str:
-    """Return the step sizes at which a statement about a range is true."""
-    every = re.search(r"all (\d+) step sizes", value)
-    return f"{every[1]} of {every[1]}" if every else _found(r"\d+ of \d+(?= step sizes)", value)
-
-
+#: README's table: words, id, and, if there is a statement for each system, the words before the short values.
 SHOWN = (
-    Row("perform significantly better than previous integrators", "significantly-better", _pairs),
-    Row("outperform Ruth by several orders of magnitude", "outperform-ruth", _share, "step sizes with a factor of 100"),
-    Row(
-        "outperform the three methods of Blanes", "outperform-blanes", _ahead,
-        "step sizes at which a new method is ahead",
-    ),
-    Row("four of them behave as sixth order on the oscillator", "fig-1-sixth-order", _decades),
-    Row(
-        "BAB's8o7H, BAB's9o7H fall in sixth order on Hénon-Heiles for large τ", "fig-3-sixth-order-descent",
-        lambda value: f"{_decades(value)}; half a decade asked",
-    ),
-    Row(
-        "BAB's9o7H has the least mean error on Sun-Mercury", "fig-5-best-mean",
-        lambda value: f"{_share(value)} step sizes: {_found(r'^(.*?),', value)}",
-    ),
-)  # fmt: skip
+    ("perform significantly better than previous integrators", "significantly-better", ""),
+    ("outperform Ruth by several orders of magnitude", "outperform-ruth", "step sizes with a factor of 100"),
+    ("outperform the three methods of Blanes", "outperform-blanes", "step sizes at which a new method is ahead"),
+    ("four of them behave as sixth order on the oscillator", "fig-1-sixth-order", ""),
+    ("BAB's8o7H, BAB's9o7H fall in sixth order on Hénon-Heiles for large τ", "fig-3-sixth-order-descent", ""),
+    ("BAB's9o7H has the least mean error on Sun-Mercury", "fig-5-best-mean", ""),
+)
 
 #: The dozen main statements of the paper, with which its page begins.
 CARRYING = (
@@ -127,12 +81,14 @@ def verdict_table(entries: Sequence[Entry]) -> str:
     """Return README's table of verdicts, one row per statement, and the sentences below it."""
     by_id = {entry["id"]: entry for entry in entries}
     rows = []
-    for words, name, shorten, of_systems in SHOWN:
-        found = {ending: by_id[f"{name}-{ending}"] for ending in SYSTEMS} if of_systems else {"": by_id[name]}
-        verdicts = [f"{SYSTEMS.get(ending, '')} **{entry['verdict']}**".lstrip() for ending, entry in found.items()]
-        values = [f"{SYSTEMS.get(ending, '')} {shorten(entry['value'])}".lstrip() for ending, entry in found.items()]
-        told = ", ".join(values)
-        rows.append([words, ", ".join(verdicts), f"{of_systems}: {told}" if of_systems else told])
+    for words, name, of_systems in SHOWN:
+        if of_systems:
+            found = [(system, by_id[f"{name}-{ending}"]) for ending, system in SYSTEMS.items()]
+            verdicts = [f"{system} **{entry['verdict']}**" for system, entry in found]
+            values = [f"{system} {entry['brief']}" for system, entry in found]
+            rows.append([words, ", ".join(verdicts), f"{of_systems}: {', '.join(values)}"])
+        else:
+            rows.append([words, f"**{by_id[name]['verdict']}**", by_id[name]["brief"]])
     below = f"{tally(entries)}. {failures_in_words(entries)}"
     lines = pipes(["the paper says", "verdict", "measured"], rows)
     return "\n".join([*lines, "", *wrap(below, _WIDTH, break_on_hyphens=False), "", ""])
@@ -151,8 +107,11 @@ def failures_in_words(entries: Sequence[Entry]) -> str:
 def page(entries: Sequence[Entry]) -> str:
     """Return the page of all statements, in Markdown; no line is longer than a screen."""
     by_id = {entry["id"]: entry for entry in entries}
-    lines = [INTRODUCTION, *_wrapped(f"{tally(entries)}. {failures_in_words(entries)}"), *_table_of_sums(entries)]
-    lines += ["## The statements that carry the paper", ""]
+    shown = [verdict for verdict in VERDICTS if any(entry["verdict"] == verdict for entry in of_the_paper(entries))]
+    rows = [[kind, count, *(found[verdict] or "" for verdict in shown)] for kind, count, found in sums(entries)]
+    lines = [INTRODUCTION, *_wrapped(f"{tally(entries)}. {failures_in_words(entries)}")]
+    lines += pipes(["kind", "statements", *(VERDICTS[verdict] for verdict in shown)], rows, align="lr")
+    lines += ["", "## The statements that carry the paper", ""]
     lines += [line for name in CARRYING for line in _in_short(by_id[name])]
     lines += ["## What general words and the verdicts mean", ""]
     lines += [line for meaning in MEANINGS for line in _item(f"{meaning.words}.")]
@@ -163,50 +122,31 @@ def page(entries: Sequence[Entry]) -> str:
     return "\n".join(lines)
 
 
-def _table_of_sums(entries: Sequence[Entry]) -> list[str]:
-    shown = [verdict for verdict in VERDICTS if any(entry["verdict"] == verdict for entry in of_the_paper(entries))]
-    rows = [[kind, count, *(found[verdict] or "" for verdict in shown)] for kind, count, found in sums(entries)]
-    return [*pipes(["kind", "statements", *(VERDICTS[verdict] for verdict in shown)], rows, align="lr"), ""]
-
-
-#: Section of an equation, table or figure, by its kind and the last number in each section.
-_PLACES = {
-    "Eq": ((4, "Section 2"), (17, "Section 3"), (20, "Section 4.B")),
-    "Table": ((1, "Section 2"), (3, "Section 3"), (4, "Section 4.A")),
-    "Figure": ((6, "Section 4.B"),),
-}
-_TITLES = {
+#: Title of each section, and what a place in it begins with: its name, or that of an equation, a table or a figure.
+SECTIONS = {
     "Abstract": "Abstract",
-    "Section 1": "Section 1, Introduction",
-    "Section 2": "Section 2, Fundamental theorems",
-    "Section 3": "Section 3, Methods",
-    "Section 4.A": "Section 4.A, Obtained splitting coefficients",
-    "Section 4.B": "Section 4.B, Numerical tests",
-    "Section 5": "Section 5, Discussion",
-    "Section 6": "Section 6, Conclusion",
+    "Section 1, Introduction": "Section 1",
+    "Section 2, Fundamental theorems": r"Section 2|Eq\. [1-4]\b|Table 1",
+    "Section 3, Methods": r"Section 3|Eq\. ([5-9]|1[0-7])\b|Table [23]",
+    "Section 4.A, Obtained splitting coefficients": r"Section 4\.A|Table 4",
+    "Section 4.B, Numerical tests": r"Section 4\.B|Eq\. (18|19|20)\b|Figure [1-6]\b",
+    "Section 5, Discussion": "Section 5",
+    "Section 6, Conclusion": "Section 6",
 }
-
-
-def section_of(place: str) -> str:
-    """Return the section of a place in the paper: the named section, or that of its equation, table or figure."""
-    named = re.match(r"(Abstract|Section \d(?:\.[AB])?)", place)
-    if named:
-        return named[1]
-    ((kind, number),) = re.findall(r"^(Eq|Table|Figure)\.? (\d+)", place)
-    return next(section for last, section in _PLACES[kind] if int(number) <= last)
 
 
 def _by_section(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
-    """Return the statements of the paper by section, in order."""
-    found: dict[str, list[Entry]] = {section: [] for section in _TITLES}
+    """Return the statements of the paper by the titles of their sections, in order."""
+    found: dict[str, list[Entry]] = {title: [] for title in SECTIONS}
     for entry in of_the_paper(entries):
-        found[section_of(entry["paper"]["section"])].append(entry)
-    return {section: those for section, those in found.items() if those}
+        place = entry["paper"]["section"]
+        found[next(title for title, places in SECTIONS.items() if re.match(places, place))].append(entry)
+    return {title: those for title, those in found.items() if those}
 
 
-def _folded(section: str, entries: Sequence[Entry]) -> Iterator[str]:
+def _folded(title: str, entries: Sequence[Entry]) -> Iterator[str]:
     verdicts = Counter(entry["verdict"] for entry in entries)
-    yield from ("<details>", f"<summary>{_TITLES[section]}: {in_words(verdicts)}</summary>", "")
+    yield from ("<details>", f"<summary>{title}: {in_words(verdicts)}</summary>", "")
     for entry in entries:
         yield from _told(entry)
     yield from ("</details>", "")
@@ -215,11 +155,8 @@ def _folded(section: str, entries: Sequence[Entry]) -> Iterator[str]:
 def _in_short(entry: Entry) -> Iterator[str]:
     """Return a statement, its verdict and its value."""
     yield from _item(f"“{entry['paper']['sentence']}” ({entry['paper']['section']}; `{entry['id']}`): ")
-    yield ""
-    first, *rest = _lines(f"{entry['verdict']}: {entry['value']}.")
-    yield f"  {first.replace(entry['verdict'], '**' + entry['verdict'] + '**', 1)}"
-    yield from (f"  {line}" for line in rest)
-    yield ""
+    lines = "\n".join(["", *(f"  {line}" for line in _lines(f"{entry['verdict']}: {entry['value']}.")), ""])
+    yield lines.replace(entry["verdict"], f"**{entry['verdict']}**", 1)
 
 
 def _told(entry: Entry) -> Iterator[str]:
@@ -261,18 +198,15 @@ def verdicts(folder: str, readme: str, integrators: Sequence[str], files: Sequen
     They are ``recorded``, the results that decide, as a zip file; ``document``, the verdicts as JSON; ``page``; and
     ``readme``. A statement that is not decided is a NearharmonicError.
     """
-    text = str(decided(folder, integrators)["document"])
-    undecided = [f"{entry['id']} ({entry['value']})" for entry in json.loads(text) if entry["verdict"] == OPEN]
+    entries = decide(results_of(folder, integrators))
+    undecided = [f"{entry['id']} ({entry['value']})" for entry in entries if entry["verdict"] == OPEN]
     if undecided:
         message = f"{folder} leaves {len(undecided)} statements undecided, like {undecided[0]}: no verdict is written"
         raise NearharmonicError(message)
-    return {"recorded": recorded(Path(folder)), "document": text, **documents(text, Path(readme).read_text("utf-8"))}
-
-
-def documents(text: str, readme: str) -> dict[str, str]:
-    """Return the page of verdicts in JSON, and ``readme`` with their table."""
-    entries = json.loads(text)
-    return {"page": page(entries), "readme": _BLOCK.sub(lambda _: verdict_table(entries), readme, count=1)}
+    filled = _BLOCK.sub(lambda _: verdict_table(entries), Path(readme).read_text("utf-8"), count=1)
+    return {
+        "recorded": recorded(Path(folder)), "document": document(entries), "page": page(entries), "readme": filled,
+    }  # fmt: skip
 
 
 #: What is kept of cubes of which statements look at little.

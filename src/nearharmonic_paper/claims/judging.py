@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import ceil, log10, sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -13,8 +13,7 @@ from nearharmonic.numerics import portable
 from nearharmonic.numerics.portable import Bools, Floats
 from nearharmonic.numerics.statistics import PLATEAU, line_slope, mean
 from nearharmonic.output.store import double_runs
-from nearharmonic_paper.claims.claim import Decide, Decision, Verdict, combined
-from nearharmonic_paper.claims.results import Results, label, once, require, short
+from nearharmonic_paper.claims.claim import Decision, Results, Verdict, combined, label, once, require, short
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -135,6 +134,24 @@ def range_words(end: str = "") -> str:
     return "over the range of comparison" + (f", up to where the maximum error of {end} passes 1 %" if end else "")
 
 
+class Piece(NamedTuple):
+    """The ends of a range of step sizes per stage without a gap; 1 and 0 if there is none."""
+
+    low: float
+    high: float
+
+    @property
+    def decades(self) -> float:
+        """Its length."""
+        return log10(self.high / self.low) if self.high > 0 else 0.0
+
+    def words(self, unit: str) -> str:
+        """The piece and its length for a reader."""
+        if self.decades == 0:
+            return "nowhere"
+        return f"τ/s = {short(self.low)} to {short(self.high)}{unit} ({self.decades:.2f} decades)"
+
+
 class Range(NamedTuple):
     """Step sizes per stage, the mask of those of a statement, and their unit."""
 
@@ -147,10 +164,16 @@ class Range(NamedTuple):
         low, high = self.longest(self.asked if chosen is None else chosen)
         return f"τ/s = {short(low)} to {short(high)}{self.unit}"
 
-    def longest(self, chosen: Bools) -> tuple[float, float]:
-        """Return the ends of the longest part (in decades) of the range without a gap; (1, 0) if there is none."""
-        pieces = list(_pieces(self.x[self.asked], chosen[self.asked]))
-        return max(pieces, key=lambda piece: piece[1] / piece[0], default=(1.0, 0.0))
+    def pieces(self, chosen: Bools) -> list[Piece]:
+        """Return the parts of the range where ``chosen`` is true, at least none."""
+        x = self.x[self.asked]
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen[self.asked], [False]]).astype(int)))
+        found = [Piece(float(x[start]), float(x[stop - 1])) for start, stop in edges.reshape(-1, 2)]
+        return found or [Piece(1.0, 0.0)]
+
+    def longest(self, chosen: Bools) -> Piece:
+        """Return the longest part, in decades."""
+        return max(self.pieces(chosen), key=lambda piece: piece.high / piece.low)
 
     def but_for_edges(self, chosen: Bools) -> bool:
         """Return True if ``chosen`` is true at most step sizes of the range, and false only near its ends."""
@@ -158,17 +181,10 @@ class Range(NamedTuple):
         edge = int(EDGE * asked.size)
         return bool(asked.mean() >= MOST and asked[edge : asked.size - edge].all())
 
-    def at_the_end(self, chosen: Bools) -> tuple[float, float]:
-        """Return the ends of the part at the end of the range; (1, 0) if there is none."""
-        asked = self.x[self.asked]
-        last = [piece for piece in _pieces(asked, chosen[self.asked]) if piece[1] == asked[-1]]
-        return last[0] if last else (1.0, 0.0)
-
-
-def _pieces(x: Floats, chosen: Bools) -> Iterator[tuple[float, float]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(int)))
-    for start, stop in edges.reshape(-1, 2):
-        yield float(x[start]), float(x[stop - 1])
+    def at_the_end(self, chosen: Bools) -> Piece:
+        """Return the part at the end of the range."""
+        last = self.pieces(chosen)[-1]
+        return last if last.high == self.x[self.asked][-1] else Piece(1.0, 0.0)
 
 
 #: Step sizes at which statements are judged: of more, every second, third, ....
@@ -192,10 +208,14 @@ class Curves:
         require(name in self.names, f"the results do not have the method {label(name)}")
         return self.cube[variable].values[self.names.index(name)]
 
+    def rows(self, names: Sequence[str], variable: str) -> Floats:
+        """Return a row of a variable for each method."""
+        return np.array([self.of(name, variable) for name in names])
+
     def errors(self, names: Sequence[str], variable: str = "max_energy_error") -> Floats:
         """Return a row of errors for each method; infinite where the run diverged."""
-        rows = np.array([self.of(name, variable) for name in names])
-        return np.where(np.isnan(rows), np.inf, rows)
+        found = self.rows(names, variable)
+        return np.where(np.isnan(found), np.inf, found)
 
     def compared(self, *rows: Floats, kept: Floats | None = None) -> Range:
         """Return the range in which all ``rows`` of errors, or tables of them, can be compared.
@@ -216,16 +236,16 @@ class Curves:
 
 def over(asked: Range, good: Bools, value: str = "") -> Decision:
     """Return the verdict on a statement over a range: holds everywhere, but for edges, in part, or fails."""
-    count = int(asked.asked.sum())
-    tail = f"; {value}" if value else ""
-    if good[asked.asked].all():
-        return Decision("holds", f"{asked.words()}, all {count} step sizes{tail}")
+    count, true = int(asked.asked.sum()), int((good & asked.asked).sum())
+    tail, brief = f"; {value}" if value else "", f"{true} of {count}"
+    if true == count:
+        return Decision("holds", f"{asked.words()}, all {count} step sizes{tail}", brief=brief)
+    share = f"{brief} step sizes of {asked.words()}"
     low, high = asked.longest(good)
-    share = f"{int((good & asked.asked).sum())} of {count} step sizes of {asked.words()}"
     if high < PART * low:
-        return Decision("fails", f"{share}{tail}")
+        return Decision("fails", f"{share}{tail}", brief=brief)
     verdict: Verdict = "holds but for edges" if asked.but_for_edges(good) else "holds in part"
-    return Decision(verdict, f"{asked.words(good)}, in one piece; {share}{tail}")
+    return Decision(verdict, f"{asked.words(good)}, in one piece; {share}{tail}", brief=brief)
 
 
 def for_larger_steps(asked: Range, good: Bools) -> Decision:
@@ -278,24 +298,6 @@ SLOPE = (
 _ROUNDED = 1e-5  # decades: step sizes of a grid are rounded to six digits
 
 
-class Stretch(NamedTuple):
-    """The longest range of step sizes per stage whose slopes are all within the band; 0 and 0 if there is none."""
-
-    low: float
-    high: float
-
-    @property
-    def decades(self) -> float:
-        """Its length."""
-        return log10(self.high / self.low) if self.high > 0 else 0.0
-
-    def words(self, unit: str) -> str:
-        """The stretch for a reader."""
-        if self.decades == 0:
-            return "nowhere"
-        return f"τ/s = {short(self.low)} to {short(self.high)}{unit} ({self.decades:.2f} decades)"
-
-
 @once
 def local_slopes(curves: Curves, name: str) -> Floats:
     """Return the slope around each step size; NaN if an error around it is not finite or fewer than three exist.
@@ -316,39 +318,34 @@ def local_slopes(curves: Curves, name: str) -> Floats:
     return found
 
 
-def stretch(asked: Range, slopes: Floats, order: float, band: float) -> Stretch:
-    """Return the longest range of the requested step sizes with slopes within ``band`` of an order."""
-    good: Bools = np.abs(slopes - order) <= band
-    low, high = asked.longest(good)
-    return Stretch(low, high) if high > 0 else Stretch(0.0, 0.0)
-
-
-@once
-def truncation_of(curves: Curves, name: str) -> Range:
-    """Return the step sizes at which the error of a method is neither rounding nor above 1 %."""
-    return curves.compared(curves.errors([name]))
-
-
-def judged(found: Stretch) -> Verdict:
+def judged(found: Piece) -> Verdict:
     """Return the verdict on one range."""
     if found.decades >= LONG - _ROUNDED:
         return "holds"
     return "holds in part" if found.decades >= SHORT - _ROUNDED else "fails"
 
 
-def slopes_are(system: str, expected: Mapping[str, int]) -> Decide:
-    """Return the judge of statements about the orders of methods in a figure of one system."""
-    return lambda results, band: orders(curves_of(results, system), expected, band)
-
-
 def orders(curves: Curves, expected: Mapping[str, int], band: float) -> Decision:
-    """Decide whether each method has its order as a slope."""
-    verdicts, told = [], []
+    """Decide whether each method has its order as a slope, where its error is neither rounding nor above 1 %."""
+    found = {}
     for name, order in expected.items():
-        found = stretch(truncation_of(curves, name), local_slopes(curves, name), order, band)
-        verdicts.append(judged(found))
-        told.append(f"{label(name)} {order} over {found.words(curves.unit)}")
-    return combined(verdicts, "; ".join(told))
+        asked = curves.compared(curves.errors([name]))
+        found[name] = asked.longest(np.abs(local_slopes(curves, name) - order) <= band)
+    told = (f"{label(name)} {expected[name]} over {piece.words(curves.unit)}" for name, piece in found.items())
+    slopes = " and ".join(map(str, dict.fromkeys(expected.values())))
+    brief = f"slope {slopes} over {in_decades(found.values())}"
+    return combined(map(judged, found.values()), "; ".join(told), brief)
+
+
+def in_decades(found: Iterable[Piece]) -> str:
+    """Return the shortest and the longest of some pieces in words."""
+    lengths = [piece.decades for piece in found]
+    return f"{min(lengths):.2f} to {max(lengths):.2f} decades"
+
+
+def orders_on(system: str, expected: Mapping[str, int], results: Results, band: float) -> Decision:
+    """Decide a statement about the orders of methods in a figure of one system."""
+    return orders(curves_of(results, system), expected, band)
 
 
 def large_steps(curves: Curves, *names: str) -> Range:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from importlib import import_module
 from types import ModuleType
@@ -12,12 +12,8 @@ from typing import Any
 
 from nearharmonic.integrators import plain_integrators as registered
 from nearharmonic.output.table import Table
-from nearharmonic_paper.claims.claim import Claim
-from nearharmonic_paper.claims.results import Results
-from nearharmonic_paper.claims.statements.equations import decomposition, identities, misprints, search
-from nearharmonic_paper.claims.statements.figures import henon_heiles, kepler, oscillator, substeps
-from nearharmonic_paper.claims.statements.performance import comparisons, discussion
-from nearharmonic_paper.claims.statements.tableaus import coefficients, methods, roles, sizes, splitting, trained
+from nearharmonic_paper.claims import equations, figures, performance, splitting, tableaus
+from nearharmonic_paper.claims.claim import Claim, Results
 from nearharmonic_paper.tasks.experiment import folders
 from nearharmonic_paper.tasks.provenance import code_digest
 from nearharmonic_paper.tasks.sources import ROOT, path_of
@@ -50,13 +46,8 @@ def claims_in(module: ModuleType) -> Iterator[Claim]:
 #: All statements of the paper in its order; the digest of the job covers these imports, so that an edit invalidates
 #: decisions.
 CLAIMS: tuple[Claim, ...] = tuple(
-    claim
-    for group in (
-        splitting, decomposition, identities, misprints, search, coefficients, sizes, trained, roles, methods,
-        oscillator, henon_heiles, kepler, substeps, comparisons, discussion,
-    )
-    for claim in claims_in(group)
-)  # fmt: skip
+    claim for group in (splitting, equations, tableaus, figures, performance) for claim in claims_in(group)
+)
 
 #: Result files for decisions or values of statements, relative to the folder of results.
 FILES: tuple[str, ...] = tuple(sorted({name for claim in CLAIMS for name in (*claim.needs, *claim.also)}))
@@ -67,13 +58,27 @@ COLUMNS = ("id", "section", "sentence", *KEYS[2:])
 
 
 def decide(results: Results) -> list[dict[str, Any]]:
-    """Return an entry with the keys :data:`KEYS` for every statement; a damaged file is a ResultFileError."""
+    """Return an entry with :data:`KEYS` and ``brief`` for each statement; a damaged file is a ResultFileError."""
     entries = []
     for claim in (*CLAIMS, *own_claims()):
         told = vars(claim) | claim.decision(results)._asdict() | {"needs": list(claim.needs)}
         told["paper"] = {"section": claim.paper, "sentence": claim.sentence}
-        entries.append({key: told[key] for key in KEYS})
+        entries.append({key: told[key] for key in (*KEYS, "brief")})
     return entries
+
+
+def document(entries: Sequence[Mapping[str, Any]]) -> str:
+    """Return the JSON text of entries, a list of objects with :data:`KEYS`."""
+    told = [{key: entry[key] for key in KEYS} for entry in entries]
+    return json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def results_of(
+    folder: str | os.PathLike[str], integrators: Sequence[str] | None = None, leftovers: Sequence[str] = ()
+) -> Results:
+    """Return a folder of results with the methods of these names, by default every registered splitting method."""
+    names = registered if integrators is None else integrators
+    return Results(folder, {name: registered[name] for name in names}, leftovers)
 
 
 def decided(
@@ -85,10 +90,8 @@ def decided(
     Methods of a user's config are not included, so that they change no verdict. ``leftovers`` are files of another
     config, which decide nothing.
     """
-    methods_by_name = {name: registered[name] for name in (registered if integrators is None else integrators)}
-    entries = decide(Results(folder, methods_by_name, leftovers))
+    entries = decide(results_of(folder, integrators, leftovers))
     flat = [{**entry, **entry["paper"], "needs": ", ".join(entry["needs"])} for entry in entries]
     caption = "Statements of the paper, and what the numbers say of them."
-    text = json.dumps(entries, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     table = Table(header=COLUMNS, rows=[[entry[column] for column in COLUMNS] for entry in flat], caption=caption)
-    return {"table": table, "document": text}
+    return {"table": table, "document": document(entries)}

@@ -43,7 +43,7 @@ def filled(name: str, values: Mapping[str, Any]) -> str:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
 
-    from nearharmonic_paper.claims.results import short
+    from nearharmonic_paper.claims.claim import short
     from nearharmonic_paper.report import shown as wording
     from nearharmonic_paper.report.shown import VERDICTS
 

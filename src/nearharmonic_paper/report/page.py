@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from nearharmonic.integrators import BENCHMARKED
-from nearharmonic_paper.claims.claim import OPEN
-from nearharmonic_paper.claims.summary import failures, of_the_paper, sums
+from nearharmonic_paper.claims.claim import OPEN, failures, of_the_paper, sums
 from nearharmonic_paper.report import assets, panels
 from nearharmonic_paper.report.shown import (
     Places,

@@ -14,6 +14,7 @@ from bokeh.models import Plot
 from contourpy import contour_generator
 
 from nearharmonic.output.store import double_runs
+from nearharmonic.output.table import power_of_ten
 from nearharmonic.plotting.palette import style_of
 from nearharmonic.plotting.profile import (
     LARGEST_ERROR,
@@ -23,7 +24,7 @@ from nearharmonic.plotting.profile import (
     floor_near,
     lines,
 )
-from nearharmonic_paper.claims.results import power_of_ten, short
+from nearharmonic_paper.claims.claim import short
 from nearharmonic_paper.experiments.paper.orbits import (
     MERCURY_RELATIVISTIC_ADVANCE,
     SATISFIED_BELOW,

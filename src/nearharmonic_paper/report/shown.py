@@ -21,9 +21,8 @@ from nearharmonic.output.store import attributes_of, read
 from nearharmonic.output.table import Table
 from nearharmonic.plotting.palette import style_of
 from nearharmonic.plotting.profile import energy_error_label, energy_of
-from nearharmonic_paper.claims.claim import OPEN
-from nearharmonic_paper.claims.summary import VERDICTS as IN_A_SENTENCE
-from nearharmonic_paper.claims.summary import in_words
+from nearharmonic_paper.claims.claim import OPEN, in_words
+from nearharmonic_paper.claims.claim import VERDICTS as IN_A_SENTENCE
 from nearharmonic_paper.experiments.paper.orbits import paper_panels
 from nearharmonic_paper.experiments.paper.run import PAPER as SYSTEMS_OF_THE_PAPER
 from nearharmonic_paper.experiments.paper.run import Totals, totals_in

@@ -1,13 +1,17 @@
-"""Every experiment is declared once, and the workflow, the config and the documents have all of it."""
+"""Experiments are declared once, and the workflow, the config, the documents and codecheck.yml have all of it."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
+import yaml
 
 from nearharmonic_paper.config.config import cube_rows, target_rows
 from nearharmonic_paper.tasks.experiment import Experiment, beside_the_paper, experiments
+from support.projects.targets import TARGETS
+
+# --- every experiment is declared once, and the workflow, the config and the documents have all of it -----------------
+
 
 ROOT = Path(__file__).parents[3]
 EXPERIMENTS = list(experiments().values())
@@ -38,15 +42,6 @@ def test_no_two_experiments_share_target_key_or_file():
         assert len(set(values)) == len(values)
 
 
-@pytest.mark.parametrize("experiment", EXPERIMENTS, ids=lambda one: one.name)
-def test_experiment_describes_its_purpose_and_cubes(experiment):
-    assert experiment.title
-    assert experiment.about.endswith(".")
-    assert (experiment.settings is None) == (not experiment.effect)
-    assert all(dimensions and contents for dimensions, contents in experiment.cubes.values())
-    assert all(experiment.figures.values())
-
-
 def test_documents_have_the_cubes_and_targets_of_all_experiments():
     """As ``python -m nearharmonic_paper.config.config`` writes them."""
     assert cube_rows() in text_of("docs/how_to/files.md")
@@ -69,3 +64,16 @@ def test_placeholders_are_filled_with_every_combination():
     assert one.table_patterns == ("t_*", "*")
     assert one.figure_titles == {"f_*_*": "F"}
     assert (one.target, one.key) == ("one", "one")
+
+
+# --- codecheck.yml: its manifest is the figures and tables of the paper, as the default target makes them -------------
+
+
+def test_the_manifest_is_the_figures_and_tables_of_the_paper():
+    told = yaml.safe_load((ROOT / "codecheck.yml").read_text(encoding="utf-8"))
+    files = {one["file"].removeprefix("results/paper/") for one in told["manifest"]}
+    assert len(files) == len(told["manifest"])
+    assert files <= TARGETS["all"]
+    numbered = {name for name in TARGETS["all"] if name.startswith(("figures/fig", "tables/table"))}
+    wanted = {name for name in numbered if name.endswith((".pdf", ".csv")) and "displaced" not in name}
+    assert files == wanted | {"tables/claims.csv"}

@@ -1,10 +1,11 @@
-"""Docstrings of public names: each has an example that runs, names the arguments, and refers to names that exist."""
+"""Public names: docstrings with examples and references, and how a notebook shows entries and registries."""
 
 from __future__ import annotations
 
 import doctest
 import inspect
 import re
+from html.parser import HTMLParser
 from importlib import import_module
 from pkgutil import walk_packages
 
@@ -12,6 +13,9 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic import math
+
+# --- docstrings of public names: each has an example that runs, names the arguments, and refers to names that exist ---
+
 
 #: Public objects by name; the version is a string.
 PUBLIC = (
@@ -22,25 +26,13 @@ PUBLIC = (
 CALLED = {name: one for name, one in PUBLIC.items() if inspect.isroutine(one) or isinstance(one, type)}
 #: Examples that take seconds: they compile a function, draw a figure, or search.
 LONGER = {"nh.plot", "nh.recommend", "nh.section", "nh.stepper", "nh.tailor"}
-#: Sections of numpydoc, in its order.
-SECTIONS = (
-    "Parameters", "Attributes", "Returns", "Yields", "Raises", "Warns", "See Also", "Notes", "References", "Examples"
-)  # fmt: skip
 ROLE = re.compile(r":(?:func|class|meth|mod|data|attr|exc|obj):`~?([\w.]+)`")
-
-each_name = pytest.mark.parametrize("name", PUBLIC)
 
 
 def sections(docstring):
     """The underlined sections of a docstring by their titles, in order."""
     parts = re.split(r"^(\w[\w ]*)\n-{3,}\n", docstring, flags=re.MULTILINE)
     return dict(zip(parts[1::2], parts[2::2], strict=True))
-
-
-def documented(section):
-    """Names of the arguments that a section describes: the lines without indentation."""
-    lines = [line.partition(" : ")[0] for line in section.splitlines() if re.match(r"[\w*]", line)]
-    return [name.lstrip("*") for line in lines for name in line.split(", ")]
 
 
 @pytest.mark.slow
@@ -54,25 +46,6 @@ def test_example_of_public_name_runs(name, tmp_path, monkeypatch):
     report = []
     failed, _ = doctest.DocTestRunner().run(example, out=report.append)
     assert not failed, "".join(report)
-
-
-@each_name
-def test_sections_of_docstring_are_those_of_numpydoc_in_order(name):
-    found = [*sections(inspect.getdoc(PUBLIC[name]))]
-    assert found == [title for title in SECTIONS if title in found]
-
-
-@pytest.mark.parametrize("name", CALLED)
-def test_docstring_describes_the_arguments_of_the_signature(name):
-    described = sections(inspect.getdoc(CALLED[name])).get("Parameters")
-    try:
-        arguments = [*inspect.signature(CALLED[name]).parameters]
-    except ValueError:  # an exception of Python has no signature
-        return
-    if described is None:
-        assert len(arguments) <= 1
-    else:
-        assert documented(described) == arguments
 
 
 @pytest.mark.parametrize("name", [name for name in CALLED if "." in name])
@@ -127,6 +100,7 @@ def modules_of(names):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.* is deprecated:DeprecationWarning")  # of a library below jax_md
 def test_references_in_docstrings_resolve():
     names = [info.name for info in walk_packages(nh.__path__, "nearharmonic.") if ".templates" not in info.name]
     found, missing = 0, []
@@ -138,3 +112,57 @@ def test_references_in_docstrings_resolve():
                     missing.append((module.__name__, getattr(one, "__qualname__", ""), target))
     assert found > 300
     assert missing == []
+
+
+# --- systems, tableaus and registries as a notebook and an interpreter show them --------------------------------------
+
+
+class Cells(HTMLParser):
+    """The texts of a table's cells; every element that is opened must be closed."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.cells = [], []
+        self.feed(text)
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        assert self.open[-1] in ("td", "th", "caption")
+        self.cells.append(data)
+
+
+@pytest.mark.parametrize("entry", [*nh.systems.values(), *nh.integrators.values()], ids=lambda entry: entry.name)
+def test_entry_is_line_with_name_and_table_of_facts(entry):
+    line = repr(entry)
+    assert line.startswith(f"<{type(entry).__name__} {entry.name}: label {entry.label}, ")
+    assert "\n" not in line
+    assert len(line) < 200
+    cells = Cells(entry._repr_html_()).cells
+    assert {entry.name, entry.label} <= set(cells)
+
+
+def test_a_tableau_shows_each_coefficient():
+    (row,) = [cell for cell in Cells(nh.integrators["leapfrog"]._repr_html_()).cells if cell == "0.5, 0.5"]
+    assert row
+
+
+@pytest.mark.parametrize("registry", [nh.systems, nh.integrators], ids=["systems", "integrators"])
+def test_registry_is_table_with_row_for_each_entry(registry):
+    html = registry._repr_html_()
+    assert html.count("<tr>") == len(registry) + 1
+    assert set(registry) <= set(Cells(html).cells)
+    assert "\n" not in repr(registry)
+
+
+def test_what_a_user_writes_is_no_markup():
+    from support.methods.own_systems import spring
+
+    shown = spring(label="<b>spring</b> & more")._repr_html_()
+    assert "<b>" not in shown
+    assert "&lt;b&gt;spring&lt;/b&gt; &amp; more" in shown

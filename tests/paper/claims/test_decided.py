@@ -1,4 +1,4 @@
-"""The table of verdicts: its keys, its bytes; missing, damaged, small and odd results."""
+"""The verdicts: their table and their sums; missing, damaged, small and odd results; the committed documents."""
 
 from __future__ import annotations
 
@@ -10,15 +10,21 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from nearharmonic.errors import ResultFileError
-from nearharmonic_paper.claims.claim import OPEN
-from nearharmonic_paper.claims.results import Results, short
-from nearharmonic_paper.claims.summary import KINDS, VERDICTS
+from nearharmonic.errors import NearharmonicError, ResultFileError
+from nearharmonic.integrators import BENCHMARKED, plain_integrators
+from nearharmonic_paper.claims.claim import KINDS, OPEN, VERDICTS, Results, failures, sums, tally, verdicts_line
+from nearharmonic_paper.claims.documents import page, verdicts
 from nearharmonic_paper.claims.table import CLAIMS, FILES, KEYS, decide, decided
+from nearharmonic_paper.pages.targets import stability
 from nearharmonic_paper.tasks.experiment import experiments
 from nearharmonic_paper.tasks.job import write
 from support.projects.targets import TARGETS
+from support.projects.workflow_project import Project
 from support.results.recorded_results import held_results, unpack
+from support.results.stated_numbers import ROOT
+
+# --- the table of verdicts: its keys, its bytes; missing, damaged, small and odd results ------------------------------
+
 
 SYSTEMS = ("sho", "henon_heiles", "kepler")
 #: Targets whose files may be looked at, written down here and not asked for.
@@ -48,7 +54,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def verdicts(results):
+def verdicts_on(results):
     found = decide(results)
     assert not [entry for entry in found if re.search(r"\b(nan|inf)\b", entry["value"])]
     return {entry["id"]: entry["verdict"] for entry in found}
@@ -90,11 +96,11 @@ def test_target_of_statement_makes_files_that_it_needs():
 @pytest.mark.slow
 def test_statement_reads_no_file_but_those_that_it_names():
     """Without any one file, the statements that name it are open, and no other changes."""
-    whole = verdicts(held_results())
+    whole = verdicts_on(held_results())
     for stem in ("sho_terms", "derived_counts"):
         results = held_results()
         (results.cubes if stem in results.cubes else results.tables).pop(stem)
-        found = verdicts(results)
+        found = verdicts_on(results)
         needing = {claim.id for claim in CLAIMS if any(f"/{stem}." in name for name in claim.needs)}
         assert needing
         assert {name for name in whole if found[name] != whole[name]} == needing
@@ -125,7 +131,7 @@ def test_results_of_few_methods_are_no_error(methods):
         if "integrator" in cube.dims:
             kept = np.isin(cube["integrator"].values, methods)
             results.cubes[name] = cube.isel(integrator=kept if kept.any() else slice(0, 1))
-    found = verdicts(results)
+    found = verdicts_on(results)
     assert found["outperform-blanes-kepler"] == found["fig-5-best-mean"] == OPEN
     assert found["negative-coefficients"] == "holds"
 
@@ -136,7 +142,7 @@ def test_results_of_few_step_sizes_are_no_error(points):
     results = held_results()
     for system in SYSTEMS:
         results.cubes[system] = results.cubes[system].isel(tau_per_stage=points)
-    found = verdicts(results)
+    found = verdicts_on(results)
     assert found["fig-1-sixth-order"] == found["fig-4-coincide"] == OPEN
 
 
@@ -146,7 +152,7 @@ def test_runs_that_all_diverged_are_no_error():
     for system in SYSTEMS:
         for variable in results.cubes[system].data_vars.values():
             variable[:] = np.inf if "energy_error" in variable.name else np.nan
-    found = verdicts(results)
+    found = verdicts_on(results)
     assert found["fig-3-steepest"] == found["fig-5-best-maximum"] == OPEN
 
 
@@ -190,9 +196,117 @@ def test_statements_look_at_the_methods_that_the_job_names(tmp_path):
     assert claim.decision(Results(tmp_path, methods)).value == "1 of 1 registered methods of order above 2"
 
 
+# --- docs/claims.json: results decide it again, and README and docs/results/claims.md are made from it ----------------
+
+
+TEXT = (ROOT / "docs/claims.json").read_text(encoding="utf-8")
+ENTRIES = json.loads(TEXT)
+VALUES = {entry["id"]: entry["value"] for entry in ENTRIES}
+PAGE = (ROOT / "docs/results/claims.md").read_text(encoding="utf-8")
+
+
+def test_page_is_made_from_the_committed_verdicts():
+    assert page(ENTRIES) == PAGE
+
+
+def test_recorded_results_are_those_of_registered_methods(tmp_path):
+    """Sizes and symmetry from the coefficients, apart from the code that made the table."""
+    with (unpack(tmp_path) / "tables/integrators.csv").open(encoding="utf-8") as file:
+        rows = {row["integrator"]: row for row in csv.DictReader(file)}
+    assert {*BENCHMARKED} < rows.keys() <= {*plain_integrators.registered}
+    mirrored = {
+        name for name, one in plain_integrators.items()
+        if name in rows and one.kick == one.kick[::-1] and one.drift == one.drift[::-1]
+    }  # fmt: skip
+    assert {name for name, row in rows.items() if row["symmetric"] == "yes"} == mirrored
+    assert VALUES["even-orders"] == f"{len(mirrored)} of {len(mirrored)} methods"
+
+
+@pytest.mark.slow
+def test_results_that_decide_not_all_write_nothing(tmp_path):
+    with pytest.raises(NearharmonicError, match=r"undecided, like even-orders \(tables/.*: no verdict is"):
+        verdicts(str(tmp_path), str(ROOT / "README.md"), plain_integrators.registered)
+
+
+def test_misprints_are_errata_and_everything_else_is_decided():
+    assert [entry["id"] for entry in ENTRIES if entry["verdict"] == "not decided here"] == []
+    assert {entry["id"] for entry in ENTRIES if entry["verdict"] == "erratum"} == {
+        entry["id"] for entry in ENTRIES if entry["kind"] == "misprint"
+    }
+
+
+@pytest.mark.slow
+def test_the_committed_verdicts_are_decided_again_from_recorded_results(tmp_path):
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    (tmp_path / "README.md").write_text(readme.replace("**holds**", "**fails**"), encoding="utf-8")
+    made = verdicts(str(unpack(tmp_path)), str(tmp_path / "README.md"), plain_integrators.registered)
+    assert made == made | {"document": TEXT, "page": PAGE, "readme": readme}
+
+
+@pytest.mark.slow
+@pytest.mark.reproduction
+def test_the_committed_verdicts_are_those_of_a_run(tmp_path):
+    """The default run and the targets that statements need, on the paper's config; a few minutes."""
+    project = Project(tmp_path)
+    needed = ("all", "derive", "stability", "results/paper/cubes/trained.h5")
+    assert project.snakemake(*needed, "-j2").returncode == 0
+    done = project.snakemake("results/paper/tables/claims.json", "--force", "-j2")
+    assert done.returncode == 0, done.stdout
+    assert (tmp_path / "results/paper/tables/claims.json").read_text(encoding="utf-8") == TEXT
+    names = ("stability_henon_heiles", "stability_rounding", "kinetic_energy")
+    tables = [str(tmp_path / f"results/paper/tables/{name}.csv") for name in names]
+    page = ROOT / "docs/results/stability.md"
+    assert stability(str(page), tables=tables)["page"] == page.read_text(encoding="utf-8")
+
+
+# --- sums of verdicts, and the message of a run on open statements ----------------------------------------------------
+
+
+TARGETS = {one.id: one.target for one in CLAIMS}
+
+
+def entry(name, verdict, kind="result"):
+    return {"id": name, "verdict": verdict, "kind": kind}
+
+
+SUMMED = [
+    entry("a", "holds"), entry("b", "holds"), entry("c", "fails"), entry("d", "fails", "attribution"),
+    entry("e", "erratum", "misprint"), entry("f", "holds", "finding"), entry("g", "holds but for edges", "background"),
+]  # fmt: skip
+
+
+def test_findings_are_not_counted():
+    told = "2 hold, 1 holds but for edges, 2 fail, 1 erratum"
+    assert tally(SUMMED) == f"Of the 6 statements of the paper that are checked {told}"
+
+
+def test_sums_are_by_kind_in_the_order_of_their_weight():
+    assert [(kind, number) for kind, number, _ in sums(SUMMED)] == [
+        ("results", 3), ("background", 1), ("attributions", 1), ("misprints", 1),
+    ]  # fmt: skip
+    assert sums(SUMMED)[0][2]["holds"] == 2
+
+
+def test_only_results_and_mathematics_fail_in_substance():
+    assert [one["id"] for one in failures(SUMMED)] == ["c"]
+
+
 @pytest.mark.parametrize(
-    ("number", "text"),
-    [(0.0123456, "0.0123"), (2.8e6, "2.8 × 10⁶"), (3e-11, "3 × 10⁻¹¹"), (0.0, "0"), (np.inf, "beyond all bounds")],
+    ("missing", "end"),
+    [
+        ((), "statements of the paper that are checked 1 holds."),
+        (("derive", "stability"), "snakemake -j2 derive stability decides all of those left open (50 s, 70 s)."),
+        (("all", "derive"), "snakemake -j2 derive decides most of those left open (50 s)."),
+        (("all",), "1 holds, 1 not decided here."),
+    ],
 )
-def test_numbers_are_written_for_readers(number, text):
-    assert short(number) == text
+def test_run_names_command_that_decides_what_it_leaves_open(tmp_path, missing, end):
+    names = [next(name for name, target in TARGETS.items() if target == one) for one in missing]
+    entries = [entry("x", "holds"), *(entry(name, "not decided here") for name in names)]
+    document = tmp_path / "claims.json"
+    document.write_text(json.dumps(entries), encoding="utf-8")
+    line = verdicts_line(document, "snakemake -j2")
+    assert line.startswith(f"Of the {len(entries)} statements")
+    assert line.endswith(end)
+    other = verdicts_line(document, "snakemake -j2 --configfile a.yaml")
+    assert other == re.sub("(snakemake -j2.*?)( decides)", r"\1 --configfile a.yaml\2", line)

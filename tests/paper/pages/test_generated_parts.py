@@ -12,7 +12,7 @@ from PIL import Image
 
 import nearharmonic as nh
 from nearharmonic.output.table import filled, short
-from nearharmonic_paper.pages import examples, how_to, methods, targets
+from nearharmonic_paper.pages import library, targets
 from nearharmonic_paper.pages.filling import rows_of
 from nearharmonic_paper.report.shown import few_colours
 from nearharmonic_studies.crystals import results as of_crystals
@@ -20,19 +20,13 @@ from nearharmonic_studies.samplers.results import page as samplers
 from nearharmonic_studies.trained.page import page as trained
 from nearharmonic_studies.trained.page import training
 from support.results import page_inputs
-from support.results.page_inputs import LINES, TABLES, filled_by
+from support.results.page_inputs import LINES, TABLES
 from support.results.recorded_results import unpack
 from support.results.stated_numbers import ROOT
 
 DOCS = ROOT / "docs"
 PAGES = {path.stem: path for path in DOCS.glob("*/*.md") if "<!-- end -->" in path.read_text(encoding="utf-8")}
 EXAMPLES = sorted(map(str, (ROOT / "examples").glob("*.py")))
-#: Page -> commands below benchmarks/ that measure for it.
-BENCHMARKS = {
-    "timings": ["beyond_double", "kernels"], "samplers": ["samplers_in_libraries"], "stepper": ["stepper"],
-    "formulas": ["functions"], "large_grids": ["large_grids"], "larger_systems": ["larger_systems"],
-    "testing": ["trials --quick", "trials"],
-}  # fmt: skip
 
 
 def text_of(name):
@@ -65,13 +59,13 @@ def of_files(folder):
     for name, unit in {"sho": "1", "kepler": "h"}.items():
         page_inputs.write_variables(folder / f"{name}.h5", unit)
     places = sorted(map(str, folder.glob("*.h5")))
-    return how_to.files(str(PAGES["files"]), runs=places, cubes=places)
+    return library.files(str(PAGES["files"]), runs=places, cubes=places)
 
 
 def of_variables(folder):
     page_inputs.write_variables(folder / "x.h5", "1", meaning="a|b_c", name="x", dimension="point")
     page = str(PAGES["variables"])
-    return how_to.variables(page, files=[str(folder / "x.h5")], kinds=["x.h5"], explained=str(PAGES["files"]))
+    return library.variables(page, files=[str(folder / "x.h5")], kinds=["x.h5"], explained=str(PAGES["files"]))
 
 
 def of_regularised(folder):
@@ -95,9 +89,8 @@ MADE = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LINES)
-def test_small_inputs_give_these_lines_and_the_text_stays(name, tmp_path, monkeypatch):
-    made = MADE[name](tmp_path)["page"] if name in MADE else text_of(name)
-    made = filled_by(BENCHMARKS.get(name, []), made, monkeypatch, tmp_path)
+def test_small_inputs_give_these_lines_and_the_text_stays(name, tmp_path):
+    made = MADE[name](tmp_path)["page"]
     assert filled(made, parts(text_of(name))) == text_of(name)
     found = parts(made)
     for part, lines in LINES[name].items():
@@ -147,7 +140,7 @@ def test_solutions_of_the_derivation_are_those_recorded(recorded):
 
 
 def test_tables_of_files_beside_pages_stand_in_the_pages():
-    page = how_to.adapters(str(PAGES["adapters"]), errors=str(DOCS / "how_to/adapters.csv"))
+    page = library.adapters(str(PAGES["adapters"]), errors=str(DOCS / "how_to/adapters.csv"))
     assert page["page"] == text_of("adapters")
     axes = page["figure"].axes[0]
     first = [line.get_xdata()[0] for line in axes.lines if len(line.get_xdata()) == 1][:3]
@@ -157,35 +150,36 @@ def test_tables_of_files_beside_pages_stand_in_the_pages():
 
 
 def test_gallery_has_the_lines_of_each_example(monkeypatch):
-    monkeypatch.setattr(examples, "pictures_drawn", len)
-    assert examples.gallery(str(PAGES["gallery"]), files=EXAMPLES)["page"] == text_of("gallery")
+    monkeypatch.setattr(library, "pictures_drawn", len)
+    assert library.gallery(str(PAGES["gallery"]), files=EXAMPLES)["page"] == text_of("gallery")
 
 
 @pytest.mark.slow
 def test_tables_of_registered_methods_stand_in_the_pages():
-    assert methods.methods(str(PAGES["methods"]))["page"] == text_of("methods")
+    assert library.methods(str(PAGES["methods"]))["page"] == text_of("methods")
     made = parts(training(str(PAGES["training"]))["page"])
     assert [made[name] == parts(text_of("training"))[name] for name in ("methods", "shifted")] == [True, True]
 
 
-# --- what is measured for a page alone --------------------------------------------------------------------------------
+# --- what commands below benchmarks/ measure --------------------------------------------------------------------------
 
 
 def test_method_reaches_an_error_where_all_finer_runs_meet_it():
+    reached = page_inputs.benchmark("ranking").reached
     found = np.array([[10, 20, 40, 80], [100, 200, 400, 800], [1e-2, 1e-5, 1e-4, 1e-6], [1e-2, 1e-5, 1e-4, 2e-6]])
-    place = methods.reached("ruth", found, 1e-5)
-    assert place == (pytest.approx(400 * np.sqrt(2)), "ruth", 80, "compensated")
-    assert methods.reached("ruth", found, 1e-2) == (100, "ruth", 10, "plain")
-    assert methods.reached("ruth", found, 1e-7) is None
+    assert reached("ruth", found, 1e-5) == (pytest.approx(400 * np.sqrt(2)), "ruth", 80, "compensated")
+    assert reached("ruth", found, 1e-2) == (100, "ruth", 10, "plain")
+    assert reached("ruth", found, 1e-7) is None
 
 
 @pytest.mark.slow
 def test_evaluations_of_the_ranking_are_those_of_runs():
+    ranking = page_inputs.benchmark("ranking")
     row = re.search(r"^\| 1e-06 \| (.*?) \|", text_of("ranking"), re.MULTILINE)[1]
-    _, system, t_end = methods.contests()[0]
+    _, system, t_end = ranking.contests()[0]
     for label, count in (one.rsplit(" ", 1) for one in row.split(", ")):
         name = next(name for name, one in nh.integrators.items() if one.label == label)
-        place = methods.reached(name, methods.curve(system, t_end, name), 1e-6)
+        place = ranking.reached(name, ranking.curve(system, t_end, name), 1e-6)
         assert f"{place.evaluations:.0f}" == count
         run = nh.integrate(system, name, float(t_end) / place.steps, t_end=t_end, samples=2)
         assert run.max_energy_error <= 1e-6
@@ -206,19 +200,24 @@ def test_evaluations_of_the_ranking_are_those_of_runs():
         ),
     ],
 )  # fmt: skip
-def test_pages_on_use_are_measured_with_small_settings(name, settings, line, monkeypatch):
+def test_pages_on_use_are_measured_with_small_settings(name, settings, line, monkeypatch, tmp_path):
+    module = page_inputs.benchmark(name)
     for setting, few in settings.items():
-        monkeypatch.setattr(how_to, setting, few)
-    given = {"tailor": {"files": EXAMPLES}, "tabulated_potentials": {"blocks": str(PAGES[name])}}.get(name, {})
-    made = getattr(how_to, name)(str(PAGES[name]), **given)
-    assert filled(made["page"], parts(text_of(name))) == text_of(name)
-    assert line in made["page"]
+        monkeypatch.setattr(module, setting, few)
+    (tmp_path / "how_to").mkdir()
+    monkeypatch.setattr("sys.argv", [name, "--page", str(tmp_path)])
+    module.main()
+    made = (tmp_path / f"how_to/{name}.md").read_text(encoding="utf-8")
+    assert filled(made, parts(text_of(name))) == text_of(name)
+    assert line in made
+    assert [path.name for path in tmp_path.glob("*/*.png")] == [f"{name}.png"] * (name != "tailor")
 
 
 def test_largest_steps_and_slopes_are_those_of_powers():
-    steps = how_to.LADDER
-    errors = {"babps8o7h": {form: steps**power for power, form in enumerate(how_to.FORMS, 3)}}
-    rows = list(how_to.steps_to_errors(errors))
+    module = page_inputs.benchmark("tabulated_potentials")
+    steps = module.LADDER
+    errors = {"babps8o7h": {form: steps**power for power, form in enumerate(module.FORMS, 3)}}
+    rows = list(module.steps_to_errors(errors))
     assert [row[2] for row in rows] == ["3.0", "4.0", "5.0"]
     largest = steps[steps**3 <= 1e-6].max()
     assert rows[0][3] == f"{largest:.2g}"
@@ -227,15 +226,15 @@ def test_largest_steps_and_slopes_are_those_of_powers():
 
 @pytest.mark.slow
 def test_gains_on_examples_are_ratios_of_the_smallest_errors():
-    errors = dict.fromkeys(examples.others(), 1e-4) | dict.fromkeys(examples.NEW, 1e-5)
-    of_examples = examples.examples_in(EXAMPLES)
+    module = page_inputs.benchmark("near_harmonic")
+    errors = dict.fromkeys(module.others(), 1e-4) | dict.fromkeys(module.NEW, 1e-5)
     results = [
-        examples.Result(orbit=orbit, delta=delta, errors=dict.fromkeys(examples.COSTS, errors))
-        for orbit, delta in zip(examples.families(of_examples), (1e-3, 0.05, 0.3, 0.9), strict=False)
+        module.Result(orbit=orbit, delta=delta, errors=dict.fromkeys(module.COSTS, errors))
+        for orbit, delta in zip(module.families(module.examples_in(EXAMPLES)), (1e-3, 0.05, 0.3, 0.9), strict=False)
     ]
-    assert examples.table_of_bands(results).count("+1.0 / **+1.0** / +1.0") == 4 * 2 * 3
-    assert examples.table_of_families(results).splitlines()[-1].endswith("| 0.9 |" + " +1.0 |" * 6)
-    assert examples.gains_drawn(results).axes[0].lines[0].get_ydata() == pytest.approx([1])
+    assert module.table_of_bands(results).count("+1.0 / **+1.0** / +1.0") == 4 * 2 * 3
+    assert module.table_of_families(results).splitlines()[-1].endswith("| 0.9 |" + " +1.0 |" * 6)
+    assert module.gains_drawn(results).axes[0].lines[0].get_ydata() == pytest.approx([1])
 
 
 @pytest.mark.slow
@@ -255,7 +254,7 @@ def test_picture_of_page_is_narrow_with_few_colours_on_white(tmp_path, size, exp
 
 def test_gains_in_libraries_are_ratios_with_paired_intervals(monkeypatch):
     """Equal scatter of two methods on the same chains leaves their ratio without error."""
-    module, scatter = page_inputs.benchmark("samplers_in_libraries", monkeypatch), np.array([0.0, 0.1, -0.1])
+    module, scatter = page_inputs.benchmark("samplers_in_libraries"), np.array([0.0, 0.1, -0.1])
     found = module.gains({name: 4 - k + (k + 1) * scatter for k, name in enumerate(module.METHODS)})
     assert found["gradients"] == pytest.approx(np.exp(4))
     for k, name in enumerate(module.METHODS[1:], 1):

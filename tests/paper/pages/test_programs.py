@@ -6,7 +6,6 @@ import contextlib
 import io
 import json
 import re
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -18,7 +17,6 @@ import yaml
 
 import nearharmonic as nh
 from nearharmonic.cli import main
-from nearharmonic.exchange.files import export
 from nearharmonic.integrators import tableaus_of
 from nearharmonic_paper.record import archive as pack
 from nearharmonic_paper.record import verify
@@ -71,25 +69,6 @@ def test_commands_of_own_integrators_work_one_after_another(working_folder, caps
 
 
 @pytest.mark.slow
-def test_file_in_the_folder_of_integrators_is_registered(tmp_path):
-    (text,) = blocks("own_integrators", "text")
-    package = shutil.copytree(
-        ROOT / "src/nearharmonic", tmp_path / "src/nearharmonic", ignore=lambda *_: ["__pycache__"]
-    )
-    (package / "integrators/omelyan_mryglod_folk_2002.py").write_text(text, encoding="utf-8")
-    code = "import nearharmonic as nh; print(len(nh.integrators), nh.integrators['two_kicks'].order)"
-    done = subprocess.run(
-        [sys.executable, "-c", code], env={"PYTHONPATH": str(tmp_path / "src")}, check=True, capture_output=True,
-        text=True,
-    )  # fmt: skip
-    assert done.stdout.split() == [str(len(nh.integrators) + 1), "2"]
-
-
-def test_page_on_exchange_shows_the_json_of_the_leapfrog():
-    assert blocks("exchange", "json") == [export(nh.integrators["leapfrog"], "json")]
-
-
-@pytest.mark.slow
 def test_hook_of_pre_commit_takes_tableaus_and_checks_them(capsys):
     (hook,) = yaml.safe_load((ROOT / ".pre-commit-hooks.yaml").read_text(encoding="utf-8"))
     of_page, _ = map(yaml.safe_load, blocks("exchange", "yaml"))
@@ -124,19 +103,3 @@ def test_commands_of_deposits_work_on_an_archive(working_folder, monkeypatch):
 def test_blocks_of_own_experiments_are_files_of_the_example(block, name):
     _, _, shown = (ADDED / name).read_text(encoding="utf-8").partition("\n\n")  # without the docstring
     assert blocks("own_experiments", "text")[block].strip() == shown.strip()
-
-
-@pytest.mark.long
-def test_bare_environment_runs_readme(tmp_path):
-    readme = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
-    subprocess.run([sys.executable, "-m", "venv", str(tmp_path / "bare")], check=True)
-    python = str(tmp_path / "bare/bin/python")
-    subprocess.run([python, "-m", "pip", "install", "-q", "-c", str(ROOT / "constraints.txt"), str(ROOT)], check=True)
-    lines = [line for block in readme if "results/paper" not in block for line in block.splitlines()]
-    code = "\n".join([
-        *(line for line in lines if "nh.plot(" not in line),
-        "try: nh.plot(curves)", "except ImportError as error: print(error)",
-    ])  # fmt: skip
-    done = subprocess.run([python, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[-1].startswith("a plot needs the package matplotlib")

@@ -8,7 +8,7 @@ import pytest
 
 from nearharmonic.integrators import integrators
 from nearharmonic.plotting.palette import style_of
-from nearharmonic_paper.claims.results import power_of_ten, short
+from nearharmonic_paper.claims.claim import power_of_ten, short
 from nearharmonic_paper.report import assets
 from nearharmonic_paper.report import shown as wording
 from nearharmonic_paper.report.panels import MARKERS, span

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import importlib
 import json
-import sys
 
 import numpy as np
+import pytest
 import xarray as xr
 
-from nearharmonic.core.formulas.number import FUNCTIONS
 from nearharmonic.output import store
 from nearharmonic.output.store import variable
 from nearharmonic.recommendation.measure import variables
@@ -114,15 +113,11 @@ LINES = {
         "gaussians": "| BCSS 4 | **4.00** |", "targets": "| BCSS 4 | **2.00 (1.80 to 2.20)** | 0.50 (0.45 to 0.55) |",
         "trained": "| φ⁴ field | BCSS 4 | 0.75 (0.68 to 0.83) |", "alone": "| b = 0.5 | 1.25 |",
         "ends": "The grid is 0.15 to 1.6 per stage, over the highest frequency. Of 9 best steps 2 lie at its ends.",
-        "libraries": "| Gaussian, 1000 dimensions | NUTS, BlackJAX | 52.5 | 1.50 (1.25 to 1.80) | "
-        "1.50 (1.25 to 1.80) | 1.50 (1.25 to 1.80) | 1.50 (1.25 to 1.80) | 1.50 (1.25 to 1.80) |",
     },
     "timings": {
         "ratios": "| simple harmonic oscillator, each of an ensemble | 0.25 | 0.25 | – |",
         "implicit": "| simple harmonic oscillator, one trajectory | 2.5 (1) | 1.3 (1) | **0.56** (–) | – (–) |",
         "times": "| label of ruth | **0.01** | **0.02** | **0.04** | 0.09 (1.8) |",
-        "extended": "| b, order 8 | **9.4** | 128 | not reached |",
-        "kernels": "| Sun-Mercury system, one trajectory, plain | 12.3 | 0.50 | 1.0 |",
     },
     "regularised": {
         "times": "| e = 0.206, energy | 10⁻⁶ | 10⁻⁹ | 10⁻¹² |\n|---|---:|---:|---:|\n"
@@ -130,55 +125,6 @@ LINES = {
     },
     "files": {"runs": "| `t` | sample | unit of t | time |", "cube": "| `t` | sample | unit of t | time |"},
     "variables": {"variables": "| `x` | point | 1 | a\\|b\\_c |"},
-    "stepper": {"steps": "| Sun-Mercury system | BABs7o7H | 30 | 7 |  |"},
-    "formulas": {"costs": "| `erf` | 2.5 | 102 |"},
-    "large_grids": {"grids": "| 1,010 | 1.6 s | 10 | 11 | 10538 µs | 32 s | 3.6 s | 208 MB | 256 |"},
-    "larger_systems": {
-        "steps": "| chain, 1024 sites | 1.2 µs | 0.7 µs | 20 µs | 1.1 µs | 2.2 µs | 10 µs | 5.6 s |",
-    },
-    "testing": {"quick": "| kills | 12 | 11 | 1 |", "campaigns": "| kills | 12 | 11 | 1 |"},
-}  # fmt: skip
-#: Command below benchmarks/ -> what it might measure, in seconds, those of kernels and functions in nanoseconds.
-MEASURED = {
-    "beyond_double": {
-        "henon_heiles": {(1e-18, "b, order 8"): 0.00938, (1e-22, "b, order 8"): 0.1284,
-                         (1e-18, "heyoka, real128"): 0.0096, (1e-22, "heyoka, real128"): 0.05},
-    },
-    "kernels": {
-        (system, width, summation): {"as_written": 12.34, "looking_ahead": 0.5, "ours": 0.996}
-        for system in ("henon_heiles", "kepler")
-        for width in (1, 8, 16, 32)
-        for summation in ("plain", "compensated")
-    },
-    "larger_systems": {
-        "chain": {
-            ("plain", "ours"): 1.2e-6, ("plain", "-O3"): 0.7e-6, ("plain", "-O3 -march=native"): 20e-6,
-            ("compensated", "ours"): 1.1e-6, ("compensated", "-O3"): 2.2e-6,
-            ("compensated", "-O3 -march=native"): 9.96e-6, "first run": 5.6,
-        },
-    },
-    "stepper": {
-        "kepler": {
-            "by hand": 8e-9, ("leapfrog", "step"): 14e-9, ("leapfrog", "run"): 3e-9,
-            ("babs7o7h", "step"): 30e-9, ("babs7o7h", "run"): 7e-9,
-        },
-    },
-    "functions": {
-        ("division", 8): 0.5,
-        **{(name, 8): 1.25 for name in ("sqrt", *FUNCTIONS)},
-        **{(f"{name}, double-double", 8): 51.0 for name in ("sqrt", *FUNCTIONS)},
-    },
-    "large_grids": [(1010, 1.6, 10, 11, 0.010538, 32.1, 3.6, 208e6, 255.9)],
-    "trials": {"kills": {"tried": 12, "failed": 1}},
-    "samplers_in_libraries": (
-        {
-            ("gaussian", "Nuts"): {
-                "gradients": 52.5,
-                **dict.fromkeys(("bcss_s2", "bcss_s3", "bcss_s4", "predescu_s3", "babs7o7h"), (1.5, 1.25, 1.8)),
-            }
-        },
-        "BlackJAX 1.0",
-    ),
 }  # fmt: skip
 
 
@@ -254,23 +200,8 @@ def write_variables(path, unit, meaning="time", name="t", dimension="sample"):
     store.write(path, {name: variable(dimension, [0.0, 1.0], meaning, unit)}, {})
 
 
-def benchmark(command, monkeypatch):
+def benchmark(command):
     """Module of a command below benchmarks/."""
-    monkeypatch.syspath_prepend(ROOT / "benchmarks")
-    return importlib.import_module(command)
-
-
-def filled_by(commands, text, monkeypatch, tmp_path):
-    """Text of a page that each command has filled with what it might measure."""
-    monkeypatch.setattr(benchmark("timing", monkeypatch), "ROOT", tmp_path)
-    for command in commands:
-        name, *options = command.split()
-        module = benchmark(name, monkeypatch)
-        place = tmp_path / module.PAGE
-        place.parent.mkdir(parents=True, exist_ok=True)
-        place.write_text(text, encoding="utf-8")
-        monkeypatch.setattr(module, "measured", lambda *given, name=name: MEASURED[name])
-        monkeypatch.setattr(sys, "argv", [name, "--page", *options])
-        module.main()
-        text = place.read_text(encoding="utf-8")
-    return text
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(ROOT / "benchmarks")
+        return importlib.import_module(command)

@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from nearharmonic.integrators import plain_integrators
-from nearharmonic_paper.claims.results import Results
+from nearharmonic_paper.claims.claim import Results
 from nearharmonic_paper.claims.table import FILES
 
 ARCHIVE = Path(__file__).parents[2] / "paper/claims/recorded.zip"

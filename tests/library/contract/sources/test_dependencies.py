@@ -1,4 +1,4 @@
-"""Dependencies: each imported package is declared, and pinned for published results."""
+"""Dependencies: each imported package is declared, pinned and locked; only public names of others are used."""
 
 from __future__ import annotations
 
@@ -10,9 +10,14 @@ from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
+from packaging.utils import canonicalize_name
 
+import nearharmonic
 from nearharmonic.adapters import PACKAGES
 from support.projects.extras import EXTRAS, names_of, normal, of_extra, of_library
+
+# --- dependencies: each imported package is declared, and pinned for published results --------------------------------
+
 
 ROOT = Path(__file__).parents[4]
 PINNED = {normal(name) for name in re.findall(r"^([\w.-]+)==", (ROOT / "constraints.txt").read_text(), re.MULTILINE)}
@@ -106,3 +111,77 @@ def test_every_requirement_is_pinned(extra):
 def test_only_the_store_imports_what_opens_hdf5():
     opening = {path.name for path in PYTHON if imported_in(path) & {"h5py", "h5netcdf"}}
     assert opening == {"store.py"}
+
+
+# --- locked requirements: the pinned versions, each with digests, and all that the package asks for -------------------
+
+
+LOCK = (ROOT / "requirements.lock").read_text(encoding="utf-8")
+#: Packages of operating systems that constraints.txt was not made on.
+ELSEWHERE = {"colorama", "pyreadline3"}
+
+
+def pins(text):
+    """Versions by name in a file of requirements or constraints."""
+    found = re.findall(r"^([\w.-]+)==([\w.]+)", text, re.MULTILINE)
+    return {canonicalize_name(name): version for name, version in found}
+
+
+def asked():
+    """Requirements of the package, and of the extras that a machine needs for the workflow and its tests."""
+    every = (*of_library(), *of_extra("cluster"), *of_extra("test"))
+    return list({str(one): one for one in every}.values())
+
+
+def test_lock_has_versions_of_constraints():
+    constraints = pins((ROOT / "constraints.txt").read_text(encoding="utf-8"))
+    locked = pins(LOCK)
+    assert {name: constraints.get(name) for name in locked.keys() - ELSEWHERE} == {
+        name: version for name, version in locked.items() if name not in ELSEWHERE
+    }
+
+
+@pytest.mark.parametrize("requirement", asked(), ids=str)
+def test_lock_covers_requirement_of_package(requirement):
+    assert requirement.specifier.contains(pins(LOCK)[canonicalize_name(requirement.name)])
+
+
+def test_each_locked_version_has_digests_and_no_address():
+    for block in re.split(r"\n(?=\w)", LOCK)[1:]:
+        assert re.search(r"--hash=sha256:[0-9a-f]{64}\b", block), block.splitlines()[0]
+    assert "://" not in LOCK
+
+
+# --- only public names of other libraries are used, which their next version still has --------------------------------
+
+
+SOURCES = Path(nearharmonic.__file__).parents[1]
+LIBRARIES = {"xr", "xarray", "np", "numpy", "pd", "h5py", "h5netcdf", "pydantic", "mpmath"}
+#: Private names of methods and attributes of xarray's and h5netcdf's objects that were useful once.
+INNER = {"_construct_direct", "_replace_with_new_dims", "_h5group", "_h5file", "_to_temp_dataset"}
+
+
+def private_uses(text):
+    """Names such as ``xr.Dataset._construct_direct`` in a text."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Attribute) and node.attr.startswith("_") and not node.attr.startswith("__"):
+            root = node.value
+            while isinstance(root, ast.Attribute):
+                root = root.value
+            if node.attr in INNER or (isinstance(root, ast.Name) and root.id in LIBRARIES):
+                yield ast.unparse(node)
+
+
+def test_a_private_name_is_recognised():
+    text = "import xarray as xr\nxr.Dataset._construct_direct(1)\ngroup._h5group.create_dataset('x')\nself._own\n"
+    assert list(private_uses(text)) == ["xr.Dataset._construct_direct", "group._h5group"]
+
+
+@pytest.mark.slow
+def test_no_module_uses_private_parts_of_a_library():
+    found = {
+        f"{path.relative_to(SOURCES)}: {name}"
+        for path in SOURCES.glob("nearharmonic*/**/*.py")
+        for name in private_uses(path.read_text(encoding="utf-8"))
+    }
+    assert not found

@@ -1,4 +1,4 @@
-"""The registries are packages and mappings: every import works after any other import."""
+"""Imports: registries as packages, no loops, the library without the workflow, integrations without reductions."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import ast
 import copy
 import importlib
 import importlib.util
-import itertools
+import os
 import pickle
+import re
 import subprocess
 import sys
 from collections.abc import Mapping
+from graphlib import TopologicalSorter
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -18,6 +21,13 @@ import pytest
 import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError, UnknownNameError
 from nearharmonic.registry.registry import Registry
+from nearharmonic_paper.tasks.experiment import folders
+from nearharmonic_paper.tasks.reduction import Reductions
+from nearharmonic_paper.tasks.sources import closure, path_of
+from support.projects.extras import names_of, of_extra
+
+# --- the registries are packages and mappings: every import works after any other import ------------------------------
+
 
 SOURCES = Path(nh.__file__).parents[1]
 
@@ -61,18 +71,6 @@ def test_each_import_works_alone_and_before_all_others(first):
     alone = [IMPORTS[first][0], "import nearharmonic", IMPORTS[first][1]]
     rest = [line for name in order[1:] for line in IMPORTS[name]]
     in_a_fresh_process("\n".join(alone + rest))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("names", [("package", "system"), ("source", "package"), ("from package", "system", "source")])
-def test_imports_work_in_every_order(names):
-    # Processes are expensive: the orders of a few imports share one process, which forgets the package between them.
-    forget = "for name in [n for n in sys.modules if n.split('.')[0] == 'nearharmonic']: del sys.modules[name]"
-    text = ["import sys"]
-    for order in itertools.permutations(names):
-        text += [forget, *(IMPORTS[name][0] for name in order), "import nearharmonic"]
-        text += [IMPORTS[name][1] for name in order]
-    in_a_fresh_process("\n".join(text))
 
 
 @pytest.mark.parametrize(("registry", "one"), [(nh.systems, "kepler"), (nh.integrators, "aba864")])
@@ -185,3 +183,147 @@ def test_names_that_programs_outside_the_package_import_exist(folder):
     named = {pair for path in (SOURCES.parent / folder).rglob("*.py") for pair in imported_names(path)}
     assert named
     assert not [pair for pair in named if not is_there(*pair)]
+
+
+# --- modules import one another in one direction ----------------------------------------------------------------------
+
+
+LIBRARY = Path(nh.__file__).parent
+
+
+def modules():
+    """Paths of all modules by their dotted names."""
+    names = {path: ".".join(path.relative_to(SOURCES).with_suffix("").parts) for path in LIBRARY.rglob("*.py")}
+    return {name.removesuffix(".__init__"): path for path, name in names.items()}
+
+
+def imported(tree, names):
+    """Modules that a module imports anywhere: at its top, inside of functions, or for types alone."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names if alias.name in names)
+        elif isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                inner = f"{node.module}.{alias.name}"
+                yield inner if inner in names else node.module
+
+
+@pytest.mark.slow
+def test_no_imports_form_a_loop():
+    found = modules()
+    del found["nearharmonic"]  # its names are loaded lazily, and it has the version
+    graph = {
+        name: {one for one in imported(ast.parse(path.read_text()), found) if one in found} - {name}
+        for name, path in found.items()
+    }
+    assert graph["nearharmonic.engine.solution"]  # edges are found
+    TopologicalSorter(graph).prepare()
+
+
+# --- independence of the library from the reproduction: README's Python runs without packages of the workflow ---------
+
+
+ROOT = Path(__file__).parents[4]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = [block for block in re.findall(r"```python\n(.*?)```", README, re.DOTALL) if "results/paper" not in block]
+
+ABSENT = """
+import sys
+
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {names} or name.startswith("nearharmonic_paper"):
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+sys.meta_path.insert(0, Absent())
+"""
+
+
+def names(of=None):
+    """Modules of extras that these tests hide: those of the workflow alone, without those of figures, or of ``of``."""
+    # matplotlib needs contourpy; pillow has another name as a module.
+    words = names_of(of_extra(of)) if of else names_of(of_extra("workflow")) - names_of(of_extra("figures"))
+    return {"yaml" if word == "pyyaml" else word.replace("-", "_") for word in words} - {"contourpy"}
+
+
+def run(code, folder, absent=None):
+    words = [sys.executable, "-c", ABSENT.format(names=absent or names()) + code]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "src"), "MPLBACKEND": "agg"}
+    return subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False, env=environment)
+
+
+def test_the_packages_of_the_workflow_are_absent_in_these_tests(tmp_path):
+    assert {"snakemake", "pydantic", "bokeh", "rocrate", "cma", "yaml"} <= names()
+    for name in (*names(), "nearharmonic_paper"):
+        assert "No module named" in run(f"import {name}", tmp_path).stderr
+
+
+@pytest.mark.slow
+def test_the_python_of_readme_runs_without_the_workflow(tmp_path):
+    """Each block by itself, as printed, in one process."""
+    assert BLOCKS
+    done = run(
+        "".join(f"exec(compile({block!r}, 'block {i}', 'exec'), {{}})\n" for i, block in enumerate(BLOCKS)), tmp_path
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.slow
+def test_what_the_library_lacks_is_named_in_a_sentence(tmp_path):
+    code = "import nearharmonic as nh; nh.tailor('henon_heiles', window=(0.1, 0.15), trials=50)"
+    assert "needs the package cma: pip install 'nearharmonic[tailor]'" in run(code, tmp_path).stderr
+
+
+@pytest.mark.slow
+def test_library_runs_without_matplotlib_and_names_its_extra(tmp_path):
+    code = """
+import nearharmonic as nh
+run = nh.integrate("sho", "babps9o7h", 0.9, t_end=9)
+curve = nh.sweep("sho", "babps9o7h", [0.9, 0.45], t_end=9)
+assert nh.order_of("babps9o7h") == 4
+assert callable(nh.recommend)
+nh.plot(curve)
+"""
+    done = run(code, tmp_path, names("figures"))
+    assert done.stderr.splitlines()[-1] == (
+        "nearharmonic.errors.MissingPackageError: a plot needs the package matplotlib: "
+        "pip install 'nearharmonic[figures]'"
+    )
+
+
+# --- reductions of every experiment are separate from integrations: an edit of a reduction repeats no integration -----
+
+
+#: Dotted names of all modules that declare reductions, with the folder of each.
+MODULES = {
+    f"{folder}.{path.stem}": folder
+    for folder in folders()
+    for path in path_of(folder, SOURCES).parent.glob("*reductions.py")
+}
+
+
+def test_the_paper_and_the_experiments_beside_it_declare_reductions():
+    assert len(MODULES) >= 9
+    assert "nearharmonic_paper.experiments.paper.reductions" in MODULES
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_what_integrates_reaches_no_reduction_and_what_reduces_does(module):
+    assert isinstance(import_module(module).reduction, Reductions)
+    assert not {name for name in closure(f"{MODULES[module]}.run") if name.endswith(("reductions", ".reduce"))}
+    reduces = module if hasattr(import_module(module), "reduce") else f"{MODULES[module]}.reduce"
+    assert module in closure(reduces)
+
+
+@pytest.mark.slow
+def test_no_job_that_integrates_loads_xarray():
+    """Loading it takes longer than a short run."""
+    text = "\n".join(
+        [
+            "import sys",
+            *(f"import {each}.run" for each in sorted({*MODULES.values()})),
+            "print('xarray' in sys.modules)",
+        ]
+    )
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from nearharmonic_paper.claims.claim import Decision, either, finding
-from nearharmonic_paper.claims.results import Results
+from nearharmonic_paper.claims.claim import Decision, Results, either, finding
 
 
 @finding(

@@ -1,28 +1,26 @@
-"""Pages on the examples: errors of all methods on them by anharmonicity, and a gallery of their pictures.
+"""Errors of all methods on the examples by anharmonicity.
 
 The measure of anharmonicity is the variation of the Hessian, delta = rms |W - mean W| / rms |W| along the orbit, where
 W is V'' between coordinates that are scaled by the square roots of the masses, and |.| the Frobenius norm. It is 0 for
-every harmonic system, whatever its frequencies and amplitudes, and at most 1. Nothing is timed.
+every harmonic system, whatever its frequencies and amplitudes, and at most 1.
+
+Run: ``python benchmarks/near_harmonic.py``; ``--page`` writes tables and figure to ``docs/results/examples.md``.
+Nothing is timed.
 """
 
 from __future__ import annotations
 
-import ast
-import re
-import subprocess
-import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from io import BytesIO
 from itertools import pairwise
 from math import inf, isnan, log, log10, nan, pi
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from textwrap import dedent
 from typing import TYPE_CHECKING, Any
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import xarray as xr
+from timing import ROOT, parser_of, show
 
 from nearharmonic.engine.trajectory import integrate, sweep
 from nearharmonic.integrators import integrators, plain_integrators
@@ -30,11 +28,12 @@ from nearharmonic.numerics.portable import Floats
 from nearharmonic.plotting.style import house_style, new_figure, panel_letter
 from nearharmonic.systems import System, systems
 from nearharmonic.systems.system import load_system
-from nearharmonic_paper.pages.filling import fills, signed, table
+from nearharmonic_paper.pages.filling import signed, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+PAGE, PICTURE = "docs/results/examples.md", "near_harmonic.png"
 #: The methods of the paper's figures: its own, and those that it compares them with.
 NEW = ("abas5o6h", "babs7o7h", "babps8o7h", "babps9o7h")
 SIX = ("ruth", "s5odr4", "aba104", "aba864", "aba1064", "yoshida_s7o6a")
@@ -56,8 +55,6 @@ DRIVES = {"paul_trap": 2.0, "driven_oscillator": 1.5}
 BANDS = (0, 0.01, 0.1, 0.5, 1.01)
 #: Markers and colours of the families in the figure.
 LOOKS = tuple(zip("osD^vP", ("#0b3c8c", "#e86a10", "#00a070", "#8e3fb5", "#8b0000", "#4a90e2"), strict=True))
-#: Small pictures of the gallery side by side, and their width in pixels.
-COLUMNS, WIDTH = 4, 330
 
 
 def others() -> tuple[str, ...]:
@@ -97,10 +94,9 @@ class Result:
         return [signed(self.gain(cost, names), 1) for names in (SIX, others()) for cost in COSTS]
 
 
-@fills
-def examples(files: Sequence[str]) -> dict[str, Any]:
+def parts():
     """Gains of the new methods on the examples, on families of orbits, and by bands of delta."""
-    found = examples_in(files)
+    found = examples_in((ROOT / "examples").glob("*.py"))
     of_examples, of_families = (list(map(measured, orbits)) for orbits in (orbits_of(found), families(found)))
     twice = {one.orbit.system.name for one in of_families}
     results = [*of_families, *(one for one in of_examples if one.orbit.system.name not in twice)]
@@ -187,7 +183,7 @@ def gains_drawn(results: Sequence[Result]) -> Figure:
 # --- orbits and their measurement -------------------------------------------------------------------------------------
 
 
-def examples_in(files: Sequence[str]) -> dict[str, System]:
+def examples_in(files: Iterable[str | Path]) -> dict[str, System]:
     """Return the systems that files define, by the names of the files, in their order."""
     paths = sorted(map(Path, files))
     return {path.stem: load_system(str(path)) for path in paths if "SYSTEM =" in path.read_text(encoding="utf-8")}
@@ -270,56 +266,18 @@ def median_error(orbit: Orbit, name: str, tau_per_stage: float, t_end: float) ->
     if method.requires and not orbit.system.quadratic_kinetic_energy:
         return inf
     taus = [method.stages * tau_per_stage * share for share in AROUND]
-    if not orbit.start:
-        return float(np.median(sweep(orbit.system, name, taus, t_end=t_end).max_energy_error))
-    runs = [integrate(orbit.system, name, tau, t_end=t_end, samples=2, **orbit.start) for tau in taus]
-    return float(np.median([float(run.max_energy_error) for run in runs]))
+    with catch_warnings():
+        simplefilter("ignore", UserWarning)  # steps are those that fit into the interval
+        if not orbit.start:
+            return float(np.median(sweep(orbit.system, name, taus, t_end=t_end).max_energy_error))
+        runs = [integrate(orbit.system, name, tau, t_end=t_end, samples=2, **orbit.start) for tau in taus]
+        return float(np.median([float(run.max_energy_error) for run in runs]))
 
 
-# --- docs/start/gallery.md --------------------------------------------------------------------------------------------
+def main() -> None:
+    options = parser_of(__doc__, PAGE).parse_args()
+    show(parts(), PAGE, options.page, PICTURE)
 
 
-@fills
-def gallery(files: Sequence[str]) -> dict[str, Any]:
-    """Each example with its title and, folded, the lines that make its picture; and all pictures, side by side."""
-    places = sorted(map(Path, files))
-    return {"gallery": "\n\n".join(map(entry, places)), "figure": pictures_drawn(places)}
-
-
-def entry(place: Path) -> str:
-    """The title of an example, and the lines of its function ``main``, of which the last one writes the picture."""
-    text = place.read_text(encoding="utf-8")
-    module = ast.parse(text)
-    (main,) = (node for node in module.body if isinstance(node, ast.FunctionDef) and node.name == "main")
-    lines = dedent("\n".join(text.splitlines()[main.body[0].lineno - 1 : main.end_lineno]))
-    written = r'print\("wrote", save\((.+), \["(\w+\.png)"\]\)\[0\]\.resolve\(\)\)'
-    code = re.sub(written, r'\1.savefig("\2")', lines).strip()
-    title = (ast.get_docstring(module) or place.stem).splitlines()[0]
-    return (
-        f'<details id="{place.stem}"><summary><b>{place.stem}</b>: {title}</summary>\n\n```python\n{code}\n```\n\n'
-        f"[{place.name}](../../examples/{place.name})\n\n</details>"
-    )
-
-
-@house_style
-def pictures_drawn(places: Sequence[Path]) -> Figure:
-    """Run the examples, and return their pictures side by side, each with its name."""
-    from PIL import Image
-
-    rows = -(-len(places) // COLUMNS)
-    figure = new_figure(7, 1.85 * rows)
-    figure.subplots_adjust(left=0.01, right=0.99, bottom=0.01, top=0.985, wspace=0.05, hspace=0.13)
-    cells = figure.subplots(rows, COLUMNS).ravel()
-    for cell in cells:
-        cell.set_axis_off()
-    for cell, place in zip(cells, places, strict=False):
-        with TemporaryDirectory() as folder:
-            subprocess.run([sys.executable, str(place.resolve())], cwd=folder, check=True, stdout=subprocess.DEVNULL)
-            (made,) = Path(folder).glob("*.png")
-            picture = made.read_bytes()
-        with Image.open(BytesIO(picture)) as whole:
-            size = (WIDTH, round(WIDTH * whole.height / whole.width))
-            small = whole.convert("RGB").resize(size, Image.Resampling.LANCZOS)
-        cell.imshow(np.asarray(small), interpolation="none")
-        cell.set_title(place.stem, fontsize=7.5, pad=2)
-    return figure
+if __name__ == "__main__":
+    main()

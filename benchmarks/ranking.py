@@ -1,17 +1,21 @@
-"""Pages on all methods: proved orders and errors in docs/reference/methods.md, and docs/results/ranking.md."""
+"""All methods on five systems, by evaluations of the force and by time.
+
+Run: ``python benchmarks/ranking.py``, on a quiet machine; ``--page`` writes the tables to ``docs/results/ranking.md``.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from math import exp, inf, isfinite, log
 from typing import Any, NamedTuple
 
 import numpy as np
+from timing import parser_of, show
 
 from nearharmonic.engine.settings import misfit, steps_of
 from nearharmonic.engine.trajectory import sweep
-from nearharmonic.integrators import implicit_integrators, modified_integrators, plain_integrators
+from nearharmonic.integrators import implicit_integrators, plain_integrators
 from nearharmonic.integrators import integrators as registered
 from nearharmonic.math import cos
 from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor
@@ -19,57 +23,10 @@ from nearharmonic.numerics.portable import Floats
 from nearharmonic.recommendation.measure import LOSSLESS, prepared_calls
 from nearharmonic.systems import System
 from nearharmonic.systems import systems as known
-from nearharmonic.theory.order import harmonic_order, order_of
 from nearharmonic.training.family import published_names
-from nearharmonic_paper.pages.filling import fills, table
-from nearharmonic_paper.tasks.receipts import measures_time
+from nearharmonic_paper.pages.filling import table
 
-# --- docs/reference/methods.md ----------------------------------------------------------------------------------------
-
-#: Step sizes per stage at which methods with modified potentials are compared, the heads of their columns, and the time
-#: of a force with the gradient of its square over that of a force.
-COMPARED = {"henon_heiles": ((0.05, 0.1, 0.2), "Hénon-Heiles, τ/s = {:g}", 2.1),
-            "kepler": ((10, 20, 40), "Kepler, {:g} h", 1.3)}  # fmt: skip
-#: Methods without a modified potential in this table.
-PLAIN = ("ruth", "srkn_b6", "srkn_b11", "srkn_a14", "nystrom_6a8", "babps8o7h")
-
-
-@fills
-def methods() -> dict[str, str]:
-    """Proved orders of all methods, and errors of those with a modified potential."""
-    first = ("name", "label", "composition", "stages")
-    found = {}
-    for kind, names, heads in (
-        ("methods", plain_integrators, ("order", "order for quadratic T", "harmonic order")),
-        ("modified", modified_integrators, ("gradients", "order", "harmonic order")),
-        ("implicit", implicit_integrators, ("order", "harmonic order")),
-    ):
-        rows = []
-        for one in map(registered.__getitem__, names.registered):
-            order = order_of(one)
-            proved = {
-                "order": order, "order for quadratic T": one.order if one.requires else order,
-                "gradients": getattr(one, "gradients", ""), "harmonic order": harmonic_order(one),
-            }  # fmt: skip
-            composition = "implicit" if one.implicit else {"drift": "ABA", "kick": "BAB"}[one.first]
-            rows.append((f"`{one.name}`", one.label, composition, one.stages, *(proved[head] for head in heads)))
-        found[kind] = table((*first, *heads), rows, left=3)
-    compared = (*modified_integrators.registered, *PLAIN)
-    header = ("name", *(head.format(tau) for taus, head, _ in COMPARED.values() for tau in taus))
-    return found | {"errors": table(header, ((f"`{name}`", *decades(name)) for name in compared))}
-
-
-def decades(name: str) -> Iterator[str]:
-    """log10 of the errors of a method at equal numbers of evaluations, and in brackets at equal times."""
-    one = registered[name]
-    for system, (taus, _, factor) in COMPARED.items():
-        at = [[tau * one.stages * charge for tau in taus] for charge in (1, factor)]
-        equal, charged = (np.log10(sweep(system, one, steps).max_energy_error.values) for steps in at)
-        yield from (f"{a:.1f} ({b:.1f})" if one.modified else f"{a:.1f}" for a, b in zip(equal, charged, strict=True))
-
-
-# --- docs/results/ranking.md ------------------------------------------------------------------------------------------
-
+PAGE = "docs/results/ranking.md"
 RANKED = (1e-3, 1e-6, 1e-9, 1e-12)
 #: Evaluations of the runs of a curve: 15 % more from one to the next.
 RATIO, FEWEST, MOST = 1.15, 150, 1_500_000
@@ -87,9 +44,7 @@ class Place(NamedTuple):
     summation: str
 
 
-@measures_time
-@fills
-def ranking() -> dict[str, str]:
+def parts():
     """All methods on five systems, by evaluations of the force and by time."""
     with pinned():
         tables = [f"## {title}, t = {t_end}\n\n{ranked(system, t_end)}" for title, system, t_end in contests()]
@@ -180,3 +135,12 @@ def timed(system: System, t_end: str, places: Sequence[Place]) -> list[tuple[flo
     ]  # fmt: skip
     times = (min(each, default=inf) for each in interleaved(calls, REPEATS))
     return sorted(zip(times, (one.method for one in some), strict=True))
+
+
+def main() -> None:
+    options = parser_of(__doc__, PAGE).parse_args()
+    show(parts(), PAGE, options.page)
+
+
+if __name__ == "__main__":
+    main()

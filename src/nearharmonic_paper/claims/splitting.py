@@ -1,9 +1,10 @@
-"""Sections 1 and 2: methods of every order, signs of coefficients, symmetric compositions, stages."""
+"""Statements of Sections 1 and 2: methods of every order, signs of coefficients, symmetric compositions, stages."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from functools import partial
 from itertools import zip_longest
 from math import isnan
 from typing import Any
@@ -14,9 +15,17 @@ from nearharmonic.integrators import BENCHMARKED, chin_1997, omelyan_2002, rowla
 from nearharmonic.integrators.tableau import Tableau, palindrome
 from nearharmonic.systems import System, henon_heiles, kepler, sho
 from nearharmonic.theory.order import order_of
-from nearharmonic_paper.claims.claim import Decide, Decision, background, counted, either, mathematics, tallied
+from nearharmonic_paper.claims.claim import (
+    Decision,
+    Results,
+    background,
+    counted,
+    either,
+    mathematics,
+    short,
+    tallied,
+)
 from nearharmonic_paper.claims.judging import APPROXIMATELY
-from nearharmonic_paper.claims.results import Results, short
 
 #: Methods with modified kicks that are older than the paper.
 FORCE_GRADIENT = tuple(
@@ -34,10 +43,9 @@ EVEN_ORDERS = (2, 4, 6, 8)
     "the orders 4, 6 and 8, proved in the free Lie algebra",
 )
 def every_even_order(_: Results) -> Decision:
-    found = [order_of(tripled(order), highest=order + 1) for order in EVEN_ORDERS]
-    return counted(
-        [a == b for a, b in zip(found, EVEN_ORDERS, strict=True)], f"proved orders {', '.join(map(str, found))}"
-    )
+    found = {order: order_of(tripled(order), highest=order + 1) for order in EVEN_ORDERS}
+    value = f"proved orders {', '.join(map(str, found.values()))}"
+    return counted([proved == order for order, proved in found.items()], value)
 
 
 def tripled(order: int) -> Tableau:
@@ -129,25 +137,19 @@ def even_orders(results: Results) -> Decision:
     needs=("tables/table1_structure.csv",),
 )
 def table_1(results: Results) -> Decision:
-    rows = results.rows("table1_structure")
-    good = []
+    rows, good = results.rows("table1_structure"), []
     for name, padding in (("ABA d", ["0"]), ("ABA c", []), ("BAB d", []), ("BAB c", ["0"])):
         column = [row[f"{name} value"] for row in rows]
-        values = column[: len(column) - len(padding)]
-        good.append(column == [*values[::-1], *padding])
+        good.append(column == [*column[: len(column) - len(padding)][::-1], *padding])
     return tallied(good, "rows of Ruth's method read the same in both directions")
 
 
-def _within(measured: str, bound: str, word: str) -> Decide:
-    """Judge of statements that a column of the table of structure, a row a run, is within its bound in another."""
-
-    def decide(results: Results, most: float) -> Decision:
-        pairs = [(float(row[measured]), float(row[bound])) for row in results.rows("structure")]
-        shares = [one / limit for one, limit in pairs if not isnan(one)]  # asymmetric methods have no return
-        largest = short(max(shares), 2)
-        return tallied((share <= most for share in shares), "runs", f"; largest {word} {largest} of the bound")
-
-    return decide
+def _within(measured: str, bound: str, word: str, results: Results, most: float) -> Decision:
+    """Decide whether a column of the table of structure, a row a run, is within its bound in another."""
+    pairs = [(float(row[measured]), float(row[bound])) for row in results.rows("structure")]
+    shares = [one / limit for one, limit in pairs if not isnan(one)]  # asymmetric methods have no return
+    beside = f"; largest {word} {short(max(shares), 2)} of the bound"
+    return tallied((share <= most for share in shares), "runs", beside)
 
 
 STRUCTURE = (
@@ -160,7 +162,7 @@ STRUCTURE = (
         "of errors along the run",
         bound=1.0,
         needs=("tables/structure.csv",),
-    )(_within("return error", "return bound", "return error")),
+    )(partial(_within, "return error", "return bound", "return error")),
     background(
         id="symplectic",
         paper="Section 1",
@@ -169,7 +171,7 @@ STRUCTURE = (
         threshold="JᵀΩJ = Ω for the tangent map J of each run in double-double, within a random walk of its roundings",
         bound=1.0,
         needs=("tables/structure.csv",),
-    )(_within("symplectic defect", "symplectic walk", "defect")),
+    )(partial(_within, "symplectic defect", "symplectic walk", "defect")),
 )
 
 

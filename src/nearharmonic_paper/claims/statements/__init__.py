@@ -1,1 +1,0 @@
-"""Statements of the paper, one file for each group."""

@@ -1,1 +1,0 @@
-"""Statements about the six figures."""

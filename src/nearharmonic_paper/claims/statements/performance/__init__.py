@@ -1,1 +1,0 @@
-"""Statements that compare methods over systems."""

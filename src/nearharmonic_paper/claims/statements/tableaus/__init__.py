@@ -1,1 +1,0 @@
-"""Statements about methods and their coefficients."""
