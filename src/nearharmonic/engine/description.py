@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine import invariants
-from nearharmonic.engine.batch import single_steps
-from nearharmonic.engine.execution import Trajectories, energy_unit
+from nearharmonic.engine import setup as invariants
+from nearharmonic.engine.batch import Trajectories, energy_unit, single_steps
 from nearharmonic.engine.numbers import exact, list_of
 from nearharmonic.engine.settings import MOST_SAMPLES
 from nearharmonic.engine.setup import Setup, Start, end_digest, moves_digest
@@ -158,7 +157,7 @@ def invariant_variables(problem: Setup, paths: Trajectories, start: Floats, cons
         run = int(kept[0])
         own = [float(np.broadcast_to(x, (len(paths.q), 1))[run, 0]) for x in constants]
         invariants.warn_of_changing(problem.system, paths.q[run, :, :d], paths.p[run, :, :d], own)
-    return invariants.invariant_variables(
+    return invariants.drift_variables(
         problem.system, paths.q[..., :d], paths.p[..., :d], paths.left_at > 0, constants,
         start=(state[:, 0], state[:, 2]),
     )  # fmt: skip

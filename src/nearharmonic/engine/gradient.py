@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from inspect import signature
 from typing import TYPE_CHECKING, Any
@@ -20,21 +20,15 @@ from nearharmonic.engine.description import (
 )
 from nearharmonic.engine.settings import KINETIC_POTENTIAL
 from nearharmonic.engine.setup import Setup, asked_steps, members_are_given, start_of
-from nearharmonic.engine.solution import Solution
-from nearharmonic.engine.tangent import checked_split
-from nearharmonic.engine.variation import (
-    check_coefficients,
-    check_differentiable,
-    coefficient_derivatives,
-    kinetic_parameters,
-    sensitive_system,
-)
+from nearharmonic.engine.tangent import check_differentiable, checked_split, product
+from nearharmonic.engine.trajectory import Solution
 from nearharmonic.errors import SystemDefinitionError, bad_setting, unknown_name
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Floats, log10
 from nearharmonic.output.dataset import Variables, assembled, described
-from nearharmonic.systems.energy import Energy
+from nearharmonic.systems.formulas import Energy, MassKineticEnergy, takes_parameters
 from nearharmonic.systems.quantities import Observable, Vector
+from nearharmonic.systems.remembered import remembered
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
@@ -122,6 +116,95 @@ def _takes(function: Callable[..., Any], count: int) -> bool:
         return True
     return True
 
+
+# --- The system whose runs backwards collect derivatives with respect to parameters.
+@remembered
+def sensitive_system(system: System) -> System:
+    """Return the system K of a ``system`` of d coordinates in which the P parameters are coordinates.
+
+    A parameter theta of V is a coordinate without kinetic energy; its momentum collects -dK/dtheta. Its coordinates are
+    (q, u, theta) and its momenta (w, p, pi). Where T has parameters too, a second copy of them are momenta, whose
+    coordinates chi collect dK/dtheta: (q, u, theta, chi) and (w, p, pi, theta). The derivative with respect to theta is
+    then pi - chi.
+    """
+    formulas, (q0, p0), own = system.formulas(), system.extended_start(str), system.constants(str)
+    d, count, constants = formulas.dimension, len(own), system.constants(Constant)
+    moving = kinetic_parameters(system)
+
+    def V(x: Vector) -> Any:
+        return product(formulas.grad_V(x[:d], *x[2 * d : 2 * d + count]), x[d : 2 * d])
+
+    def T(y: Vector) -> Any:
+        parameters = y[2 * d + count :] if moving else constants
+        return product(formulas.grad_T(y[d : 2 * d], *parameters), y[:d])
+
+    rest, none = ("0",) * d, ("0",) * count
+    return System(
+        name=f"{system.name}_sensitive", V=V, T=T, t_end=system.t_end, source=system.source,
+        q0=(*q0, "1", *rest[1:], *own, *(none if moving else ())), p0=(*rest, *p0, *none, *(own if moving else ())),
+    )  # fmt: skip
+
+
+def kinetic_parameters(system: System) -> bool:
+    """Return True if T is a function of parameters."""
+    if isinstance(system.T, MassKineticEnergy):
+        return any(isinstance(mass, int) for mass in system.T.masses)
+    return bool(system.parameters) and takes_parameters(system.T)
+
+
+# --- Derivatives of an observable with respect to the coefficients of a tableau.
+#
+# Along the run backwards u = -lambda_p and w = lambda_q are the derivatives of the observable at the end with respect
+# to the state of each operator. A kick by c tau adds -c tau grad V(q) to p; the derivative with respect to c is
+# therefore tau u.grad V(q), which is tau times the potential of the sensitive system. For a drift it is tau times its
+# kinetic energy. All steps are reversed at once, from the states at their ends.
+
+#: Maximum number of numbers of the states at all steps, 1 GB.
+MOST_NUMBERS = 125_000_000
+
+
+def check_coefficients(system: System, tableau: Tableau, steps: int, members: int) -> None:
+    """Raise an error for implicit and modified methods, and for runs whose states need too much memory.
+
+    ``system`` is the sensitive system of the run backwards.
+    """
+    if tableau.implicit or tableau.modified:
+        what = "it has no kicks and drifts by V and T alone, with respect to whose coefficients it could be derived"
+        raise bad_setting("integrator", tableau.name, what)
+    if 4 * system.dimension * steps * members > MOST_NUMBERS:
+        most = MOST_NUMBERS // (4 * system.dimension * members)
+        raise bad_setting("coefficients", True, f"up to {most} steps here, whose states are in memory, not {steps}")
+
+
+def coefficient_derivatives(system: System, tableau: Tableau, tau: float, q: Floats, p: Floats) -> dict[str, Floats]:
+    """Return the derivatives (M, K) of the observable with respect to the K kicks and to the drifts of a tableau.
+
+    ``q``, ``p`` (M, N, D) are the states of the sensitive ``system`` at the ends of the N steps of size ``tau`` that
+    are reversed.
+    """
+    rows = {"kick": list(map(float, tableau.kick)), "drift": list(map(float, tableau.drift))}
+    found = {name: np.empty((len(q), len(row))) for name, row in rows.items()}
+    outer, inner = ("kick", "drift") if tableau.first == "kick" else ("drift", "kick")
+    formulas = system.formulas()
+    states = {"kick": list(np.moveaxis(q, -1, 0)), "drift": list(np.moveaxis(p, -1, 0))}
+    energy, slope = {"kick": formulas.V, "drift": formulas.T}, {"kick": formulas.grad_V, "drift": formulas.grad_T}
+    sign = {"kick": 1.0, "drift": -1.0}  # backwards, kicks add the gradient to p
+    for i in reversed(range(len(rows[outer]))):
+        for name in (outer, inner) if i else (outer,):
+            j = i if name == outer else i - 1
+            moved = states["drift" if name == "kick" else "kick"]
+            found[name][:, j] = tau * np.broadcast_to(energy[name](tuple(states[name])), q.shape[:2]).sum(axis=1)
+            _add(moved, slope[name](tuple(states[name])), sign[name] * rows[name][j] * tau)
+    return found
+
+
+def _add(components: list[Floats], slopes: Sequence[Any], factor: float) -> None:
+    """Add multiples of ``slopes`` to the components of a state; some slopes may be constants."""
+    for i, slope in enumerate(slopes):
+        components[i] = components[i] + factor * slope
+
+
+# --- Gradients at the end of a run.
 
 #: Relative rounding error of a number: of doubles, and of double-doubles.
 ROUNDING = {"double": 2.0**-53, "extended": 2.0**-104}

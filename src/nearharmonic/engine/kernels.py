@@ -14,7 +14,7 @@ from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.collocation import stage_table
 from nearharmonic.integrators.composition import Composition
 from nearharmonic.numerics.portable import Floats, Integers
-from nearharmonic.systems.energy import quadratic_T
+from nearharmonic.systems.formulas import quadratic_T
 from nearharmonic.systems.gradients import check_gradients, frequencies_of, remainder_formulas, square_gradient
 from nearharmonic.systems.numba_potential import numba_potential
 from nearharmonic.systems.remembered import remembered

@@ -19,18 +19,18 @@ from nearharmonic.core.formulas.number import FUNCTIONS, Constant, Number, call,
 from nearharmonic.core.formulas.program import Program, program, shortest_program
 from nearharmonic.core.formulas.tracing import Conditioned
 from nearharmonic.errors import SystemDefinitionError, bad_setting
-from nearharmonic.systems.declaration import written_frequencies
-from nearharmonic.systems.energy import (
+from nearharmonic.systems.formulas import (
+    DerivedGradient,
     Energy,
+    Formulas,
     MassKineticEnergy,
     constants_beside,
     evaluate,
     quadratic_grad_T,
     quadratic_T,
 )
-from nearharmonic.systems.formulas import DerivedGradient, Formulas
 from nearharmonic.systems.numba_potential import SMALL, bisected, check_numba_gradient, numba_potential
-from nearharmonic.systems.quantities import Vector
+from nearharmonic.systems.quantities import Vector, written_frequencies
 from nearharmonic.systems.remembered import remembered
 from nearharmonic.systems.system import System
 

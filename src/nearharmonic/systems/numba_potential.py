@@ -17,8 +17,8 @@ import numpy as np
 from nearharmonic.core.formulas.number import Constant, Value
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.systems.energy import Components as Vector
-from nearharmonic.systems.energy import Energy
+from nearharmonic.systems.formulas import Components as Vector
+from nearharmonic.systems.formulas import Energy
 
 if TYPE_CHECKING:
     from nearharmonic.core.machine.numba_functions import NumbaCode

@@ -16,26 +16,34 @@ from nearharmonic.errors import SystemDefinitionError, naming_arguments
 from nearharmonic.numerics.written import decimal
 from nearharmonic.registry.registry import split_path
 from nearharmonic.registry.user_module import load, near_miss, pickled
-from nearharmonic.systems.declaration import UNITS, check_members, check_numbers, written_frequencies
-from nearharmonic.systems.energy import (
+from nearharmonic.systems.formulas import (
+    DerivedGradient,
     Energy,
+    Formulas,
     MassKineticEnergy,
+    Regularisation,
+    extended_V,
+    formulas_of,
     of_masses,
     quadratic_grad_T,
     quadratic_T,
-    takes_parameters,
-)
-from nearharmonic.systems.formulas import (
-    DerivedGradient,
-    Formulas,
-    extended_V,
-    formulas_of,
     regularised_formulas,
+    takes_parameters,
     with_parameters,
 )
 from nearharmonic.systems.numba_potential import NumbaEnergy, given_function, numba_potential, potential_of
-from nearharmonic.systems.quantities import Observable, Parameter, ReadOnly, Vector, fixed, is_list
-from nearharmonic.systems.regularisation import Regularisation
+from nearharmonic.systems.quantities import (
+    UNITS,
+    Observable,
+    Parameter,
+    ReadOnly,
+    Vector,
+    check_members,
+    check_numbers,
+    fixed,
+    is_list,
+    written_frequencies,
+)
 from nearharmonic.systems.remembered import read_by
 
 # --- Comparison of the signatures of formulas with the arguments of their calls.

@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.execution import Trajectories
+from nearharmonic.engine.batch import Trajectories, integrate_batch
 from nearharmonic.engine.numbers import start_array
 from nearharmonic.engine.settings import Numerics, tau_grid
-from nearharmonic.engine.solution import Problem
-from nearharmonic.engine.variation import tangent_system
+from nearharmonic.engine.tangent import tangent_system
+from nearharmonic.engine.trajectory import Problem
 from nearharmonic.integrators import integrators, nielsen_2015, yoshida_1990
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import log

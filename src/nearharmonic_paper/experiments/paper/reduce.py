@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from nearharmonic.engine.invariants import energy_at_start
 from nearharmonic.engine.settings import Sweep
+from nearharmonic.engine.setup import energy_at_start
 from nearharmonic.integrators import integrators as methods_by_name
 from nearharmonic.output import store
 from nearharmonic.output.dataset import described

@@ -12,7 +12,7 @@ import numpy as np
 
 from nearharmonic.engine.description import kernel_in_words, sampled
 from nearharmonic.engine.settings import Sweep
-from nearharmonic.engine.solution import Problem
+from nearharmonic.engine.trajectory import Problem
 from nearharmonic.output.dataset import Contents, Variable, Variables, coordinate, counted
 from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.paper.plan import Run, runs_of

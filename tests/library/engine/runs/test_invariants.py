@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.engine.invariants import InvariantWarning, invariant_values, invariant_variables, observable_values
+from nearharmonic.engine.setup import InvariantWarning, invariant_values, observable_values
+from nearharmonic.engine.setup import drift_variables as invariant_variables
 from nearharmonic.errors import SystemDefinitionError
 from support.methods.own_systems import spring
 

@@ -99,7 +99,7 @@ def test_bits_do_not_depend_on_threads_blocks_or_width(monkeypatch):
     expected = nh.ensemble("henon_heiles", "ruth", 0.1, **given)
     at_times = nh.ensemble("henon_heiles", "ruth", 0.1, t=[2.25, 50, 100], **given)
     monkeypatch.setattr(module, "BLOCK", 32)
-    monkeypatch.setattr("nearharmonic.engine.execution.SHORT", 0)
+    monkeypatch.setattr("nearharmonic.engine.batch.SHORT", 0)
     for threads in (1, 2, 5):
         assert nh.ensemble("henon_heiles", "ruth", 0.1, threads=threads, **given).identical(expected)
         found = nh.ensemble("henon_heiles", "ruth", 0.1, threads=threads, t=[2.25, 50, 100], **given)

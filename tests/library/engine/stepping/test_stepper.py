@@ -15,7 +15,7 @@ import nearharmonic as nh
 from nearharmonic.core.layout import COLUMNS
 from nearharmonic.core.machine.native import NativeFunction
 from nearharmonic.core.stepper import fill
-from nearharmonic.engine.stepper import step_of
+from nearharmonic.engine.trajectory import step_of
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import plain_integrators
 from support.methods.numba_potentials import springs

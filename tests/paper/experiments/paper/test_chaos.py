@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from nearharmonic.engine.solution import Problem
-from nearharmonic.engine.variation import tangent_system
+from nearharmonic.engine.tangent import tangent_system
+from nearharmonic.engine.trajectory import Problem
 from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.paper import orbits as chaos
 from nearharmonic_paper.experiments.paper.orbits import follow

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nearharmonic.engine.solution import Problem
-from nearharmonic.engine.variation import tangent_system
+from nearharmonic.engine.tangent import tangent_system
+from nearharmonic.engine.trajectory import Problem
 from nearharmonic.systems import System, systems
 from nearharmonic_paper.experiments.paper.orbits import follow
 
