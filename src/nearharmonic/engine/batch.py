@@ -6,11 +6,13 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from functools import cache, cached_property
 from math import inf, isnan, nan, prod
-from typing import TYPE_CHECKING, Any, NamedTuple
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,16 +56,6 @@ PATIENCE, LONG = 0.05, 2.0
 STRETCH = 2_000_000
 
 
-def control_array() -> NDArray[np.int64]:
-    """Return a new control array: the flag that stops a call, and the number of steps done."""
-    return np.zeros(2, np.int64)
-
-
-def steps_between_looks(cost: int) -> int:
-    """Return the number of steps of this cost between two looks of a kernel at its control array."""
-    return max(1, STRETCH // cost)
-
-
 def execute(call: Callable[[], Any], state: NDArray[np.int64], steps: int, cost: int) -> None:
     """Make the call of a kernel with the control array ``state``; ``steps`` are those of all its runs, ``cost`` that of
     one.
@@ -103,13 +95,20 @@ class Blocks:
             return
         from concurrent.futures import ThreadPoolExecutor, wait
 
-        with ThreadPoolExecutor(threads) as pool, _Progress(self._steps) as progress:
+        begin, bar = time.monotonic(), None
+        with ThreadPoolExecutor(threads) as pool, ExitStack() as shown:
             futures = [pool.submit(self._one, i) for i in range(self._count)]
             try:
                 for future in futures:
                     while not future.done():
                         wait([future], PATIENCE)
-                        progress.show(self._done + sum(int(state[PROGRESS]) for state in self._controls.values()))
+                        if bar is None and time.monotonic() - begin > LONG and sys.stderr.isatty():
+                            from tqdm import tqdm
+
+                            bar = tqdm(total=self._steps, unit=" steps", unit_scale=True, leave=False)
+                            shown.enter_context(bar)
+                        if bar is not None:
+                            bar.update(self._done + sum(int(x[PROGRESS]) for x in self._controls.values()) - bar.n)
                     future.result()
             except BaseException:
                 self._stopped = True
@@ -136,30 +135,6 @@ class Blocks:
 
 def _in_main_thread() -> bool:
     return threading.current_thread() is threading.main_thread()
-
-
-class _Progress:
-    """A progress bar on the terminal, if there is one, from the third second on."""
-
-    def __init__(self, steps: int) -> None:
-        self._steps, self._begin = steps, time.monotonic()
-        self._bar: Any = None
-
-    def __enter__(self) -> _Progress:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.close()
-
-    def show(self, done: int) -> None:
-        if self._bar is None:
-            if time.monotonic() - self._begin < LONG or not sys.stderr.isatty():
-                return
-            from tqdm import tqdm
-
-            self._bar = tqdm(total=self._steps, unit=" steps", unit_scale=True, leave=False)
-        self._bar.update(done - self._bar.n)
 
 
 # --- Results of a batch of runs as named arrays: states, energy errors, divergence flags.
@@ -231,8 +206,8 @@ def energy_unit(energy: Floats, scale: float) -> Floats:
     return unit
 
 
-class Filled(NamedTuple):
-    """Arrays that a call fills for R runs of S samples each, of D coordinates.
+class Filled(SimpleNamespace):
+    """Arrays that a call fills for R runs of S samples each, of D coordinates, with the names that the kernel declares.
 
     ``marks`` (R, S): the step of each sample, -1 where a run has fewer. ``left_at`` (R,): the step at which a run left
     its energy surface, or 0. ``states`` (R, S, 4 D). ``energy_error``, ``worst`` and ``total`` (R, S): H - H0, and
@@ -241,22 +216,15 @@ class Filled(NamedTuple):
     made to land.
     """
 
-    marks: Integers
-    left_at: Integers
-    states: Floats
-    energy_error: Floats
-    worst: Floats
-    total: Floats
-    energy: Floats
-    running: Floats
-
     def without_start(self, cut: bool = True) -> Filled:
         """These arrays without the first sample of each run, or as they are."""
-        return self._replace(**{name: getattr(self, name)[:, 1:] for name in ("marks", *SAMPLED) if cut})
+        sampled = {name: array[:, 1:] for name, array in vars(self).items() if cut and name in ("marks", *SAMPLED)}
+        return Filled(**vars(self) | sampled)
 
 
 #: Arrays of doubles that a call fills, as the kernel declares them, and those with a number or a state a sample.
-RESULTS = {argument.name: argument.lengths for argument in RUN.arguments if argument.name in Filled._fields[2:]}
+_NAMES = [argument.name for argument in RUN.arguments]
+RESULTS = {x.name: x.lengths for x in RUN.arguments[_NAMES.index("control") + 1 : _NAMES.index("left_at")]}
 SAMPLED = tuple(name for name, lengths in RESULTS.items() if "samples" in lengths)
 
 
@@ -281,21 +249,19 @@ def views_of(marks: Integers, results: Floats, left_at: Integers, d: int) -> Fil
     begin, views = 0, {}
     for name, shape in shapes(marks.shape, d, (results.size - doubles(marks.shape, d)) // len(marks)).items():
         views[name] = results[begin : (begin := begin + prod(shape))].reshape(shape)
-    return Filled(marks, left_at, **views)
+    return Filled(marks=marks, left_at=left_at, **views)
 
 
 def trajectories_of(
     system: System, tableau: Tableau, steps: Integers, arrays: Filled, numerics: Numerics, scale: float
 ) -> Trajectories:
     """Return the results of a kernel by name, energies relative to |H0|, to ``scale``, or to 1."""
-    marks, left_at, states, *blocks, energy, running = arrays
-    unit = energy_unit(energy[:, 0], scale)[:, None]
-    error, worst, total = (block / unit for block in blocks)
-    length = marks.copy()
-    length[:, 1:] -= marks[:, :-1]
-    np.maximum(length, 1, out=length)
+    marks, left_at, states, running = arrays.marks, arrays.left_at, arrays.states, arrays.running
+    unit = energy_unit(arrays.energy[:, 0], scale)[:, None]
+    error, worst, total = (getattr(arrays, name) / unit for name in ("energy_error", "worst", "total"))
+    length = np.maximum(np.diff(marks, axis=1, prepend=0), 1)
     if numerics.energy == "none":
-        error[:] = worst[:] = total[:] = energy[:] = np.nan
+        error[:] = worst[:] = total[:] = arrays.energy[:] = np.nan
     d = states.shape[-1] // 4
     left = left_at > 0
     done = taken = np.where(left, left_at, steps)
@@ -308,26 +274,16 @@ def trajectories_of(
     mean = _means(total, weight, marks, numerics)
     if left.any():
         mean[left] = largest[left] = np.inf
+    if landed:
+        total[:] = np.nan
+    elif numerics.energy == "every":
+        total /= length
     return Trajectories(
-        marks=marks,
-        q=states[:, :, :d],
-        q_low=states[:, :, d : 2 * d],
-        p=states[:, :, 2 * d : 3 * d],
-        p_low=states[:, :, 3 * d :],
-        energy_error=error,
-        block_max=worst,
-        block_mean=np.full_like(total, np.nan) if landed else total / (length if numerics.energy == "every" else 1),
-        max_energy_error=largest,
-        mean_energy_error=mean,
-        steps=steps,
-        done=done,
-        left_at=left_at,
-        evaluations=evaluations,
-        energy=energy[:, 0],
-        energy_low=energy[:, 1],
-        running=running,
-        unsolved=left & failed,
-    )
+        marks=marks, q=states[:, :, :d], q_low=states[:, :, d : 2 * d], p=states[:, :, 2 * d : 3 * d],
+        p_low=states[:, :, 3 * d :], energy_error=error, block_max=worst, block_mean=total, max_energy_error=largest,
+        mean_energy_error=mean, steps=steps, done=done, left_at=left_at, evaluations=evaluations,
+        energy=arrays.energy[:, 0], energy_low=arrays.energy[:, 1], running=running, unsolved=left & failed,
+    )  # fmt: skip
 
 
 def evaluations_of(tableau: Tableau, steps: Integers, running: Floats) -> tuple[Integers, Bools]:
@@ -394,12 +350,6 @@ class Batch:
         """Arrays that :meth:`run` fills, as views of ``results``."""
         return views_of(self.marks, self.results, self.left_at, self.start.shape[1] // 4)
 
-    @property
-    def steps(self) -> Integers:
-        """Steps of each run (R,)."""
-        steps: Integers = self.marks.max(axis=1)
-        return steps
-
     def clear(self) -> None:
         """Forget what an earlier call computed, and that it was told to stop."""
         self.results.fill(nan)
@@ -409,7 +359,7 @@ class Batch:
     def run(self, steps: int | None = None) -> None:
         """Compute the results; ``steps`` is the number of steps of all runs together, if it is known."""
         self.clear()
-        execute(self.call, self.control, int(self.steps.sum()) if steps is None else steps, self.cost)
+        execute(self.call, self.control, int(self.marks.max(axis=1).sum()) if steps is None else steps, self.cost)
 
 
 # --- Runs of regularised systems: equal steps of a fictitious time, samples that land on physical times.
@@ -522,14 +472,15 @@ def prepared_batch(
     cost = step.stages * cost_of(system, numerics.compiled, **step.kernel_options)
     runs, d, stages = len(marks), start.shape[1] // 4, step.stages if step.implicit else 0
     rows = running_rows(d, stages)
-    left_at, control, results = np.zeros(runs, np.int64), control_array(), np.empty(doubles(marks.shape, d, rows))
-    arrays = views_of(marks, results, left_at, d)._asdict()
-    given = arrays | {
-        "measured": measured(numerics), "order": np.argsort(-marks.max(axis=1), kind="stable"), "scheme": scheme,
+    left_at, control, results = np.zeros(runs, np.int64), np.zeros(2, np.int64), np.empty(doubles(marks.shape, d, rows))
+    arrays = views_of(marks, results, left_at, d)
+    measured = {"every": EVERY_STEP, "samples": LOOKS if numerics.look else SAMPLES, "none": NEVER}
+    given = vars(arrays) | {
+        "measured": measured[numerics.energy], "order": np.argsort(-marks.max(axis=1), kind="stable"), "scheme": scheme,
         "start": start, "parameters": parameters, "limit": surface_limit(system, scale), "scale": scale,
-        "reference": np.array(reference), "stretch": numerics.look or steps_between_looks(cost),
+        "reference": np.array(reference), "stretch": numerics.look or max(1, STRETCH // cost),
         "stages": step.moves_per_step, "kick_first": step.first_same_as_last, "moves": moves, "control": control,
-        "ends": arrays["running"],
+        "ends": arrays.running,
     }  # fmt: skip
     call: Callable[[], object]
     if system.regularisation is not None:
@@ -647,13 +598,6 @@ def integrate_batch(
     batch.run()
     only_end = samples == 1 and marks is None
     return trajectories_of(system, tableau, count, batch.filled.without_start(only_end), numerics, scale)
-
-
-def measured(numerics: Numerics) -> int:
-    """Return when the kernel measures the energy, as :data:`nearharmonic.core.layout.RUN` has it."""
-    if numerics.energy == "samples":
-        return SAMPLES if numerics.look is None else LOOKS
-    return EVERY_STEP if numerics.energy == "every" else NEVER
 
 
 def _distinct(count: Integers) -> tuple[list[int], Integers]:

@@ -26,19 +26,13 @@ from nearharmonic.engine.batch import (
 )
 from nearharmonic.engine.description import (
     checked_times,
-    clock_variables,
-    error_variables,
-    initial_energy_variables,
-    invariant_variables,
-    low_digits,
     over,
-    over_runs,
     parameter_variables,
     problem_attributes,
     run_at,
     run_attributes,
+    run_variables,
     step_used,
-    trajectory_variables,
 )
 from nearharmonic.engine.kernels import most_lanes_of, with_lanes
 from nearharmonic.engine.numbers import parameter_array, rows_of, standard_parameters
@@ -134,14 +128,9 @@ def ensemble(
         asked = checked_times(t, problem)
         paths, times = members.at_times(asked), np.array([float(time) for time in asked])
     attributes = run_attributes(problem, begin, asked_tau) | problem.floor(begin.state, begin.parameters, paths.energy)
-    constants = [column if len(begin.parameters) == 1 else column[:, None] for column in begin.parameters.T[::2]]
-    variables = trajectory_variables(problem, paths, constants, times)
-    if problem.numerics.compensated:
-        variables |= over_runs(low_digits(problem, paths))
-    variables |= clock_variables(problem, paths)
-    variables |= error_variables(paths, problem) | initial_energy_variables(problem, paths)
-    variables |= invariant_variables(problem, paths, begin.state, constants)
-    renamed = over("member", variables) | parameter_variables(problem, begin.parameters)
+    renamed = over("member", run_variables(problem, paths, begin, times)) | parameter_variables(
+        problem, begin.parameters
+    )
     renamed["tau"] = step_used(problem, steps)
     coordinates = [name for name in renamed if name.startswith("parameter_")]
     return assembled(renamed, coordinates, attributes)
@@ -180,7 +169,7 @@ class _Members:
         counters += [*range(-COUNTERS, 0)] * problem.tableau.implicit
         shown = shapes((members, kept.size), d, len(counters))
         arrays = Filled(
-            np.broadcast_to(kept, (members, kept.size)), np.empty(members, np.int64),
+            marks=np.broadcast_to(kept, (members, kept.size)), left_at=np.empty(members, np.int64),
             **{name: np.empty(shape) for name, shape in shown.items()},
         )  # fmt: skip
         free: list[Batch] = []
@@ -190,7 +179,7 @@ class _Members:
             batch = self._batch(marks, size, start, parameters, free)
             batch.run(size * self.steps)
             found = batch.filled.without_start(only_end)
-            found = found._replace(running=found.running[:, counters])
+            found.running = found.running[:, counters]
             for name in (*shown, "left_at"):
                 getattr(arrays, name)[block] = getattr(found, name)
             if size == BLOCK:

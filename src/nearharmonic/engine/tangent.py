@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import inf, sqrt
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine import batch as execution
 from nearharmonic.engine.batch import (
     Batch,
+    Blocks,
     Filled,
     energy_unit,
     evaluations_of,
@@ -270,18 +270,25 @@ def schedule_of(steps: int, samples: int) -> Schedule:
 
 
 class Evolution:
-    """Orbits (M) at samples (S) with k deviations of n = 2 d components, to be filled by :class:`Deviations`.
+    """Orbits (M) at samples (S) of a ``schedule`` with k deviations of n = 2 d components.
 
-    ``states`` (M, S, 4, D) of the integrated coordinates, as a kernel lays them out; ``growth`` and ``stretching``
-    (M, S, k), logarithms as those of :class:`Frame`; ``sali`` (M, S) and ``gali`` (M, S, k - 1), if k > 1; ``megno``
-    (M, S); ``blocks`` (M, 10), growth of the first deviation in each block; ``deviations`` (M, k, n) at the end;
-    ``left_at`` (M,), the step at which a state or deviation was not finite, or 0; ``unsolved`` (M,), True where the
-    equations of an implicit step could not be solved there; ``evaluations`` (M,) of the gradient by all lanes;
-    ``running`` (M, f + 3), the frame at the end, the time since the deviations began, and the means of MEGNO.
+    ``problem``: runs of the tangent system of 2 D coordinates, without energies; D is d, and the time if V depends on
+    it. ``begin``: initial states of the orbits. ``initial`` (k, n): initial deviations, in place of which ``earlier``
+    (M, f + 3) is ``running`` of the evolution that goes on.
+
+    :meth:`follow` fills ``states`` (M, S, 4, D) of the integrated coordinates, as a kernel lays them out; ``growth``
+    and ``stretching`` (M, S, k), logarithms as those of :class:`Frame`; ``sali`` (M, S) and ``gali`` (M, S, k - 1), if
+    k > 1; ``megno`` (M, S); ``blocks`` (M, 10), growth of the first deviation in each block; ``deviations`` (M, k, n)
+    at the end; ``left_at`` (M,), the step at which a state or deviation was not finite, or 0; ``unsolved`` (M,), True
+    where the equations of an implicit step could not be solved there; ``evaluations`` (M,) of the gradient by all
+    lanes; ``running`` (M, f + 3), the frame at the end, the time since the deviations began, and the means of MEGNO.
     """
 
-    def __init__(self, schedule: Schedule, M: int, k: int, D: int, n: int) -> None:
-        self.schedule, S = schedule, schedule.kept.size
+    def __init__(
+        self, problem: Setup, begin: Start, initial: Floats, earlier: Floats | None, schedule: Schedule
+    ) -> None:
+        self.problem, self.begin, self.initial, self.earlier, self.schedule = problem, begin, initial, earlier, schedule
+        M, S, D, (k, n) = begin.members, schedule.kept.size, begin.state.shape[1] // 4, initial.shape
         self.states, self.growth, self.stretching, self.sali, self.gali, self.megno = (
             np.full((M, S, *shape), np.nan) for shape in ((4, D), (k,), (k,), (), (k - 1,), ())
         )
@@ -291,148 +298,107 @@ class Evolution:
         self.left_at, self.evaluations = np.zeros(M, np.int64), np.zeros(M, np.int64)
         self.unsolved = np.zeros(M, bool)
 
-
-def running_size(count: int, n: int) -> int:
-    """Return the numbers of a member that a continuation of ``count`` deviations of n components needs."""
-    return count * (n + count + 2) + 3
-
-
-@dataclass(frozen=True)
-class Deviations:
-    """Runs of a tangent system of 2 D coordinates with deviations, without energies.
-
-    ``dimension``: coordinates d of the deviations, D without the time if V depends on it. ``begin``: initial states of
-    the M orbits. ``initial`` (k, 2 d): initial deviations, in place of which ``earlier`` (M, f + 3) is ``running`` of
-    the evolution that goes on.
-    """
-
-    problem: Setup
-    dimension: int
-    begin: Start
-    initial: Floats
-    earlier: Floats | None = None
-
-    def follow(self, schedule: Schedule, threads: int) -> Evolution:
-        """Return the orbits and their indicators at the samples of a schedule."""
-        members, k, D = self.begin.members, len(self.initial), self.begin.state.shape[1] // 4
-        found = Evolution(schedule, members, k, D, self.initial.shape[1])
-        size = max(1, min(LANES, BYTES // (8 * schedule.readings * sample_size(2 * D))) // k)
-        count, rows = -(-members // size), (self.begin.state, self.begin.parameters)
+    def follow(self, threads: int) -> None:
+        """Integrate all orbits, in blocks that threads share."""
+        members, k = self.begin.members, len(self.initial)
+        numbers = self.schedule.readings * sample_size(2 * self.states.shape[-1])
+        size = max(1, min(LANES, BYTES // (8 * numbers)) // k)
 
         def compute(i: int) -> None:
-            block = slice(i * size, min((i + 1) * size, members))
-            start, parameters = (given[block] if len(given) > 1 else given for given in rows)
             with np.errstate(all="ignore"):  # a diverged orbit is a result
-                _Block(self, schedule, found, block, start, parameters).follow()
+                self._follow(slice(i * size, min((i + 1) * size, members)))
 
-        execution.Blocks(compute, count, steps=members * k * schedule.steps, cost=self.problem.cost).execute(threads)
-        return found
+        steps = members * k * self.schedule.steps
+        Blocks(compute, -(-members // size), steps=steps, cost=self.problem.cost).execute(threads)
 
-
-@dataclass
-class _Block:
-    """A block of orbits, with a lane for each deviation of each orbit."""
-
-    runs: Deviations
-    schedule: Schedule
-    found: Evolution
-    block: slice
-    start: Floats
-    parameters: Floats
-    batches: dict[tuple[int, ...], Batch] = field(default_factory=dict)
-
-    def follow(self) -> None:
-        """Fill the rows of the results that belong to this block."""
-        members, k, kept = self.block.stop - self.block.start, len(self.runs.initial), self.schedule.kept.tolist()
-        frame, D = Frame(self.runs.initial, members), self.start.shape[1] // 4
+    def _follow(self, block: slice) -> None:
+        """Fill the rows of a block of orbits, with a lane for each deviation of each orbit."""
+        members, k, kept = block.stop - block.start, len(self.initial), self.schedule.kept.tolist()
+        frame, D = Frame(self.initial, members), self.states.shape[-1]
+        begin = self.begin.state[block] if len(self.begin.state) > 1 else self.begin.state
         rows = np.zeros((members, k, 4, 2 * D))
-        rows[:, :, :2, :D] = (orbit := self.start.reshape(-1, 1, 4, D))[:, :, :2]
+        rows[:, :, :2, :D] = (orbit := begin.reshape(-1, 1, 4, D))[:, :, :2]
         rows[:, :, 2:, D:] = orbit[:, :, 2:]
         megno, step, sample = _Megno(members, self.schedule.bounds), 0, 1
-        tau = float(self.runs.problem.end) / self.schedule.steps
-        if self.runs.earlier is not None:
-            *state, time, integral, mean = self.runs.earlier[self.block].T
+        tau = float(self.problem.end) / self.schedule.steps
+        if self.earlier is not None:
+            *state, time, integral, mean = self.earlier[block].T
             frame.resume(np.array(state))
             megno.resume(time / tau, frame.growth[0], integral, mean)
-        self._keep(0, rows, frame, megno.mean)
-        moves = self.runs.problem.moves([self.runs.problem.end / self.schedule.steps])
+        self._keep((block, 0), rows, frame, megno.mean)
+        moves = self.problem.moves([self.problem.end / self.schedule.steps])
+        batches: dict[tuple[int, ...], Batch] = {}
         for part in self.schedule.parts:
             self._insert(rows, frame.basis)
-            batch = self._batch(part, rows.reshape(members * k, -1), moves)
+            batch = batches.get(part) or batches.setdefault(part, self._batch(part, block, rows, moves))
+            batch.start[:] = rows.reshape(members * k, -1)
             batch.run(members * k * part[-1])
             filled = batch.filled
             states = filled.states.reshape(members, k, len(part), 4, 2 * D)
-            self._note_left(filled, step, part[-1])
-            megno.read(step, part, frame.growth[0] + log(self._lengths(states[:, 0, 1:])).T)
+            self._note_left(filled, block, step, part[-1])
+            squares = sum(x * x for x in self._vectors(states[:, 0, 1:], low=False))  # in a fixed order
+            megno.read(step, part, frame.growth[0] + log(np.sqrt(squares)))
             rows = states[:, :, 1].copy()  # the end of all lanes but the first
             rows[:, 0] = states[:, 0, -1]
             frame.advance(self._vectors(rows))
             step += part[-1]
             if step == kept[sample]:
-                self._keep(sample, rows, frame, megno.mean)
+                self._keep((block, sample), rows, frame, megno.mean)
                 sample += 1
-        self.found.blocks[self.block] = np.diff(megno.at_bounds, axis=0).T
-        self.found.deviations[self.block] = frame.deviations.transpose(2, 1, 0)
-        self.found.running[self.block] = np.concatenate([frame.state, megno.state(tau)]).T
+        self.blocks[block] = np.diff(megno.at_bounds, axis=0).T
+        self.deviations[block] = frame.deviations.transpose(2, 1, 0)
+        self.running[block] = np.concatenate([frame.state, megno.state(tau)]).T
 
-    def _batch(self, part: tuple[int, ...], start: Floats, moves: Floats) -> Batch:
-        """Return a batch for a part of the run that starts at these rows."""
-        batch = self.batches.get(part)
-        if batch is not None:
-            batch.start[:] = start
-            return batch
-        problem, lanes = self.runs.problem, len(start)
-        shared = self.parameters
-        parameters = shared if len(shared) == 1 else np.repeat(shared, len(self.runs.initial), axis=0)
+    def _batch(self, part: tuple[int, ...], block: slice, rows: Floats, moves: Floats) -> Batch:
+        """Return a batch for a part of the run of a block of orbits."""
+        problem, parameters, k, lanes = (
+            self.problem,
+            self.begin.parameters,
+            rows.shape[1],
+            rows.shape[0] * rows.shape[1],
+        )
+        parameters = parameters.copy() if len(parameters) == 1 else np.repeat(parameters[block], k, axis=0)
         numerics = with_lanes(problem.numerics, np.full(lanes, part[-1]), problem.system, problem.tableau)
         marks = np.full((lanes, len(part)), -1)
         marks[:, :2] = 0, part[-1]
-        marks[:: len(self.runs.initial)] = part  # MEGNO reads the first deviation alone
-        scheme = np.zeros(lanes, np.int64)
-        batch = problem.batch(moves.copy(), marks, scheme, start.copy(), parameters.copy(), numerics)
-        self.batches[part] = batch
-        return batch
+        marks[::k] = part  # MEGNO reads the first deviation alone
+        start = rows.reshape(lanes, -1).copy()
+        return problem.batch(moves.copy(), marks, np.zeros(lanes, np.int64), start, parameters, numerics)
 
     def _insert(self, rows: Floats, basis: Floats) -> None:
         """Write a basis (n, k, M) into the rows (M, k, 4, 2 D); deviations of the time remain 0."""
-        d, D = self.runs.dimension, rows.shape[-1] // 2
+        d, D = len(basis) // 2, rows.shape[-1] // 2
         rows[:, :, :2, D:] = rows[:, :, 2:, :D] = 0.0
         rows[:, :, 0, D : D + d], rows[:, :, 2, :d] = basis[:d].T, basis[d:].T
 
-    def _vectors(self, rows: Floats) -> Floats:
-        """Return the deviations (n, k, M) in rows (M, k, 4, 2 D)."""
-        d, D = self.runs.dimension, rows.shape[-1] // 2
-        high = np.concatenate([rows[:, :, 0, D : D + d], rows[:, :, 2, :d]], axis=-1)
-        low = np.concatenate([rows[:, :, 1, D : D + d], rows[:, :, 3, :d]], axis=-1)
-        return np.ascontiguousarray((high + low).T)
+    def _vectors(self, rows: Floats, low: bool = True) -> Floats:
+        """Return the deviations (n, ...) in rows (..., 4, 2 D), with the digits below doubles if ``low``."""
+        d, D = self.initial.shape[1] // 2, rows.shape[-1] // 2
+        high, below = (np.concatenate([rows[..., i, D : D + d], rows[..., i + 2, :d]], axis=-1) for i in (0, 1))
+        return np.ascontiguousarray((high + below if low else high).T)
 
-    def _lengths(self, rows: Floats) -> Floats:
-        """Return the lengths (...) of the deviations in rows (..., 4, 2 D), summed in a fixed order."""
-        d, D = self.runs.dimension, rows.shape[-1] // 2
-        total = np.zeros(rows.shape[:-2])
-        for part, column in [(0, D + i) for i in range(d)] + [(2, i) for i in range(d)]:
-            total += rows[..., part, column] * rows[..., part, column]
-        return np.sqrt(total)
-
-    def _note_left(self, filled: Filled, step: int, steps: int) -> None:
+    def _note_left(self, filled: Filled, block: slice, step: int, steps: int) -> None:
         """Note where lanes left, and count the evaluations of a part of so many steps."""
-        tableau, k, never = self.runs.problem.tableau, len(self.runs.initial), np.iinfo(np.int64).max
+        k, never, known = len(self.initial), np.iinfo(np.int64).max, self.left_at[block]
         left_at = filled.left_at.reshape(-1, k)
         lanes = np.where(left_at > 0, left_at, never).min(axis=1)
-        known = self.found.left_at[self.block]
         new = (known == 0) & (lanes < never)
         known[new] = step + lanes[new]
-        made, failed = evaluations_of(tableau, np.full(left_at.size, steps), filled.running)
-        self.found.unsolved[self.block] |= new & failed.reshape(-1, k).any(axis=1)
-        self.found.evaluations[self.block] += made.reshape(-1, k).sum(axis=1)
+        made, failed = evaluations_of(self.problem.tableau, np.full(left_at.size, steps), filled.running)
+        self.unsolved[block] |= new & failed.reshape(-1, k).any(axis=1)
+        self.evaluations[block] += made.reshape(-1, k).sum(axis=1)
 
-    def _keep(self, sample: int, rows: Floats, frame: Frame, megno: Floats) -> None:
-        found, D = self.found, rows.shape[-1] // 2
-        place = self.block, sample
-        found.states[place][:, :2], found.states[place][:, 2:] = rows[:, 0, :2, :D], rows[:, 0, 2:, D:]
-        found.growth[place], found.stretching[place], found.megno[place] = frame.growth.T, frame.stretching.T, megno
+    def _keep(self, place: tuple[slice, int], rows: Floats, frame: Frame, megno: Floats) -> None:
+        D = rows.shape[-1] // 2
+        self.states[place][:, :2], self.states[place][:, 2:] = rows[:, 0, :2, :D], rows[:, 0, 2:, D:]
+        self.growth[place], self.stretching[place], self.megno[place] = frame.growth.T, frame.stretching.T, megno
         if len(frame.growth) > 1:
-            found.sali[place], found.gali[place] = frame.sali, frame.gali.T
+            self.sali[place], self.gali[place] = frame.sali, frame.gali.T
+
+
+def running_size(count: int, n: int) -> int:
+    """Return the numbers of a member that a continuation of ``count`` deviations of n components needs."""
+    return count * (n + count + 2) + 3
 
 
 class _Megno:
@@ -482,19 +448,20 @@ class _Megno:
 
 # --- Results of deviations as described variables and Datasets.
 def deviations_dataset(
-    problem: Setup, runs: Deviations, found: Evolution, *, only_end: bool, several: bool, asked_tau: float
+    problem: Setup, found: Evolution, *, only_end: bool, several: bool, asked_tau: float
 ) -> xr.Dataset:
-    """Return the Dataset of :func:`nearharmonic.tangent`, of ``runs`` of M orbits and what was ``found``.
+    """Return the Dataset of :func:`nearharmonic.tangent`, of what was ``found``.
 
     ``only_end`` leaves out t = 0, and ``several`` gives a dimension of members.
     """
-    begin = runs.begin
-    system, kept, steps = problem.system, found.schedule.kept, found.schedule.steps
+    begin, system, kept, steps = found.begin, problem.system, found.schedule.kept, found.schedule.steps
     unit = system.units["t"]
     times = kept * float(problem.end) / steps + 0.0
-    elapsed = abs(times) if runs.earlier is None else abs(times + runs.earlier[0, -3])
+    elapsed = abs(times) if found.earlier is None else abs(times + found.earlier[0, -3])
     error, H0 = energy_errors(problem, found.states, begin.parameters, begin.reference[0])
-    left_at = left_energy_surface(problem, error, kept, found.left_at)
+    beyond = ~(np.abs(error) <= surface_limit(system, problem.scale))
+    seen = np.where(beyond.any(axis=1), kept[beyond.argmax(axis=1)], 0)
+    left_at = np.where((found.left_at > 0) & ((seen == 0) | (found.left_at < seen)), found.left_at, seen)
     gone = (left_at[:, None] > 0) & (kept >= left_at[:, None])
     rate = "1" if unit == "1" else f"1/{unit}"
     with np.errstate(all="ignore"):
@@ -538,7 +505,6 @@ def deviations_dataset(
         "diverged_at": (("member",), left_at, described("step at which divergence was seen, 0 if none was")),
     }
     variables |= over_member
-    lanes = len(runs.initial)
     variables |= {
         "t": (("sample",), times[int(only_end) :] + begin.t, described("time", unit)),
         "tau": step_used(problem, steps),
@@ -547,7 +513,7 @@ def deviations_dataset(
     variables = variables | parameter_variables(problem, begin.parameters) if several else without_members(variables)
     if "gali" in variables:
         number = "number of the deviations of a volume"
-        variables["order"] = ("order",), np.arange(2, lanes + 1), described(number)
+        variables["order"] = ("order",), np.arange(2, len(found.initial) + 1), described(number)
     attributes = run_attributes(problem, begin, asked_tau) | {"energy": "samples"}
     coordinates = ["t", "order", *(name for name in variables if name.startswith("parameter_"))]
     return assembled(variables, coordinates, attributes)
@@ -588,13 +554,6 @@ def energy_errors(problem: Setup, states: Floats, parameters: Floats, reference:
         H = H + p[d] if system.time_dependent else H
         H0 = np.where(np.isnan(reference), H[:, 0], reference)
         return (H - H0[:, None]) / energy_unit(H0, problem.scale)[:, None], H0
-
-
-def left_energy_surface(problem: Setup, error: Floats, kept: Integers, left_at: Integers) -> Integers:
-    """Return the step (M,) at which each orbit has diverged, 0 if it has not: by a sample's error, or not finite."""
-    beyond = ~(np.abs(error) <= surface_limit(problem.system, problem.scale))
-    seen = np.where(beyond.any(axis=1), kept[beyond.argmax(axis=1)], 0)
-    return np.where((left_at > 0) & ((seen == 0) | (left_at < seen)), left_at, seen)
 
 
 def tangent(
@@ -713,12 +672,12 @@ def tangent(
         energy="none",
     )  # fmt: skip
     going_on = None if earlier is None else np.atleast_2d(earlier["running"].values)
-    runs = Deviations(extended, subject.dimension, begin, rows, going_on)
     numbers = begin.members * schedule.kept.size * (4 * problem.states_dimension + 3 * len(rows) + 2)
     check_memory(f"the samples of {begin.members} members", numbers, samples)
-    found = runs.follow(schedule, threads)
+    found = Evolution(extended, begin, rows, going_on, schedule)
+    found.follow(threads)
     several = members_are_given(q0, p0, parameters, start)
-    return deviations_dataset(problem, runs, found, only_end=kept == 1, several=several, asked_tau=asked_tau)
+    return deviations_dataset(problem, found, only_end=kept == 1, several=several, asked_tau=asked_tau)
 
 
 def earlier_indicators(problem: Setup, start: xr.Dataset, deviations: object) -> xr.Dataset | None:

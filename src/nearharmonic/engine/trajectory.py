@@ -597,7 +597,7 @@ def sweep(
         asked = checked_times(t, problem)
         paths = run_at(problem, steps, asked, start=begin.state, parameters=begin.parameters, reference=begin.reference)
         variables = trajectory_variables(problem, paths, begin.constants, np.array([float(time) for time in asked]))
-        variables |= invariant_variables(problem, paths, begin.state, begin.constants)
+        variables |= invariant_variables(problem, paths, begin)
     _check_start(problem, paths)
     variables |= error_variables(paths, problem)
     one = over("tau", variables)

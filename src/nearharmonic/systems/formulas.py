@@ -424,9 +424,6 @@ def _inverse(M: list[list[Fraction]]) -> tuple[tuple[Constant, ...], ...]:
     return tuple(tuple(map(Constant, row[d:])) for row in rows)
 
 
-Vector = tuple[Any, ...]
-
-
 # --- Kepler's problem as a perturbed oscillator: the regularisations of Levi-Civita and of Kustaanheimo and Stiefel.
 #
 # For H = |p|^2/2 - GM/r + R(q) with H = -w < 0, let u be coordinates with q = L(u) u and r = |u|^2, s a fictitious time

@@ -12,8 +12,7 @@ from math import inf
 
 import xarray as xr
 
-from nearharmonic.engine import setup as invariants
-from nearharmonic.engine.description import SINCE
+from nearharmonic.engine.description import SINCE, drift_variables
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.statistics import linear_trend, trend_linearity
 from nearharmonic.numerics.statistics import observed_order as order_of_curve
@@ -89,7 +88,7 @@ def invariant_drifts(runs: xr.Dataset) -> xr.Dataset:
     """Largest change of each invariant that the system declares, ``<invariant>_drift``."""
     system = systems[runs.attrs["system"]]
     diverged = (runs.status == "diverged").values
-    found = invariants.drift_variables(system, runs.q.values, runs.p.values, diverged)
+    found = drift_variables(system, runs.q.values, runs.p.values, diverged)
     return xr.Dataset({name: value for name, value in found.items() if value[0] == ("tau_per_stage",)})
 
 

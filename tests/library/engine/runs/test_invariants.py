@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.engine.setup import InvariantWarning, invariant_values, observable_values
-from nearharmonic.engine.setup import drift_variables as invariant_variables
+from nearharmonic.engine.description import InvariantWarning, drift_variables
+from nearharmonic.engine.setup import invariant_values, observable_values
 from nearharmonic.errors import SystemDefinitionError
 from support.methods.own_systems import spring
 
@@ -35,7 +35,7 @@ def test_the_invariants_of_a_run_are_those_of_its_states():
 def test_a_drift_is_relative_unless_the_invariant_begins_at_zero():
     system = spring(invariants={"zero": lambda q, p: p[0], "ten": lambda q, p: 10 * q[0]})
     q, p = np.array([[[1.0], [0.5]], [[1.0], [np.nan]]]), np.array([[[0.0], [-3.0]], [[0.0], [np.nan]]])
-    found = invariant_variables(system, q, p, np.array([False, False]))
+    found = drift_variables(system, q, p, np.array([False, False]))
     assert found["zero_drift"][1].tolist() == [3.0, 0.0]
     assert found["ten_drift"][1].tolist() == [0.5, 0.0]
     assert "of |I - I0|, I = zero" in found["zero_drift"][2]["long_name"]
@@ -60,7 +60,7 @@ def test_invariant_that_fails_far_from_start_is_nan_there():
 
     system = spring(invariants={"picky": picky}, observables={"near": lambda q, p: picky(q, p)[0]})
     q, p = np.array([[[1.0], [3.0], [2.0]]]), np.array([[[4.0], [5.0], [6.0]]])
-    found = invariant_variables(system, q, p, np.array([False]))
+    found = drift_variables(system, q, p, np.array([False]))
     np.testing.assert_array_equal(found["picky"][1], [[[4.0, 1.0], [np.nan, np.nan], [6.0, 2.0]]])
     assert found["picky_drift"][1] == pytest.approx(np.hypot(2, 1) / np.hypot(4, 1))
     np.testing.assert_array_equal(observable_values(system, q, p, ())["near"], [[4.0, np.nan, 6.0]])

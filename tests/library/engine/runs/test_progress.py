@@ -18,9 +18,9 @@ import nearharmonic as nh
 
 LONG = """
 import nearharmonic as nh
-from nearharmonic.engine.batch import execution
+from nearharmonic.engine import batch
 nh.sweep("sho", "ruth", [1.0])
-execution.LONG = 0.1
+batch.LONG = 0.1
 nh.integrate("sho", "ruth", 1e-5, t_end=200)
 """
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.engine import tangent as coefficients
+from nearharmonic.engine import gradient as coefficients
 from nearharmonic.errors import SettingError
 from nearharmonic.math import cos, sin
 
