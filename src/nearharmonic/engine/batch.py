@@ -195,6 +195,8 @@ def least_samples(tableau: Tableau) -> int:
 
 def joined(parts: Sequence[Trajectories]) -> Trajectories:
     """Return the runs of several batches, one behind the other."""
+    if len(parts) == 1:
+        return parts[0]
     columns = {field.name: [getattr(part, field.name) for part in parts] for field in fields(Trajectories)}
     return Trajectories(**{name: np.concatenate(arrays) for name, arrays in columns.items()})
 
@@ -259,7 +261,6 @@ def trajectories_of(
     marks, left_at, states, running = arrays.marks, arrays.left_at, arrays.states, arrays.running
     unit = energy_unit(arrays.energy[:, 0], scale)[:, None]
     error, worst, total = (getattr(arrays, name) / unit for name in ("energy_error", "worst", "total"))
-    length = np.maximum(np.diff(marks, axis=1, prepend=0), 1)
     if numerics.energy == "none":
         error[:] = worst[:] = total[:] = arrays.energy[:] = np.nan
     d = states.shape[-1] // 4
@@ -277,7 +278,7 @@ def trajectories_of(
     if landed:
         total[:] = np.nan
     elif numerics.energy == "every":
-        total /= length
+        total /= np.maximum(np.diff(marks, axis=1, prepend=0), 1)
     return Trajectories(
         marks=marks, q=states[:, :, :d], q_low=states[:, :, d : 2 * d], p=states[:, :, 2 * d : 3 * d],
         p_low=states[:, :, 3 * d :], energy_error=error, block_max=worst, block_mean=total, max_energy_error=largest,

@@ -141,14 +141,16 @@ def invariant_variables(problem: Setup, paths: Trajectories, begin: Start) -> Va
     return drift_variables(system, q, p, paths.left_at > 0, begin.constants, start=(state[:, 0], state[:, 2]))
 
 
-def run_variables(problem: Setup, paths: Trajectories, begin: Start, times: Floats | None) -> Variables:
+def run_variables(
+    problem: Setup, paths: Trajectories, begin: Start, times: Floats | None, steps: int | Integers
+) -> Variables:
     """Return all variables of runs from ``begin``; ``times`` are as for :func:`trajectory_variables`."""
     unit = problem.system.units["energy"]
     variables = trajectory_variables(problem, paths, begin.constants, times) | error_variables(paths, problem)
     if problem.numerics.compensated:
         variables |= over_runs(low_digits(problem, paths))
     variables |= clock_variables(problem, paths) | invariant_variables(problem, paths, begin)
-    variables["tau"] = step_used(problem, paths.steps)
+    variables["tau"] = step_used(problem, steps)
     return variables | over_runs({
         "initial_energy": (paths.energy, "energy H0 at the start", unit),
         "initial_energy_low": (paths.energy_low, "energy H0 at the start, digits below initial_energy", unit),
@@ -162,7 +164,7 @@ def trajectory_dataset(
     kept = int(np.isfinite(paths.q[0, :, 0]).sum())  # up to the last sample that it reached
     one = {
         name: (dimensions[1:], values[0, :kept] if "sample" in dimensions else values[0], attributes)
-        for name, (dimensions, values, attributes) in run_variables(problem, paths, begin, times).items()
+        for name, (dimensions, values, attributes) in run_variables(problem, paths, begin, times, paths.steps).items()
     }
     notes = run_attributes(problem, begin, asked) | problem.floor(begin.state, begin.parameters, paths.energy[:1])
     ends = times is None or np.ravel(times)[-1] == float(problem.end) + begin.t  # the last sample is the end of the run

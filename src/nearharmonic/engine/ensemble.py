@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
-from fractions import Fraction
+from dataclasses import replace
 from math import nan
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
@@ -13,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.core.layout import COLUMNS, COUNTERS
-from nearharmonic.engine import batch as execution
 from nearharmonic.engine.batch import (
     Batch,
+    Blocks,
     Filled,
     Trajectories,
     joined,
@@ -32,7 +31,6 @@ from nearharmonic.engine.description import (
     run_at,
     run_attributes,
     run_variables,
-    step_used,
 )
 from nearharmonic.engine.kernels import most_lanes_of, with_lanes
 from nearharmonic.engine.numbers import parameter_array, rows_of, standard_parameters
@@ -121,106 +119,85 @@ def ensemble(
     )  # fmt: skip
     begin = start_of(problem, q0, p0, parameters, several=True)
     (steps, asked_tau), kept = asked_steps(problem, tau), checked_samples(samples)
-    members = _Members(problem, steps, begin, checked_count("threads", threads, MOST_THREADS))
-    if t is None:
-        paths, times = members.sampled(kept), None
+    threads, members = checked_count("threads", threads, MOST_THREADS), begin.members
+    asked = None if t is None else checked_times(t, problem)
+    times = None if asked is None else np.array([float(time) for time in asked])
+    count = max(2, min(kept, steps + 1)) if asked is None else len(asked)
+    numbers = members * count * sample_size(problem.system.dimension)
+    check_memory(f"the states of {members} members", numbers, count)
+    if asked is None:
+        paths = _sampled(problem, steps, begin, kept, threads)
     else:
-        asked = checked_times(t, problem)
-        paths, times = members.at_times(asked), np.array([float(time) for time in asked])
+        parts: dict[int, Trajectories] = {}
+
+        def compute(block: slice, start: Floats, parameters: Floats) -> None:
+            equal = [steps] * (block.stop - block.start)
+            parts[block.start] = run_at(problem, equal, asked, start=start, parameters=parameters, reference=(nan, nan))
+
+        _in_blocks(problem, steps, begin, threads, compute)
+        paths = joined([parts[i] for i in sorted(parts)])
     attributes = run_attributes(problem, begin, asked_tau) | problem.floor(begin.state, begin.parameters, paths.energy)
-    renamed = over("member", run_variables(problem, paths, begin, times)) | parameter_variables(
-        problem, begin.parameters
-    )
-    renamed["tau"] = step_used(problem, steps)
+    variables = run_variables(problem, paths, begin, times, steps)
+    tau = variables.pop("tau")
+    renamed = over("member", variables) | parameter_variables(problem, begin.parameters) | {"tau": tau}
     coordinates = [name for name in renamed if name.startswith("parameter_")]
     return assembled(renamed, coordinates, attributes)
 
 
-@dataclass(frozen=True)
-class _Members:
-    """Members of an ensemble, integrated in blocks of which each thread has one at a time."""
+def _in_blocks(
+    problem: Setup, steps: int, begin: Start, threads: int, compute: Callable[[slice, Floats, Floats], None]
+) -> None:
+    """Call ``compute`` with each block of members, their starts and parameters; one row is for all members."""
+    members = begin.members
 
-    problem: Setup
-    steps: int
-    begin: Start
-    threads: int
+    def one(i: int) -> None:
+        block = slice(i * BLOCK, min((i + 1) * BLOCK, members))
+        compute(block, *(rows[block] if len(rows) > 1 else rows for rows in (begin.state, begin.parameters)))
 
-    def at_times(self, times: Sequence[Fraction]) -> Trajectories:
-        """Return all members at output times."""
-        self._check_size(len(times))
-        parts: dict[int, Trajectories] = {}
+    Blocks(one, -(-members // BLOCK), steps=members * steps, cost=problem.cost).execute(threads)
 
-        def compute(block: slice, start: Floats, parameters: Floats) -> None:
-            steps = [self.steps] * (block.stop - block.start)
-            parts[block.start] = run_at(
-                self.problem, steps, times, start=start, parameters=parameters, reference=(nan, nan)
-            )
 
-        self._in_blocks(compute)
-        return joined([parts[i] for i in sorted(parts)])
+def _sampled(problem: Setup, steps: int, begin: Start, samples: int, threads: int) -> Trajectories:
+    """Return all members, sampled at whole steps; batches of whole blocks are used again."""
+    members, marks, only_end = begin.members, sample_marks(np.array([steps]), samples), samples == 1
+    kept = marks[0, only_end:]
+    counters = [0, 1] * (problem.system.regularisation is not None) + [*range(-COUNTERS, 0)] * problem.tableau.implicit
+    shown = shapes((members, kept.size), problem.states_dimension, len(counters))
+    arrays = Filled(
+        marks=np.broadcast_to(kept, (members, kept.size)), left_at=np.empty(members, np.int64),
+        **{name: np.empty(shape) for name, shape in shown.items()},
+    )  # fmt: skip
+    lanes = replace(problem.numerics, width=most_lanes_of(problem.system, problem.numerics, problem.tableau))
+    moves, free = problem.moves([problem.end / steps]), list[Batch]()
 
-    def sampled(self, samples: int) -> Trajectories:
-        """Return all members, sampled at whole steps."""
-        problem, members, d = self.problem, self.begin.members, self.problem.states_dimension
-        marks, only_end = sample_marks(np.array([self.steps]), samples), samples == 1
-        self._check_size(marks.size)
-        kept = marks[0, only_end:]
-        counters = [0, 1] * (problem.system.regularisation is not None)
-        counters += [*range(-COUNTERS, 0)] * problem.tableau.implicit
-        shown = shapes((members, kept.size), d, len(counters))
-        arrays = Filled(
-            marks=np.broadcast_to(kept, (members, kept.size)), left_at=np.empty(members, np.int64),
-            **{name: np.empty(shape) for name, shape in shown.items()},
-        )  # fmt: skip
-        free: list[Batch] = []
-
-        def compute(block: slice, start: Floats, parameters: Floats) -> None:
-            size = block.stop - block.start
-            batch = self._batch(marks, size, start, parameters, free)
-            batch.run(size * self.steps)
-            found = batch.filled.without_start(only_end)
-            found.running = found.running[:, counters]
-            for name in (*shown, "left_at"):
-                getattr(arrays, name)[block] = getattr(found, name)
-            if size == BLOCK:
-                free.append(batch)
-
-        self._in_blocks(compute)
-        return problem.trajectories(np.full(members, self.steps), arrays)
-
-    def _check_size(self, samples: int) -> None:
-        members, size = self.begin.members, sample_size(self.problem.system.dimension)
-        check_memory(f"the states of {members} members", members * samples * size, samples)
-
-    def _in_blocks(self, compute: Callable[[slice, Floats, Floats], None]) -> None:
-        """Call ``compute`` with each block of members, their starts and parameters; one row is for all members."""
-        given, members = (self.begin.state, self.begin.parameters), self.begin.members
-
-        def one(i: int) -> None:
-            block = slice(i * BLOCK, min((i + 1) * BLOCK, members))
-            compute(block, *(rows[block] if len(rows) > 1 else rows for rows in given))
-
-        count, steps = -(-members // BLOCK), members * self.steps
-        execution.Blocks(one, count, steps=steps, cost=self.problem.cost).execute(self.threads)
-
-    def _batch(self, marks: Integers, size: int, start: Floats, parameters: Floats, free: list[Batch]) -> Batch:
-        """Return a batch that holds a block of members: a free one of the same size, or a new one."""
-        problem = self.problem
+    def compute(block: slice, start: Floats, parameters: Floats) -> None:
+        size = block.stop - block.start
         try:
             batch = free.pop() if size == BLOCK else None
         except IndexError:
             batch = None
         if batch is None:
-            lanes = replace(problem.numerics, width=most_lanes_of(problem.system, problem.numerics, problem.tableau))
-            return problem.batch(
-                problem.moves([problem.end / self.steps]), np.repeat(marks, size, axis=0), np.zeros(size, np.int64),
+            batch = problem.batch(
+                moves.copy(), np.repeat(marks, size, axis=0), np.zeros(size, np.int64),
                 np.resize(start, (size, start.shape[1])), parameters.copy(), lanes,
             )  # fmt: skip
-        batch.start[:] = start
-        if batch.parameters.size:  # none if they are compiled in
-            batch.parameters[:] = parameters
-        return batch
+        else:
+            batch.start[:] = start
+            if batch.parameters.size:  # none if they are compiled in
+                batch.parameters[:] = parameters
+        batch.run(size * steps)
+        found = batch.filled.without_start(only_end)
+        found.running = found.running[:, counters]
+        for name in (*shown, "left_at"):
+            getattr(arrays, name)[block] = getattr(found, name)
+        if size == BLOCK:
+            free.append(batch)
 
+    _in_blocks(problem, steps, begin, threads, compute)
+    return problem.trajectories(np.full(members, steps), arrays)
+
+
+# --- Poincare sections: the states of many trajectories where they cross a surface, to rounding.
 
 #: Signs of the surface function before a crossing.
 DIRECTIONS = {"up": (-1,), "down": (1,), "both": (-1, 1)}
@@ -305,7 +282,11 @@ def section(
         remedy = "of a force of period T, states at t=[k * T for k in range(n)] of nearharmonic.integrate are one"
         raise bad_setting("system", subject.name, f"a section is of a system that does not depend on time; {remedy}")
     signs = DIRECTIONS[one_of("direction", direction, tuple(DIRECTIONS))]
-    rows = _starts(starts, subject)
+    if starts is None:
+        rows = np.concatenate(subject.start(float))[None, :]
+    else:
+        allowed = f"an array (M, {2 * d}) of finite numbers, {d} positions and {d} momenta a row"
+        rows = rows_of("starts", starts, 2 * d, allowed)[..., 0]
     given = standard_parameters(subject)[None, :] if parameters is None else parameter_array(subject, parameters)
     if len(given) > 1:
         raise bad_setting("parameters", f"{len(given)} values", "one value of each parameter for all trajectories")
@@ -351,14 +332,6 @@ def _warn_of_period(problem: Setup, size: float, runs: Callable[..., xr.Dataset]
     if (shortest := (2 * between / np.maximum(count - 1, 1))[count > 2]).size and abs(size) > shortest.min() / 4:
         message = f"nearharmonic.section misses crossings: its step {abs(size):.3g} is above a quarter of the shortest"
         warn_caller(f"{message} period that the orbits show, {shortest.min():.2g}")
-
-
-def _starts(given: Any, system: System) -> Floats:
-    d = system.dimension
-    if given is None:
-        return np.concatenate(system.start(float))[None, :]
-    allowed = f"an array (M, {2 * d}) of finite numbers, {d} positions and {d} momenta a row"
-    return rows_of("starts", given, 2 * d, allowed)[..., 0]
 
 
 class _Function:

@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, partial
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from nearharmonic.core.layout import ADVANCE, STEP
-from nearharmonic.engine.batch import Batch, Trajectories, least_samples, sample_marks, surface_limit
-from nearharmonic.engine.batch import views_of as filled
+from nearharmonic.engine.batch import Batch, Trajectories, least_samples, sample_marks, surface_limit, views_of
 from nearharmonic.engine.description import (
     UNSOLVED,
     checked_times,
@@ -43,8 +42,7 @@ if TYPE_CHECKING:
 
 
 # --- Result of one run of a prepared problem: lightweight; derived values are computed lazily.
-@dataclass(frozen=True, slots=True)
-class StepSize:
+class StepSize(NamedTuple):
     """A step size as used and as asked for, with its marks and moves."""
 
     tau: float
@@ -97,7 +95,7 @@ class Solution:
     @cached_property
     def trajectories(self) -> Trajectories:
         """The run as a batch of one."""
-        arrays = filled(self._step.marks, self._results, np.array([self._diverged_at]), self.problem.states_dimension)
+        arrays = views_of(self._step.marks, self._results, np.array([self._diverged_at]), self.problem.states_dimension)
         return self.problem.trajectories(np.array([self._step.steps]), arrays.without_start(self.problem.samples == 1))
 
     def _kept(self, name: str) -> Floats:
@@ -168,14 +166,13 @@ class Solution:
 MOST_STEP_SIZES = 4096
 
 
+@dataclass(slots=True)
 class _Slot:
-    """A batch of one run, with what its arrays hold."""
+    """A batch of one run, with what its arrays hold; ``given`` is None for the system's own start."""
 
-    __slots__ = ("batch", "given", "step")
-
-    def __init__(self, batch: Batch, step: StepSize) -> None:
-        self.batch, self.step = batch, step
-        self.given: Start | None = None  # the system's own start
+    batch: Batch
+    step: StepSize
+    given: Start | None = None
 
 
 class Problem(Setup):
@@ -251,13 +248,19 @@ class Problem(Setup):
         try:
             slot = slots.pop()  # a call in another thread finds another slot, or makes one
         except IndexError:
-            slot = _Slot(self._new_batch(step), step)
+            start, own = standard_start(self.system, self.plain), standard_parameters(self.system)
+            batch = self.batch(
+                step.moves.copy(), step.marks.copy(), np.zeros(1, np.int64), start[None, :].copy(),
+                own[None, :].copy(), replace(self.numerics, width=1),
+            )  # fmt: skip
+            slot = _Slot(batch, step)
         if slot.step is not step:
-            batch = slot.batch
-            batch.marks[:], batch.moves[:] = step.marks, step.moves
+            slot.batch.marks[:], slot.batch.moves[:] = step.marks, step.moves
             slot.step = step
         if q0 is not None or p0 is not None or parameters is not None:
-            self._fill(slot, q0, p0, parameters)
+            given = start_of(self, q0, p0, parameters)
+            slot.batch.start[:], slot.batch.parameters[:] = given.state, given.parameters
+            slot.given = given
         elif slot.given is not None:
             slot.batch.start[:] = standard_start(self.system, self.plain)
             slot.batch.parameters[:] = standard_parameters(self.system)
@@ -269,31 +272,19 @@ class Problem(Setup):
 
     def _prepared_step(self, tau: object) -> StepSize:
         steps = self.steps_of(tau)
-        size = self.end / steps
-        step = StepSize(
-            float(size), checked_tau(tau), steps, sample_marks(np.array([steps]), self.samples), self.moves([size])
-        )
+        size, marks = self.end / steps, sample_marks(np.array([steps]), self.samples)
+        step = StepSize(float(size), checked_tau(tau), steps, marks, self.moves([size]))
         if len(self._step_sizes) >= MOST_STEP_SIZES:
             self._step_sizes.clear()
         self._step_sizes[type(tau), tau] = step
         return step
 
-    def _new_batch(self, step: StepSize) -> Batch:
-        start, parameters = standard_start(self.system, self.plain), standard_parameters(self.system)
-        return self.batch(
-            step.moves.copy(), step.marks.copy(), np.zeros(1, np.int64), start[None, :].copy(),
-            parameters[None, :].copy(), replace(self.numerics, width=1),
-        )  # fmt: skip
-
-    def _fill(self, slot: _Slot, q0: object, p0: object, parameters: Mapping[str, Any] | None) -> None:
-        """The initial values and parameters of a run, which the slot holds only once all of them are checked."""
-        given = start_of(self, q0, p0, parameters)
-        slot.batch.start[:], slot.batch.parameters[:] = given.state, given.parameters
-        slot.given = given
-
 
 #: The name at the top of the package.
 problem = Problem
+
+
+# --- A step as a function of numba, for programs that compose steps themselves.
 
 
 def stepper(
@@ -409,6 +400,9 @@ def check_single_step(problem: Setup) -> None:
     if tableau.processed:
         what = "it is processed: each step by itself would begin and end with its processor"
         raise bad_setting("integrator", tableau.name, what)
+
+
+# --- One trajectory, and sweeps over step sizes.
 
 
 def integrate(
@@ -585,7 +579,10 @@ def sweep(
         raise bad_setting("taus", taus, "a list of step sizes, or tau_per_stage in its place: exactly one of the two")
     key, given = ("taus", taus) if tau_per_stage is None else ("tau_per_stage", tau_per_stage)
     stages = 1 if tau_per_stage is None else problem.tableau.stages
-    requested = [stages * tau for tau in _checked_taus(key, given)]
+    asked_taus = list_of(key, given, "a list of step sizes", MOST_TAUS)
+    if not asked_taus:
+        raise bad_setting(key, asked_taus, "at least one step size")
+    requested = [stages * checked_tau(tau, f"{key}[{i}]") for i, tau in enumerate(asked_taus)]
     begin = start_of(problem, q0, p0, parameters)
     times = "" if tau_per_stage is None else f"{stages} * "
     steps = [problem.steps_of(tau, f"{times}{key}[{i}]") for i, tau in enumerate(requested)]
@@ -630,13 +627,6 @@ def _warn_of_plunge(problem: Setup, start: Floats, paths: Trajectories, constant
     if change > surface_limit(problem.system, problem.scale) * unit > 0:
         message = f"energy='none' checks nothing: at the end H is off by {change:.2g}, and H0 = {H0:.2g}"
         warn_caller(message)
-
-
-def _checked_taus(key: str, taus: object) -> list[float]:
-    asked = list_of(key, taus, "a list of step sizes", MOST_TAUS)
-    if not asked:
-        raise bad_setting(key, asked, "at least one step size")
-    return [checked_tau(tau, f"{key}[{i}]") for i, tau in enumerate(asked)]
 
 
 def warm_up(system: str, precisions: Sequence[str] = ("double",)) -> dict[str, Any]:
