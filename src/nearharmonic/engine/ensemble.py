@@ -138,8 +138,8 @@ def ensemble(
         paths = joined([parts[i] for i in sorted(parts)])
     attributes = run_attributes(problem, begin, asked_tau) | problem.floor(begin.state, begin.parameters, paths.energy)
     variables = run_variables(problem, paths, begin, times, steps)
-    tau = variables.pop("tau")
-    renamed = over("member", variables) | parameter_variables(problem, begin.parameters) | {"tau": tau}
+    used = variables.pop("tau")
+    renamed = over("member", variables) | parameter_variables(problem, begin.parameters) | {"tau": used}
     coordinates = [name for name in renamed if name.startswith("parameter_")]
     return assembled(renamed, coordinates, attributes)
 

@@ -6,7 +6,7 @@ Such functions are not traced, so operations that need an expression of V raise 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import comb, nan
@@ -297,22 +297,15 @@ def _contradiction(
         terms = gradient * along
         return bool(abs(terms.sum() - slope) > DOUBTS * error + ROUNDING * np.abs(terms).sum())
 
-    d = point.size
-    candidates: Any = range(d) if d <= SMALL else bisected(contradicts, range(d))
-    return next((i for i in candidates if contradicts(range(i, i + 1))), None)
-
-
-def bisected(contradicts: Callable[[range], bool], indices: range) -> Iterator[int]:
-    """The index among ``indices`` that contradicts, if the sum over all of them does.
-
-    If the error of a sum exceeds the sum of the allowed errors, so does that of one of its halves.
-    """
+    indices = range(point.size)
+    if point.size <= SMALL:
+        return next((i for i in indices if contradicts(indices[i : i + 1])), None)
     if not contradicts(indices):
-        return
-    while len(indices) > 1:
+        return None
+    while len(indices) > 1:  # if the error of a sum exceeds the sum of the allowed errors, so does that of a half
         left, right = indices[: len(indices) // 2], indices[len(indices) // 2 :]
         indices = left if contradicts(left) else right
-    yield indices[0]
+    return indices[0] if contradicts(indices) else None
 
 
 def _slope(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
 from decimal import Decimal
@@ -119,63 +119,53 @@ def check_members(system: Any) -> None:
     name: Any = system.name  # a user may pass anything
     if not isinstance(name, str) or not name:
         raise SystemDefinitionError(f"name = {name!r} is not allowed: a system has a name")
-    for key in ("units", "parameters", "invariants", "observables"):
-        value = getattr(system, key)
-        if not isinstance(value, Mapping) or not all(isinstance(entry, str) for entry in value):
-            raise _not_allowed(system, key, value, "a mapping of names")
-    _check_names(system)
-    _check_functions(system)
-    if not isinstance(system.time_dependent, bool):
-        raise _not_allowed(system, "time_dependent", system.time_dependent, "True or False")
-    limit: Any = system.surface_limit
-    if not is_real(limit) or not limit > 0:
-        raise _not_allowed(system, "surface_limit", limit, "a number above 0")
-
-
-def _not_allowed(system: Any, key: str, value: object, allowed: str) -> SystemDefinitionError:
-    return SystemDefinitionError(f"{system.name}: {key} = {value!r} is not allowed: {allowed}")
-
-
-def _check_names(system: Any) -> None:
-    name = system.name
-    units: Mapping[str, Any] = system.units
-    for key in UNITS:
-        if key not in units:
+    for key, value, is_allowed, allowed in _typed_members(system):
+        if not is_allowed:
+            raise SystemDefinitionError(f"{name}: {key} = {value!r} is not allowed: {allowed}")
+    for key in (*UNITS, *system.units):
+        if key not in system.units:
             raise SystemDefinitionError(f"{name}: units lack {key!r}")
-    for key in units:
         if key not in UNITS:
             raise SystemDefinitionError(f"{name}: units has {key!r}, and names the units of {', '.join(UNITS)} alone")
-    named = {f"units[{key!r}]": unit for key, unit in units.items()}
-    for entry, function in (*system.invariants.items(), *system.observables.items()):
-        named |= {f"the unit of {entry!r}": function.unit} if isinstance(function, Observable) else {}
-    for key, unit in named.items():
-        if not isinstance(unit, str) or not unit or "since" in unit:  # xarray makes dates of the numbers
-            raise _not_allowed(system, key, unit, "a string without the word since, '1' for no unit")
-    for key in ("label", "source"):
-        if not isinstance(text := getattr(system, key), str):
-            raise _not_allowed(system, key, text, "a string")
     for key in system.parameters:
         if not key.isidentifier():
             allowed = "a name that an argument of V may have, of letters, digits and _"
             raise SystemDefinitionError(f"{name}: parameters has {key!r}, which is not allowed: {allowed}")
-
-
-def _check_functions(system: Any) -> None:
-    name = system.name
-    for key in ("V", "grad_V", "T", "grad_T"):
-        function = getattr(system, key)
-        if not callable(function) and (function is not None or key in ("V", "T")):
-            raise _not_allowed(system, key, function, "a function")
-    groups: tuple[tuple[str, Mapping[str, Any]], ...] = (
-        ("invariants", system.invariants), ("observables", system.observables),
-    )  # fmt: skip
-    for key, functions in groups:
-        for entry, function in functions.items():
+    for key in ("invariants", "observables"):
+        for entry in getattr(system, key):
             if entry in VARIABLES or (key == "observables" and entry in system.invariants):
                 raise SystemDefinitionError(f"{name}: {key} has {entry!r}, and a result has a variable of that name")
-            if not callable(function):
-                allowed = "a function f(q, p, *parameters), or a nearharmonic.Observable, which has a unit too"
-                raise _not_allowed(system, f"{key}[{entry!r}]", function, allowed)
+
+
+def _typed_members(system: Any) -> Iterator[tuple[str, Any, bool, str]]:
+    """Yield name, value, whether it is allowed, and what is."""
+    for key in ("units", "parameters", "invariants", "observables"):
+        value = getattr(system, key)
+        is_mapping = isinstance(value, Mapping) and all(isinstance(entry, str) for entry in value)
+        yield key, value, is_mapping, "a mapping of names"
+    functions = {f"invariants[{key!r}]": function for key, function in system.invariants.items()}
+    functions |= {f"observables[{key!r}]": function for key, function in system.observables.items()}
+    units = {f"units[{key!r}]": unit for key, unit in system.units.items()}
+    for key, function in (*system.invariants.items(), *system.observables.items()):
+        units |= {f"the unit of {key!r}": function.unit} if isinstance(function, Observable) else {}
+    for key, unit in units.items():  # xarray makes dates of the numbers
+        is_unit = isinstance(unit, str) and bool(unit) and "since" not in unit
+        yield key, unit, is_unit, "a string without the word since, '1' for no unit"
+    for key in ("label", "source"):
+        yield key, getattr(system, key), isinstance(getattr(system, key), str), "a string"
+    for key in ("V", "grad_V", "T", "grad_T"):
+        function = getattr(system, key)
+        yield key, function, callable(function) or (function is None and "grad" in key), "a function"
+    for key, function in functions.items():
+        what = "a function f(q, p, *parameters), or a nearharmonic.Observable, which has a unit too"
+        yield key, function, callable(function), what
+    yield "time_dependent", system.time_dependent, isinstance(system.time_dependent, bool), "True or False"
+    limit: Any = system.surface_limit
+    yield "surface_limit", limit, is_real(limit) and limit > 0, "a number above 0"
+
+
+def _not_allowed(system: Any, key: str, value: object, allowed: str) -> SystemDefinitionError:
+    return SystemDefinitionError(f"{system.name}: {key} = {value!r} is not allowed: {allowed}")
 
 
 def check_numbers(system: Any) -> None:
@@ -185,15 +175,15 @@ def check_numbers(system: Any) -> None:
     named |= {f"q0[{i}]": v for i, v in enumerate(system.q0)} | {f"p0[{i}]": v for i, v in enumerate(system.p0)}
     named |= {k: v for k in ("position_t_end", "energy_scale") if (v := getattr(system, k)) is not None}
     for key, text in named.items():
+        where = f"{system.name}: {key} = {shown(text)}"
         try:
             number = any_decimal_of(str(text) if isinstance(text, str | Decimal) else "")
         except ValueError:
-            message = f"{system.name}: {key} = {shown(text)} is not a finite decimal number"
-            raise SystemDefinitionError(message) from None
+            raise SystemDefinitionError(f"{where} is not a finite decimal number") from None
         if isinf(float(number)):
-            raise SystemDefinitionError(f"{system.name}: {key} = {shown(text)} is larger than any double")
+            raise SystemDefinitionError(f"{where} is larger than any double")
         if is_extreme(number):
-            raise SystemDefinitionError(f"{system.name}: {key} = {shown(text)} is smaller than any double above 0")
+            raise SystemDefinitionError(f"{where} is smaller than any double above 0")
     if system.energy_scale is not None and Decimal(system.energy_scale) <= 0:
         raise SystemDefinitionError(f"{system.name}: energy_scale = {system.energy_scale!r} is not positive")
 
@@ -204,19 +194,19 @@ def written_frequencies(system: Any) -> tuple[Fraction | str, ...]:
     if not is_list(given) or not hasattr(given, "__len__") or len(given) != system.dimension:
         allowed = f"{system.dimension} frequencies, one per coordinate, 0 for one that is free"
         raise _not_allowed(system, "frequencies", given, allowed)
-    return tuple(_frequency(system, i, value) for i, value in enumerate(given))
-
-
-def _frequency(system: Any, i: int, value: Any) -> Fraction | str:
-    if isinstance(value, str) and value in system.parameters:
-        return value
-    try:
-        number = exact_number(value)
-        usable = number >= 0 and float(number) < float("inf")
-    except (ValueError, TypeError, OverflowError):
-        usable = False
-    if not usable:
-        names = f", or the name of a parameter: {', '.join(system.parameters)}" if system.parameters else ""
-        what = f"it must be a decimal string or a fraction of at least 0{names}"
-        raise _not_allowed(system, f"frequencies[{i}]", value, what)
-    return number
+    found: list[Fraction | str] = []
+    for i, value in enumerate(given):
+        if isinstance(value, str) and value in system.parameters:
+            found.append(value)
+            continue
+        try:
+            number = exact_number(value)
+            usable = number >= 0 and float(number) < float("inf")
+        except (ValueError, TypeError, OverflowError):
+            usable = False
+        if not usable:
+            names = f", or the name of a parameter: {', '.join(system.parameters)}" if system.parameters else ""
+            what = f"it must be a decimal string or a fraction of at least 0{names}"
+            raise _not_allowed(system, f"frequencies[{i}]", value, what)
+        found.append(number)
+    return tuple(found)

@@ -464,7 +464,7 @@ class System:
                 del kept[name]
         if self.masses is not None:
             del kept["T"]
-        return _rebuilt, (kept,)
+        return partial(System, **kept), ()
 
     @cached_property
     def parameters_at_run_time(self) -> bool:
@@ -516,25 +516,19 @@ class System:
         return self._potential.hessian_times(tuple(q), tuple(direction), *others)
 
 
-def _rebuilt(fields: dict[str, Any]) -> System:
-    return System(**fields)
+_init = naming_arguments(System.__init__, "System")
 
 
-def _refusing(init: Any) -> Any:
-    """Return ``__init__`` with one sentence for a Hamiltonian that is given whole, and for unknown members."""
-    init = naming_arguments(init, "System")
-
-    @wraps(init)
-    def checked(self: System, **given: Any) -> None:
-        for name in given:
-            if name in WHOLE:
-                raise SystemDefinitionError(f"System has no {name}: {SEPARABLE}")
-        init(self, **given)
-
-    return checked
+@wraps(_init)
+def _refusing(self: System, **given: Any) -> None:
+    """Make a system; one sentence for a Hamiltonian that is given whole, and for unknown members."""
+    for name in given:
+        if name in WHOLE:
+            raise SystemDefinitionError(f"System has no {name}: {SEPARABLE}")
+    _init(self, **given)
 
 
-System.__init__ = _refusing(System.__init__)  # type: ignore[method-assign]
+System.__init__ = _refusing  # type: ignore[method-assign]
 
 
 # --- Systems in Python files of users.
