@@ -443,20 +443,10 @@ def single_steps(runs: int) -> Integers:
 
 
 def prepared_batch(
-    system: System,
-    step: Composition,
-    numerics: Numerics,
-    *,
-    marks: Integers,
-    scheme: Integers,
-    moves: Floats,
-    start: Floats,
-    parameters: Floats,
-    scale: float = 0.0,
-    reference: tuple[float, float] = (nan, nan),
-    resumed: Floats | None = None,
-    own_frequencies: bool = True,
-) -> Batch:
+    system: System, step: Composition, numerics: Numerics, *, marks: Integers, scheme: Integers, moves: Floats,
+    start: Floats, parameters: Floats, scale: float = 0.0, reference: tuple[float, float] = (nan, nan),
+    resumed: Floats | None = None, own_frequencies: bool = True,
+) -> Batch:  # fmt: skip
     """Return a batch that is ready to run, of arrays that :class:`Batch` describes.
 
     ``step`` is a method, or a single composition of one. Errors are relative to the energy ``scale``; 0 means |H0|, or
@@ -560,20 +550,10 @@ def _prepared_processed(
 
 
 def integrate_batch(
-    system: System,
-    tableau: Tableau,
-    *,
-    t_end: Fraction,
-    steps: Sequence[int] | Integers,
-    samples: int,
-    numerics: Numerics = STANDARD,
-    start: Floats | None = None,
-    parameters: Floats | None = None,
-    marks: Integers | None = None,
-    scale: float = 0.0,
-    reference: tuple[float, float] = (nan, nan),
-    resumed: Floats | None = None,
-) -> Trajectories:
+    system: System, tableau: Tableau, *, t_end: Fraction, steps: Sequence[int] | Integers, samples: int,
+    numerics: Numerics = STANDARD, start: Floats | None = None, parameters: Floats | None = None,
+    marks: Integers | None = None, scale: float = 0.0, **given: Any,
+) -> Trajectories:  # fmt: skip
     """Integrate R runs over [0, t_end], run i in ``steps[i]`` equal steps; ``t_end`` is negative to run backwards.
 
     Each run keeps at most so many ``samples``; a single one is the end. ``marks`` (R, S) of :func:`sample_marks`
@@ -594,7 +574,7 @@ def integrate_batch(
         system, tableau, numerics, marks=sample_marks(count, samples) if marks is None else marks, scheme=scheme,
         moves=moves_of(system, tableau, taus, numerics), start=rows,
         parameters=standard_parameters(system)[None, :] if parameters is None else parameters,
-        scale=scale, reference=reference, resumed=resumed,
+        scale=scale, **given,
     )  # fmt: skip
     batch.run()
     only_end = samples == 1 and marks is None

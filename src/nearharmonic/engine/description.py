@@ -425,19 +425,10 @@ def checked_times(t: object, problem: Setup) -> list[Fraction]:
     return times
 
 
-def run_at(
-    problem: Setup,
-    steps: Sequence[int],
-    times: Sequence[Fraction],
-    *,
-    start: Floats,
-    parameters: Floats,
-    reference: tuple[float, float],
-    resumed: Floats | None = None,
-) -> Trajectories:
+def run_at(problem: Setup, steps: Sequence[int], times: Sequence[Fraction], **given: Any) -> Trajectories:
     """Integrate R runs and return their states at K times; blocks between samples are not measured.
 
-    ``times`` are those of :func:`checked_times`; the other arguments are those of
+    ``times`` are those of :func:`checked_times`; what is ``given`` further, with ``parameters``, is as for
     :func:`nearharmonic.engine.batch.integrate_batch`.
     """
     count = np.asarray(steps, np.int64)
@@ -450,11 +441,11 @@ def run_at(
     shorter = np.array([[lengths.get(rest, -1) for rest in row] for row in rests])[which]
     before = np.array(exact_before, np.int64)[which]
     marks, where = (rows[which] for rows in _marks(np.array(exact_before, np.int64), different))
-    paths = problem.run(steps, 2, start=start, parameters=parameters, marks=marks, reference=reference, resumed=resumed)
+    paths = problem.run(steps, 2, marks=marks, **given)
     rows = np.arange(len(count))[:, None]
     columns = {name: getattr(paths, name)[rows, where] for name in ("q", "q_low", "p", "p_low", "energy_error")}
     if lengths:
-        _step_on(problem, paths, columns, shorter, list(lengths), parameters)
+        _step_on(problem, paths, columns, shorter, list(lengths), given["parameters"])
     unknown = np.full(before.shape, np.nan)
     found = replace(paths, marks=before, block_max=unknown, block_mean=unknown, **columns)
     if problem.numerics.energy != "samples":
@@ -475,13 +466,9 @@ def _marks(before: Integers, count: Integers) -> tuple[Integers, Integers]:
 
 
 def _step_on(
-    problem: Setup,
-    paths: Trajectories,
-    columns: dict[str, Floats],
-    shorter: Integers,
-    lengths: Sequence[Fraction],
+    problem: Setup, paths: Trajectories, columns: dict[str, Floats], shorter: Integers, lengths: Sequence[Fraction],
     parameters: Floats,
-) -> None:
+) -> None:  # fmt: skip
     """Replace states of the step before by those one shorter step later.
 
     ``shorter`` (R, K) says which of ``lengths`` that step has, -1 where a state is that of a step itself.

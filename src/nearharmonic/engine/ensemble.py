@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
-from math import nan
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
@@ -132,7 +131,7 @@ def ensemble(
 
         def compute(block: slice, start: Floats, parameters: Floats) -> None:
             equal = [steps] * (block.stop - block.start)
-            parts[block.start] = run_at(problem, equal, asked, start=start, parameters=parameters, reference=(nan, nan))
+            parts[block.start] = run_at(problem, equal, asked, start=start, parameters=parameters)
 
         _in_blocks(problem, steps, begin, threads, compute)
         paths = joined([parts[i] for i in sorted(parts)])

@@ -243,26 +243,17 @@ class Setup:
             parameters=parameters, scale=self.scale,
         )  # fmt: skip
 
-    def run(
-        self,
-        steps: Sequence[int],
-        samples: int,
-        *,
-        start: Floats | None = None,
-        parameters: Floats | None = None,
-        marks: Integers | None = None,
-        reference: tuple[float, float] = (nan, nan),
-        resumed: Floats | None = None,
-    ) -> Trajectories:
+    def run(self, steps: Sequence[int], samples: int, **given: Any) -> Trajectories:
         """Integrate one run for each entry of ``steps``; those that are equal in all are computed once.
 
-        The arguments are those of :func:`nearharmonic.engine.batch.integrate_batch`.
+        What is ``given`` further is as for :func:`nearharmonic.engine.batch.integrate_batch`.
         """
-        same = marks is None and all(rows is None or len(rows) == 1 for rows in (start, parameters))
+        alike = (given.get(name) for name in ("start", "parameters"))
+        same = given.get("marks") is None and all(rows is None or len(rows) == 1 for rows in alike)
         distinct = list(dict.fromkeys(steps)) if same else list(steps)
         paths = integrate_batch(
             self.system, self.tableau, t_end=self.end, steps=distinct, samples=samples, numerics=self.numerics,
-            start=start, parameters=parameters, marks=marks, scale=self.scale, reference=reference, resumed=resumed,
+            scale=self.scale, **given,
         )  # fmt: skip
         if len(distinct) == len(steps):
             return paths

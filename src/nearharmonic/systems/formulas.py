@@ -720,12 +720,7 @@ def regularised_formulas(system: Any) -> Formulas:
 
 def _acceleration(system: Any, kinetic_energy: Energy, force: Vector, *parameters: Any) -> Vector:
     """The acceleration in a system whose T is quadratic; that of the time coordinate of an extended system is 0."""
-    if system.time_dependent:
-        return *_of_force(system, kinetic_energy, force[:-1], *parameters), Constant(0)
-    return _of_force(system, kinetic_energy, force, *parameters)
-
-
-def _of_force(system: Any, kinetic_energy: Energy, force: Vector, *parameters: Any) -> Vector:
+    own, clock = (force[:-1], (Constant(0),)) if system.time_dependent else (force, ())
     if isinstance(system.T, MassKineticEnergy):
-        return system.T.velocity(force, *parameters)
-    return force if system.unit_masses else kinetic_energy.hessian_times(force, force, *parameters)
+        return *system.T.velocity(own, *parameters), *clock
+    return *(own if system.unit_masses else kinetic_energy.hessian_times(own, own, *parameters)), *clock
