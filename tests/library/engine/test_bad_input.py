@@ -5,7 +5,6 @@ Numbers and arrays of every kind have the same exact values in all public functi
 
 from __future__ import annotations
 
-import inspect
 import json
 import re
 from decimal import Decimal
@@ -193,17 +192,6 @@ REFUSING = {
     ("tailor", "starts"): lambda x: nh.tailor("henon_heiles", starts=x),
     ("tailor", "window"): lambda x: nh.tailor("henon_heiles", window=x),
 }
-#: Arguments that are no arrays of numbers: one value, a name, a function, or tuples of exact coefficients.
-OTHER = {
-    "system", "integrator", "tau", "t_end", "precision", "summation", "first", "samples", "energy", "energy_scale",
-    "start", "split", "threads", "observable", "coefficients", "surface", "direction", "error", "measure", "methods",
-    "budget", "stages", "seconds", "trials", "seed", "variable", "highest", "potential_degree", "name", "label", "V",
-    "grad_V", "units", "source", "T", "grad_T", "time_dependent", "regularisation", "parameters", "invariants",
-    "observables", "period", "harmonic", "gravity", "exact_position", "position_t_end", "declared_for",
-    "surface_limit", "surface_reason", "order", "kick", "drift", "digits", "square", "processor", "requires", "note",
-    "aliases", "benchmarked", "harmonic_order", "generalised_order", "symmetric", "half", "centre", "function", "unit",
-    "meaning", "value", "runs", "path", "frames", "fps", "title", "datasets", "kind", "axes",
-}  # fmt: skip
 
 
 def first_coordinate(q, p):
@@ -316,18 +304,6 @@ def test_arrays_of_every_kind_are_the_same_numbers(key):
             continue
         found = call(convert(given))
         assert found.equals(expected) if isinstance(found, xr.Dataset) else found == expected, kind
-
-
-def test_every_argument_is_an_array_of_this_list_or_none():
-    for name in nh.__all__:
-        function = getattr(nh, name)
-        if inspect.isfunction(function) or (inspect.isclass(function) and name != "NearharmonicError"):
-            arguments = set(inspect.signature(function).parameters)
-            arrays = {argument for of, argument in {**ARRAYS, **REFUSING} if of == name}
-            assert arguments - arrays <= OTHER, name
-            if name == "problem":  # which a call takes
-                arrays -= {"q0", "p0", "parameters"}
-            assert arrays <= arguments
 
 
 SHAPES = [

@@ -105,13 +105,6 @@ def test_rest_of_v_is_simplified_like_hand_written_code():
     assert remainder_formulas(nh.systems["sho"]).grad_V((x,)) == (0,)
 
 
-def test_a_result_says_that_its_oscillators_are_solved_exactly():
-    exact, split = (nh.integrate("henon_heiles", "aba864", 0.3, t_end=30, samples=2, **how) for how in (EXACT, {}))
-    assert exact.attrs["split"] == "exact_oscillator"
-    assert "split" not in split.attrs
-    assert not np.array_equal(exact.q[-1], split.q[-1])
-
-
 def test_shorter_step_of_exact_oscillator_lies_between_two_steps():
     run = nh.integrate("sho", "aba864", 0.5, t_end=10, t=["0.3", "7.77"], **EXACT)
     assert run.q.values[:, 0] == pytest.approx([float(cos(mpf("0.3"))), float(cos(mpf("7.77")))], abs=1e-15)

@@ -25,7 +25,7 @@ from psutil import Process
 
 import nearharmonic as nh
 from nearharmonic.engine import ensemble as module
-from nearharmonic.engine.kernels import kernel_of, lanes_for, most_lanes
+from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.errors import NearharmonicError
 from support.methods.own_systems import spring
 
@@ -134,26 +134,6 @@ def test_an_ensemble_keeps_what_was_asked_for():
     assert np.array_equal(times.q[:, 1], both.q[:, 1])
     single = nh.integrate("henon_heiles", "ruth", 0.1, q0=STARTS[7, :2], t_end=5, t=[2.25])
     assert np.array_equal(times.q[7, 0], single.q[0])
-
-
-def test_the_width_leaves_half_of_the_registers_to_the_force():
-    """d coordinates hold 4 d doubles a lane with carries; 16 registers of eight lanes."""
-    assert most_lanes(1, compensated=True, extended=False) == 32
-    assert most_lanes(2, compensated=True, extended=False) == 16
-    assert most_lanes(2, compensated=False, extended=False) == 32
-    assert most_lanes(6, compensated=True, extended=False) == 8
-    assert most_lanes(2, compensated=True, extended=True) == 8
-
-
-def test_one_run_takes_one_lane_and_many_take_useful_lanes():
-    """A queue takes max(longest, total / lanes) steps, one of 1.2, 2.0 or 3.6 times a single run's."""
-    equal = np.full(64, 100)
-    assert lanes_for(np.array([1000]), 32) == 1
-    assert lanes_for(equal, 8) == 8  # 800 steps of 1.2 against 6400
-    assert lanes_for(equal, 16) == 16  # 400 of 2.0 = 800 against 960
-    assert lanes_for(equal, 32) == 32  # 200 of 3.6 = 720
-    assert lanes_for(np.array([10000, 10, 10]), 32) == 1  # 10020 against 12000
-    assert lanes_for(np.array([100, 100]), 32) == 8  # 120 against 200
 
 
 def test_a_result_knows_the_parameters_that_it_was_computed_with():
