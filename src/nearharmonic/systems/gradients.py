@@ -315,11 +315,6 @@ def _text(value: SourceTracer | Constant) -> str:
     return value.name if isinstance(value, SourceTracer) else repr(float(value))
 
 
-def _function(name: str, arguments: str, lines: list[str], results: list[str]) -> str:
-    body = "".join(f"    {line}\n" for line in lines)
-    return f"def {name}({arguments}):\n{body}    return {', '.join(results)},\n"
-
-
 def velocity_text(system: System) -> str:
     """Return the text of ``velocity(q0, .., p0, ..)`` -> (dq0/dt, .., dp0/dt, ..).
 
@@ -334,7 +329,8 @@ def velocity_text(system: System) -> str:
     q, p = tuple(entries[:d]), tuple(entries[d:])
     velocity, force = vector(formulas, "grad_T", p, *constants), vector(formulas, "grad_V", q, *constants)
     results = [*map(_text, velocity), *(f"-{_text(component)}" for component in force)]
-    return _function("velocity", ", ".join(names), lines, results)
+    body = "".join(f"    {line}\n" for line in lines)
+    return f"def velocity({', '.join(names)}):\n{body}    return {', '.join(results)},\n"
 
 
 def velocity(system: System, functions: Mapping[str, Callable[..., Any]] | None = None) -> Callable[..., Any]:

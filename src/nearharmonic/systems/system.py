@@ -67,12 +67,21 @@ def check_arguments(system: System) -> None:
             given = ("q", "t") if system.time_dependent else ("q",)
         else:
             given, parameters = ("p",), parameters if takes_parameters(function) else ()
-        taken = _signature(function, follow_wrapped=False)
-        if taken is not None:
-            _check_count(system, formula, taken, given, parameters)
-        named = _signature(function, follow_wrapped=True)
-        if named is not None:
-            _check_order(system, formula, named, len(given))
+        called = (*given, *parameters)
+        if (taken := _signature(function, follow_wrapped=False)) is not None:
+            try:
+                taken.bind(*called)
+            except TypeError:
+                bare = [x.replace(annotation=Argument.empty) for x in taken.parameters.values()]
+                reason = _reason(system, [x for x in bare if x.kind in _POSITIONAL], given)
+                calls = f"takes {Signature(bare)}, and is called as {formula}({', '.join(called)}): {reason}"
+                raise SystemDefinitionError(f"{system.name}: {formula} {calls}") from None
+        if (named := _signature(function, follow_wrapped=True)) is not None:
+            names = [x.name for x in named.parameters.values() if x.kind in _POSITIONAL][len(given) :]
+            order = list(system.parameters)
+            if names != order and sorted(names) == sorted(order):
+                orders = f"({', '.join(names)}), and parameters are in the order ({', '.join(order)})"
+                raise SystemDefinitionError(f"{system.name}: {formula} takes {orders}")
 
 
 def _signature(function: Callable[..., Any], *, follow_wrapped: bool) -> Signature | None:
@@ -80,20 +89,6 @@ def _signature(function: Callable[..., Any], *, follow_wrapped: bool) -> Signatu
         return signature(getattr(function, "py_func", function), follow_wrapped=follow_wrapped)
     except (TypeError, ValueError):
         return None
-
-
-def _check_count(
-    system: System, formula: str, taken: Signature, given: tuple[str, ...], parameters: tuple[str, ...]
-) -> None:
-    called = (*given, *parameters)
-    try:
-        taken.bind(*called)
-    except TypeError:
-        bare = [x.replace(annotation=Argument.empty) for x in taken.parameters.values()]
-        shown = Signature(bare)
-        reason = _reason(system, [x for x in bare if x.kind in _POSITIONAL], given)
-        message = f"{system.name}: {formula} takes {shown}, and is called as {formula}({', '.join(called)}): {reason}"
-        raise SystemDefinitionError(message) from None
 
 
 def _reason(system: System, taken: list[Argument], given: tuple[str, ...]) -> str:
@@ -109,14 +104,6 @@ def _reason(system: System, taken: list[Argument], given: tuple[str, ...]) -> st
     if given == ("q", "t") and len(taken) < 2 + len(system.parameters):
         return "with time_dependent=True it takes the time, and all parameters behind it"
     return "it takes all parameters, those that only masses or T use too"
-
-
-def _check_order(system: System, formula: str, taken: Signature, given: int) -> None:
-    names = [x.name for x in taken.parameters.values() if x.kind in _POSITIONAL][given:]
-    parameters = list(system.parameters)
-    if names != parameters and sorted(names) == sorted(parameters):
-        orders = f"({', '.join(names)}), and parameters are in the order ({', '.join(parameters)})"
-        raise SystemDefinitionError(f"{system.name}: {formula} takes {orders}")
 
 
 Scalar = TypeVar("Scalar")
@@ -469,12 +456,10 @@ class System:
     @cached_property
     def parameters_at_run_time(self) -> bool:
         """True if formulas work with parameters that are values of a kernel, so that no branch depends on them."""
-        energies = (self._potential, self._kinetic_energy)
-        return not self.parameters or (
-            all(e.parameters_at_run_time for e in energies) and self._gradients_take_values()
-        )
-
-    def _gradients_take_values(self) -> bool:
+        if not self.parameters:
+            return True
+        if not all(energy.parameters_at_run_time for energy in self.energies):
+            return False
         formulas = self.formulas()
         values = Graph().variables(formulas.dimension + len(self.parameters))
         try:
