@@ -564,12 +564,14 @@ def integrate_batch(
     if tableau.modified:
         check_fit(system, tableau, numerics.split, "tableau")
     count = np.asarray(steps, dtype=np.int64)
-    distinct, scheme = _distinct(count)
+    distinct, scheme = count, np.zeros(1, np.int64)
+    if count.size > 1:  # sorting takes longer than a short run
+        distinct, scheme = np.unique(count, return_inverse=True)
     first = standard_start(system, not numerics.compensated) if start is None else start
     rows = np.empty((count.size, first.shape[-1]))
     rows[:] = first
     numerics = with_lanes(numerics, count, system, tableau)
-    taus = [t_end / n for n in distinct]
+    taus = [t_end / n for n in distinct.tolist()]
     batch = prepared_batch(
         system, tableau, numerics, marks=sample_marks(count, samples) if marks is None else marks, scheme=scheme,
         moves=moves_of(system, tableau, taus, numerics), start=rows,
@@ -579,11 +581,3 @@ def integrate_batch(
     batch.run()
     only_end = samples == 1 and marks is None
     return trajectories_of(system, tableau, count, batch.filled.without_start(only_end), numerics, scale)
-
-
-def _distinct(count: Integers) -> tuple[list[int], Integers]:
-    """The different numbers of steps, ascending, and the place of each run's among them."""
-    if count.size == 1:  # sorting takes longer than a short run
-        return count.tolist(), np.zeros(1, np.int64)
-    distinct, where = np.unique(count, return_inverse=True)
-    return distinct.tolist(), where.astype(np.int64).reshape(-1)

@@ -116,20 +116,6 @@ def low_digits(problem: Setup, paths: Trajectories) -> dict[str, tuple[Any, str,
     }
 
 
-def clock_variables(problem: Setup, paths: Trajectories) -> Variables:
-    """Return the time as it is integrated and its conjugate momentum, if V depends on time, else nothing."""
-    if not problem.system.time_dependent:
-        return {}
-    energy, t, d = problem.system.units["energy"], problem.system.units["t"], problem.system.dimension
-    time, momentum = "time as it is integrated", "momentum conjugate to time: minus the energy received"
-    return over_runs({
-        "clock": (paths.q[..., d], time, t),
-        "clock_low": (paths.q_low[..., d], f"{time}, digits below", t),
-        "clock_momentum": (paths.p[..., d], momentum, energy),
-        "clock_momentum_low": (paths.p_low[..., d], f"{momentum}, digits below", energy),
-    })  # fmt: skip
-
-
 def invariant_variables(problem: Setup, paths: Trajectories, begin: Start) -> Variables:
     """Return the invariants at the samples of runs from their starts, and their drifts."""
     system, d, count = problem.system, problem.system.dimension, len(paths.q)
@@ -149,7 +135,16 @@ def run_variables(
     variables = trajectory_variables(problem, paths, begin.constants, times) | error_variables(paths, problem)
     if problem.numerics.compensated:
         variables |= over_runs(low_digits(problem, paths))
-    variables |= clock_variables(problem, paths) | invariant_variables(problem, paths, begin)
+    if problem.system.time_dependent:
+        t, d, time = problem.system.units["t"], problem.system.dimension, "time as it is integrated"
+        momentum = "momentum conjugate to time: minus the energy received"
+        variables |= over_runs({
+            "clock": (paths.q[..., d], time, t),
+            "clock_low": (paths.q_low[..., d], f"{time}, digits below", t),
+            "clock_momentum": (paths.p[..., d], momentum, unit),
+            "clock_momentum_low": (paths.p_low[..., d], f"{momentum}, digits below", unit),
+        })  # fmt: skip
+    variables |= invariant_variables(problem, paths, begin)
     variables["tau"] = step_used(problem, steps)
     return variables | over_runs({
         "initial_energy": (paths.energy, "energy H0 at the start", unit),

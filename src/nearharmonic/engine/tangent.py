@@ -493,9 +493,20 @@ def deviations_dataset(
     for name, (dimensions, values, notes) in over_sample.items():
         kept_values = np.where(gone.reshape(*gone.shape, *(1,) * len(dimensions)), np.nan, values)[:, int(only_end) :]
         variables[name] = ("member", "sample", *dimensions), kept_values, notes
-    over_member = end_variables(found, own, left_at, float(problem.end), rate)
+    bounds = np.diff(found.schedule.bounds) / steps * abs(float(problem.end))
+    rates, half = found.blocks / bounds, np.full(len(own), np.nan)
+    if (count := len(bounds)) > 1:
+        spread = rates - rates.mean(axis=1, keepdims=True)
+        half = student_975(count - 1) * np.sqrt((spread * spread).sum(axis=1)) / sqrt((count - 1) * count)
+    half[left_at > 0] = np.nan
+    deviations = np.where(left_at[:, None, None] > 0, np.nan, found.deviations)
+    over, what = ("member", "deviation", "component"), "end of the 95 % interval of the exponent, from blocks of time"
     worst = np.where(left_at > 0, inf, np.fmax.reduce(np.abs(error), axis=1))
-    over_member |= {
+    variables |= {
+        "lyapunov_low": (("member",), own - half, described(f"lower {what}", rate)),
+        "lyapunov_high": (("member",), own + half, described(f"upper {what}", rate)),
+        "deviation_q": (over, deviations[..., :d], described("q-part of the final deviation of length 1")),
+        "deviation_p": (over, deviations[..., d:], described("p-part of the final deviation of length 1")),
         "max_energy_error": (("member",), worst, described("maximum of |energy_error| over the samples, inf if lost")),
         "initial_energy": (("member",), H0, described("energy H0 at the start", system.units["energy"])),
         "initial_energy_low": (("member",), 0 * H0, described("digits below initial_energy", system.units["energy"])),
@@ -504,7 +515,6 @@ def deviations_dataset(
         "evaluations": (("member",), found.evaluations, described("evaluations of the gradient by all lanes")),
         "diverged_at": (("member",), left_at, described("step at which divergence was seen, 0 if none was")),
     }
-    variables |= over_member
     variables |= {
         "t": (("sample",), times[int(only_end) :] + begin.t, described("time", unit)),
         "tau": step_used(problem, steps),
@@ -517,26 +527,6 @@ def deviations_dataset(
     attributes = run_attributes(problem, begin, asked_tau) | {"energy": "samples"}
     coordinates = ["t", "order", *(name for name in variables if name.startswith("parameter_"))]
     return assembled(variables, coordinates, attributes)
-
-
-def end_variables(found: Evolution, exponent: Floats, left_at: Integers, t_end: float, rate: str) -> Variables:
-    """Return the interval of the exponents (M,) and the final deviations."""
-    bounds = np.diff(found.schedule.bounds) / found.schedule.steps * abs(t_end)
-    rates, count = found.blocks / bounds, len(bounds)
-    half = np.full(len(exponent), np.nan)
-    if count > 1:
-        spread = rates - rates.mean(axis=1, keepdims=True)
-        half = student_975(count - 1) * np.sqrt((spread * spread).sum(axis=1)) / sqrt((count - 1) * count)
-    deviations = np.where(left_at[:, None, None] > 0, np.nan, found.deviations)
-    half[left_at > 0] = np.nan
-    d, over = deviations.shape[-1] // 2, ("member", "deviation", "component")
-    what = "end of the 95 % interval of the exponent, from blocks of time"
-    return {
-        "lyapunov_low": (("member",), exponent - half, described(f"lower {what}", rate)),
-        "lyapunov_high": (("member",), exponent + half, described(f"upper {what}", rate)),
-        "deviation_q": (over, deviations[..., :d], described("q-part of the final deviation of length 1")),
-        "deviation_p": (over, deviations[..., d:], described("p-part of the final deviation of length 1")),
-    }
 
 
 def energy_errors(problem: Setup, states: Floats, parameters: Floats, reference: Any) -> tuple[Floats, Floats]:
