@@ -103,6 +103,12 @@ def test_rest_of_v_is_simplified_like_hand_written_code():
         2 * Fraction(3, 7) * Fraction(-2, 11), Fraction(3, 7) ** 2 - Fraction(2, 11) ** 2,
     )  # fmt: skip
     assert remainder_formulas(nh.systems["sho"]).grad_V((x,)) == (0,)
+    named = nh.System(
+        name="named", V=lambda q, w: w * w * q[0] * q[0] / 2 + q[0] ** 3, q0=[1], p0=[0], t_end=1,
+        parameters={"w": "2.5"}, frequencies=("w",),
+    )  # fmt: skip
+    (cubic,) = remainder_formulas(named).grad_V((x,), Constant(Fraction(5, 2)))
+    assert Fraction(cubic.numerator, cubic.denominator) == 3 * Fraction(3, 7) ** 2
 
 
 def test_shorter_step_of_exact_oscillator_lies_between_two_steps():
