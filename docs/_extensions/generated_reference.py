@@ -18,7 +18,7 @@ from mpmath import isinf
 
 import nearharmonic
 from nearharmonic.cli import PROGRAM, command_names, help_text
-from nearharmonic.engine.solution import Problem
+from nearharmonic.engine.trajectory import Problem
 from nearharmonic.exact.polynomials import BigFloat
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.collocation import Collocation, gauss

@@ -20,12 +20,12 @@ from nearharmonic.errors import NearharmonicError, naming_arguments
 if TYPE_CHECKING:
     from nearharmonic import adapters as adapters
     from nearharmonic.engine.ensemble import ensemble as ensemble
+    from nearharmonic.engine.ensemble import section as section
     from nearharmonic.engine.gradient import gradient as gradient
-    from nearharmonic.engine.section import section as section
-    from nearharmonic.engine.solution import problem as problem
-    from nearharmonic.engine.stepper import stepper as stepper
     from nearharmonic.engine.tangent import tangent as tangent
     from nearharmonic.engine.trajectory import integrate as integrate
+    from nearharmonic.engine.trajectory import problem as problem
+    from nearharmonic.engine.trajectory import stepper as stepper
     from nearharmonic.engine.trajectory import sweep as sweep
     from nearharmonic.integrators import implicit_integrators as implicit_integrators
     from nearharmonic.integrators import integrators as integrators
@@ -52,11 +52,8 @@ _MODULES = {
     name: module
     for module, names in {
         "adapters": "adapters",
-        "engine.ensemble": "ensemble",
-        "engine.solution": "problem",
-        "engine.trajectory": "integrate sweep",
-        "engine.section": "section",
-        "engine.stepper": "stepper",
+        "engine.ensemble": "ensemble section",
+        "engine.trajectory": "integrate problem stepper sweep",
         "engine.gradient": "gradient",
         "engine.tangent": "tangent",
         "integrators": "implicit_integrators integrators modified_integrators",

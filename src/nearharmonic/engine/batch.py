@@ -1,41 +1,365 @@
-"""Many runs of one system and one tableau through the compiled kernel: exact settings in, numpy arrays out."""
+"""Many runs of one system and one method through the compiled kernel: exact settings in, named arrays out."""
 
 from __future__ import annotations
 
+import sys
+import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from contextlib import ExitStack
+from dataclasses import dataclass, fields, replace
 from fractions import Fraction
-from functools import cache
-from math import isnan, nan
+from functools import cache, cached_property
+from math import inf, isnan, nan, prod
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nearharmonic.core.layout import (
     COUNTERS,
     EVERY_STEP,
+    FAILED,
     ITERATIONS,
     LAND,
     LOOKS,
     NEVER,
+    PROGRESS,
     RUN,
     SAMPLES,
+    STOP,
     Signature,
     running_rows,
 )
-from nearharmonic.engine import execution
-from nearharmonic.engine.execution import Batch, Trajectories, doubles, filled, surface_limit, trajectories_of
 from nearharmonic.engine.kernels import STANDARD, cost_of, kernel_of, physics_of, with_lanes
 from nearharmonic.engine.numbers import moves_of, parameters_at_run_time, standard_parameters, standard_start
 from nearharmonic.engine.settings import Numerics, check_fit
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Composition, Tableau
-from nearharmonic.numerics.portable import Floats, Integers
+from nearharmonic.numerics.portable import Bools, Floats, Integers
 from nearharmonic.systems.remembered import remembered
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
     from nearharmonic.core.machine.native import PreparedCall
+
+
+# --- Interrupt handling and progress bars for long kernel calls.
+
+#: Product of steps, stages and the cost of a force below which a call takes less than about 20 ms and is not watched.
+SHORT = 5_000_000
+#: Seconds between looks at the keyboard, and seconds after which a progress bar is shown.
+PATIENCE, LONG = 0.05, 2.0
+#: Largest product of steps and cost between two looks of a kernel at its control array.
+STRETCH = 2_000_000
+
+
+def execute(call: Callable[[], Any], state: NDArray[np.int64], steps: int, cost: int) -> None:
+    """Make the call of a kernel with the control array ``state``; ``steps`` are those of all its runs, ``cost`` that of
+    one.
+
+    Ctrl-C stops it within a stretch: KeyboardInterrupt is raised when the kernel has stopped, and its results must not
+    be used. A call of more than two seconds shows its progress. A call inside of :class:`Blocks` is stopped and shown
+    together with the blocks.
+    """
+    if (blocks := getattr(_OWN, "blocks", None)) is not None:
+        blocks.call(call, state)
+    elif steps * cost < SHORT or not _in_main_thread():
+        call()
+    else:
+        Blocks(lambda _: execute(call, state, steps, cost), 1, steps=steps, cost=cost).execute(1)
+
+
+#: Blocks that the current thread works for.
+_OWN = threading.local()
+
+
+class Blocks:
+    """Blocks of runs that threads take from a queue.
+
+    ``compute`` computes the block of an index below ``count``, and calls kernels by :func:`execute`. ``steps`` are
+    those of all runs of all blocks together, and ``cost`` is that of a step.
+    """
+
+    def __init__(self, compute: Callable[[int], None], count: int, *, steps: int, cost: int) -> None:
+        self._compute, self._count, self._steps, self._cost = compute, count, steps, cost
+        self._stopped, self._done, self._controls = False, 0, dict[int, NDArray[np.int64]]()
+
+    def execute(self, threads: int) -> None:
+        """Compute all blocks; Ctrl-C stops them all, and is raised when every thread has stopped."""
+        if self._steps * self._cost < SHORT or (threads == 1 and not _in_main_thread()):
+            for i in range(self._count):
+                self._compute(i)
+            return
+        from concurrent.futures import ThreadPoolExecutor, wait
+
+        begin, bar = time.monotonic(), None
+        with ThreadPoolExecutor(threads) as pool, ExitStack() as shown:
+            futures = [pool.submit(self._one, i) for i in range(self._count)]
+            try:
+                for future in futures:
+                    while not future.done():
+                        wait([future], PATIENCE)
+                        if bar is None and time.monotonic() - begin > LONG and sys.stderr.isatty():
+                            from tqdm import tqdm
+
+                            bar = tqdm(total=self._steps, unit=" steps", unit_scale=True, leave=False)
+                            shown.enter_context(bar)
+                        if bar is not None:
+                            bar.update(self._done + sum(int(x[PROGRESS]) for x in self._controls.values()) - bar.n)
+                    future.result()
+            except BaseException:
+                self._stopped = True
+                for state in list(self._controls.values()):
+                    state[STOP] = 1
+                pool.shutdown(cancel_futures=True)
+                raise
+
+    def call(self, call: Callable[[], Any], state: NDArray[np.int64]) -> None:
+        """Make a call of one of the blocks, unless they have been stopped."""
+        key = threading.get_ident()
+        self._controls[key] = state
+        # In this order: a stop is seen here, or by the kernel.
+        if not self._stopped:
+            call()
+        self._done += int(state[PROGRESS])
+        del self._controls[key]
+
+    def _one(self, i: int) -> None:
+        if not self._stopped:
+            _OWN.blocks = self
+            self._compute(i)
+
+
+def _in_main_thread() -> bool:
+    return threading.current_thread() is threading.main_thread()
+
+
+# --- Results of a batch of runs as named arrays: states, energy errors, divergence flags.
+
+#: Samples at which the energy of a processed method is measured if its errors alone are wanted.
+SAMPLES_OF_PROCESSED = 1000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trajectories:
+    """R runs of up to S samples each, of a system with d coordinates.
+
+    ``marks`` (R, S): the step of each sample, -1 where a run has fewer. ``q``, ``p``, ``q_low``, ``p_low`` (R, S, d):
+    the states and what compensation or double-double keeps below them; NaN where there is no sample, or where the run
+    had left before. ``energy_error`` (R, S): (H - H0)/|H0|, or over the scale asked for. ``block_max``, ``block_mean``
+    (R, S): of its modulus over the steps since the previous sample, as far as it was measured. ``max_energy_error``,
+    ``mean_energy_error`` (R,): over every step, or over the samples, as :class:`Numerics` says, infinite if the run
+    left; maxima over looks have no means. ``steps`` (R,) asked for; ``done`` (R,) taken; ``left_at`` (R,) step at
+    which the run left its energy surface, 0 if it did not; ``evaluations`` (R,) of the force; ``energy``,
+    ``energy_low`` (R,): H0. ``running`` (R, 5 d or more): the states of the last forces, from which the runs may go on,
+    or (R, 0). ``unsolved`` (R,): True where the equations of an implicit step could not be solved at ``left_at``.
+    """
+
+    marks: Integers
+    q: Floats
+    p: Floats
+    q_low: Floats
+    p_low: Floats
+    energy_error: Floats
+    block_max: Floats
+    block_mean: Floats
+    max_energy_error: Floats
+    mean_energy_error: Floats
+    steps: Integers
+    done: Integers
+    left_at: Integers
+    evaluations: Integers
+    energy: Floats
+    energy_low: Floats
+    running: Floats
+    unsolved: Bools
+
+    @property
+    def ends(self) -> tuple[Floats, Floats]:
+        """Positions at the last sample of each run and the digits below them, (R, d) each."""
+        place = np.arange(len(self.marks)), np.count_nonzero(self.marks >= 0, axis=1) - 1
+        return self.q[place], self.q_low[place]
+
+    def take(self, runs: Integers) -> Trajectories:
+        """The runs at these indices, in this order."""
+        return Trajectories(**{field.name: getattr(self, field.name)[runs] for field in fields(self)})
+
+
+def least_samples(tableau: Tableau) -> int:
+    """Return the samples of a run whose energy errors alone are wanted: its ends, unless only samples are measured."""
+    return SAMPLES_OF_PROCESSED if tableau.processed else 2
+
+
+def joined(parts: Sequence[Trajectories]) -> Trajectories:
+    """Return the runs of several batches, one behind the other."""
+    if len(parts) == 1:
+        return parts[0]
+    columns = {field.name: [getattr(part, field.name) for part in parts] for field in fields(Trajectories)}
+    return Trajectories(**{name: np.concatenate(arrays) for name, arrays in columns.items()})
+
+
+def energy_unit(energy: Floats, scale: float) -> Floats:
+    """Return the divisor of energy errors: |H0| (R,), 1 where H0 = 0, or ``scale`` if it is not 0."""
+    unit = np.abs(energy) if scale == 0 else np.full(energy.size, scale)
+    unit[unit == 0] = 1.0
+    return unit
+
+
+class Filled(SimpleNamespace):
+    """Arrays that a call fills for R runs of S samples each, of D coordinates, with the names that the kernel declares.
+
+    ``marks`` (R, S): the step of each sample, -1 where a run has fewer. ``left_at`` (R,): the step at which a run left
+    its energy surface, or 0. ``states`` (R, S, 4 D). ``energy_error``, ``worst`` and ``total`` (R, S): H - H0, and
+    maximum and sum of its modulus over the block before each sample. ``energy`` (R, 2): H0 as pairs. ``running`` (R,
+    5 D): the states of the last forces; where runs land on physical times, it begins with the steps of each, and those
+    made to land.
+    """
+
+    def without_start(self, cut: bool = True) -> Filled:
+        """These arrays without the first sample of each run, or as they are."""
+        sampled = {name: array[:, 1:] for name, array in vars(self).items() if cut and name in ("marks", *SAMPLED)}
+        return Filled(**vars(self) | sampled)
+
+
+#: Arrays of doubles that a call fills, as the kernel declares them, and those with a number or a state a sample.
+_NAMES = [argument.name for argument in RUN.arguments]
+RESULTS = {x.name: x.lengths for x in RUN.arguments[_NAMES.index("control") + 1 : _NAMES.index("left_at")]}
+SAMPLED = tuple(name for name, lengths in RESULTS.items() if "samples" in lengths)
+
+
+def shapes(marks: tuple[int, ...], d: int, running: int = 0) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of :data:`RESULTS` for marks (R, S) of this shape, and so many numbers of a running state."""
+    lengths = {"total_runs": marks[0], "samples": marks[1], "size": 4 * d, "pair": 2, "running_rows": running}
+    return {name: tuple(lengths[length] for length in names) for name, names in RESULTS.items()}
+
+
+def doubles(marks: tuple[int, ...], d: int, running: int = 0) -> int:
+    """Return the number of doubles of all :data:`RESULTS`."""
+    return sum(map(prod, shapes(marks, d, running).values()))
+
+
+def sample_size(d: int) -> int:
+    """Return the number of doubles that a sample takes."""
+    return doubles((1, 1), d) - doubles((1, 0), d)
+
+
+def views_of(marks: Integers, results: Floats, left_at: Integers, d: int) -> Filled:
+    """Return views of the ``results`` of runs of ``d`` coordinates with these ``marks``, an array in one piece."""
+    begin, views = 0, {}
+    for name, shape in shapes(marks.shape, d, (results.size - doubles(marks.shape, d)) // len(marks)).items():
+        views[name] = results[begin : (begin := begin + prod(shape))].reshape(shape)
+    return Filled(marks=marks, left_at=left_at, **views)
+
+
+def trajectories_of(
+    system: System, tableau: Tableau, steps: Integers, arrays: Filled, numerics: Numerics, scale: float
+) -> Trajectories:
+    """Return the results of a kernel by name, energies relative to |H0|, to ``scale``, or to 1."""
+    marks, left_at, states, running = arrays.marks, arrays.left_at, arrays.states, arrays.running
+    unit = energy_unit(arrays.energy[:, 0], scale)[:, None]
+    error, worst, total = (getattr(arrays, name) / unit for name in ("energy_error", "worst", "total"))
+    if numerics.energy == "none":
+        error[:] = worst[:] = total[:] = arrays.energy[:] = np.nan
+    d = states.shape[-1] // 4
+    left = left_at > 0
+    done = taken = np.where(left, left_at, steps)
+    weight, landed, counters = steps, system.regularisation is not None, running
+    if landed:
+        done, taken = np.maximum(running[:, :2], 1).T.astype(np.int64)
+        weight, running = done, running[:, :0]
+    evaluations, failed = evaluations_of(tableau, taken, counters)
+    largest = np.fmax.reduce(worst, axis=1)  # which passes NaN over
+    mean = _means(total, weight, marks, numerics)
+    if left.any():
+        mean[left] = largest[left] = np.inf
+    if landed:
+        total[:] = np.nan
+    elif numerics.energy == "every":
+        total /= np.maximum(np.diff(marks, axis=1, prepend=0), 1)
+    return Trajectories(
+        marks=marks, q=states[:, :, :d], q_low=states[:, :, d : 2 * d], p=states[:, :, 2 * d : 3 * d],
+        p_low=states[:, :, 3 * d :], energy_error=error, block_max=worst, block_mean=total, max_energy_error=largest,
+        mean_energy_error=mean, steps=steps, done=done, left_at=left_at, evaluations=evaluations,
+        energy=arrays.energy[:, 0], energy_low=arrays.energy[:, 1], running=running, unsolved=left & failed,
+    )  # fmt: skip
+
+
+def evaluations_of(tableau: Tableau, steps: Integers, running: Floats) -> tuple[Integers, Bools]:
+    """Return the force evaluations (R,) of runs, and where an implicit step was not solved.
+
+    ``steps`` (R,) were made; those of implicit methods have their iterations among the counters that end ``running``.
+    """
+    if not tableau.implicit:
+        return tableau.evaluations(steps), np.zeros(len(steps), bool)
+    counters = running[:, -COUNTERS:]
+    return tableau.evaluations(counters[:, ITERATIONS].astype(np.int64)), counters[:, FAILED] != 0
+
+
+def _means(total: Floats, steps: Integers, marks: Integers, numerics: Numerics) -> Floats:
+    """Mean of |H - H0| over the steps, or over the samples; NaN if it was measured at other times."""
+    if numerics.look is not None and numerics.energy == "samples":  # sums over looks are no means over steps
+        total[:] = np.nan
+        return np.full(steps.size, np.nan)
+    weight = steps if numerics.energy == "every" else np.maximum(np.count_nonzero(marks > 0, axis=1), 1)
+    mean: Floats = np.add.reduce(total, axis=1) / weight
+    if np.isnan(mean).any():  # blocks without a step, or behind the end of a run, count for nothing
+        unknown = np.isnan(total)
+        mean = np.add.reduce(np.where(unknown, 0, total), axis=1) / weight
+        mean[unknown.all(axis=1)] = np.nan
+    return mean
+
+
+def surface_limit(system: System, scale: float) -> float:
+    """Return the largest energy error of a run, in units of |H0| or of ``scale``, beyond which it has diverged.
+
+    The energy of a system that depends on time has no surface: unless its ``scale`` is one that was asked for, only a
+    state that is not finite has diverged.
+    """
+    return inf if system.time_dependent and scale == system.typical_energy else system.surface_limit
+
+
+# --- A queue of runs with their arrays, ready to run.
+@dataclass(frozen=True, kw_only=True)
+class Batch:
+    """A queue of R runs with their arrays, which may be filled anew and run again.
+
+    ``marks`` (R, S): steps at which to sample, first 0, padded with -1. ``scheme`` (R,): the row of ``moves`` (schemes,
+    s + 2, columns) that each run takes, from :func:`nearharmonic.engine.numbers.moves_of`. ``start`` (R, 4
+    D): initial states of the D coordinates of the kernel. ``parameters`` (R or 1, 2 P). ``results``: states, blocks,
+    energies and running states in one piece, which :attr:`filled` splits. ``left_at`` (R,): step at which a run left
+    its energy surface, or 0. ``control`` (2,): control array of ``call``, which fills ``results`` and ``left_at``.
+    ``cost``: that of a step.
+    """
+
+    numerics: Numerics
+    marks: Integers
+    scheme: Integers
+    start: Floats
+    parameters: Floats
+    moves: Floats
+    results: Floats
+    left_at: Integers
+    control: Integers
+    call: Callable[[], object]
+    cost: int
+
+    @cached_property
+    def filled(self) -> Filled:
+        """Arrays that :meth:`run` fills, as views of ``results``."""
+        return views_of(self.marks, self.results, self.left_at, self.start.shape[1] // 4)
+
+    def clear(self) -> None:
+        """Forget what an earlier call computed, and that it was told to stop."""
+        self.results.fill(nan)
+        self.left_at.fill(0)
+        self.control.fill(0)
+
+    def run(self, steps: int | None = None) -> None:
+        """Compute the results; ``steps`` is the number of steps of all runs together, if it is known."""
+        self.clear()
+        execute(self.call, self.control, int(self.marks.max(axis=1).sum()) if steps is None else steps, self.cost)
 
 
 # --- Runs of regularised systems: equal steps of a fictitious time, samples that land on physical times.
@@ -118,20 +442,10 @@ def single_steps(runs: int) -> Integers:
 
 
 def prepared_batch(
-    system: System,
-    step: Composition,
-    numerics: Numerics,
-    *,
-    marks: Integers,
-    scheme: Integers,
-    moves: Floats,
-    start: Floats,
-    parameters: Floats,
-    scale: float = 0.0,
-    reference: tuple[float, float] = (nan, nan),
-    resumed: Floats | None = None,
-    own_frequencies: bool = True,
-) -> Batch:
+    system: System, step: Composition, numerics: Numerics, *, marks: Integers, scheme: Integers, moves: Floats,
+    start: Floats, parameters: Floats, scale: float = 0.0, reference: tuple[float, float] = (nan, nan),
+    resumed: Floats | None = None, own_frequencies: bool = True,
+) -> Batch:  # fmt: skip
     """Return a batch that is ready to run, of arrays that :class:`Batch` describes.
 
     ``step`` is a method, or a single composition of one. Errors are relative to the energy ``scale``; 0 means |H0|, or
@@ -148,14 +462,15 @@ def prepared_batch(
     cost = step.stages * cost_of(system, numerics.compiled, **step.kernel_options)
     runs, d, stages = len(marks), start.shape[1] // 4, step.stages if step.implicit else 0
     rows = running_rows(d, stages)
-    left_at, control, results = np.zeros(runs, np.int64), execution.control(), np.empty(doubles(marks.shape, d, rows))
-    arrays = filled(marks, results, left_at, d)._asdict()
-    given = arrays | {
-        "measured": measured(numerics), "order": np.argsort(-marks.max(axis=1), kind="stable"), "scheme": scheme,
+    left_at, control, results = np.zeros(runs, np.int64), np.zeros(2, np.int64), np.empty(doubles(marks.shape, d, rows))
+    arrays = views_of(marks, results, left_at, d)
+    measured = {"every": EVERY_STEP, "samples": LOOKS if numerics.look else SAMPLES, "none": NEVER}
+    given = vars(arrays) | {
+        "measured": measured[numerics.energy], "order": np.argsort(-marks.max(axis=1), kind="stable"), "scheme": scheme,
         "start": start, "parameters": parameters, "limit": surface_limit(system, scale), "scale": scale,
-        "reference": np.array(reference), "stretch": numerics.look or execution.stretch(cost),
+        "reference": np.array(reference), "stretch": numerics.look or max(1, STRETCH // cost),
         "stages": step.moves_per_step, "kick_first": step.first_same_as_last, "moves": moves, "control": control,
-        "ends": arrays["running"],
+        "ends": arrays.running,
     }  # fmt: skip
     call: Callable[[], object]
     if system.regularisation is not None:
@@ -234,20 +549,10 @@ def _prepared_processed(
 
 
 def integrate_batch(
-    system: System,
-    tableau: Tableau,
-    *,
-    t_end: Fraction,
-    steps: Sequence[int] | Integers,
-    samples: int,
-    numerics: Numerics = STANDARD,
-    start: Floats | None = None,
-    parameters: Floats | None = None,
-    marks: Integers | None = None,
-    scale: float = 0.0,
-    reference: tuple[float, float] = (nan, nan),
-    resumed: Floats | None = None,
-) -> Trajectories:
+    system: System, tableau: Tableau, *, t_end: Fraction, steps: Sequence[int] | Integers, samples: int,
+    numerics: Numerics = STANDARD, start: Floats | None = None, parameters: Floats | None = None,
+    marks: Integers | None = None, scale: float = 0.0, **given: Any,
+) -> Trajectories:  # fmt: skip
     """Integrate R runs over [0, t_end], run i in ``steps[i]`` equal steps; ``t_end`` is negative to run backwards.
 
     Each run keeps at most so many ``samples``; a single one is the end. ``marks`` (R, S) of :func:`sample_marks`
@@ -258,33 +563,20 @@ def integrate_batch(
     if tableau.modified:
         check_fit(system, tableau, numerics.split, "tableau")
     count = np.asarray(steps, dtype=np.int64)
-    distinct, scheme = _distinct(count)
+    distinct, scheme = count, np.zeros(1, np.int64)
+    if count.size > 1:  # sorting takes longer than a short run
+        distinct, scheme = np.unique(count, return_inverse=True)
     first = standard_start(system, not numerics.compensated) if start is None else start
     rows = np.empty((count.size, first.shape[-1]))
     rows[:] = first
     numerics = with_lanes(numerics, count, system, tableau)
-    taus = [t_end / n for n in distinct]
+    taus = [t_end / n for n in distinct.tolist()]
     batch = prepared_batch(
         system, tableau, numerics, marks=sample_marks(count, samples) if marks is None else marks, scheme=scheme,
         moves=moves_of(system, tableau, taus, numerics), start=rows,
         parameters=standard_parameters(system)[None, :] if parameters is None else parameters,
-        scale=scale, reference=reference, resumed=resumed,
+        scale=scale, **given,
     )  # fmt: skip
     batch.run()
     only_end = samples == 1 and marks is None
     return trajectories_of(system, tableau, count, batch.filled.without_start(only_end), numerics, scale)
-
-
-def measured(numerics: Numerics) -> int:
-    """Return when the kernel measures the energy, as :data:`nearharmonic.core.layout.RUN` has it."""
-    if numerics.energy == "samples":
-        return SAMPLES if numerics.look is None else LOOKS
-    return EVERY_STEP if numerics.energy == "every" else NEVER
-
-
-def _distinct(count: Integers) -> tuple[list[int], Integers]:
-    """The different numbers of steps, ascending, and the place of each run's among them."""
-    if count.size == 1:  # sorting takes longer than a short run
-        return count.tolist(), np.zeros(1, np.int64)
-    distinct, where = np.unique(count, return_inverse=True)
-    return distinct.tolist(), where.astype(np.int64).reshape(-1)

@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
-from sys import float_info
+from functools import reduce
+from math import hypot as length_of
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.engine import invariants
-from nearharmonic.engine.batch import single_steps
-from nearharmonic.engine.execution import Trajectories, energy_unit
+from nearharmonic.engine.batch import Trajectories, energy_unit, single_steps
 from nearharmonic.engine.numbers import exact, list_of
 from nearharmonic.engine.settings import MOST_SAMPLES
-from nearharmonic.engine.setup import Setup, Start, end_digest, moves_digest
+from nearharmonic.engine.setup import Setup, Start, end_digest, invariant_values, moves_digest, observable_values
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators import integrators
+from nearharmonic.math import hypot
 from nearharmonic.numerics.portable import Bools, Floats, Integers
 from nearharmonic.output.store import Variable, Variables, assembled, described, flags
+from nearharmonic.systems.remembered import remembered
+from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -77,26 +80,6 @@ def energy_scale(paths: Trajectories, problem: Setup) -> tuple[str, str]:
     return f"/|H0|{f' (absolute, in {unit}, where H0 = 0)' if none.any() else ''}{H}", "1"
 
 
-def first_run(variables: Variables) -> Variables:
-    """Return the variables of the first run alone, up to the last sample that it reached."""
-    kept = int(np.isfinite(variables["q"][1][0, :, 0]).sum())
-    return {
-        name: (dimensions[1:], values[0, :kept] if "sample" in dimensions else values[0], attributes)
-        for name, (dimensions, values, attributes) in variables.items()
-    }
-
-
-def block_variables(problem: Setup, paths: Trajectories) -> Variables:
-    """Return length, maximum and mean of the blocks of steps before each sample."""
-    length = np.where(paths.marks >= 0, np.diff(paths.marks, axis=1, prepend=0), 0)
-    scale, unit = energy_scale(paths, problem)
-    return over_runs({
-        "block_steps": (length, f"steps {SINCE}", "1"),
-        "block_max_energy_error": (paths.block_max, f"maximum of |H - H0|{scale} {SINCE}", unit),
-        "block_mean_energy_error": (paths.block_mean, f"mean of |H - H0|{scale} {SINCE}", unit),
-    })  # fmt: skip
-
-
 def trajectory_variables(
     problem: Setup, paths: Trajectories, constants: Sequence[Any], times: Floats | None = None
 ) -> Variables:
@@ -119,7 +102,7 @@ def trajectory_variables(
     }
     if problem.numerics.precision == "extended":
         table |= low_digits(problem, paths)
-    for name, values in invariants.observable_values(system, paths.q[..., :d], paths.p[..., :d], constants).items():
+    for name, values in observable_values(system, paths.q[..., :d], paths.p[..., :d], constants).items():
         table[name] = values, system.observables[name].meaning, system.observables[name].unit
     return over_runs(table)
 
@@ -133,54 +116,52 @@ def low_digits(problem: Setup, paths: Trajectories) -> dict[str, tuple[Any, str,
     }
 
 
-def clock_variables(problem: Setup, paths: Trajectories) -> Variables:
-    """Return the time as it is integrated and its conjugate momentum, if V depends on time, else nothing."""
-    if not problem.system.time_dependent:
-        return {}
-    energy, t, d = problem.system.units["energy"], problem.system.units["t"], problem.system.dimension
-    time, momentum = "time as it is integrated", "momentum conjugate to time: minus the energy received"
-    return over_runs({
-        "clock": (paths.q[..., d], time, t),
-        "clock_low": (paths.q_low[..., d], f"{time}, digits below", t),
-        "clock_momentum": (paths.p[..., d], momentum, energy),
-        "clock_momentum_low": (paths.p_low[..., d], f"{momentum}, digits below", energy),
-    })  # fmt: skip
-
-
-def invariant_variables(problem: Setup, paths: Trajectories, start: Floats, constants: Sequence[Any]) -> Variables:
-    """Return the invariants at the samples of R runs from the states ``start`` (R or 1, 4 d), and their drifts.
-
-    The parameters ``constants`` of the system are floats or arrays (R, 1).
-    """
-    d = problem.system.dimension
-    state = np.broadcast_to(start, (len(paths.q), start.shape[1])).reshape(len(paths.q), 4, -1)[..., :d]
+def invariant_variables(problem: Setup, paths: Trajectories, begin: Start) -> Variables:
+    """Return the invariants at the samples of runs from their starts, and their drifts."""
+    system, d, count = problem.system, problem.system.dimension, len(paths.q)
+    state = np.broadcast_to(begin.state, (count, begin.state.shape[1])).reshape(count, 4, -1)[..., :d]
+    q, p = paths.q[..., :d], paths.p[..., :d]
     if (kept := np.flatnonzero(paths.left_at == 0)).size:  # a run on its energy surface
-        run = int(kept[0])
-        own = [float(np.broadcast_to(x, (len(paths.q), 1))[run, 0]) for x in constants]
-        invariants.warn_of_changing(problem.system, paths.q[run, :, :d], paths.p[run, :, :d], own)
-    return invariants.invariant_variables(
-        problem.system, paths.q[..., :d], paths.p[..., :d], paths.left_at > 0, constants,
-        start=(state[:, 0], state[:, 2]),
-    )  # fmt: skip
+        own = [float(np.broadcast_to(x, (count, 1))[kept[0], 0]) for x in begin.constants]
+        warn_of_changing(system, q[kept[0]], p[kept[0]], own)
+    return drift_variables(system, q, p, paths.left_at > 0, begin.constants, start=(state[:, 0], state[:, 2]))
 
 
-def trajectory_dataset(
-    problem: Setup,
-    paths: Trajectories,
-    *,
-    begin: Start,
-    asked: float,
-    times: Floats | None = None,
-) -> xr.Dataset:
-    """Return the first of ``paths``, from ``begin`` with the step ``asked``, as :func:`nearharmonic.integrate` does."""
+def run_variables(
+    problem: Setup, paths: Trajectories, begin: Start, times: Floats | None, steps: int | Integers
+) -> Variables:
+    """Return all variables of runs from ``begin``; ``times`` are as for :func:`trajectory_variables`."""
+    unit = problem.system.units["energy"]
     variables = trajectory_variables(problem, paths, begin.constants, times) | error_variables(paths, problem)
     if problem.numerics.compensated:
         variables |= over_runs(low_digits(problem, paths))
-    variables |= clock_variables(problem, paths)
-    variables |= invariant_variables(problem, paths, begin.state, begin.constants)
-    variables |= {"tau": step_used(problem, paths.steps)} | initial_energy_variables(problem, paths)
-    one, notes = first_run(variables), run_attributes(problem, begin, asked)
-    notes |= problem.floor(begin.state, begin.parameters, paths.energy[:1])
+    if problem.system.time_dependent:
+        t, d, time = problem.system.units["t"], problem.system.dimension, "time as it is integrated"
+        momentum = "momentum conjugate to time: minus the energy received"
+        variables |= over_runs({
+            "clock": (paths.q[..., d], time, t),
+            "clock_low": (paths.q_low[..., d], f"{time}, digits below", t),
+            "clock_momentum": (paths.p[..., d], momentum, unit),
+            "clock_momentum_low": (paths.p_low[..., d], f"{momentum}, digits below", unit),
+        })  # fmt: skip
+    variables |= invariant_variables(problem, paths, begin)
+    variables["tau"] = step_used(problem, steps)
+    return variables | over_runs({
+        "initial_energy": (paths.energy, "energy H0 at the start", unit),
+        "initial_energy_low": (paths.energy_low, "energy H0 at the start, digits below initial_energy", unit),
+    })  # fmt: skip
+
+
+def trajectory_dataset(
+    problem: Setup, paths: Trajectories, *, begin: Start, asked: float, times: Floats | None = None
+) -> xr.Dataset:
+    """Return the first of ``paths``, from ``begin`` with the step ``asked``, as :func:`nearharmonic.integrate` does."""
+    kept = int(np.isfinite(paths.q[0, :, 0]).sum())  # up to the last sample that it reached
+    one = {
+        name: (dimensions[1:], values[0, :kept] if "sample" in dimensions else values[0], attributes)
+        for name, (dimensions, values, attributes) in run_variables(problem, paths, begin, times, paths.steps).items()
+    }
+    notes = run_attributes(problem, begin, asked) | problem.floor(begin.state, begin.parameters, paths.energy[:1])
     ends = times is None or np.ravel(times)[-1] == float(problem.end) + begin.t  # the last sample is the end of the run
     if ends and paths.running.size:
         units = problem.system.units
@@ -189,15 +170,6 @@ def trajectory_dataset(
         notes["moves"] = moves_digest(problem, int(paths.steps[0]))
         notes["end"] = end_digest(one, notes.get("parameters", ""))
     return assembled(one, ["t"], notes)
-
-
-def initial_energy_variables(problem: Setup, paths: Trajectories) -> Variables:
-    """Return H0, and the digits below it."""
-    unit = problem.system.units["energy"]
-    return over_runs({
-        "initial_energy": (paths.energy, "energy H0 at the start", unit),
-        "initial_energy_low": (paths.energy_low, "energy H0 at the start, digits below initial_energy", unit),
-    })  # fmt: skip
 
 
 def parameter_variables(problem: Setup, parameters: Floats) -> Variables:
@@ -288,11 +260,138 @@ def sampled(problem: Setup, steps: Sequence[int], samples: int) -> Variables:
     """
     paths = problem.run(steps, samples)
     path = trajectory_variables(problem, paths, problem.system.constants(float))
+    length = np.where(paths.marks >= 0, np.diff(paths.marks, axis=1, prepend=0), 0)
+    scale, unit = energy_scale(paths, problem)
     # The order of variables is that of the files.
     leading = {name: path.pop(name) for name in ("t", "q", "p", "energy_error")}
+    blocks = over_runs({
+        "block_steps": (length, f"steps {SINCE}", "1"),
+        "block_max_energy_error": (paths.block_max, f"maximum of |H - H0|{scale} {SINCE}", unit),
+        "block_mean_energy_error": (paths.block_mean, f"mean of |H - H0|{scale} {SINCE}", unit),
+    })  # fmt: skip
     counts = error_variables(paths, problem)
     del counts["max_energy_error"], counts["mean_energy_error"]  # reductions of the blocks
-    return {**leading, **block_variables(problem, paths), **path, **counts, "tau": step_used(problem, paths.steps)}
+    return {**leading, **blocks, **path, **counts, "tau": step_used(problem, paths.steps)}
+
+
+# --- Drifts of the invariants that a system declares beside its energy, and a check.
+#
+# Drifts do not tell a wrong invariant from a coarse step, as a method conserves most invariants only to its order. The
+# bracket {I, H} = dI/dq dH/dp - dI/dp dH/dq of an invariant vanishes at every state, on an approximate orbit as well.
+
+#: States of a run at which brackets are evaluated, and largest number of coordinates for which they are.
+STATES, MOST_COORDINATES = 3, 64
+#: Two steps of the central differences, over the norms of q and of p. Where both give the same bracket, their errors,
+#: a hundred times as large for the first, are negligible.
+STEPS = (1e-5, 1e-6)
+#: Largest |{I, H}| of an invariant, over |grad I| |grad H|; differences have errors near 1e-9.
+TOLERANCE = 1e-4
+#: Largest relative difference of the two brackets.
+AGREEMENT = 0.1
+
+
+class InvariantWarning(UserWarning):
+    """A declared invariant is not conserved."""
+
+
+def drift_variables(
+    system: System,
+    q: Floats,
+    p: Floats,
+    diverged: Any,
+    constants: Sequence[Any] | None = None,
+    *,
+    start: tuple[Floats, Floats] | None = None,
+) -> Variables:
+    """Return the invariants of ``system`` at the samples ``q``, ``p`` (R, S, d) of R runs, and their drifts,
+    ``<name>_drift``.
+
+    Values are over (tau_per_stage, sample), with a dimension more, ``<name>_component``, for a vector. A drift is the
+    maximum over the samples of |I - I0| / |I0|, Euclidean for a vector, or of |I - I0| where I0 = 0; infinite where the
+    run ``diverged`` (R,). The ``long_name`` says which. I0 is that of the first sample, unless there is a ``start``, a
+    pair of arrays (R, d).
+    """
+    found: Variables = {}
+    q0, p0 = (q[:, 0], p[:, 0]) if start is None else start
+    at_start = invariant_values(system, q0[:, None], p0[:, None], constants)
+    for name, values in invariant_values(system, q, p, constants).items():
+        function = system.invariants[name]
+        unit, meaning = getattr(function, "unit", "unknown"), getattr(function, "meaning", "conserved quantity")
+        several = [f"{name}_component"] if values.shape[-1] > 1 else []
+        found[name] = (
+            ("tau_per_stage", "sample", *several), values if several else values[..., 0], described(meaning, unit)
+        )  # fmt: skip
+        first = _length(at_start[name])
+        relative = bool((first > 0).all())
+        with np.errstate(all="ignore"):  # a state may be too large for an invariant
+            change = _length(values - at_start[name]) / (first if relative else 1.0)
+        # fmax passes over NaN, the samples that a run does not have.
+        drift = np.where(diverged, np.inf, np.fmax.reduce(change, axis=1, initial=np.nan))
+        measure = "|I - I0|/|I0|" if relative else "|I - I0|"
+        what = f"maximum over the samples of {measure}, I = {name} in double precision, inf if diverged"
+        found[f"{name}_drift"] = ("tau_per_stage",), drift, described(what, "1" if relative else unit)
+    return found
+
+
+def _length(vectors: Floats) -> Floats:
+    """The Euclidean norms (...) of vectors (..., n), from the first component on."""
+    return reduce(hypot, np.moveaxis(vectors, -1, 0), np.zeros(vectors.shape[:-1]))
+
+
+@remembered
+def _checked(system: System) -> set[str]:
+    """Return the invariants of a system that are checked; the caller adds to them."""
+    return set()
+
+
+def warn_of_changing(system: System, q: Floats, p: Floats, constants: Sequence[float]) -> None:
+    """Warn of each invariant that the exact solutions through the states (S, d) of a run do not conserve, once for a
+    system.
+
+    States that are not finite are left out.
+    """
+    finite = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1))
+    if q.shape[1] > MOST_COORDINATES or not finite.size or not system.invariants.keys() - _checked(system):
+        return
+    _checked(system).update(system.invariants)
+    rows = dict.fromkeys(finite[np.linspace(0, len(finite) - 1, STATES).round().astype(int)].tolist())
+    rates = [_rates(system, q[row], p[row], constants) for row in rows]
+    for name in system.invariants:
+        if (rate := max(one[name] for one in rates)) > TOLERANCE:
+            message = (
+                f"{system.name}: the invariant {name} is not conserved: at a state of the run its rate of change is "
+                f"{rate:.2g} of |grad {name}| |grad H|"
+            )
+            warnings.warn(message, InvariantWarning, stacklevel=2)
+
+
+def _rates(system: System, q: Floats, p: Floats, constants: Sequence[float]) -> dict[str, float]:
+    """Return |{I, H}| over |grad I| |grad H| of each invariant at a state, 0 where the differences are not exact."""
+    try:
+        with np.errstate(all="ignore"):
+            coarse, fine = (_rates_by(step, system, q, p, constants) for step in STEPS)
+    except (ArithmeticError, ValueError):  # beside a state, H or an invariant may have no value
+        return dict.fromkeys(system.invariants, 0.0)
+    return {name: rate if abs(rate - coarse[name]) <= AGREEMENT * rate else 0.0 for name, rate in fine.items()}
+
+
+def _rates_by(step: float, system: System, q: Floats, p: Floats, constants: Sequence[float]) -> dict[str, float]:
+    """Return the rates by central differences, in units of the norms of q and of p; the largest of the components."""
+    d, energies, values = len(q), list[Floats](), list[dict[str, Floats]]()
+    for signed in (step, -step):
+        x, y = np.tile(q, (2 * d, 1)), np.tile(p, (2 * d, 1))
+        x[:d] += signed * (float(np.linalg.norm(q)) or 1.0) * np.eye(d)
+        y[d:] += signed * (float(np.linalg.norm(p)) or 1.0) * np.eye(d)
+        states = zip(map(tuple, x.tolist()), map(tuple, y.tolist()), strict=True)
+        energies.append(np.array([float(system.energy(*state, constants, 0.0)) for state in states]))
+        values.append(invariant_values(system, x, y, constants))
+    force, velocity = np.split((energies[0] - energies[1]) / (2 * step), 2)
+    rates = {}
+    for name in values[0]:
+        of_q, of_p = np.split(slopes := (values[0][name] - values[1][name]) / (2 * step), 2)
+        sizes = np.linalg.norm(slopes, axis=0) * length_of(np.linalg.norm(force), np.linalg.norm(velocity))
+        rates[name] = float(np.max(abs(velocity @ of_q - force @ of_p) / np.where(sizes > 0, sizes, 1.0)))
+    return rates
 
 
 # --- States at times that the caller chooses: those between two steps by one shorter step from the step before.
@@ -305,9 +404,10 @@ def checked_times(t: object, problem: Setup) -> list[Fraction]:
     if not 1 <= len(given) <= MOST_SAMPLES:
         raise bad_setting("t", f"{len(given)} times", f"from 1 to {MOST_SAMPLES} output times")
     times = [exact(f"t[{i}]", value) for i, value in enumerate(given)]
-    last = float(end)
-    near = [abs(float(time) - last) <= _rounding(value) * abs(last) for value, time in zip(given, times, strict=True)]
-    times = [end if is_end else time for is_end, time in zip(near, times, strict=True)]
+    for i, value in enumerate(given):  # text and fractions have no rounding
+        rounding = np.finfo(value.dtype if isinstance(value, np.floating) else float).eps
+        if isinstance(value, float | np.floating) and abs(float(times[i] - end)) <= rounding * abs(float(end)):
+            times[i] = end
     sign, before = (1 if end > 0 else -1), Fraction(0)
     for i, time in enumerate(times):
         if not 0 <= sign * time <= sign * end:
@@ -320,26 +420,10 @@ def checked_times(t: object, problem: Setup) -> list[Fraction]:
     return times
 
 
-def _rounding(value: object) -> float:
-    """Relative rounding of a time of this type; text and fractions have none."""
-    if isinstance(value, np.floating):
-        return float(np.finfo(value.dtype).eps)
-    return float_info.epsilon if isinstance(value, float) else 0.0
-
-
-def run_at(
-    problem: Setup,
-    steps: Sequence[int],
-    times: Sequence[Fraction],
-    *,
-    start: Floats,
-    parameters: Floats,
-    reference: tuple[float, float],
-    resumed: Floats | None = None,
-) -> Trajectories:
+def run_at(problem: Setup, steps: Sequence[int], times: Sequence[Fraction], **given: Any) -> Trajectories:
     """Integrate R runs and return their states at K times; blocks between samples are not measured.
 
-    ``times`` are those of :func:`checked_times`; the other arguments are those of
+    ``times`` are those of :func:`checked_times`; what is ``given`` further, with ``parameters``, is as for
     :func:`nearharmonic.engine.batch.integrate_batch`.
     """
     count = np.asarray(steps, np.int64)
@@ -352,14 +436,19 @@ def run_at(
     shorter = np.array([[lengths.get(rest, -1) for rest in row] for row in rests])[which]
     before = np.array(exact_before, np.int64)[which]
     marks, where = (rows[which] for rows in _marks(np.array(exact_before, np.int64), different))
-    paths = problem.run(steps, 2, start=start, parameters=parameters, marks=marks, reference=reference, resumed=resumed)
+    paths = problem.run(steps, 2, marks=marks, **given)
     rows = np.arange(len(count))[:, None]
     columns = {name: getattr(paths, name)[rows, where] for name in ("q", "q_low", "p", "p_low", "energy_error")}
     if lengths:
-        _step_on(problem, paths, columns, shorter, list(lengths), parameters)
+        _step_on(problem, paths, columns, shorter, list(lengths), given["parameters"])
     unknown = np.full(before.shape, np.nan)
     found = replace(paths, marks=before, block_max=unknown, block_mean=unknown, **columns)
-    return _over_samples(found) if problem.numerics.energy == "samples" else found
+    if problem.numerics.energy != "samples":
+        return found
+    sizes = np.abs(found.energy_error)  # errors are over the output times in place of the steps before them
+    largest, mean = np.fmax.reduce(sizes, axis=1), sizes.mean(axis=1)
+    largest[paths.left_at > 0] = mean[paths.left_at > 0] = np.inf
+    return replace(found, max_energy_error=largest, mean_energy_error=mean)
 
 
 def _marks(before: Integers, count: Integers) -> tuple[Integers, Integers]:
@@ -372,13 +461,9 @@ def _marks(before: Integers, count: Integers) -> tuple[Integers, Integers]:
 
 
 def _step_on(
-    problem: Setup,
-    paths: Trajectories,
-    columns: dict[str, Floats],
-    shorter: Integers,
-    lengths: Sequence[Fraction],
+    problem: Setup, paths: Trajectories, columns: dict[str, Floats], shorter: Integers, lengths: Sequence[Fraction],
     parameters: Floats,
-) -> None:
+) -> None:  # fmt: skip
     """Replace states of the step before by those one shorter step later.
 
     ``shorter`` (R, K) says which of ``lengths`` that step has, -1 where a state is that of a step itself.
@@ -397,11 +482,3 @@ def _step_on(
     gained = (found.energy[:, 0] - paths.energy[members]) + (found.energy[:, 1] - paths.energy_low[members])
     unit = energy_unit(paths.energy[members], problem.scale)
     columns["energy_error"][members, samples] = (gained + found.energy_error[:, 1]) / unit
-
-
-def _over_samples(paths: Trajectories) -> Trajectories:
-    """Dataset with errors over the output times in place of the steps before them."""
-    sizes = np.abs(paths.energy_error)
-    largest, mean = np.fmax.reduce(sizes, axis=1), sizes.mean(axis=1)
-    largest[paths.left_at > 0] = mean[paths.left_at > 0] = np.inf
-    return replace(paths, max_energy_error=largest, mean_energy_error=mean)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.core.formulas.number import Constant
+from nearharmonic.engine.batch import Trajectories
 from nearharmonic.engine.description import (
     error_variables,
     over,
@@ -20,21 +21,15 @@ from nearharmonic.engine.description import (
 )
 from nearharmonic.engine.settings import KINETIC_POTENTIAL
 from nearharmonic.engine.setup import Setup, asked_steps, members_are_given, start_of
-from nearharmonic.engine.solution import Solution
-from nearharmonic.engine.tangent import checked_split
-from nearharmonic.engine.variation import (
-    check_coefficients,
-    check_differentiable,
-    coefficient_derivatives,
-    kinetic_parameters,
-    sensitive_system,
-)
+from nearharmonic.engine.tangent import check_differentiable, checked_split, product
+from nearharmonic.engine.trajectory import Solution
 from nearharmonic.errors import SystemDefinitionError, bad_setting, unknown_name
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Floats, log10
-from nearharmonic.output.store import Variables, assembled, described
-from nearharmonic.systems.energy import Energy
+from nearharmonic.output.store import Variable, Variables, assembled, described
+from nearharmonic.systems.formulas import Energy, MassKineticEnergy, takes_parameters
 from nearharmonic.systems.quantities import Observable, Vector
+from nearharmonic.systems.remembered import remembered
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
@@ -112,16 +107,97 @@ def _in_multiprecision(energy: Energy, pairs: Floats) -> Floats:
 
 
 def _takes(function: Callable[..., Any], count: int) -> bool:
-    """Return True if a function may be called with so many arguments, or has no signature."""
+    """Return True if a function may be called with so many arguments, or has no signature, as one written in C."""
     called = function.function if isinstance(function, Observable) else function
     try:
         signature(called).bind(*range(count))
-    except TypeError:
-        return False
-    except ValueError:  # a function written in C
-        return True
+    except (TypeError, ValueError) as error:
+        return isinstance(error, ValueError)
     return True
 
+
+# --- The system whose runs backwards collect derivatives with respect to parameters.
+@remembered
+def sensitive_system(system: System) -> System:
+    """Return the system K of a ``system`` of d coordinates in which the P parameters are coordinates.
+
+    A parameter theta of V is a coordinate without kinetic energy; its momentum collects -dK/dtheta. Its coordinates are
+    (q, u, theta) and its momenta (w, p, pi). Where T has parameters too, a second copy of them are momenta, whose
+    coordinates chi collect dK/dtheta: (q, u, theta, chi) and (w, p, pi, theta). The derivative with respect to theta is
+    then pi - chi.
+    """
+    formulas, (q0, p0), own = system.formulas(), system.extended_start(str), system.constants(str)
+    d, count, constants = formulas.dimension, len(own), system.constants(Constant)
+    moving = kinetic_parameters(system)
+
+    def V(x: Vector) -> Any:
+        return product(formulas.grad_V(x[:d], *x[2 * d : 2 * d + count]), x[d : 2 * d])
+
+    def T(y: Vector) -> Any:
+        parameters = y[2 * d + count :] if moving else constants
+        return product(formulas.grad_T(y[d : 2 * d], *parameters), y[:d])
+
+    rest, none = ("0",) * d, ("0",) * count
+    return System(
+        name=f"{system.name}_sensitive", V=V, T=T, t_end=system.t_end, source=system.source,
+        q0=(*q0, "1", *rest[1:], *own, *(none if moving else ())), p0=(*rest, *p0, *none, *(own if moving else ())),
+    )  # fmt: skip
+
+
+def kinetic_parameters(system: System) -> bool:
+    """Return True if T is a function of parameters."""
+    if isinstance(system.T, MassKineticEnergy):
+        return any(isinstance(mass, int) for mass in system.T.masses)
+    return bool(system.parameters) and takes_parameters(system.T)
+
+
+# --- Derivatives of an observable with respect to the coefficients of a tableau.
+#
+# Along the run backwards u = -lambda_p and w = lambda_q are the derivatives of the observable at the end with respect
+# to the state of each operator. A kick by c tau adds -c tau grad V(q) to p; the derivative with respect to c is
+# therefore tau u.grad V(q), which is tau times the potential of the sensitive system. For a drift it is tau times its
+# kinetic energy. All steps are reversed at once, from the states at their ends.
+
+#: Maximum number of numbers of the states at all steps, 1 GB.
+MOST_NUMBERS = 125_000_000
+
+
+def check_coefficients(system: System, tableau: Tableau, steps: int, members: int) -> None:
+    """Raise an error for implicit and modified methods, and for runs whose states need too much memory.
+
+    ``system`` is the sensitive system of the run backwards.
+    """
+    if tableau.implicit or tableau.modified:
+        what = "it has no kicks and drifts by V and T alone, with respect to whose coefficients it could be derived"
+        raise bad_setting("integrator", tableau.name, what)
+    if 4 * system.dimension * steps * members > MOST_NUMBERS:
+        most = MOST_NUMBERS // (4 * system.dimension * members)
+        raise bad_setting("coefficients", True, f"up to {most} steps here, whose states are in memory, not {steps}")
+
+
+def coefficient_derivatives(system: System, tableau: Tableau, tau: float, back: Trajectories) -> dict[str, Floats]:
+    """Return the derivatives (M, K) of the observable with respect to the K kicks and to the drifts of a tableau.
+
+    ``back`` has the states of the sensitive ``system`` at the ends of the N steps of size ``tau`` that are reversed.
+    """
+    rows = {"kick": list(map(float, tableau.kick)), "drift": list(map(float, tableau.drift))}
+    shape, formulas = (len(back.q), back.q.shape[1] - 1), system.formulas()
+    found = {name: np.empty((shape[0], len(row))) for name, row in rows.items()}
+    outer, inner = ("kick", "drift") if tableau.first == "kick" else ("drift", "kick")
+    arrays = {"kick": back.q[:, :-1] + back.q_low[:, :-1], "drift": back.p[:, :-1] + back.p_low[:, :-1]}
+    states = {name: list(np.moveaxis(values, -1, 0)) for name, values in arrays.items()}
+    energy, slope = {"kick": formulas.V, "drift": formulas.T}, {"kick": formulas.grad_V, "drift": formulas.grad_T}
+    sign = {"kick": 1.0, "drift": -1.0}  # backwards, kicks add the gradient to p
+    for i in reversed(range(len(rows[outer]))):
+        for name in (outer, inner) if i else (outer,):
+            j, moved = i if name == outer else i - 1, states["drift" if name == "kick" else "kick"]
+            found[name][:, j] = tau * np.broadcast_to(energy[name](tuple(states[name])), shape).sum(axis=1)
+            for k, component in enumerate(slope[name](tuple(states[name]))):
+                moved[k] = moved[k] + sign[name] * rows[name][j] * tau * component
+    return found
+
+
+# --- Gradients at the end of a run.
 
 #: Relative rounding error of a number: of doubles, and of double-doubles.
 ROUNDING = {"double": 2.0**-53, "extended": 2.0**-104}
@@ -227,16 +303,19 @@ def gradient(
     back = backward.run(steps, count + 1 if coefficients else 2, start=_behind(subject, end, slopes, given))
     variables = _derivatives(problem, back) | _round_trip(problem, rows, back)
     if coefficients:
-        variables |= _by_coefficient(problem, backward, float(problem.end) / count, back)
+        with np.errstate(all="ignore"):  # a diverged run has none
+            size = float(problem.end) / count
+            found = coefficient_derivatives(backward.system, problem.tableau, size, back)
+        for name, values in found.items():
+            variables[name] = _of_members(values, f"derivative with respect to a {name}", "unknown", f"{name}_number")
+    for _, values, _ in (variables[name] for name in ("q0", "p0", "parameters", "kick", "drift") if name in variables):
+        values[paths.left_at > 0] = np.nan
     d, units = subject.dimension, subject.units
     variables |= {
-        "q": (("member", "component"), paths.q[:, -1, :d], described("position at the end", units["q"])),
-        "p": (("member", "component"), paths.p[:, -1, :d], described("momentum at the end", units["p"])),
+        "q": _of_members(paths.q[:, -1, :d], "position at the end", units["q"], "component"),
+        "p": _of_members(paths.p[:, -1, :d], "momentum at the end", units["p"], "component"),
+        "value": _of_members(slopes[-1, :, 0], f"{function.name} at the end", function.unit),
     }
-    for name in ("q0", "p0", "parameters", "kick", "drift"):
-        if name in variables:
-            variables[name][1][paths.left_at > 0] = np.nan
-    variables["value"] = ("member",), slopes[-1, :, 0], described(f"{function.name} at the end", function.unit)
     errors = over("member", error_variables(paths, problem))
     errors["evaluations"][1][:] += back.evaluations
     del errors["mean_energy_error"]
@@ -251,6 +330,11 @@ def gradient(
     attributes = run_attributes(problem, begin, asked_tau) | {"observable": function.name}
     coordinates = ["parameter", *(name for name in variables if several and name.startswith("parameter_"))]
     return assembled(variables, coordinates, attributes)
+
+
+def _of_members(values: Any, meaning: str, unit: str = "1", *dimensions: str) -> Variable:
+    """Return a described variable over members, and over more dimensions."""
+    return ("member", *dimensions), values, described(meaning, unit)
 
 
 def backward_problem(problem: Setup) -> Setup:
@@ -301,28 +385,17 @@ def _derivatives(problem: Setup, back: Any) -> Variables:
     system = problem.system
     d, E, count = system.dimension, problem.states_dimension, len(system.parameters)
     q, p = back.q[:, -1] + back.q_low[:, -1], back.p[:, -1] + back.p_low[:, -1]
+    what = "derivative with respect to"
     found: Variables = {
-        "q0": (("member", "component"), p[:, :d].copy(), described("derivative with respect to q0", "unknown")),
-        "p0": (("member", "component"), -q[:, E : E + d], described("derivative with respect to p0", "unknown")),
+        "q0": _of_members(p[:, :d].copy(), f"{what} q0", "unknown", "component"),
+        "p0": _of_members(-q[:, E : E + d], f"{what} p0", "unknown", "component"),
     }
     if count:
         values = p[:, 2 * E : 2 * E + count].copy()
         if kinetic_parameters(system):
             values -= q[:, 2 * E + count :]
-        notes = described("derivative with respect to the parameter", "unknown")
-        found["parameters"] = ("member", "parameter"), values, notes
+        found["parameters"] = _of_members(values, f"{what} the parameter", "unknown", "parameter")
     return found
-
-
-def _by_coefficient(problem: Setup, backward: Setup, tau: float, back: Any) -> Variables:
-    """Return the derivatives with respect to kicks and drifts, from the states at the ends of all steps."""
-    q, p = back.q[:, :-1] + back.q_low[:, :-1], back.p[:, :-1] + back.p_low[:, :-1]
-    with np.errstate(all="ignore"):  # a diverged run has none
-        found = coefficient_derivatives(backward.system, problem.tableau, tau, q, p)
-    return {
-        name: (("member", f"{name}_number"), values, described(f"derivative with respect to a {name}", "unknown"))
-        for name, values in found.items()
-    }
 
 
 def _round_trip(problem: Setup, start: Floats, back: Any) -> Variables:
@@ -339,6 +412,5 @@ def _round_trip(problem: Setup, start: Floats, back: Any) -> Variables:
     what = "largest component of the difference between the start and the end of the run backwards"
     lost = "decimal digits lost: logarithm of round_trip_error over the rounding error of the start"
     return {
-        "round_trip_error": (("member",), error, described(what, "unknown")),
-        "digits_lost": (("member",), digits, described(lost)),
-    }
+        "round_trip_error": _of_members(error, what, "unknown"), "digits_lost": _of_members(digits, lost),
+    }  # fmt: skip

@@ -14,7 +14,7 @@ from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.collocation import stage_table
 from nearharmonic.integrators.tableau import Composition
 from nearharmonic.numerics.portable import Floats, Integers
-from nearharmonic.systems.energy import quadratic_T
+from nearharmonic.systems.formulas import quadratic_T
 from nearharmonic.systems.gradients import check_gradients, frequencies_of, remainder_formulas, square_gradient
 from nearharmonic.systems.numba_potential import numba_potential
 from nearharmonic.systems.remembered import remembered
@@ -82,7 +82,12 @@ def kernel_of(system: System, numerics: Numerics = STANDARD, *, modified: bool =
     from nearharmonic.core.loops.kernel import build
 
     check_precision(system, [numerics.precision])
-    width = _width(system, numerics.width)
+    width = 1 if system.formulas().are_loops else numerics.width or WIDTH
+    if numba_potential(system) is not None:
+        if numerics.width is not None and numerics.width > 1:
+            needed = f"V of {system.name} is a function of numba, which takes one position at a time: 1, or None"
+            raise bad_setting("width", numerics.width, needed)
+        width = 1
     return build(
         physics_of(system, numerics, modified=modified, stages=stages),
         extended=numerics.precision == "extended",
@@ -90,16 +95,6 @@ def kernel_of(system: System, numerics: Numerics = STANDARD, *, modified: bool =
         width=width,
         energy=numerics.energy,
     )
-
-
-def _width(system: System, width: int | None) -> int:
-    """The SIMD lanes of a kernel: one for loops, and for a V that takes one position at a time."""
-    if numba_potential(system) is None:
-        return 1 if system.formulas().are_loops else width or WIDTH
-    if width is not None and width > 1:
-        needed = f"V of {system.name} is a function of numba, which takes one position at a time: 1, or None"
-        raise bad_setting("width", width, needed)
-    return 1
 
 
 @remembered

@@ -24,7 +24,6 @@ from nearharmonic.core.layout import (
     TURNS,
     collocation_columns,
     columns,
-    modified_columns,
 )
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import bad_setting, unknown_name
@@ -310,15 +309,14 @@ def start_row(q: Sequence[Fraction], p: Sequence[Fraction], *, plain: bool = Fal
 
     The digits below are 0 if ``plain``.
     """
-    pairs = [[pair_of(x) for x in row] for row in (q, p)]
-    keep = 0.0 if plain else 1.0
-    return np.array([part for row in pairs for part in ([h for h, _ in row], [low * keep for _, low in row])]).ravel()
+    rows = np.array([[pair_of(x) for x in row] for row in (q, p)]).transpose(0, 2, 1)
+    rows[:, 1] *= 0.0 if plain else 1.0
+    return rows.reshape(-1)
 
 
 def parameter_row(values: Sequence[Fraction]) -> Floats:
     """Return parameters (2 P,) as the kernel takes them: each rounded to a double, and the digits below it."""
-    pairs = [pair_of(value) for value in values]
-    return np.array(pairs, dtype=np.float64).reshape(-1)
+    return np.array([pair_of(value) for value in values], float).reshape(-1)
 
 
 def moves(step: Composition, taus: Sequence[Fraction], parts: int, *, rounded: bool = False) -> Floats:
@@ -330,10 +328,8 @@ def moves(step: Composition, taus: Sequence[Fraction], parts: int, *, rounded: b
     :data:`nearharmonic.core.layout.SQUARE`. If ``rounded``, coefficients times powers of tau are rounded to doubles
     before any are added; kicks of V alone have no other numbers with one part.
     """
-    array = np.empty((len(taus), step.stages + 2, modified_columns(parts) if step.modified else COLUMNS))
-    for i, tau in enumerate(taus):
-        array[i] = _moves(step, tau.numerator, tau.denominator, parts, rounded and (parts == 2 or step.modified))
-    return array
+    rounded = rounded and (parts == 2 or step.modified)
+    return np.stack([_moves(step, tau.numerator, tau.denominator, parts, rounded) for tau in taus])
 
 
 def pieces(tableau: Tableau, taus: Sequence[Fraction]) -> Floats:
@@ -356,30 +352,26 @@ def moves_of(system: System, tableau: Tableau, taus: Sequence[Fraction], numeric
     """Return the coefficients of a kernel of ``system`` for these step sizes: moves, or pieces of moves."""
     if system.regularisation is not None:
         return pieces(tableau, taus)
+    parts, rounded = numerics.parts, numerics.double_coefficients
+    frequencies = frequencies_of(system)[0] if numerics.exact_oscillator else ()
     if tableau.implicit:
-        frequencies = frequencies_of(system)[0] if numerics.exact_oscillator else ()
         return np.stack([equations(tableau.stages, tau, frequencies) for tau in taus])
     if numerics.exact_oscillator:
-        frequencies, _ = frequencies_of(system)
-        rounded = numerics.double_coefficients and numerics.parts == 2
-        return np.stack([rotations(tableau, tau, frequencies, numerics.parts, rounded=rounded) for tau in taus])
-    rounded = numerics.double_coefficients
-    found = [moves(step, taus, numerics.parts, rounded=rounded) for step in tableau.compositions]
-    return found[0] if len(found) == 1 else np.concatenate(found, axis=1)
+        rounded = rounded and parts == 2
+        return np.stack([rotations(tableau, tau, frequencies, parts, rounded=rounded) for tau in taus])
+    return np.concatenate([moves(step, taus, parts, rounded=rounded) for step in tableau.compositions], axis=1)
 
 
 @lru_cache(maxsize=1024)  # half a kilobyte each; most calls take step sizes that an earlier one took
 def _moves(step: Composition, numerator: int, denominator: int, parts: int, rounded: bool) -> Floats:
     """The moves (s + 2, columns) of one step size."""
-    if step.modified:
-        return _modified(step, Fraction(numerator, denominator), parts, rounded)
-    if parts == 2:
+    if step.modified or parts == 2:
         found = step.moves(Fraction(numerator, denominator), rounded=rounded)
-        return np.array([[half for c in row[:2] for half in pair_of(c)] for row in found])
-    return _products(step, numerator, denominator)
-
-
-def _products(step: Composition, numerator: int, denominator: int) -> Floats:
+        rows = [[half for c in move[: 2 + step.modified] for half in pair_of(c)[:parts]] for move in found]
+        if step.modified:
+            flags = (any(found[k][2] for k in moves_behind(i, len(found))) for i in range(len(found)))
+            rows = [[*row, flag] for row, flag in zip(rows, flags, strict=True)]
+        return np.array(rows, float)
     array = np.empty((step.stages + 2, COLUMNS))
     n, d = numerator * numerator, denominator * denominator
     for row, ((k1, k2), (e1, e2), (p1, p2)) in zip(array, exact_products(step), strict=True):
@@ -388,15 +380,6 @@ def _products(step: Composition, numerator: int, denominator: int) -> Floats:
     with np.errstate(over="ignore", invalid="ignore"):
         high, low = two_products(array[:, KICK], array[:, DRIFT])
         array[:, REST] = (high - array[:, PRODUCT]) + low
-    return array
-
-
-def _modified(step: Composition, tau: Fraction, parts: int, rounded: bool) -> Floats:
-    found = step.moves(tau, rounded=rounded)
-    array = np.zeros((len(found), modified_columns(parts)))
-    for i, (row, move) in enumerate(zip(array, found, strict=True)):
-        row[:-1] = [part for c in move for part in pair_of(c)[:parts]]
-        row[-1] = any(found[k][2] for k in moves_behind(i, len(found)))
     return array
 
 
@@ -500,21 +483,15 @@ def parameters_at_run_time(
     Those that are compiled in, or for which the coefficients of runs with the system's ``own_frequencies`` are
     computed, must be the system's own.
     """
-    if numerics.exact_oscillator and own_frequencies:
-        _check_frequencies(system, parameters)
+    own, names = standard_parameters(system), list(system.parameters)
+    for i in frequency_parameters(system) if numerics.exact_oscillator and own_frequencies else ():
+        given = parameters[:, 2 * i : 2 * i + 2]
+        if (given != own[2 * i : 2 * i + 2]).any():
+            what = f"it is a frequency of {system.name}, whose oscillators are solved exactly: make a copy of the "
+            raise bad_setting(f"parameters[{names[i]!r}]", float(given[0, 0]), f"{what}system with dataclasses.replace")
     if system.parameters_at_run_time:
         return parameters
-    if (parameters == standard_parameters(system)).all():
+    if (parameters == own).all():
         return np.empty((1, 0))
     what = f"a formula of {system.name} decides by its parameters, so that they are compiled in: make a copy of the "
     raise bad_setting("parameters", parameters[0, ::2].tolist(), f"{what}system with dataclasses.replace")
-
-
-def _check_frequencies(system: System, parameters: Floats) -> None:
-    """Raise an error for another value of a frequency: the coefficients of all runs use the system's own."""
-    own, names = standard_parameters(system), list(system.parameters)
-    remedy = f"it is a frequency of {system.name}, whose oscillators are solved exactly: make a copy of the system with"
-    for i in frequency_parameters(system):
-        given = parameters[:, 2 * i : 2 * i + 2]
-        if (given != own[2 * i : 2 * i + 2]).any():
-            raise bad_setting(f"parameters[{names[i]!r}]", float(given[0, 0]), f"{remedy} dataclasses.replace")

@@ -1,24 +1,32 @@
-"""Validated description of runs: a system, a method, how to integrate, and where a run starts."""
+"""Validated description of runs: a system with its invariants, a method, how to integrate, and where a run starts."""
 
 from __future__ import annotations
 
 import json
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
 from hashlib import sha256
-from math import nan
+from math import isfinite, nan
 from numbers import Rational
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from nearharmonic.engine.batch import check_bound, integrate_batch, prepared_batch
-from nearharmonic.engine.execution import Batch, Filled, Trajectories, trajectories_of
-from nearharmonic.engine.invariants import check_quantities
+from nearharmonic.engine.batch import (
+    Batch,
+    Filled,
+    Trajectories,
+    check_bound,
+    integrate_batch,
+    prepared_batch,
+    trajectories_of,
+)
 from nearharmonic.engine.kernels import check_precision, cost_of, energy_floor, formulas_digest
 from nearharmonic.engine.numbers import (
     array_of,
@@ -42,19 +50,95 @@ from nearharmonic.engine.settings import (
     one_of,
     steps_of,
 )
-from nearharmonic.errors import bad_setting, warn_caller
+from nearharmonic.errors import SystemDefinitionError, bad_setting, warn_caller
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import OneStepMethod, Tableau
 from nearharmonic.numerics.portable import Floats, Integers
 from nearharmonic.numerics.written import exact_value
-from nearharmonic.output.store import Variables
+from nearharmonic.output.store import Variables, variables_of
 from nearharmonic.systems import systems
 from nearharmonic.systems.gradients import check_oscillator
 from nearharmonic.systems.numba_potential import numba_potential
+from nearharmonic.systems.remembered import remembered
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+# --- Invariants and observables of a system: their values at states.
+def energy_at_start(system: System) -> float:
+    """Return H at the system's own start, in double precision; it is finite, or an error."""
+    q, p = system.start(float)
+    try:
+        H0 = float(system.energy(q, p, system.constants(float), 0.0))
+    except (ArithmeticError, ValueError):
+        H0 = float("nan")
+    if not isfinite(H0):
+        raise bad_setting("(q0, p0)", f"({list(q)}, {list(p)})", f"a start where the energy of {system.name} is finite")
+    return H0
+
+
+def invariant_values(
+    system: System, q: ArrayLike, p: ArrayLike, constants: Sequence[Any] | None = None
+) -> dict[str, Floats]:
+    """Return the invariants of ``system`` at states ``q``, ``p`` (..., d) as arrays (..., components), by name.
+
+    They are evaluated in double precision, with the system's own parameters by default.
+    """
+    given = system.constants(float) if constants is None else constants
+    states = np.asarray(q, float), np.asarray(p, float)
+    return {
+        name: _evaluated(f"{system.name}: the invariant {name}", function, *states, given)
+        for name, function in system.invariants.items()
+    }
+
+
+def _evaluated(what: str, function: Callable[..., Any], q: Floats, p: Floats, constants: Sequence[Any]) -> Floats:
+    """The components (..., k) of a function at states (..., d); NaN where it fails, unless it fails everywhere."""
+    shape = q.shape[:-1]
+
+    def components(q: Any, p: Any, constants: Sequence[Any], shape: tuple[int, ...]) -> Floats:
+        with np.errstate(all="ignore"):  # a state may be too large for it
+            value = function(tuple(q), tuple(p), *constants)
+        parts = value if isinstance(value, tuple | list) else (value,)
+        found = np.empty((*shape, len(parts)))
+        for i, part in enumerate(parts):
+            if part is None or np.iscomplexobj(part):
+                raise TypeError(f"it returns an object of type {type(part).__name__}, expected real numbers")
+            found[..., i] = part
+        return found
+
+    try:
+        return components(np.moveaxis(q, -1, 0), np.moveaxis(p, -1, 0), constants, shape)
+    except Exception as error:
+        rows = {}
+        for place in np.ndindex(shape) if np.prod(shape) > 1 else ():
+            with suppress(Exception):  # as it may far from the start
+                given = [np.broadcast_to(x, shape)[place] for x in constants]
+                rows[place] = components(q[place], p[place], given, ())
+        if not rows:
+            raise SystemDefinitionError(f"{what} cannot be evaluated: {type(error).__name__}: {error}") from error
+    found = np.full((*shape, len(next(iter(rows.values())))), np.nan)
+    for place, row in rows.items():
+        found[place] = row
+    return found
+
+
+@remembered
+def check_quantities(system: System) -> None:
+    """Evaluate invariants and observables at the start, so that formulas that fail do so before any work."""
+    q, p = (np.array([row]) for row in system.start(float))
+    invariant_values(system, q, p)
+    observable_values(system, q, p, system.constants(float))
+
+
+def observable_values(system: System, q: Floats, p: Floats, constants: Sequence[Any]) -> dict[str, Floats]:
+    """Return the observables of ``system`` at states ``q``, ``p`` (..., d) as arrays (...), by name."""
+    return {
+        name: _evaluated(f"{system.name}: the observable {name}", observable.function, q, p, constants)[..., 0]
+        for name, observable in system.observables.items()
+    }
 
 
 # --- Validated description of runs: a system, a method, and how to integrate.
@@ -158,26 +242,17 @@ class Setup:
             parameters=parameters, scale=self.scale,
         )  # fmt: skip
 
-    def run(
-        self,
-        steps: Sequence[int],
-        samples: int,
-        *,
-        start: Floats | None = None,
-        parameters: Floats | None = None,
-        marks: Integers | None = None,
-        reference: tuple[float, float] = (nan, nan),
-        resumed: Floats | None = None,
-    ) -> Trajectories:
+    def run(self, steps: Sequence[int], samples: int, **given: Any) -> Trajectories:
         """Integrate one run for each entry of ``steps``; those that are equal in all are computed once.
 
-        The arguments are those of :func:`nearharmonic.engine.batch.integrate_batch`.
+        What is ``given`` further is as for :func:`nearharmonic.engine.batch.integrate_batch`.
         """
-        same = marks is None and all(rows is None or len(rows) == 1 for rows in (start, parameters))
+        alike = (given.get(name) for name in ("start", "parameters"))
+        same = given.get("marks") is None and all(rows is None or len(rows) == 1 for rows in alike)
         distinct = list(dict.fromkeys(steps)) if same else list(steps)
         paths = integrate_batch(
             self.system, self.tableau, t_end=self.end, steps=distinct, samples=samples, numerics=self.numerics,
-            start=start, parameters=parameters, marks=marks, scale=self.scale, reference=reference, resumed=resumed,
+            scale=self.scale, **given,
         )  # fmt: skip
         if len(distinct) == len(steps):
             return paths
@@ -294,9 +369,9 @@ class Start:
         }
 
     @property
-    def constants(self) -> tuple[float, ...]:
-        """The parameters as floats."""
-        return tuple(self.parameters[0, ::2].tolist())
+    def constants(self) -> list[Any]:
+        """The parameters as floats, or as arrays (M, 1)."""
+        return self.parameters[0, ::2].tolist() if len(self.parameters) == 1 else [*self.parameters.T[::2, :, None]]
 
     def attributes(self) -> dict[str, str]:
         """Return its attributes for a Dataset."""
@@ -403,7 +478,11 @@ def _continued(problem: Setup, given: object, parameters: Mapping[str, Any] | No
     reference = nan, nan
     if not own and _text(start, "energy") != "none":
         reference = _number(start["initial_energy"]), _number(start["initial_energy_low"])
-    kept = not own and "running" in start and _text(start, "end") == _end_digest_of(start)
+    kept = (
+        not own
+        and "running" in start
+        and _text(start, "end") == end_digest(variables_of(start), start.attrs.get("parameters", ""))
+    )
     return Start(
         state=state, parameters=rows, system=problem.system, given=asked, t=float(_last(start, "t", ())),
         moves=_text(start, "moves"),
@@ -488,13 +567,6 @@ def _exact_text(value: Any) -> str:
         return str(value)
     number = exact_value(value)
     return str(Decimal(float(number)) if number == float(number) else number)
-
-
-def _end_digest_of(start: xr.Dataset) -> str:
-    variables: Variables = {
-        str(name): (tuple(map(str, one.dims)), one.values, {}) for name, one in start.variables.items()
-    }
-    return end_digest(variables, start.attrs.get("parameters", ""))
 
 
 def _text(start: xr.Dataset, name: str) -> str:

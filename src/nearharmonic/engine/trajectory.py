@@ -1,15 +1,20 @@
-"""Integrate one trajectory, a sweep over step sizes, or a planned run."""
+"""Integrate one trajectory or a sweep over step sizes; problems that are prepared once for many calls; single steps."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property, partial
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from nearharmonic.core.layout import ADVANCE, STEP
+from nearharmonic.engine.batch import Batch, Trajectories, least_samples, sample_marks, surface_limit, views_of
 from nearharmonic.engine.description import (
+    UNSOLVED,
     checked_times,
     error_variables,
     invariant_variables,
@@ -19,21 +24,385 @@ from nearharmonic.engine.description import (
     trajectory_dataset,
     trajectory_variables,
 )
-from nearharmonic.engine.execution import Trajectories, least_samples, surface_limit
-from nearharmonic.engine.kernels import STANDARD, kernel_of
-from nearharmonic.engine.numbers import list_of
+from nearharmonic.engine.kernels import STANDARD, kernel_of, physics_of
+from nearharmonic.engine.numbers import list_of, moves, parameters_at_run_time, standard_parameters, standard_start
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_TAUS, checked_samples, checked_tau
-from nearharmonic.engine.setup import Setup, asked_steps, start_of, warn_of_step
-from nearharmonic.engine.solution import Solution
+from nearharmonic.engine.setup import Setup, Start, asked_steps, start_of, warn_of_step
 from nearharmonic.errors import SettingError, bad_setting, warn_caller
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.portable import Floats
+from nearharmonic.numerics.portable import Floats, Integers
 from nearharmonic.output.store import Variables, assembled, described
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from nearharmonic.core.stepper import Step
+
+
+# --- Result of one run of a prepared problem: lightweight; derived values are computed lazily.
+class StepSize(NamedTuple):
+    """A step size as used and as asked for, with its marks and moves."""
+
+    tau: float
+    tau_requested: float
+    steps: int
+    marks: Integers
+    moves: Floats
+
+
+class Solution:
+    """One trajectory: ``t`` (S,), ``q`` and ``p`` (S, d), errors, steps and status, as :func:`integrate` has them.
+
+    A run that left its energy surface keeps the samples until then; both errors are infinite.
+    """
+
+    __slots__ = ("__dict__", "_begin", "_diverged_at", "_results", "_step", "_width", "problem")
+
+    def __init__(self, problem: Setup, step: StepSize, batch: Batch, begin: Start | None) -> None:
+        self.problem, self._step, self._begin = problem, step, begin
+        self._results, self._diverged_at = batch.results.copy(), int(batch.left_at[0])
+        self._width = batch.start.shape[-1]
+
+    @property
+    def tau(self) -> float:
+        """The step size as used."""
+        return self._step.tau
+
+    @property
+    def tau_requested(self) -> float:
+        """The step size asked for."""
+        return self._step.tau_requested
+
+    @property
+    def steps(self) -> int:
+        """Steps that cover the interval; of a regularised system, those of its fictitious time."""
+        return self._step.steps if self.problem.system.regularisation is None else int(self.trajectories.done[0])
+
+    @property
+    def status(self) -> str:
+        """ "ok", "diverged", or "not_converged" if an implicit step could not be solved."""
+        if self._diverged_at and self.problem.tableau.implicit and self.trajectories.unsolved[0]:
+            return UNSOLVED
+        return "diverged" if self._diverged_at else "ok"
+
+    @property
+    def diverged_at(self) -> int:
+        """The step at which the run left its energy surface, 0 if it did not."""
+        return self._diverged_at
+
+    @cached_property
+    def trajectories(self) -> Trajectories:
+        """The run as a batch of one."""
+        arrays = views_of(self._step.marks, self._results, np.array([self._diverged_at]), self.problem.states_dimension)
+        return self.problem.trajectories(np.array([self._step.steps]), arrays.without_start(self.problem.samples == 1))
+
+    def _kept(self, name: str) -> Floats:
+        rows: Floats = getattr(self.trajectories, name)[0]
+        return rows[np.isfinite(self.trajectories.q[0, :, 0])]
+
+    @property
+    def t(self) -> Floats:
+        """Times of the samples (S,)."""
+        end = float(self.problem.end)
+        return self._kept("marks") * end / self._step.steps
+
+    def _states(self, part: int) -> Floats:
+        """Columns of the states as the kernel left them: part 0 the positions, part 2 the momenta.
+
+        They are read without the energies and evaluations, which cost more than a short run does.
+        """
+        samples, width = self._step.marks.size, self._width
+        states = self._results[: samples * width].reshape(samples, width)[int(self.problem.samples == 1) :]
+        kept = states[np.isfinite(states[:, 0])] if self._diverged_at else states
+        first = part * width // 4
+        return kept[:, first : first + self.problem.system.dimension].copy()
+
+    @property
+    def q(self) -> Floats:
+        """Positions (S, d)."""
+        return self._states(0)
+
+    @property
+    def p(self) -> Floats:
+        """Momenta (S, d)."""
+        return self._states(2)
+
+    @property
+    def energy_error(self) -> Floats:
+        """(H - H0)/|H0| at the samples (S,)."""
+        return self._kept("energy_error")
+
+    @property
+    def max_energy_error(self) -> float:
+        """Maximum of its modulus over every step."""
+        return float(self.trajectories.max_energy_error[0])
+
+    @property
+    def mean_energy_error(self) -> float:
+        """Mean of its modulus over every step."""
+        return float(self.trajectories.mean_energy_error[0])
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of the force."""
+        return int(self.trajectories.evaluations[0])
+
+    def __repr__(self) -> str:
+        return (
+            f"Solution({self.problem!r}, tau={self.tau:g}, {self.status}, max_energy_error={self.max_energy_error:.2g})"
+        )
+
+    def to_dataset(self) -> xr.Dataset:
+        """Return the run as :func:`nearharmonic.integrate` does."""
+        begin = self._begin or start_of(self.problem)
+        return trajectory_dataset(self.problem, self.trajectories, begin=begin, asked=self.tau_requested)
+
+
+# --- Runs of one method on one system, prepared once for many calls.
+
+#: Step sizes whose coefficients a problem keeps: half a kilobyte each.
+MOST_STEP_SIZES = 4096
+
+
+@dataclass(slots=True)
+class _Slot:
+    """A batch of one run, with what its arrays hold; ``given`` is None for the system's own start."""
+
+    batch: Batch
+    step: StepSize
+    given: Start | None = None
+
+
+class Problem(Setup):
+    """Runs of one method on one system, prepared for calls that take microseconds.
+
+    A call ``run(tau, q0=None, p0=None, parameters=None)`` integrates one trajectory, from several threads at once if
+    wanted. The three arguments are those of :func:`nearharmonic.integrate`. The result has the arrays ``t`` (S,), ``q``
+    and ``p`` (S, d) of its S samples, ``energy_error`` (S,), and the numbers ``max_energy_error``,
+    ``mean_energy_error``, ``tau``, ``tau_requested``, ``steps``, ``evaluations``, ``status`` and ``diverged_at``; its
+    method ``to_dataset()`` returns the Dataset of :func:`nearharmonic.integrate`.
+
+    Parameters
+    ----------
+    system, integrator, precision, summation, first, energy, t_end, energy_scale, split
+        As for :func:`nearharmonic.integrate`.
+    samples : int
+        Most states that a run keeps, by default the first and the last.
+
+    Raises
+    ------
+    NearharmonicError
+        An unknown name, or a setting outside what is allowed.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> run = nh.problem("henon_heiles", "babps8o7h", t_end=100)
+    >>> [f"{run(tau).max_energy_error:.1e}" for tau in (0.8, 0.4)]
+    ['9.5e-07', '1.2e-08']
+    """
+
+    @cached_property
+    def _step_sizes(self) -> dict[Any, StepSize]:
+        return {}
+
+    @cached_property
+    def _slots(self) -> dict[int, list[_Slot]]:
+        return {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        settings = partial(
+            Problem, precision=self.numerics.precision, energy=self.numerics.energy, t_end=self.t_end,
+            energy_scale=self.scale or None, samples=self.samples, **self.numerics.shared_settings,
+        )  # fmt: skip
+        return settings, (self.system, self.tableau)
+
+    def __repr__(self) -> str:
+        return f"Problem({self.system.name!r}, {self.tableau.name!r}, t_end={self.t_end})"
+
+    @property
+    def memory(self) -> int:
+        """Bytes that a trajectory works in, beside the states that are kept."""
+        kernel = kernel_of(self.system, replace(self.numerics, width=1).compiled, **self.tableau.kernel_options)
+        return sum(array.nbytes for array in kernel.workspace(self.tableau.moves_per_step))
+
+    def __call__(
+        self, tau: float, q0: object = None, p0: object = None, parameters: Mapping[str, Any] | None = None
+    ) -> Solution:
+        """Integrate one trajectory with a step size ``tau``; from several threads at once if wanted.
+
+        The step as used is t_end / steps; a difference of 1 % or more is warned of. ``q0``, ``p0`` and ``parameters``
+        by name take the place of the system's own: strings and fractions exact, floats as their binary value. Values
+        outside what is allowed are refused before any work.
+        """
+        try:
+            step = self._step_sizes.get((type(tau), tau))  # True equals 1.0
+        except TypeError:  # a list or an array
+            step = None
+        if step is None:
+            step = self._prepared_step(tau)
+            warn_of_step(self, [step.tau_requested], [step.steps])
+        slots = self._slots.setdefault(step.marks.size, [])
+        try:
+            slot = slots.pop()  # a call in another thread finds another slot, or makes one
+        except IndexError:
+            start, own = standard_start(self.system, self.plain), standard_parameters(self.system)
+            batch = self.batch(
+                step.moves.copy(), step.marks.copy(), np.zeros(1, np.int64), start[None, :].copy(),
+                own[None, :].copy(), replace(self.numerics, width=1),
+            )  # fmt: skip
+            slot = _Slot(batch, step)
+        if slot.step is not step:
+            slot.batch.marks[:], slot.batch.moves[:] = step.marks, step.moves
+            slot.step = step
+        if q0 is not None or p0 is not None or parameters is not None:
+            given = start_of(self, q0, p0, parameters)
+            slot.batch.start[:], slot.batch.parameters[:] = given.state, given.parameters
+            slot.given = given
+        elif slot.given is not None:
+            slot.batch.start[:] = standard_start(self.system, self.plain)
+            slot.batch.parameters[:] = standard_parameters(self.system)
+            slot.given = None
+        slot.batch.run(step.steps)
+        solution = Solution(self, step, slot.batch, slot.given)
+        slots.append(slot)
+        return solution
+
+    def _prepared_step(self, tau: object) -> StepSize:
+        steps = self.steps_of(tau)
+        size, marks = self.end / steps, sample_marks(np.array([steps]), self.samples)
+        step = StepSize(float(size), checked_tau(tau), steps, marks, self.moves([size]))
+        if len(self._step_sizes) >= MOST_STEP_SIZES:
+            self._step_sizes.clear()
+        self._step_sizes[type(tau), tau] = step
+        return step
+
+
+#: The name at the top of the package.
+problem = Problem
+
+
+# --- A step as a function of numba, for programs that compose steps themselves.
+
+
+def stepper(
+    system: str | System,
+    integrator: str | Tableau,
+    *,
+    summation: str = "plain",
+    parameters: Mapping[str, Any] | None = None,
+    first: str | None = None,
+    precision: str = "double",
+    split: str = KINETIC_POTENTIAL,
+) -> Any:
+    """Return a function of numba that advances a state by one step.
+
+    Parameters
+    ----------
+    system, integrator
+        As for :func:`nearharmonic.integrate`.
+    summation : {"plain", "compensated"}
+        Summation of the steps.
+    parameters : mapping, optional
+        Values of parameters by name in place of the system's own, as for :func:`nearharmonic.integrate`.
+    first
+        As for :func:`nearharmonic.integrate`.
+    precision, split
+        "double" and "kinetic_potential": a step has no others.
+
+    Returns
+    -------
+    callable
+        ``step(q, p, tau)``, or ``step(q, p, carry_q, carry_p, tau)`` for compensated sums, compiled by numba and to be
+        called from functions of numba, in threads if wanted, or from Python. The C-contiguous float64 arrays (d,) are
+        changed in place; those of a system that depends on time end with the time and its momentum. ``tau`` is a
+        finite number of either sign and means its binary value. A call has the bits of a run of one step of
+        :func:`nearharmonic.integrate`. Arrays of another length raise ValueError, and from Python other arguments
+        SettingError.
+
+    Raises
+    ------
+    NearharmonicError
+        An unknown name, or a setting outside what is allowed.
+
+    Examples
+    --------
+    >>> import nearharmonic as nh
+    >>> import numpy as np
+    >>> q, p = np.array([1.0]), np.array([0.0])
+    >>> nh.stepper("sho", "leapfrog")(q, p, 0.5)
+    >>> print(q, p)
+    [0.875] [-0.46875]
+    """
+    from nearharmonic.core import stepper as compiled
+
+    problem = Setup(
+        system, integrator, summation=summation, first=first, precision=precision, split=split, energy="none"
+    )
+    check_single_step(problem)
+    return compiled.stepper(step_of(problem, parameters))
+
+
+def step_of(problem: Setup, parameters: Mapping[str, Any] | None = None) -> Step:
+    """Return the machine code and the coefficients of a step of ``problem``."""
+    from nearharmonic.core.loops.kernel import build_step, room
+    from nearharmonic.core.stepper import Step
+
+    system, tableau = problem.system, problem.tableau
+    numerics = replace(problem.numerics, width=1)
+    given = parameters_at_run_time(system, numerics, start_of(problem, parameters=parameters).parameters)
+    table, flags, power = coefficients_of(tableau)
+    physics = physics_of(system, **tableau.kernel_options)
+    in_memory = physics.loops is not None or tableau.implicit
+    if in_memory:
+        function = kernel_of(system, numerics.compiled, **tableau.kernel_options).advance
+    else:
+        function = build_step(physics, compensated=numerics.compensated)
+    return Step(
+        name=system.name,
+        address=function.address,
+        signature=ADVANCE if in_memory else STEP,
+        dimension=physics.dimension,
+        room=room(physics, extended=False),
+        stages=physics.stage_count,
+        compensated=numerics.compensated,
+        kick_first=tableau.first_same_as_last,
+        table=table,
+        flags=flags,
+        power=power,
+        parameters=given[0].copy(),
+    )
+
+
+def coefficients_of(tableau: Tableau) -> tuple[Floats, Floats, int]:
+    """Return table, flags and power of the moves: see :func:`nearharmonic.core.stepper.fill`."""
+    from nearharmonic.core.stepper import table_of
+
+    rows, flags, power = tableau.moves(), np.zeros(tableau.moves_per_step + 2), 2
+    if tableau.modified:
+        power, flags = 3, np.ascontiguousarray(moves(tableau, [Fraction(1)], 1)[0, :, -1])
+    else:
+        rows = [(k, e, k * e) for k, e, _ in rows]
+    return table_of(rows, (1, 1, power)), flags, power
+
+
+def check_single_step(problem: Setup) -> None:
+    """Raise an error for settings that a single step does not have."""
+    system, tableau, numerics = problem.system, problem.tableau, problem.numerics
+    if numerics.parts > 1:
+        raise bad_setting("precision", numerics.precision, "the arrays of a step are doubles")
+    if numerics.exact_oscillator:
+        raise bad_setting("split", numerics.split, "the sines of a step size are computed before a run, in decimals")
+    if system.regularisation is not None:
+        raise bad_setting("system", system.name, "it is regularised, and its steps are those of a fictitious time")
+    if tableau.processed:
+        what = "it is processed: each step by itself would begin and end with its processor"
+        raise bad_setting("integrator", tableau.name, what)
+
+
+# --- One trajectory, and sweeps over step sizes.
 
 
 def integrate(
@@ -210,7 +579,10 @@ def sweep(
         raise bad_setting("taus", taus, "a list of step sizes, or tau_per_stage in its place: exactly one of the two")
     key, given = ("taus", taus) if tau_per_stage is None else ("tau_per_stage", tau_per_stage)
     stages = 1 if tau_per_stage is None else problem.tableau.stages
-    requested = [stages * tau for tau in _checked_taus(key, given)]
+    asked_taus = list_of(key, given, "a list of step sizes", MOST_TAUS)
+    if not asked_taus:
+        raise bad_setting(key, asked_taus, "at least one step size")
+    requested = [stages * checked_tau(tau, f"{key}[{i}]") for i, tau in enumerate(asked_taus)]
     begin = start_of(problem, q0, p0, parameters)
     times = "" if tau_per_stage is None else f"{stages} * "
     steps = [problem.steps_of(tau, f"{times}{key}[{i}]") for i, tau in enumerate(requested)]
@@ -222,7 +594,7 @@ def sweep(
         asked = checked_times(t, problem)
         paths = run_at(problem, steps, asked, start=begin.state, parameters=begin.parameters, reference=begin.reference)
         variables = trajectory_variables(problem, paths, begin.constants, np.array([float(time) for time in asked]))
-        variables |= invariant_variables(problem, paths, begin.state, begin.constants)
+        variables |= invariant_variables(problem, paths, begin)
     _check_start(problem, paths)
     variables |= error_variables(paths, problem)
     one = over("tau", variables)
@@ -255,13 +627,6 @@ def _warn_of_plunge(problem: Setup, start: Floats, paths: Trajectories, constant
     if change > surface_limit(problem.system, problem.scale) * unit > 0:
         message = f"energy='none' checks nothing: at the end H is off by {change:.2g}, and H0 = {H0:.2g}"
         warn_caller(message)
-
-
-def _checked_taus(key: str, taus: object) -> list[float]:
-    asked = list_of(key, taus, "a list of step sizes", MOST_TAUS)
-    if not asked:
-        raise bad_setting(key, asked, "at least one step size")
-    return [checked_tau(tau, f"{key}[{i}]") for i, tau in enumerate(asked)]
 
 
 def warm_up(system: str, precisions: Sequence[str] = ("double",)) -> dict[str, Any]:

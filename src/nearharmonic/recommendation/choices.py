@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.execution import Trajectories, joined, least_samples
+from nearharmonic.engine.batch import Trajectories, integrate_batch, joined, least_samples
 from nearharmonic.engine.reference import Reference, reference
 from nearharmonic.engine.settings import Numerics, misfit
 from nearharmonic.integrators.tableau import Tableau

@@ -20,12 +20,11 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.batch import integrate_batch, least_samples
 from nearharmonic.engine.ensemble import ensemble
-from nearharmonic.engine.execution import least_samples
 from nearharmonic.engine.reference import Reference
 from nearharmonic.engine.settings import Numerics, misfit
-from nearharmonic.engine.solution import Problem
+from nearharmonic.engine.trajectory import Problem
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.clock import QUARTILES, STANDARD, Patience, interleaved, summary
 from nearharmonic.output.store import Variables, coordinate, variable

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from decimal import MAX_EMAX, MIN_EMIN, Context, Decimal, DivisionByZero, InvalidOperation, Overflow, localcontext
 from fractions import Fraction
 from functools import cache
 from random import Random
 from threading import RLock
-from typing import Any, NamedTuple
+from typing import Any
 
 from nearharmonic.core.arithmetic import sqrt
 from nearharmonic.core.formulas.expression import Expression, Graph, Value, check_size, operations, value_of
@@ -19,18 +19,18 @@ from nearharmonic.core.formulas.number import FUNCTIONS, Constant, Number, call,
 from nearharmonic.core.formulas.program import Program, program, shortest_program
 from nearharmonic.core.formulas.tracing import Conditioned
 from nearharmonic.errors import SystemDefinitionError, bad_setting
-from nearharmonic.systems.declaration import written_frequencies
-from nearharmonic.systems.energy import (
+from nearharmonic.systems.formulas import (
+    DerivedGradient,
     Energy,
+    Formulas,
     MassKineticEnergy,
     constants_beside,
     evaluate,
     quadratic_grad_T,
     quadratic_T,
 )
-from nearharmonic.systems.formulas import DerivedGradient, Formulas
-from nearharmonic.systems.numba_potential import SMALL, bisected, check_numba_gradient, numba_potential
-from nearharmonic.systems.quantities import Vector
+from nearharmonic.systems.numba_potential import SMALL, check_numba_gradient, numba_potential
+from nearharmonic.systems.quantities import Vector, written_frequencies
 from nearharmonic.systems.remembered import remembered
 from nearharmonic.systems.system import System
 
@@ -39,19 +39,15 @@ from nearharmonic.systems.system import System
 # Integrators use only gradients: a gradient that contradicts its potential gives orbits of another system without an
 # error. The numbers are decimals of the standard library, because mpmath takes longer to load than a kernel.
 
-# Sizes below are relative to the coordinates. A point has a displacement r from the start, so that length scales of a
-# formula (singularities, the width of a zero) are hardly shorter than r. A central difference over a step h then has a
-# relative truncation error of (h/r)^2 / 6 < 1e-84 for the smallest r. Its rounding error is 1e-DIGITS of the terms of
-# V, divided by h. If the terms of V are as large as its slope times the coordinate, this is 1e-140 of the slope; for
-# larger terms the comparison allows a larger error. Both errors are negligible compared with TOLERANCE.
+#: Digits of the numbers. The allowed difference is relative to the terms of the given gradient; rounding errors are
+#: relative to the terms of the derived one, which may be larger, and are negligible in so many digits.
 DIGITS = 200
-STEP = Decimal("1e-60")
 #: Distances of the points from the start. No point is the start itself, where gradients may vanish and formulas may
 #: fail.
 DISPLACEMENTS = tuple(Decimal(2) ** -k for k in (4, 10, 30, 60))
-#: Largest difference, relative to the sum of the moduli of a gradient's terms. A literal of 16 digits, such as
+#: Largest difference, relative to the sum of the moduli of a component's terms. A literal of 16 digits, such as
 #: 0.3333333333333333 for 1/3, changes a term by a relative 1e-16 at most.
-TOLERANCE = Decimal("1e-12")
+TOLERANCE, ROUNDING = Decimal("1e-12"), Decimal(10) ** (10 - DIGITS)
 
 _VALUES = Context(prec=DIGITS, Emax=MAX_EMAX, Emin=MIN_EMIN, traps=[DivisionByZero, InvalidOperation, Overflow])
 _SIZES = Context(prec=9, Emax=MAX_EMAX, Emin=MIN_EMIN, traps=[DivisionByZero, InvalidOperation, Overflow])
@@ -98,63 +94,6 @@ def _value_and_slopes(function: str) -> Program:
     return program(graph, [value, *derived(graph, value, [x.value for x in operands])])
 
 
-class _Slope(NamedTuple):
-    """Slope of an energy along a direction: by its gradient, by a difference, and the allowed difference of both."""
-
-    gradient: Decimal
-    difference: Decimal
-    allowed: Decimal
-
-    @property
-    def contradiction(self) -> bool:
-        return abs(_VALUES.subtract(self.gradient, self.difference)) > self.allowed
-
-
-class _Pair(NamedTuple):
-    """An energy and its gradient, as formulas of a system with constant parameters."""
-
-    system: System
-    formulas: Formulas
-    energy: str
-    constants: tuple[Constant, ...]
-
-    @property
-    def gradient(self) -> str:
-        return f"grad_{self.energy}"
-
-    def gradient_at(self, point: Sequence[Decimal]) -> tuple[Multiprecision, ...]:
-        components = vector(self.formulas, self.gradient, tuple(map(Multiprecision, point)), *self.constants)
-        return tuple(Multiprecision.of(x) if isinstance(x, Constant) else x for x in components)
-
-    def energy_at(self, point: Sequence[Decimal]) -> Multiprecision:
-        value = scalar(self.formulas, self.energy, tuple(map(Multiprecision, point)), *self.constants)
-        return Multiprecision.of(value) if isinstance(value, Constant) else value
-
-    def check_size(self) -> None:
-        """Refuse a gradient that will be compiled and takes too many operations."""
-        if self.formulas.are_loops:
-            return
-        graph = Graph()
-        x = graph.variables(self.formulas.dimension)
-        components = vector(self.formulas, self.gradient, x, *self.constants)
-        count = operations(graph, [value_of(component) for component in components])
-        call(self.formulas, self.gradient, check_size, count)
-
-    def slope(self, point: Sequence[Decimal], gradient: Sequence[Multiprecision], along: Sequence[Decimal]) -> _Slope:
-        """Both slopes at ``point`` (d,) in the direction ``along`` (d,), whose size is that of the coordinates."""
-        ahead, behind = (
-            self.energy_at([_VALUES.fma(sign * STEP, w, x) for x, w in zip(point, along, strict=True)])
-            for sign in (1, -1)
-        )
-        difference = _VALUES.divide(_VALUES.subtract(ahead.value, behind.value), 2 * STEP)
-        slope = allowed = Decimal(0)
-        for g, w in zip(gradient, along, strict=True):
-            slope = _VALUES.fma(g.value, w, slope)
-            allowed = _SIZES.fma(_SIZES.multiply(g.size, TOLERANCE), abs(w), allowed)
-        rounding = _SIZES.multiply(ahead.size, Decimal(10) ** (10 - DIGITS) / STEP)
-        return _Slope(slope, difference, _SIZES.add(allowed, rounding))
-
-
 #: The potentials that a system may declare.
 POTENTIALS: Mapping[str, Callable[..., Any]] = {
     "harmonic": lambda q: q[0] * q[0] / 2,
@@ -182,77 +121,63 @@ def check_gradients(system: System) -> None:
     if numba is not None:
         check_numba_gradient(numba, *(tuple(map(float, numbers)) for numbers in (q0, constants)))
     given = numba is None and not isinstance(system.grad_V, DerivedGradient)
+    known = isinstance(system.T, MassKineticEnergy) or (system.T, system.grad_T) == (quadratic_T, quadratic_grad_T)
     with localcontext(_VALUES):
-        potential = _Pair(system, formulas, "V", constants)
         if given or any(getattr(system, name) for name in POTENTIALS):
-            _compare(potential, "q", q0)
-        if given:
-            potential.check_size()
-        known = isinstance(system.T, MassKineticEnergy) or (system.T, system.grad_T) == (quadratic_T, quadratic_grad_T)
+            _compare(system, formulas, "V", q0, constants, compiled=given)
         if not (known or isinstance(system.grad_T, DerivedGradient)):
-            kinetic = _Pair(system, formulas, "T", constants)
-            _compare(kinetic, "p", p0)
-            kinetic.check_size()
+            _compare(system, formulas, "T", p0, constants, compiled=True)
 
 
-def _compare(pair: _Pair, letter: str, start: Sequence[Decimal]) -> None:
+def _compare(
+    system: System, formulas: Formulas, name: str, start: Sequence[Decimal], constants: Any, *, compiled: bool
+) -> None:
+    """Compare the gradient of the energy V or T with the derived one; refuse one too long to be ``compiled``."""
     random = Random(1)  # the same points in every process
     largest = max(map(abs, start)) or Decimal(1)
     scales = [abs(x) or largest for x in start]  # a coordinate that starts at 0 has no other length scale
-    if pair.energy == "V" and pair.system.time_dependent:
-        scales[-1] = abs(Decimal(pair.system.t_end)) or Decimal(1)
+    if name == "V" and system.time_dependent:
+        scales[-1] = abs(Decimal(system.t_end)) or Decimal(1)
     for displacement in DISPLACEMENTS:
         point = [_VALUES.fma(displacement * _random(random), w, x) for x, w in zip(start, scales, strict=True)]
+        x = tuple(map(Multiprecision, point))
         try:
-            if pair.energy == "V":
-                _check_declared(pair, point)
-            gradient = pair.gradient_at(point)
-            found = _contradiction(pair, point, gradient, scales, random)
-        except SystemDefinitionError as error:
-            if isinstance(error.__cause__, ArithmeticError):
+            if name == "V":
+                _check_declared(system, formulas, x, constants)
+            given = list(map(_lifted, vector(formulas, f"grad_{name}", x, *constants)))
+            expected = list(map(_lifted, formulas.energies[name == "T"].gradient(x, *constants)))
+        except (SystemDefinitionError, ArithmeticError) as error:
+            if isinstance(error, ArithmeticError) or isinstance(error.__cause__, ArithmeticError):
                 continue
             raise
-        if found is not None:
-            i, derivative = found
-            raise SystemDefinitionError(
-                f"{pair.system.name}: {pair.gradient}[{i}] contradicts {pair.energy}: at {letter} = "
-                f"({_shown(point)}) it is {float(gradient[i].value)}, "
-                f"and the derivative of {pair.energy} is {float(derivative)}"
-            )
+        for i, (one, other) in enumerate(zip(given, expected, strict=True)):
+            allowed = _SIZES.fma(one.size, TOLERANCE, _SIZES.multiply(other.size, ROUNDING))
+            if abs(_VALUES.subtract(one.value, other.value)) > allowed:
+                raise SystemDefinitionError(
+                    f"{system.name}: grad_{name}[{i}] contradicts {name}: at {'q' if name == 'V' else 'p'} = "
+                    f"({_shown(point)}) it is {float(one.value)}, and the derivative of {name} is {float(other.value)}"
+                )
+    if compiled and not formulas.are_loops:
+        graph = Graph()
+        components = vector(formulas, f"grad_{name}", graph.variables(formulas.dimension), *constants)
+        count = operations(graph, [value_of(component) for component in components])
+        call(formulas, f"grad_{name}", check_size, count)
 
 
-def _check_declared(pair: _Pair, point: Sequence[Decimal]) -> None:
+def _lifted(x: Any) -> Multiprecision:
+    return Multiprecision.of(x) if isinstance(x, Constant) else x
+
+
+def _check_declared(system: System, formulas: Formulas, x: Sequence[Multiprecision], constants: Any) -> None:
     for name, potential in POTENTIALS.items():
-        if getattr(pair.system, name):
-            value = pair.energy_at(point)
-            expected = potential(tuple(map(Multiprecision, point)), *map(Multiprecision.of, pair.constants))
+        if getattr(system, name):
+            value = _lifted(scalar(formulas, "V", x, *constants))
+            expected = potential(x, *map(Multiprecision.of, constants))
             if abs(_VALUES.subtract(value.value, expected.value)) > _SIZES.multiply(TOLERANCE, expected.size):
                 raise SystemDefinitionError(
-                    f"{pair.system.name}: {name} contradicts V: at q = ({_shown(point)}) it is {float(value.value)}, "
-                    f"and the potential declared is {float(expected.value)}"
+                    f"{system.name}: {name} contradicts V: at q = ({_shown([y.value for y in x])}) it is "
+                    f"{float(value.value)}, and the potential declared is {float(expected.value)}"
                 )
-
-
-def _contradiction(
-    pair: _Pair, point: Sequence[Decimal], gradient: Sequence[Multiprecision], scales: Sequence[Decimal], random: Random
-) -> tuple[int, Decimal] | None:
-    """A component that contradicts its energy, with the correct derivative; None if there is none."""
-
-    def slope(indices: range, weights: Sequence[Decimal]) -> _Slope:
-        along = [w if i in indices else Decimal(0) for i, w in enumerate(weights)]
-        return pair.slope(point, gradient, along)
-
-    d = len(point)
-    if d <= SMALL:
-        candidates: Iterator[int] = iter(range(d))
-    else:
-        weights = [w * _random(random) for w in scales]
-        candidates = bisected(lambda indices: slope(indices, weights).contradiction, range(d))
-    for i in candidates:
-        single = slope(range(i, i + 1), scales)
-        if single.contradiction:
-            return i, _VALUES.divide(single.difference, scales[i])
-    return None
 
 
 def _shown(point: Sequence[Decimal]) -> str:
@@ -268,23 +193,6 @@ def _random(random: Random) -> Decimal:
 # --- V as declared oscillators and the rest: [p.p + sum (w_i q_i)^2] / 2 + [V - sum (w_i q_i)^2 / 2].
 #
 # The rest has exact constants, so that the quadratic terms of V cancel as expressions, not as numbers.
-
-
-@dataclass(frozen=True, eq=False)
-class Remainder:
-    """V - sum w_i^2 q_i^2 / 2 as a function of the coordinates and the parameters."""
-
-    system: System
-    frequencies: tuple[Fraction | str, ...]
-
-    def __call__(self, q: Vector, *parameters: Any) -> Any:
-        given, rest, number = dict(zip(self.system.parameters, parameters, strict=True)), 0, constants_beside(q)
-        for x, w in zip(q, self.frequencies, strict=True):
-            if isinstance(w, str):
-                rest = rest + given[w] * given[w] * x * x / 2
-            elif w:
-                rest = rest + number(Constant(w * w / 2)) * (x * x)
-        return self.system.V(q, *parameters) - rest
 
 
 @remembered
@@ -329,8 +237,17 @@ def check_oscillator(system: System, key: str = "split") -> None:
 def remainder_formulas(system: System) -> Formulas:
     """Return the formulas of ``system`` with the grad_V of V without its oscillators; V is the full potential."""
     check_oscillator(system)
-    formulas = system.formulas()
-    remainder = Remainder(system, written_frequencies(system))
+    formulas, frequencies = system.formulas(), written_frequencies(system)
+
+    def remainder(q: Vector, *parameters: Any) -> Any:
+        given, rest, number = dict(zip(system.parameters, parameters, strict=True)), 0, constants_beside(q)
+        for x, w in zip(q, frequencies, strict=True):
+            if isinstance(w, str):
+                rest = rest + given[w] * given[w] * x * x / 2
+            elif w:
+                rest = rest + number(Constant(w * w / 2)) * (x * x)
+        return system.V(q, *parameters) - rest
+
     rest = Energy(system.name, "V", remainder, system.dimension, system.constants(Constant))
     return replace(
         formulas,
@@ -398,11 +315,6 @@ def _text(value: SourceTracer | Constant) -> str:
     return value.name if isinstance(value, SourceTracer) else repr(float(value))
 
 
-def _function(name: str, arguments: str, lines: list[str], results: list[str]) -> str:
-    body = "".join(f"    {line}\n" for line in lines)
-    return f"def {name}({arguments}):\n{body}    return {', '.join(results)},\n"
-
-
 def velocity_text(system: System) -> str:
     """Return the text of ``velocity(q0, .., p0, ..)`` -> (dq0/dt, .., dp0/dt, ..).
 
@@ -417,7 +329,8 @@ def velocity_text(system: System) -> str:
     q, p = tuple(entries[:d]), tuple(entries[d:])
     velocity, force = vector(formulas, "grad_T", p, *constants), vector(formulas, "grad_V", q, *constants)
     results = [*map(_text, velocity), *(f"-{_text(component)}" for component in force)]
-    return _function("velocity", ", ".join(names), lines, results)
+    body = "".join(f"    {line}\n" for line in lines)
+    return f"def velocity({', '.join(names)}):\n{body}    return {', '.join(results)},\n"
 
 
 def velocity(system: System, functions: Mapping[str, Callable[..., Any]] | None = None) -> Callable[..., Any]:

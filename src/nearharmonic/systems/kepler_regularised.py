@@ -12,8 +12,8 @@ from typing import Any
 
 from nearharmonic.core.arithmetic import sqrt
 from nearharmonic.systems import kepler
+from nearharmonic.systems.formulas import Regularisation
 from nearharmonic.systems.quantities import Parameter, Vector
-from nearharmonic.systems.regularisation import Regularisation
 from nearharmonic.systems.system import System
 
 

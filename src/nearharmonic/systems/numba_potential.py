@@ -6,7 +6,7 @@ Such functions are not traced, so operations that need an expression of V raise 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import comb, nan
@@ -17,8 +17,8 @@ import numpy as np
 from nearharmonic.core.formulas.number import Constant, Value
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.numerics.portable import Floats
-from nearharmonic.systems.energy import Components as Vector
-from nearharmonic.systems.energy import Energy
+from nearharmonic.systems.formulas import Components as Vector
+from nearharmonic.systems.formulas import Energy
 
 if TYPE_CHECKING:
     from nearharmonic.core.machine.numba_functions import NumbaCode
@@ -158,7 +158,10 @@ def potential_of(system: Any) -> NumbaPotential | None:
             )
     compiled = is_numba_function(V)
     if compiled and grad_V is None:
-        raise SystemDefinitionError(f"{system.name}: {_HOW}")
+        raise SystemDefinitionError(
+            f"{system.name}: V is a function of numba, whose gradient is not derived: give grad_V, which returns one "
+            "number per coordinate, as @numba.njit above def grad_V(q, k): return (k * q[0],) for V = k q[0]^2 / 2"
+        )
     if compiled != is_numba_function(grad_V):
         one, other = ("V", "grad_V") if compiled else ("grad_V", "V")
         message = f"{one} is a function of numba and {other} is not: both must be, or neither"
@@ -181,13 +184,6 @@ def potential_of(system: Any) -> NumbaPotential | None:
     if isinstance(kept, NumbaPotential) and (kept.V, kept.grad_V, kept.dimension, kept.parameters) == wanted:
         return kept
     return NumbaPotential(system.name, *wanted)
-
-
-#: Message for a missing gradient.
-_HOW = (
-    "V is a function of numba, whose gradient is not derived: give grad_V, which returns one number per coordinate, as "
-    "@numba.njit above def grad_V(q, k): return (k * q[0],) for V = k q[0]^2 / 2"
-)
 
 
 def given_function(function: Any) -> Any:
@@ -297,22 +293,15 @@ def _contradiction(
         terms = gradient * along
         return bool(abs(terms.sum() - slope) > DOUBTS * error + ROUNDING * np.abs(terms).sum())
 
-    d = point.size
-    candidates: Any = range(d) if d <= SMALL else bisected(contradicts, range(d))
-    return next((i for i in candidates if contradicts(range(i, i + 1))), None)
-
-
-def bisected(contradicts: Callable[[range], bool], indices: range) -> Iterator[int]:
-    """The index among ``indices`` that contradicts, if the sum over all of them does.
-
-    If the error of a sum exceeds the sum of the allowed errors, so does that of one of its halves.
-    """
+    indices = range(point.size)
+    if point.size <= SMALL:
+        return next((i for i in indices if contradicts(indices[i : i + 1])), None)
     if not contradicts(indices):
-        return
-    while len(indices) > 1:
+        return None
+    while len(indices) > 1:  # if the error of a sum exceeds the sum of the allowed errors, so does that of a half
         left, right = indices[: len(indices) // 2], indices[len(indices) // 2 :]
         indices = left if contradicts(left) else right
-    yield indices[0]
+    return indices[0] if contradicts(indices) else None
 
 
 def _slope(
@@ -320,7 +309,7 @@ def _slope(
 ) -> tuple[float, float]:
     """The derivative of V along a direction by extrapolated central differences, and its estimated error."""
     steps = STEPS[:, None]
-    ahead, behind = (_values(potential, point + s * steps * along, parameters) for s in (1, -1))
+    ahead, behind = (potential.value(tuple((point + s * steps * along).T), *parameters) for s in (1, -1))
     central = (ahead - behind) / (2 * STEPS)
     extrapolated = (4 * central[1:] - central[:-1]) / 3  # Richardson extrapolation from the steps 2 h and h
     rounding = noise + np.maximum(np.abs(ahead), np.abs(behind)) * 2.0**-53
@@ -331,11 +320,6 @@ def _slope(
     return float(extrapolated[best + 1]), float(errors[best])
 
 
-def _values(potential: NumbaPotential, points: Floats, parameters: Sequence[float]) -> Floats:
-    """V (N,) at points (N, d)."""
-    return np.asarray(potential.value(tuple(points.T), *parameters))
-
-
 def _noise(
     potential: NumbaPotential, point: Floats, scales: Floats, parameters: Sequence[float], random: np.random.Generator
 ) -> float:
@@ -343,7 +327,8 @@ def _noise(
     squares = []
     for _ in range(LINES):
         along = APART * random.uniform(-1, 1, point.size) * scales
-        values = _values(potential, point + np.arange(-LINE / 2, LINE / 2)[:, None] * along, parameters)
+        points = point + np.arange(-LINE / 2, LINE / 2)[:, None] * along
+        values = potential.value(tuple(points.T), *parameters)
         squares.append(np.mean(np.diff(values, ORDER) ** 2) / comb(2 * ORDER, ORDER))
     return EXTREME * float(np.sqrt(np.mean(squares)))
 

@@ -16,26 +16,34 @@ from nearharmonic.errors import SystemDefinitionError, naming_arguments
 from nearharmonic.numerics.written import decimal
 from nearharmonic.registry.registry import split_path
 from nearharmonic.registry.user_module import load, near_miss, pickled
-from nearharmonic.systems.declaration import UNITS, check_members, check_numbers, written_frequencies
-from nearharmonic.systems.energy import (
+from nearharmonic.systems.formulas import (
+    DerivedGradient,
     Energy,
+    Formulas,
     MassKineticEnergy,
+    Regularisation,
+    extended_V,
+    formulas_of,
     of_masses,
     quadratic_grad_T,
     quadratic_T,
-    takes_parameters,
-)
-from nearharmonic.systems.formulas import (
-    DerivedGradient,
-    Formulas,
-    extended_V,
-    formulas_of,
     regularised_formulas,
+    takes_parameters,
     with_parameters,
 )
 from nearharmonic.systems.numba_potential import NumbaEnergy, given_function, numba_potential, potential_of
-from nearharmonic.systems.quantities import Observable, Parameter, ReadOnly, Vector, fixed, is_list
-from nearharmonic.systems.regularisation import Regularisation
+from nearharmonic.systems.quantities import (
+    UNITS,
+    Observable,
+    Parameter,
+    ReadOnly,
+    Vector,
+    check_members,
+    check_numbers,
+    fixed,
+    is_list,
+    written_frequencies,
+)
 from nearharmonic.systems.remembered import read_by
 
 # --- Comparison of the signatures of formulas with the arguments of their calls.
@@ -59,12 +67,21 @@ def check_arguments(system: System) -> None:
             given = ("q", "t") if system.time_dependent else ("q",)
         else:
             given, parameters = ("p",), parameters if takes_parameters(function) else ()
-        taken = _signature(function, follow_wrapped=False)
-        if taken is not None:
-            _check_count(system, formula, taken, given, parameters)
-        named = _signature(function, follow_wrapped=True)
-        if named is not None:
-            _check_order(system, formula, named, len(given))
+        called = (*given, *parameters)
+        if (taken := _signature(function, follow_wrapped=False)) is not None:
+            try:
+                taken.bind(*called)
+            except TypeError:
+                bare = [x.replace(annotation=Argument.empty) for x in taken.parameters.values()]
+                reason = _reason(system, [x for x in bare if x.kind in _POSITIONAL], given)
+                calls = f"takes {Signature(bare)}, and is called as {formula}({', '.join(called)}): {reason}"
+                raise SystemDefinitionError(f"{system.name}: {formula} {calls}") from None
+        if (named := _signature(function, follow_wrapped=True)) is not None:
+            names = [x.name for x in named.parameters.values() if x.kind in _POSITIONAL][len(given) :]
+            order = list(system.parameters)
+            if names != order and sorted(names) == sorted(order):
+                orders = f"({', '.join(names)}), and parameters are in the order ({', '.join(order)})"
+                raise SystemDefinitionError(f"{system.name}: {formula} takes {orders}")
 
 
 def _signature(function: Callable[..., Any], *, follow_wrapped: bool) -> Signature | None:
@@ -72,20 +89,6 @@ def _signature(function: Callable[..., Any], *, follow_wrapped: bool) -> Signatu
         return signature(getattr(function, "py_func", function), follow_wrapped=follow_wrapped)
     except (TypeError, ValueError):
         return None
-
-
-def _check_count(
-    system: System, formula: str, taken: Signature, given: tuple[str, ...], parameters: tuple[str, ...]
-) -> None:
-    called = (*given, *parameters)
-    try:
-        taken.bind(*called)
-    except TypeError:
-        bare = [x.replace(annotation=Argument.empty) for x in taken.parameters.values()]
-        shown = Signature(bare)
-        reason = _reason(system, [x for x in bare if x.kind in _POSITIONAL], given)
-        message = f"{system.name}: {formula} takes {shown}, and is called as {formula}({', '.join(called)}): {reason}"
-        raise SystemDefinitionError(message) from None
 
 
 def _reason(system: System, taken: list[Argument], given: tuple[str, ...]) -> str:
@@ -101,14 +104,6 @@ def _reason(system: System, taken: list[Argument], given: tuple[str, ...]) -> st
     if given == ("q", "t") and len(taken) < 2 + len(system.parameters):
         return "with time_dependent=True it takes the time, and all parameters behind it"
     return "it takes all parameters, those that only masses or T use too"
-
-
-def _check_order(system: System, formula: str, taken: Signature, given: int) -> None:
-    names = [x.name for x in taken.parameters.values() if x.kind in _POSITIONAL][given:]
-    parameters = list(system.parameters)
-    if names != parameters and sorted(names) == sorted(parameters):
-        orders = f"({', '.join(names)}), and parameters are in the order ({', '.join(parameters)})"
-        raise SystemDefinitionError(f"{system.name}: {formula} takes {orders}")
 
 
 Scalar = TypeVar("Scalar")
@@ -456,17 +451,15 @@ class System:
                 del kept[name]
         if self.masses is not None:
             del kept["T"]
-        return _rebuilt, (kept,)
+        return partial(System, **kept), ()
 
     @cached_property
     def parameters_at_run_time(self) -> bool:
         """True if formulas work with parameters that are values of a kernel, so that no branch depends on them."""
-        energies = (self._potential, self._kinetic_energy)
-        return not self.parameters or (
-            all(e.parameters_at_run_time for e in energies) and self._gradients_take_values()
-        )
-
-    def _gradients_take_values(self) -> bool:
+        if not self.parameters:
+            return True
+        if not all(energy.parameters_at_run_time for energy in self.energies):
+            return False
         formulas = self.formulas()
         values = Graph().variables(formulas.dimension + len(self.parameters))
         try:
@@ -508,25 +501,19 @@ class System:
         return self._potential.hessian_times(tuple(q), tuple(direction), *others)
 
 
-def _rebuilt(fields: dict[str, Any]) -> System:
-    return System(**fields)
+_init = naming_arguments(System.__init__, "System")
 
 
-def _refusing(init: Any) -> Any:
-    """Return ``__init__`` with one sentence for a Hamiltonian that is given whole, and for unknown members."""
-    init = naming_arguments(init, "System")
-
-    @wraps(init)
-    def checked(self: System, **given: Any) -> None:
-        for name in given:
-            if name in WHOLE:
-                raise SystemDefinitionError(f"System has no {name}: {SEPARABLE}")
-        init(self, **given)
-
-    return checked
+@wraps(_init)
+def _refusing(self: System, **given: Any) -> None:
+    """Make a system; one sentence for a Hamiltonian that is given whole, and for unknown members."""
+    for name in given:
+        if name in WHOLE:
+            raise SystemDefinitionError(f"System has no {name}: {SEPARABLE}")
+    _init(self, **given)
 
 
-System.__init__ = _refusing(System.__init__)  # type: ignore[method-assign]
+System.__init__ = _refusing  # type: ignore[method-assign]
 
 
 # --- Systems in Python files of users.

@@ -15,8 +15,7 @@ from mpmath import mp, mpf, nstr
 from numpy.typing import NDArray
 
 from nearharmonic.core.layout import COLUMNS, DRIFT, KICK, PRODUCT, SQUARE, columns, modified_columns
-from nearharmonic.engine.batch import prepared_batch, sample_marks
-from nearharmonic.engine.execution import Batch, energy_unit
+from nearharmonic.engine.batch import Batch, energy_unit, prepared_batch, sample_marks
 from nearharmonic.engine.numbers import moves_behind, rounded_rotations
 from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Numerics, check_fit
 from nearharmonic.errors import NearharmonicError

@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.invariants import energy_at_start
 from nearharmonic.engine.kernels import cost_of
 from nearharmonic.engine.numbers import exact, rows_of, start_array
 from nearharmonic.engine.settings import Numerics, checked_count, checked_tau, misfit
-from nearharmonic.engine.setup import ANY, Setup, as_python
+from nearharmonic.engine.setup import ANY, Setup, as_python, energy_at_start
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau

@@ -53,7 +53,7 @@ def define(asked: Mapping[str, SystemSettings], methods: Mapping[str, Sequence[s
 
 def _check_formulas(system: System) -> None:
     """Evaluate all formulas of a user's system once, so that errors occur before any job."""
-    from nearharmonic.engine.invariants import energy_at_start, invariant_values
+    from nearharmonic.engine.setup import energy_at_start, invariant_values
 
     energy_at_start(system)
     check_gradients(system)

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch, prepared_batch
-from nearharmonic.engine.execution import Trajectories
+from nearharmonic.engine.batch import Trajectories, integrate_batch, prepared_batch
 from nearharmonic.engine.numbers import moves_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import integrators

@@ -29,7 +29,7 @@ NO_NUMBERS = [
     True, {}, {"a": 1}, b"1", 1j, object(), Decimal("nan"), np.ma.masked, "1e-401", "1 2", lambda: 1,
     np.timedelta64(1, "s"), np.datetime64("2020"), np.bool_(True), np.complex128(1), np.ones(3),
 ]  # fmt: skip
-#: Values that are no positive number, no integer, and no name; arrays of every kind are in tests/library/engine/runs.
+#: Values that are no positive number, no integer, and no name; arrays of every kind are in tests/library/engine.
 NOT_POSITIVE = [*NO_NUMBERS, None, [1], 0, -1, "-5", "0", -0.0, 5e-324, Fraction(-1, 3)]
 NO_INTEGERS = [0, -1, 1.5, 10.0, "10", True, [1], 10**9, 10**400, float("nan"), b"1", np.timedelta64(3, "s")]
 NO_NAMES = ["", "nobody", None, 5, True, ["ruth"], b"ruth", {}, "../x", "x.py", "/etc", "\0", "kepl\ner", "r" * 10**5]

@@ -9,7 +9,7 @@ import math
 import numpy as np
 import xarray as xr
 
-from nearharmonic.engine.invariants import observable_values
+from nearharmonic.engine.setup import observable_values
 from nearharmonic.numerics.portable import log10, norms
 from nearharmonic.numerics.statistics import (
     line_fit,

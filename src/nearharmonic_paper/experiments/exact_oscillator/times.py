@@ -13,7 +13,7 @@ import xarray as xr
 
 from nearharmonic.engine.ensemble import ensemble
 from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL
-from nearharmonic.engine.solution import Problem
+from nearharmonic.engine.trajectory import Problem
 from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor, summary
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table

@@ -13,8 +13,8 @@ import numpy as np
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.numbers import start_array
 from nearharmonic.engine.settings import Numerics, tau_grid
-from nearharmonic.engine.solution import Problem
-from nearharmonic.engine.variation import tangent_system
+from nearharmonic.engine.tangent import tangent_system
+from nearharmonic.engine.trajectory import Problem
 from nearharmonic.integrators import integrators, nielsen_2015, yoshida_1990
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import log

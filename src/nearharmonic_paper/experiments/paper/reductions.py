@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from nearharmonic.engine import invariants
-from nearharmonic.engine.description import SINCE
+from nearharmonic.engine.description import SINCE, drift_variables
 from nearharmonic.engine.settings import Sweep
+from nearharmonic.engine.setup import energy_at_start
 from nearharmonic.integrators import integrators
 from nearharmonic.numerics.statistics import linear_trend, trend_linearity
 from nearharmonic.numerics.statistics import observed_order as order_of_curve
@@ -97,7 +97,7 @@ def invariant_drifts(runs: xr.Dataset) -> xr.Dataset:
     """Largest change of each invariant that the system declares, ``<invariant>_drift``."""
     system = systems[runs.attrs["system"]]
     diverged = (runs.status == "diverged").values
-    found = invariants.invariant_variables(system, runs.q.values, runs.p.values, diverged)
+    found = drift_variables(system, runs.q.values, runs.p.values, diverged)
     return xr.Dataset({name: value for name, value in found.items() if value[0] == ("tau_per_stage",)})
 
 
@@ -185,7 +185,7 @@ def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:
         cube[name].attrs |= described(text)
     attributes: dict[str, Any] = {"system": system, "system_label": problem.label}
     if system not in systems.registered:
-        attributes |= {"energy_at_start": invariants.energy_at_start(problem), "energy_unit": problem.units["energy"]}
+        attributes |= {"energy_at_start": energy_at_start(problem), "energy_unit": problem.units["energy"]}
     constants = {name: parameter.value for name, parameter in problem.parameters.items()}
     for name, value in (("q0", problem.q0), ("p0", problem.p0), ("parameters", constants)):
         attributes[name] = json.dumps(value)

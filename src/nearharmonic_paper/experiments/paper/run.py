@@ -43,7 +43,7 @@ from nearharmonic.systems.gradients import check_oscillator
 if TYPE_CHECKING:
     import xarray as xr
 
-    from nearharmonic.engine.solution import Problem
+    from nearharmonic.engine.trajectory import Problem
 
 
 #: Systems of the paper.
@@ -429,7 +429,7 @@ def integrate_run(run: Run) -> Variables:
 
 def problem_of(run: Run) -> Problem:
     """Return the system, method and settings of planned runs."""
-    from nearharmonic.engine.solution import Problem  # planning, which imports this module, runs nothing
+    from nearharmonic.engine.trajectory import Problem
 
     sweep = run.sweep
     system = systems[sweep.system]

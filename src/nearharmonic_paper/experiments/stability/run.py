@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearharmonic.core.arithmetic import rounded_pair
-from nearharmonic.engine.batch import integrate_batch
-from nearharmonic.engine.execution import Trajectories
+from nearharmonic.engine.batch import Trajectories, integrate_batch
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.numbers import start_row
 from nearharmonic.engine.settings import Numerics, tau_grid

@@ -10,8 +10,8 @@ from mpmath import mpf
 from scipy.stats import t as student
 
 import nearharmonic as nh
-from nearharmonic.engine.solution import Problem
-from nearharmonic.engine.variation import tangent_system
+from nearharmonic.engine.tangent import tangent_system
+from nearharmonic.engine.trajectory import Problem
 from nearharmonic.integrators import integrators
 from nearharmonic.systems import System, systems
 from nearharmonic_paper.experiments.paper import orbits as chaos

@@ -7,7 +7,7 @@ default.
 
 Where a regularisation is known, the regularised equations are the best that users of heyoka can do. With the fictitious
 time s as the variable: u' = v, v' = -dV/du with V of
-:class:`nearharmonic.systems.regularisation.RegularisedFormulas`, and t' = |u|^2. heyoka's tolerance is
+:class:`nearharmonic.systems.formulas.RegularisedFormulas`, and t' = |u|^2. heyoka's tolerance is
 relative to the largest component of the state, so t is scaled by ``t_end``. w = -H is a constant, not a component. Two
 choices favour heyoka. The fictitious time at which t = ``t_end`` is computed before the timing, by dense output and
 Newton's method. The timed run ends with (u, v, t), without the map to q and p. Errors are those of q and p.
@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 from nearharmonic.engine.batch import unperturbed
+from nearharmonic.systems.formulas import RegularisedFormulas
 from nearharmonic.systems.gradients import velocity
-from nearharmonic.systems.regularisation import RegularisedFormulas
 from nearharmonic.systems.system import System
 from nearharmonic_paper.experiments.work_precision.peers.peer import MOST_STEPS, Attempt, Peer, States, start_of
 

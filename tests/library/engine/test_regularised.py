@@ -12,7 +12,7 @@ from mpmath import cos, matrix, mp, mpf, pi, sin, sqrt
 import nearharmonic as nh
 from nearharmonic.engine.batch import landing_of, unperturbed
 from nearharmonic.errors import SettingError, SystemDefinitionError
-from nearharmonic.systems.regularisation import Regularisation, RegularisedFormulas
+from nearharmonic.systems.formulas import Regularisation, RegularisedFormulas
 from support.oracles.multiprecision import digits_of
 
 SYSTEM = nh.systems["kepler_regularised"]

@@ -103,13 +103,12 @@ def test_rest_of_v_is_simplified_like_hand_written_code():
         2 * Fraction(3, 7) * Fraction(-2, 11), Fraction(3, 7) ** 2 - Fraction(2, 11) ** 2,
     )  # fmt: skip
     assert remainder_formulas(nh.systems["sho"]).grad_V((x,)) == (0,)
-
-
-def test_a_result_says_that_its_oscillators_are_solved_exactly():
-    exact, split = (nh.integrate("henon_heiles", "aba864", 0.3, t_end=30, samples=2, **how) for how in (EXACT, {}))
-    assert exact.attrs["split"] == "exact_oscillator"
-    assert "split" not in split.attrs
-    assert not np.array_equal(exact.q[-1], split.q[-1])
+    named = nh.System(
+        name="named", V=lambda q, w: w * w * q[0] * q[0] / 2 + q[0] ** 3, q0=[1], p0=[0], t_end=1,
+        parameters={"w": "2.5"}, frequencies=("w",),
+    )  # fmt: skip
+    (cubic,) = remainder_formulas(named).grad_V((x,), Constant(Fraction(5, 2)))
+    assert Fraction(cubic.numerator, cubic.denominator) == 3 * Fraction(3, 7) ** 2
 
 
 def test_shorter_step_of_exact_oscillator_lies_between_two_steps():

@@ -5,7 +5,6 @@ Numbers and arrays of every kind have the same exact values in all public functi
 
 from __future__ import annotations
 
-import inspect
 import json
 import re
 from decimal import Decimal
@@ -19,6 +18,11 @@ import pytest
 import xarray as xr
 
 import nearharmonic as nh
+from nearharmonic.engine.settings import (
+    checked_t_end,
+    checked_tau,
+    steps_of,
+)
 from nearharmonic.errors import NearharmonicError
 from support.bad_input import check_message
 from support.results.stated_numbers import ROOT
@@ -188,17 +192,6 @@ REFUSING = {
     ("tailor", "starts"): lambda x: nh.tailor("henon_heiles", starts=x),
     ("tailor", "window"): lambda x: nh.tailor("henon_heiles", window=x),
 }
-#: Arguments that are no arrays of numbers: one value, a name, a function, or tuples of exact coefficients.
-OTHER = {
-    "system", "integrator", "tau", "t_end", "precision", "summation", "first", "samples", "energy", "energy_scale",
-    "start", "split", "threads", "observable", "coefficients", "surface", "direction", "error", "measure", "methods",
-    "budget", "stages", "seconds", "trials", "seed", "variable", "highest", "potential_degree", "name", "label", "V",
-    "grad_V", "units", "source", "T", "grad_T", "time_dependent", "regularisation", "parameters", "invariants",
-    "observables", "period", "harmonic", "gravity", "exact_position", "position_t_end", "declared_for",
-    "surface_limit", "surface_reason", "order", "kick", "drift", "digits", "square", "processor", "requires", "note",
-    "aliases", "benchmarked", "harmonic_order", "generalised_order", "symmetric", "half", "centre", "function", "unit",
-    "meaning", "value", "runs", "path", "frames", "fps", "title", "datasets", "kind", "axes",
-}  # fmt: skip
 
 
 def first_coordinate(q, p):
@@ -313,18 +306,6 @@ def test_arrays_of_every_kind_are_the_same_numbers(key):
         assert found.equals(expected) if isinstance(found, xr.Dataset) else found == expected, kind
 
 
-def test_every_argument_is_an_array_of_this_list_or_none():
-    for name in nh.__all__:
-        function = getattr(nh, name)
-        if inspect.isfunction(function) or (inspect.isclass(function) and name != "NearharmonicError"):
-            arguments = set(inspect.signature(function).parameters)
-            arrays = {argument for of, argument in {**ARRAYS, **REFUSING} if of == name}
-            assert arguments - arrays <= OTHER, name
-            if name == "problem":  # which a call takes
-                arrays -= {"q0", "p0", "parameters"}
-            assert arrays <= arguments
-
-
 SHAPES = [
     (), (1,), (2,), (3,), (4,), (1, 1), (1, 2), (2, 1), (2, 2), (3, 2), (2, 3), (1, 4), (2, 4), (5, 4), (1, 1, 2),
     (0,), (0, 2), (0, 4), (2, 0),
@@ -390,3 +371,29 @@ def test_digits_below_a_double_are_kept_everywhere(value, expected):
     made = nh.System(name="own", V=lambda q: q[0], q0=[scalar], p0=["0"], t_end="1", masses=[scalar])
     assert Fraction(made.q0[0]) == expected
     assert made.T((mpmath.mpf(1),)) == 1 / (2 * expected)
+
+
+# --- The checks that functions and configs share: what passes, and in which words the rest is refused
+
+
+@pytest.mark.parametrize("value", [0.25, "0.25", "2.5e-1", np.float64(0.25), np.float32(0.25), Decimal("0.25")])
+def test_a_positive_number_passes_in_any_guise(value):
+    assert checked_tau(value) == 0.25
+    assert checked_t_end(value) == "0.25"
+
+
+def test_t_end_keeps_all_its_digits():
+    assert checked_t_end("87660.123456789012345678901") == "87660.123456789012345678901"
+
+
+@pytest.mark.parametrize(
+    ("t_end", "tau", "steps"),
+    [("500", 0.25, 2000), ("500", 0.3, 1667), ("1", 3.0, 1), ("500", 400.0, 1), ("500", 300.0, 2)],
+)
+def test_steps_are_rounded_to_nearest_integer_of_at_least_one(t_end, tau, steps):
+    assert steps_of(t_end, tau) == steps
+
+
+def test_the_division_into_steps_is_exact():
+    tau = 1e-6
+    assert steps_of("1000", tau) == round(Fraction(1000) / Fraction(tau))
