@@ -222,11 +222,11 @@ def animate(
     if not given or any(kind_of(one) != TRAJECTORY for one in given):
         raise bad_setting("runs", type(runs).__name__, "a Dataset of nearharmonic.integrate, or a list of them")
     check_measured(given)
-    film = with_matplotlib("film", "a film")
+    drawing = with_matplotlib("drawing", "a film")
     if ending == ".gif":
-        write_bytes(Path(str(path)), film.gif(given, frames, fps, title))
+        write_bytes(Path(str(path)), drawing.film_gif(given, frames, fps, title))
         return Path(str(path))
-    page = Film(film.page(given, frames, fps, title))
+    page = Film(drawing.film_page(given, frames, fps, title))
     if path is None:
         return page
     write_text(Path(path), page)

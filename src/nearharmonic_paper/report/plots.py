@@ -14,7 +14,6 @@ from bokeh.models import Plot
 from contourpy import contour_generator
 
 from nearharmonic.output.dataset import double_runs
-from nearharmonic.plotting.palette import style_of
 from nearharmonic.plotting.profile import (
     LARGEST_ERROR,
     PANELS,
@@ -22,6 +21,7 @@ from nearharmonic.plotting.profile import (
     floor_name,
     floor_near,
     lines,
+    style_of,
 )
 from nearharmonic_paper.claims.results import power_of_ten, short
 from nearharmonic_paper.experiments.paper.shown import (

@@ -16,7 +16,7 @@ from PIL import Image
 
 import nearharmonic as nh
 from nearharmonic.errors import FileWriteError, SettingError
-from nearharmonic.plotting.film import truncator
+from nearharmonic.plotting.drawing import truncator
 
 
 @pytest.fixture(scope="module")

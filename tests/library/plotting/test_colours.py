@@ -10,9 +10,9 @@ from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
 from nearharmonic.integrators import BENCHMARKED, integrators
-from nearharmonic.plotting.palette import has_style
+from nearharmonic.plotting.profile import has_style
 from nearharmonic.plotting.style import style_of
-from nearharmonic_paper.experiments.exact_oscillator.settings import ExactOscillatorSettings
+from nearharmonic_paper.experiments.exact_oscillator.run import ExactOscillatorSettings
 from nearharmonic_paper.experiments.stability.figures import ESCAPED_COLOUR, LOST_COLOUR
 from support.cubes.colour_vision import SEEN, difference, lab, least_difference
 

@@ -11,8 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import nearharmonic as nh
-from nearharmonic.plotting.energy_error import draw_profile
 from nearharmonic.plotting.profile import COLUMNS, envelope
+from nearharmonic.plotting.style import draw_profile
 
 
 def curve(points, errors):

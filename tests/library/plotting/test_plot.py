@@ -13,9 +13,8 @@ from matplotlib.figure import Figure
 
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
-from nearharmonic.plotting.drawing import varying
+from nearharmonic.plotting.drawing import POINTS, varying
 from nearharmonic.plotting.plot import MEMBER
-from nearharmonic.plotting.states import POINTS
 from support.cubes import figure_cubes as made
 from support.cubes.artists import line_of, look_of
 from support.methods.own_systems import spring
@@ -65,7 +64,7 @@ def test_stages_of_method_are_known_even_if_every_run_diverged():
 
 
 def test_a_cube_is_drawn_as_its_figure():
-    from nearharmonic.plotting.energy_error import draw_profile
+    from nearharmonic.plotting.style import draw_profile
 
     cube = made.errors(["ruth", "babps9o7h"], precision=True)
     assert nh.plot(cube)._repr_png_() == draw_profile(cube)._repr_png_()

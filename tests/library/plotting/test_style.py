@@ -13,9 +13,9 @@ import pytest
 from matplotlib.colors import to_hex
 
 from nearharmonic.integrators import integrators
-from nearharmonic.plotting.energy_error import draw_profile
 from nearharmonic.plotting.style import (
     Style,
+    draw_profile,
     house_style,
     log_scale,
     mark_every,

@@ -13,9 +13,8 @@ from nearharmonic.errors import ResultFileError
 from nearharmonic.integrators import integrators
 from nearharmonic.output import store
 from nearharmonic.output.answers import printed
-from nearharmonic.recommendation.choices import recommendation
 from nearharmonic.recommendation.measure import Solver, cross, variables
-from nearharmonic.recommendation.question import question
+from nearharmonic.recommendation.search import question, recommendation
 
 QUARTIC = """
 from nearharmonic.systems import System
@@ -38,7 +37,7 @@ SYSTEM = System(
 def few(monkeypatch):
     """Three methods instead of all: what is asked here does not depend on their number."""
     chosen = {name: integrators[name] for name in ("ruth", "aba864", "srkn_a14")}
-    monkeypatch.setattr("nearharmonic.recommendation.question.integrators", chosen)
+    monkeypatch.setattr("nearharmonic.recommendation.search.integrators", chosen)
     return chosen
 
 

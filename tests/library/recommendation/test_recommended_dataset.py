@@ -17,9 +17,8 @@ import nearharmonic as nh
 from nearharmonic.commands.recommend import ranking
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
-from nearharmonic.recommendation import choices
-from nearharmonic.recommendation.question import question
-from nearharmonic.recommendation.stability import orbits
+from nearharmonic.recommendation import search as choices
+from nearharmonic.recommendation.search import orbits, question
 from support.methods.own_systems import mode, spring
 from support.oracles.multiprecision import energy_errors
 

@@ -7,7 +7,7 @@ from math import ceil, inf, nan
 
 import pytest
 
-from nearharmonic.recommendation.step_search import MARGIN, fewest_for_good, fewest_steps, ladder, measured_errors
+from nearharmonic.recommendation.measure import MARGIN, fewest_for_good, fewest_steps, ladder, measured_errors
 
 MOST = 20_000
 NO_FLOOR = 0.0

@@ -41,7 +41,7 @@ def digests(root):
     return {
         **of_runs,
         "cubes": code_digest(f"{folder}.reduce", root=root),
-        "fig1": code_digest("nearharmonic.plotting.energy_error", root=root),
+        "fig1": code_digest("nearharmonic.plotting.style", root=root),
     }
 
 

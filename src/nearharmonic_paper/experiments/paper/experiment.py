@@ -4,7 +4,7 @@ from nearharmonic_paper.tasks.experiment import Experiment, Figure
 
 FIGURES = {
     "fig1_sho": Figure(
-        draw="nearharmonic.plotting.energy_error:draw_profile",
+        draw="nearharmonic.plotting.style:draw_profile",
         title="Energy error of the oscillator",
         cube="sho",
         target="fig1",
@@ -33,7 +33,7 @@ FIGURES = {
         ),
     ),
     "fig3_henon_heiles": Figure(
-        draw="nearharmonic.plotting.energy_error:draw_profile",
+        draw="nearharmonic.plotting.style:draw_profile",
         title="Energy error of the Hénon-Heiles system",
         cube="henon_heiles",
         target="fig3",
@@ -61,7 +61,7 @@ FIGURES = {
         ),
     ),
     "fig5_kepler": Figure(
-        draw="nearharmonic.plotting.energy_error:draw_profile",
+        draw="nearharmonic.plotting.style:draw_profile",
         title="Energy error of the Sun-Mercury system",
         cube="kepler",
         target="fig5",
@@ -105,7 +105,7 @@ FIGURES = {
         ),
     ),
     "{system}_energy_error": Figure(
-        draw="nearharmonic.plotting.energy_error:draw_profile",
+        draw="nearharmonic.plotting.style:draw_profile",
         title="Energy error",
         cube="{system}",
         profile=True,

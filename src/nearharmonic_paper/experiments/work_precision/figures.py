@@ -22,9 +22,9 @@ from nearharmonic.output.table import from_csv
 from nearharmonic.plotting.style import house_style, log_scale, mark_every, new_figure, panel_letter, style_of
 from nearharmonic.recommendation.measure import MEASURES, Part, for_good, of_kind, read_parts
 from nearharmonic.systems import systems
-from nearharmonic_paper.experiments.work_precision.comparison import COMPARED_MEASURES, STANDARD, Pair, pairs
-from nearharmonic_paper.experiments.work_precision.comparison import ERRORS as COMPARED_ERRORS
 from nearharmonic_paper.experiments.work_precision.peers import PEERS
+from nearharmonic_paper.experiments.work_precision.tables import COMPARED_MEASURES, STANDARD, Pair, pairs
+from nearharmonic_paper.experiments.work_precision.tables import ERRORS as COMPARED_ERRORS
 from nearharmonic_paper.tasks.receipts import measures_time
 
 # --- Work-precision diagrams: error against wall time, for methods of the paper, further methods, and peers.

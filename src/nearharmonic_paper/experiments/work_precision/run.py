@@ -1,22 +1,35 @@
-"""Run time against error, for every method and peer on one machine, in interleaved measurements."""
+"""Run time against error, for every method and peer on one machine, in interleaved measurements.
+
+Settings of the timings: their subjects, their resolution and their longest duration.
+
+Errors of the solvers of other libraries over their settings, with the runs for the timing.
+
+Adaptive solvers are given tolerances, the others step sizes. The time is that of a run from start to end in a user's
+code; errors come from a second run with the states at the solver's own steps. Energies are computed in double
+precision, so errors below 1e-15 are only upper bounds.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+import time
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
-from math import isfinite
+from math import inf, isfinite, nan
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from nearharmonic.engine.reference import position_t_end, reference
-from nearharmonic.engine.settings import Sweep, tau_grid
+from nearharmonic.engine.settings import Sweep, check_fit, one_of, tau_grid
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.user_file import expanded
 from nearharmonic.numerics.clock import machine, pinned
 from nearharmonic.output.dataset import Contents
 from nearharmonic.recommendation.measure import (
+    COLUMNS,
     MEASURES,
     TARGETS,
     Interval,
@@ -27,6 +40,7 @@ from nearharmonic.recommendation.measure import (
     ensemble_call,
     measured,
     of_kind,
+    quiet,
     ranking,
     settings_of,
     variables,
@@ -34,10 +48,172 @@ from nearharmonic.recommendation.measure import (
 )
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
-from nearharmonic_paper.experiments.work_precision.measure import POINTS_PER_DECADE, measured_peer, version_of
-from nearharmonic_paper.experiments.work_precision.peers import PEERS
-from nearharmonic_paper.experiments.work_precision.settings import WorkPrecisionSettings
+from nearharmonic_paper.entries import STRICT, PositiveNumber, setting, whole_from
+from nearharmonic_paper.experiments.work_precision.peers import PEERS, Peer, States, missing, version_of
 from nearharmonic_paper.tasks.receipts import measures_time
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+#: Module of Nielsen's Table 4; his figures have some of its methods.
+PAPER = "nearharmonic.integrators.nielsen_2015"
+
+
+@dataclass(frozen=True, kw_only=True)
+class WorkPrecisionSettings:
+    """Run time against error: further methods, other libraries, and time limits."""
+
+    __pydantic_config__ = STRICT
+
+    integrators: tuple[str, ...] | None = setting(
+        "Methods beside those of the figures; if not given, all there are but the rest of the paper's Table 4",
+        "a list of integrators, each named once",
+        each="the name of an integrator, or the path of a Python file that defines TABLEAU or TABLEAUS",
+        default=None,
+    )
+    points_per_decade: int = setting(
+        "Step sizes in each factor of ten, over the range of the system", default=8, **whole_from(1, 100)
+    )
+    evaluations: int = setting(
+        "A run of this package's methods takes at most so many evaluations of the force",
+        default=1_250_000,
+        **whole_from(100, 10**9),
+    )
+    peers: tuple[str, ...] | None = setting(
+        "Other libraries, timed if they are installed and named as missing if not; numpy is plain numpy code, gcc a "
+        "plain loop in C. All that are known if not given",
+        "a list of libraries, each named once",
+        each="the name of a library",
+        default=None,
+    )
+    longest: PositiveNumber = setting(
+        "A peer's settings are refined up to a run that takes longer", "a finite number above 0", unit="s", default=0.25
+    )
+
+    def check(self, methods: Sequence[Tableau], problems: Collection[str]) -> None:
+        """Raise an error for unknown integrators and libraries, and methods that do not fit one of the ``problems``."""
+        from nearharmonic_paper.experiments.work_precision.peers import LIBRARIES
+
+        for name in expanded(self.integrators or ()):
+            for problem in problems:
+                check_fit(systems[problem], integrators[name])
+        for i, library in enumerate(self.peers or ()):
+            one_of(f"work_precision.peers[{i}]", library, LIBRARIES)
+
+    def methods(self, figures: Collection[str]) -> list[str]:
+        """Return the names of all timed methods: those of the ``figures``, then the others."""
+        if self.integrators is None:
+            others = tuple(name for name in integrators if integrators.module_of(name) != PAPER)
+        else:
+            others = expanded(self.integrators)
+        return [*figures, *(name for name in others if name not in figures)]
+
+    def solvers(self) -> list[str]:
+        """Return the names of the timed solvers of peers, in the order of the peers."""
+        from nearharmonic_paper.experiments.work_precision.peers import PEERS
+
+        return [name for name, peer in PEERS.items() if self.peers is None or peer.module in self.peers]
+
+
+#: An error above this that does not decrease with the step is an exception; below it rounding dominates.
+NEAR_ROUNDING = 1e-9
+#: Energy error of a run that does not follow the trajectory.
+ASTRAY = 1.0
+#: Step sizes per decade of the peers.
+POINTS_PER_DECADE = 4
+
+
+def measured_peer(peer: Peer, problem: Interval, taus_per_stage: Sequence[float], longest: float) -> Solver:
+    """Return the errors of ``peer`` with the calls for the timing.
+
+    Settings become finer until a path takes more than ``longest`` seconds; ``taus_per_stage`` ascend. With a missing
+    library or an unsupported system there is no setting, and the status is the reason.
+    """
+    solver = Solver(method=peer.name, label=peer.label, kind="peer")
+    problem = problem._replace(system=problem.system.autonomous())
+    solver.status = missing(peer.module) or _misfit(peer, problem.system) or "ok"
+    if solver.status != "ok":
+        return solver
+    solver.version = version_of(peer.module)
+    points: list[dict[str, float]] = []
+    with quiet():
+        for setting in peer.settings or [tau * peer.stages for tau in reversed(taus_per_stage)]:
+            point, calls, seconds = _measured(peer, problem, setting)
+            # A diverging coarse run may take very long; finer runs are then still useful.
+            if seconds > longest:
+                if point["max_energy_error"] < ASTRAY or seconds == inf:
+                    solver.status = f"stopped where a run took longer than {longest:g} s"
+                    break
+                calls = {}
+            solver.calls |= {(mode, len(points)): call for mode, call in calls.items()}
+            points.append(point)
+            if _settled(points):
+                break
+    solver.columns = {name: np.array([point.get(name, nan) for point in points]) for name in COLUMNS}
+    return solver
+
+
+def _misfit(peer: Peer, system: System) -> str:
+    if system.time_dependent:
+        return "not written for a potential that depends on time"
+    if not system.energies[0].traced:
+        return "written from the expression of V, and V is a function of numba"
+    if peer.regularised and system.regularisation is None:
+        return "does not fit: it requires a system with a regularisation"
+    if system.regularisation is not None and not peer.regularised:
+        return "not written for regularised equations: see those on the original ones"
+    if peer.gravity_only and not system.gravity:
+        return "does not fit: it requires V = -GM/|q|"
+    return "" if system.unit_masses or not peer.quadratic_only else "does not fit: it requires T = p.p/2"
+
+
+def _measured(peer: Peer, problem: Interval, setting: float) -> tuple[dict[str, float], dict[str, Any], float]:
+    """Return numbers and calls of one setting, and the seconds of its path, which also warms up the solver."""
+    point = {"tolerance" if peer.adaptive else "tau": setting, "max_energy_error": inf, "mean_energy_error": inf}
+    calls: dict[str, Any] = {}
+    try:
+        attempt = peer.attempt(problem.system, float(problem.t_end), setting)
+        begin = time.perf_counter()
+        states, evaluations = attempt.path()
+        seconds = time.perf_counter() - begin
+    except TimeoutError:
+        return point, calls, inf
+    except (ArithmeticError, RuntimeError, ValueError):
+        return point, calls, 0.0  # a failed run has an infinite error
+    point["max_energy_error"], point["mean_energy_error"] = energy_errors(problem.system, states)
+    if problem.exact is not None:
+        point["position_error"] = float(problem.exact.error(states[-1, : problem.system.dimension]))
+    if isfinite(point["max_energy_error"]):
+        point["steps"], point["evaluations"] = len(states) - 1, evaluations
+        calls["trajectory"] = attempt.run
+        if attempt.lanes is not None:
+            attempt.lanes()  # warm-up, as for the path
+            calls["lanes"], point["members"] = attempt.lanes, attempt.members
+        if not peer.adaptive:
+            point["tau"] = float(problem.t_end) / point["steps"]
+    if not peer.adaptive:
+        point["tau_per_stage"] = point["tau"] / peer.stages
+    return point, calls, seconds
+
+
+def energy_errors(system: System, states: States) -> tuple[float, float]:
+    """Return maximum and mean of |H - H0|/|H0| over the states (n + 1, 2 d) after the first; infinite if one is NaN."""
+    q, p = (tuple(half) for half in np.split(states.T, 2))
+    H = system.energy(q, p, system.constants(float))
+    error = np.abs(H[1:] - H[0]) / abs(H[0])
+    if not np.isfinite(error).all():
+        return inf, inf
+    return float(error.max()), float(error.mean())
+
+
+def _settled(points: list[dict[str, float]]) -> bool:
+    """Return True if finer settings do not reduce the error, because rounding dominates."""
+    if len(points) < 2:
+        return False
+    known = [name for name in ("max_energy_error", "position_error") if isfinite(points[-1].get(name, nan))]
+    pairs = [(points[-2].get(name, nan), points[-1][name]) for name in known]
+    return bool(pairs) and all(new < NEAR_ROUNDING and new > old / 2 for old, new in pairs)
+
 
 #: Number of methods per error whose ensembles are timed.
 FRONT = 3

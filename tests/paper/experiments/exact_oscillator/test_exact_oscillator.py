@@ -12,10 +12,16 @@ import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.store import read
 from nearharmonic_paper.config.reading import load
-from nearharmonic_paper.experiments.exact_oscillator import times
+from nearharmonic_paper.experiments.exact_oscillator import reductions as times
 from nearharmonic_paper.experiments.exact_oscillator.reductions import BEST, crossing, reduce, reduction
-from nearharmonic_paper.experiments.exact_oscillator.run import largest_error, measure, radius, starts_on
-from nearharmonic_paper.experiments.exact_oscillator.settings import CHARGES, ExactOscillatorSettings
+from nearharmonic_paper.experiments.exact_oscillator.run import (
+    CHARGES,
+    ExactOscillatorSettings,
+    largest_error,
+    measure,
+    radius,
+    starts_on,
+)
 from nearharmonic_paper.tasks import job
 
 SMALL = ExactOscillatorSettings(integrators=("aba864",), energies=5, trajectories=6, t_end="20")

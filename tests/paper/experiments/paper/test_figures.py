@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nearharmonic.plotting.energy_error import draw_profile
+from nearharmonic.plotting.style import draw_profile
 from support.cubes.artists import SOLID, drawn, line_of, look, look_of, slope
 from support.cubes.figure_cubes import GAPS, METHODS, TAU, errors
 

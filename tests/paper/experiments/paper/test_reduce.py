@@ -15,7 +15,7 @@ from nearharmonic.engine.settings import Sweep
 from nearharmonic.integrators import integrators
 from nearharmonic.output.dataset import assembled, described
 from nearharmonic.output.store import write
-from nearharmonic.plotting.energy_error import draw_profile
+from nearharmonic.plotting.style import draw_profile
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
 from nearharmonic_paper.experiments.paper import reduce

@@ -14,8 +14,7 @@ from matplotlib.lines import Line2D
 from nearharmonic.output import store
 from nearharmonic.recommendation.measure import Solver, variables
 from nearharmonic.systems import systems
-from nearharmonic_paper.experiments.work_precision import comparison as comparisons
-from nearharmonic_paper.experiments.work_precision.comparison import HEADER, comparison, pairs
+from nearharmonic_paper.experiments.work_precision import tables as comparisons
 from nearharmonic_paper.experiments.work_precision.figures import (
     CURVES,
     comparison_figures,
@@ -23,6 +22,7 @@ from nearharmonic_paper.experiments.work_precision.figures import (
     regularised_figures,
 )
 from nearharmonic_paper.experiments.work_precision.run import front_runners
+from nearharmonic_paper.experiments.work_precision.tables import HEADER, comparison, pairs
 from support.cubes.artists import line_of, look, looks
 from support.cubes.colour_vision import difference
 from support.cubes.figure_cubes import FACTS, curves, label, timed

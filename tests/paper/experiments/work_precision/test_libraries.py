@@ -14,10 +14,14 @@ from nearharmonic.engine.settings import tau_grid
 from nearharmonic.integrators import integrators
 from nearharmonic.recommendation.measure import Interval, quiet
 from nearharmonic.systems import Parameter, System, systems
-from nearharmonic_paper.experiments.work_precision.measure import energy_errors, is_installed, measured_peer
-from nearharmonic_paper.experiments.work_precision.peers import PEERS
-from nearharmonic_paper.experiments.work_precision.peers.numpy import numpy_splitting
-from nearharmonic_paper.experiments.work_precision.peers.rebound import _Setup, compiled_force
+from nearharmonic_paper.experiments.work_precision.peers import (
+    PEERS,
+    _Setup,
+    compiled_force,
+    is_installed,
+    numpy_splitting,
+)
+from nearharmonic_paper.experiments.work_precision.run import energy_errors, measured_peer
 
 
 @pytest.mark.slow

@@ -17,11 +17,20 @@ from nearharmonic.integrators import integrators
 from nearharmonic.recommendation.measure import Interval
 from nearharmonic.systems import System, systems
 from nearharmonic.systems.gradients import velocity, velocity_text
-from nearharmonic_paper.experiments.work_precision.measure import energy_errors, is_installed, measured_peer, missing
-from nearharmonic_paper.experiments.work_precision.peers import LIBRARIES, PEERS
-from nearharmonic_paper.experiments.work_precision.peers.numpy import numpy_splitting
-from nearharmonic_paper.experiments.work_precision.peers.peer import Attempt, Peer
-from nearharmonic_paper.experiments.work_precision.settings import WorkPrecisionSettings
+from nearharmonic_paper.experiments.work_precision.peers import (
+    LIBRARIES,
+    PEERS,
+    Attempt,
+    Peer,
+    is_installed,
+    missing,
+    numpy_splitting,
+)
+from nearharmonic_paper.experiments.work_precision.run import (
+    WorkPrecisionSettings,
+    energy_errors,
+    measured_peer,
+)
 from support.oracles.reference_solutions import oscillator_state
 
 RELATIVISTIC = System(
@@ -166,7 +175,7 @@ def test_refining_ends_where_run_takes_too_long_and_says_so():
 
 def test_long_diverging_coarse_run_does_not_end_refinement(monkeypatch):
     clock = iter(range(0, 100, 10))  # each path seems to take ten seconds
-    monkeypatch.setattr("nearharmonic_paper.experiments.work_precision.measure.time.perf_counter", lambda: next(clock))
+    monkeypatch.setattr("nearharmonic_paper.experiments.work_precision.run.time.perf_counter", lambda: next(clock))
 
     def path(setting):
         return oscillator_path(setting if setting < 1e-1 else inf)
@@ -210,7 +219,7 @@ def test_lanes_are_timed_where_library_has_them_and_nowhere_else():
 
 def test_a_run_gone_astray_for_long_is_not_timed(monkeypatch):
     clock = iter(range(0, 100, 10))  # each path seems to take ten seconds
-    monkeypatch.setattr("nearharmonic_paper.experiments.work_precision.measure.time.perf_counter", lambda: next(clock))
+    monkeypatch.setattr("nearharmonic_paper.experiments.work_precision.run.time.perf_counter", lambda: next(clock))
     solver = measured_sho(fake(oscillator_path, settings=(4.0, 1e-2)), 0.5)
     assert (solver.columns["max_energy_error"].tolist(), solver.calls) == ([4.0], {})
     assert solver.status.startswith("stopped")

@@ -33,8 +33,7 @@ from nearharmonic.recommendation.measure import (
     variables,
 )
 from nearharmonic.systems import systems
-from nearharmonic_paper.experiments.work_precision.run import intervals, solvers_on
-from nearharmonic_paper.experiments.work_precision.settings import WorkPrecisionSettings
+from nearharmonic_paper.experiments.work_precision.run import WorkPrecisionSettings, intervals, solvers_on
 from support.cubes.figure_cubes import curves, label, timed
 from support.oracles.reference_solutions import oscillator_state
 

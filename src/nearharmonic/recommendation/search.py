@@ -1,44 +1,474 @@
-"""Choice of a method for an error bound: the largest step of each method that meets the bound, run and timed."""
+"""Question that a recommendation answers, checked before any method is run.
+
+Frequencies along orbits, which bound the step sizes with which a method is linearly stable.
+
+The squared frequencies at a point are the eigenvalues of T'' V''. Products with both Hessians are differences of the
+gradients that kernels compute, so that they need no expression and no code of their own.
+
+Result of a recommendation: one setting of each method, and its description in words.
+
+Choice of a method for an error bound: the largest step of each method that meets the bound, run and timed.
+"""
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from decimal import Decimal
 from fractions import Fraction
 from functools import cached_property
-from math import inf, isnan, nan, sqrt
+from math import inf, isfinite, isnan, nan, sqrt
+from numbers import Rational
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from nearharmonic.engine.batch import integrate_batch
+from nearharmonic.engine.batch import check_bound, integrate_batch
 from nearharmonic.engine.execution import Trajectories, joined, least_samples
-from nearharmonic.engine.reference import Reference, reference
-from nearharmonic.engine.settings import Numerics, misfit
+from nearharmonic.engine.kernels import NEAR_FLOOR, floor_in_words
+from nearharmonic.engine.numbers import standard_parameters, start_array
+from nearharmonic.engine.reference import Reference, position_t_end, reference
+from nearharmonic.engine.settings import (
+    MOST_STEPS,
+    Numerics,
+    checked_count,
+    checked_t_end,
+    checked_tau,
+    misfit,
+    one_of,
+    positive,
+    steps_of,
+)
+from nearharmonic.engine.setup import ANY, Setup, as_python, checked_scale
+from nearharmonic.engine.trajectory import sweep
+from nearharmonic.errors import bad_setting
+from nearharmonic.integrators import blanes_moan_2002, integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.user_file import load_tableaus
 from nearharmonic.numerics.clock import Patience, interleaved, machine, pinned
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.numerics.statistics import quasi_random
+from nearharmonic.numerics.written import exact_value
+from nearharmonic.output.dataset import Attributes
 from nearharmonic.recommendation.measure import (
     LOSSLESS,
+    MARGIN,
     MEASURES,
+    NAMES,
     POSITION_ROUNDING,
     ROUNDING,
+    fewest_for_good,
+    ladder,
+    measured_errors,
     of_kind,
     prepared_calls,
     read_parts,
 )
-from nearharmonic.recommendation.question import QUANTILE, Question
-from nearharmonic.recommendation.recommendation import Choice, Recommendation
-from nearharmonic.recommendation.stability import Orbits, orbits
-from nearharmonic.recommendation.step_search import MARGIN, fewest_for_good, ladder, measured_errors
-from nearharmonic.systems import systems
+from nearharmonic.registry.registry import is_path, split_path
+from nearharmonic.systems import System, systems
+from nearharmonic.systems.quantities import is_list
 from nearharmonic.theory.linear_stability import stability_limit
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+#: Evaluations of the force in a run that may be recommended, unless another budget is given.
+EVALUATIONS = 200_000
+#: Quantile of the errors of an ensemble that is bounded.
+QUANTILE = 0.99
+
+
+@dataclass(frozen=True, kw_only=True)
+class Question:
+    """A system over [0, ``t_end``], and the error bound of its runs in ``measure``, a key of :data:`MEASURES`.
+
+    ``system`` begins at the first of ``starts`` (M, 4 d), laid out as by
+    :func:`nearharmonic.engine.numbers.start_array`. ``arguments``: the system as the first argument of
+    :func:`nearharmonic.integrate`, and the initial values, as Python code; empty for a system of a config. ``budget``:
+    most evaluations of the force in a run that is recommended. ``methods`` by name, those of users' files by path.
+    ``energy_attributes`` of ``max_energy_error`` and ``mean_energy_error``: what they are relative to. ``every``: True
+    if all registered methods are candidates, of which those that take many more evaluations than others are dropped.
+    ``floor``: energy error that is the rounding of a V in doubles, 0 if V is measured more precisely.
+    """
+
+    system: System
+    arguments: tuple[str, ...]
+    t_end: str
+    measure: str
+    error: float
+    budget: int
+    methods: Mapping[str, Tableau]
+    energy_attributes: Mapping[str, Attributes]
+    starts: Floats
+    every: bool
+    floor: float = 0.0
+
+    @property
+    def longest(self) -> int:
+        """Evaluations of the longest run made: steps near the budget, too, have finer ones beside them."""
+        return self.budget * 5 // 4
+
+    @property
+    def quantity(self) -> str:
+        """Bounded quantity: relative to |H0|, or to an energy that the system chooses, or in a unit."""
+        if self.measure == "position":
+            return NAMES[self.measure]
+        notes = self.energy_attributes[MEASURES[self.measure]]
+        words, unit = notes["long_name"].partition(" over every step")[0], notes["units"]
+        return self.over_members + (words if unit == "1" else f"{words} in {unit}")
+
+    @property
+    def over_members(self) -> str:
+        """Words before an error of several starts: the quantile over them; "" for one start."""
+        return f"{QUANTILE:g} quantile over {len(self.starts)} starts of " if len(self.starts) > 1 else ""
+
+    @cached_property
+    def scale(self) -> float:
+        """Energy that errors are relative to; 0 for |H0|, or for the unit of energy where H0 = 0."""
+        return checked_scale(self.system.energy_scale)
+
+
+def question(
+    system: str | System,
+    error: object,
+    *,
+    measure: object = "max",
+    t_end: object = None,
+    q0: object = None,
+    p0: object = None,
+    methods: object = None,
+    budget: object = None,
+) -> Question:
+    """Validate a question; arguments and errors as for :func:`nearharmonic.recommend`."""
+    bound = checked_tau(error, "error")
+    kind = one_of("measure", measure, tuple(MEASURES))
+    most = EVALUATIONS if budget is None else checked_count("budget", budget, MOST_STEPS)
+    if t_end is not None:
+        positive("t_end", t_end)
+    problem = Setup(system, ANY, t_end=t_end)  # type: ignore[arg-type]
+    positive("t_end", problem.t_end)  # the system's own may run backwards
+    chosen = _methods(methods)
+    starts = start_array(problem.system, q0, p0, plain=False)
+    check_bound(problem.system, starts, standard_parameters(problem.system)[None, :])
+    subject = problem.system if q0 is None and p0 is None else _started(problem.system, starts[0])
+    if len(starts) > 1 and kind == "position":
+        raise bad_setting("measure", kind, "max or mean for several starts: exact positions are known of one")
+    # A run of one step refuses a start where the energy is no number, and says what errors are relative to.
+    told = sweep(subject, ANY, [float(problem.end)], t_end=problem.t_end)
+    for i in np.flatnonzero(~np.isfinite(problem.run([1] * len(starts), 2, start=starts).energy)):
+        raise bad_setting(f"(q0, p0) of start {i}", starts[i, ::2].tolist(), "a start where the energy is finite")
+    return Question(
+        system=subject,
+        arguments=_arguments(system, q0=q0, p0=p0),
+        t_end=position_t_end(subject, problem.t_end) if kind == "position" else problem.t_end,
+        measure=kind,
+        error=bound,
+        budget=most,
+        methods=chosen,
+        energy_attributes={name: told[name].attrs for name in (MEASURES["max"], MEASURES["mean"])},
+        starts=starts,
+        every=methods is None,
+        floor=told.attrs.get("energy_floor", 0.0),
+    )
+
+
+def _arguments(system: str | os.PathLike[str] | System, **start: Any) -> tuple[str, ...]:
+    """Return Python code of a system, which is its name if it is an object, and of initial values."""
+    if not (isinstance(system, System) or system in systems.registered or is_path(os.fspath(system))):
+        return ()
+    many = {key: np.ndim(x) > 1 and len(x) > 1 for key, x in start.items()}
+    texts = {key: key if many[key] else repr(_numbers(x)) for key, x in start.items() if x is not None}
+    return (as_python(system), *(f"{key}={text}" for key, text in texts.items()))
+
+
+def _numbers(given: Any) -> list[int | float | str]:
+    """Return initial values as Python writes them: fractions and the like as text."""
+    values = np.array(given, dtype=object).ravel().tolist()
+    plain = (x.item() if isinstance(x, np.generic) else x for x in values)
+    return [
+        x if isinstance(x, int | float) else str(x if isinstance(x, str | Decimal | Rational) else exact_value(x))
+        for x in plain
+    ]
+
+
+def _started(system: System, start: Floats) -> System:
+    """Return the system with other initial values: the exact pairs of doubles of its runs."""
+    q, q_low, p, p_low = start.reshape(4, -1)[:, : system.dimension].tolist()
+    return replace(system, q0=_decimals(q, q_low), p0=_decimals(p, p_low))
+
+
+def _decimals(values: Sequence[float], low: Sequence[float]) -> tuple[str, ...]:
+    """Return the sums of two doubles in all their digits: the denominators are powers of two."""
+    texts = []
+    for pair in zip(values, low, strict=True):
+        number = sum(map(Fraction, pair))
+        places = number.denominator.bit_length() - 1
+        texts.append(f"{number.numerator * 5**places}e-{places}")
+    return tuple(texts)
+
+
+def _methods(asked: Any) -> dict[str, Tableau]:
+    """Return the methods by name, methods of users' files by path."""
+    if asked is None:
+        return dict(integrators)
+    key, allowed = "methods", "a list of at least one name, file path or Tableau"
+    if isinstance(asked, Tableau) or not is_list(asked):
+        raise bad_setting(key, asked, allowed)
+    found: dict[str, Tableau] = {}
+    for one in asked:
+        for name, tableau in _entries(one).items():
+            if found.setdefault(name, tableau) is not tableau:
+                raise bad_setting(key, name, "two methods have this name")
+    if not found:
+        raise bad_setting(key, asked, allowed)
+    return found
+
+
+def _entries(one: Any) -> dict[str, Tableau]:
+    """Return the methods that one entry of a list stands for; for a path, all methods of its file."""
+    if isinstance(one, Tableau):
+        return {one.name: one}
+    name = os.fspath(one) if isinstance(one, os.PathLike) else one
+    if is_path(name) and not split_path(name)[1]:
+        several = load_tableaus(name)
+        if len(several) > 1:
+            return {f"{name}:{key}": tableau for key, tableau in several.items()}
+    return {integrators.name_of(name): integrators[name]}
+
+
+#: A kick by the gradient of V, then a drift; its other role begins with the drift.
+KICK = Tableau(name="kick", order=1, first="kick", kick=("1", "0"), drift=("1",), source="Euler", digits=30)
+#: Method of the orbits, for any T: near a saddle leapfrog would leave for where an orbit of the system does not go.
+(ACCURATE,) = (tableau for tableau in blanes_moan_2002.TABLEAUS if tableau.name == "blanes_moan_s6o4")
+#: Sizes of differences of gradients relative to the extent of an orbit, whose truncation and rounding are alike.
+DIFFERENCE = 2.0**-17
+#: Smallest extent of a coordinate in a difference, relative to that of all coordinates.
+LEAST_EXTENT = 2.0**-10
+#: Products with a Hessian at most, after which the largest eigenvalue is known within the error that is added to it.
+PRODUCTS = 24
+#: Relative size below which a vector is rounding.
+NOTHING = 1e-7
+#: Points of all orbits at most, and numbers in all of them.
+POINTS, NUMBERS = 4096, 2**14
+
+
+@dataclass(frozen=True)
+class Orbits:
+    """Orbits of an accurate method with small steps.
+
+    ``extents`` (2, D) are the largest moduli of positions and momenta, or a small part of that of all coordinates.
+    ``frequency`` is the largest frequency at their points, 0 without oscillations or for a regularised system, whose
+    steps are of another time.
+    """
+
+    extents: Floats
+    frequency: float
+
+
+def orbits(system: System, t_end: Fraction, start: Floats, evaluations: int) -> Orbits:
+    """Return the orbits from the states ``start`` (K, 4 D), with so many evaluations of the force together."""
+    members, D = len(start), start.shape[1] // 4
+    tableau = ACCURATE
+    steps = max(1, evaluations // members // tableau.stages)
+    paths = integrate_batch(
+        system, tableau, t_end=t_end, steps=[steps] * members, start=start,
+        samples=max(17, min(POINTS, NUMBERS // D) // members), numerics=Numerics(energy="samples"),
+    )  # fmt: skip
+    points = np.stack([paths.q, paths.p]).reshape(2, -1, D)
+    points = points[:, np.isfinite(points).all(axis=(0, 2))]
+    largest = np.abs(points).max(axis=1, initial=0.0)
+    extents = np.maximum(largest, LEAST_EXTENT * largest.max(axis=1, keepdims=True))
+    extents[extents == 0] = 1.0
+    frequency = 0.0
+    if system.regularisation is None and points.size:
+        with np.errstate(all="ignore"):  # a gradient beside a singularity may be infinite
+            frequency = float(np.sqrt(np.maximum(_largest_eigenvalues(system, points, extents), 0)).max(initial=0))
+    return Orbits(extents, frequency)
+
+
+def _largest_eigenvalues(system: System, points: Floats, extents: Floats) -> Floats:
+    """Return the largest eigenvalues of T'' V'' at ``points`` (2, M, D) by the Lanczos algorithm, each with its error.
+
+    T'' V'' is symmetric in the inner product of the inverse of T'': vectors x = T'' z are kept with their z.
+    """
+    M, D = points.shape[1:]
+    count = min(D, PRODUCTS)
+    diagonal, beside = np.zeros((count, M)), np.zeros((count, M))
+    zs, xs = np.zeros((2, count, M, D))
+    z = np.tile(quasi_random(1, D, 0) - 0.5, (M, 1))
+    size = np.zeros(M)
+    for k in range(count):
+        x = _hessian_times(system, points, extents, 1, z)
+        length = np.sqrt(np.maximum((z * x).sum(axis=1), 0))
+        if k:
+            beside[k - 1] = length
+        usable = length > NOTHING * size
+        zs[k], xs[k] = (np.where(usable[:, None], one / np.where(usable, length, 1)[:, None], 0) for one in (z, x))
+        z = _hessian_times(system, points, extents, 0, xs[k])
+        diagonal[k] = (xs[k] * z).sum(axis=1)
+        for _ in range(2):  # a second time for what rounding leaves
+            z = z - np.einsum("jmd,jm->md", zs[: k + 1], np.einsum("jmd,md->jm", xs[: k + 1], z))
+        size = np.maximum(size, np.abs(diagonal[k]))
+    x = _hessian_times(system, points, extents, 1, z)
+    beside[-1] = np.sqrt(np.maximum((z * x).sum(axis=1), 0))
+    matrices = np.zeros((M, count, count))
+    matrices[:, range(count), range(count)] = diagonal.T
+    for k in range(1, count):
+        matrices[:, k, k - 1] = matrices[:, k - 1, k] = beside[k - 1]
+    usable = np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(beside[-1])
+    values, vectors = np.linalg.eigh(matrices[usable])
+    found: Floats = values[:, -1] + beside[-1, usable] * np.abs(vectors[:, -1, -1])
+    return found
+
+
+def _hessian_times(system: System, points: Floats, extents: Floats, which: int, vectors: Floats) -> Floats:
+    """Return V'' (``which`` 0) or T'' (1) at ``points`` (2, M, D) times ``vectors`` (M, D).
+
+    A step of length 1 of :data:`KICK`, or of its other role, adds the gradient to the momentum or to the position.
+    """
+    M, D = vectors.shape
+    size = np.abs(vectors / extents[which]).max(axis=1, keepdims=True)
+    change = DIFFERENCE * vectors / np.where(size > 0, size, 1)
+    rows = np.zeros((2, M, 4, D))
+    rows[:, :, 2 * which] = points[which]
+    rows[0, :, 2 * which] += change
+    rows[1, :, 2 * which] -= change
+    paths = integrate_batch(
+        system, KICK.role("drift") if which else KICK, t_end=Fraction(1), steps=[1] * (2 * M), samples=1,
+        start=rows.reshape(2 * M, -1), numerics=Numerics(energy="none", summation="plain"),
+    )  # fmt: skip
+    ahead, behind = (paths.q if which else -paths.p).reshape(2, M, D)
+    found: Floats = (ahead - behind) / (2 * DIFFERENCE) * np.where(size > 0, size, 1)
+    return found
+
+
+#: Significant digits of a printed step, unless another number of steps would come of it.
+DIGITS = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice:
+    """One method at its recommended setting, or at its most accurate setting if none meets the bound.
+
+    ``method`` is its name in the registry, or the path of the file that defines it. ``status`` is "met" if the run and
+    all finer runs meet the bound; "missed" if no run within the budget does, and the setting is that of the smallest
+    error; or "not run", for the given ``reason``. ``tau`` is in the system's unit of time, NaN for adaptive methods,
+    ``tolerance`` NaN for others. ``summation`` is "plain" where this does not increase the error, else "compensated",
+    empty for other libraries. ``error`` is that of the run in the requested measure, ``time`` its least wall time in s,
+    NaN unless the bound is met. ``further_error`` is the largest error of the runs that confirm the choice, from
+    perturbed starts or all members and over a longer interval, of energies if positions are asked for.
+    """
+
+    method: str
+    label: str
+    kind: Literal["splitting", "peer"]
+    status: Literal["met", "missed", "not run"]
+    tau: float = nan
+    tolerance: float = nan
+    summation: str = ""
+    steps: float = nan
+    evaluations: float = nan
+    error: float = nan
+    max_energy_error: float = nan
+    mean_energy_error: float = nan
+    time: float = nan
+    further_error: float = nan
+    confirmed: bool = True
+    reason: str = ""
+
+    @property
+    def shown(self) -> str:
+        """Name or path as :func:`nearharmonic.integrate` takes it; the label of another library."""
+        return self.method if self.kind == "splitting" else self.label
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recommendation:
+    """Methods for an error bound, ranked by the wall time of the run that is recommended.
+
+    ``choices`` are the methods that meet the bound, the fastest first, behind them those whose step is not confirmed,
+    then the others. ``basis`` is the origin of runs and times, as text.
+    """
+
+    question: Question
+    choices: tuple[Choice, ...]
+    basis: str
+
+    @property
+    def floor_in_words(self) -> str:
+        """Sentence about choices whose error is marked as rounding, "" if there is none."""
+        marked = any(is_rounding(choice, self.question) for choice in self.choices)
+        return f"*: {floor_in_words(self.question.floor)}" if marked else ""
+
+    @property
+    def ranked(self) -> tuple[Choice, ...]:
+        """The methods that meet the bound, the fastest first."""
+        return tuple(choice for choice in self.choices if choice.status == "met")
+
+    @property
+    def call(self) -> str:
+        """Python code of the run of the best method of this package; "" without one, and for a system of a config."""
+        asked = self.question
+        best = next((choice for choice in self.ranked if choice.kind == "splitting"), None)
+        if best is None or not asked.arguments:
+            return ""
+        system, *start = asked.arguments
+        more = [] if asked.t_end == checked_t_end(asked.system.t_end) else [f"t_end={asked.t_end!r}"]
+        more += ["summation='plain'"] if best.summation == "plain" else []
+        function = "ensemble" if len(asked.starts) > 1 else "integrate"
+        return f"nh.{function}({', '.join([system, repr(best.method), repr(best.tau), *start, *more])})"
+
+    @property
+    def unconfirmed(self) -> str:
+        """The methods that meet the bound and are not confirmed, each with its error there."""
+        return "; ".join(f"{one.shown} ({one.further_error:.1e})" for one in self.ranked if not one.confirmed)
+
+    def missed(self, kind: str) -> str:
+        """Return the methods of one kind that miss the bound, each with its smallest error."""
+        missed = [choice for choice in self.choices if (choice.status, choice.kind) == ("missed", kind)]
+        return "; ".join(_at_best(choice, self.question) for choice in missed)
+
+    def not_run(self) -> str:
+        """Return the methods that were not run, those of one reason together with it."""
+        absent: dict[str, list[str]] = {}
+        for choice in self.choices:
+            if choice.status == "not run":
+                absent.setdefault(choice.reason, []).append(choice.shown)
+        return "; ".join(f"{', '.join(names)} ({reason})" for reason, names in absent.items())
+
+
+def is_rounding(choice: Choice, asked: Question) -> bool:
+    """Return True if the energy error of a choice is near the rounding of V."""
+    return asked.measure != "position" and choice.error <= NEAR_FLOOR * asked.floor
+
+
+def printed_step(t_end: str, tau: float, steps: int) -> str:
+    """Return ``tau`` in the fewest digits, four at least, that give ``steps`` steps over [0, ``t_end``] again."""
+    texts = (f"{tau:.{digits}g}" for digits in range(DIGITS, 18))
+    return next(text for text in texts if steps_of(t_end, float(text)) == steps)
+
+
+def step_text(choice: Choice, t_end: str) -> str | None:
+    """Return the step of a choice as :func:`printed_step` prints it, or None if it has a tolerance in its place."""
+    if not isfinite(choice.tau):
+        return None
+    return printed_step(t_end, choice.tau, int(choice.steps)) if isfinite(choice.steps) else f"{choice.tau:.{DIGITS}g}"
+
+
+def _at_best(choice: Choice, asked: Question) -> str:
+    if not isfinite(choice.error):
+        says = "every run fails"
+    else:
+        step = step_text(choice, asked.t_end)
+        mark = " *" if is_rounding(choice, asked) else ""
+        says = f"{choice.error:.1e}{mark} at {f'tolerance {choice.tolerance:.1g}' if step is None else f'tau {step}'}"
+        says += ", but not at all finer ones" if choice.error <= asked.error else " at best"
+    return f"{choice.shown} ({says}" + (f"; {choice.reason})" if choice.reason else ")")
+
 
 #: The ranking compares least times, most of them below 1 ms: more repeats than for curves.
 REPEATS = Patience(least=15, most=25, seconds=0.01)

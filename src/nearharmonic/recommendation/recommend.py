@@ -11,10 +11,8 @@ import numpy as np
 from nearharmonic.errors import warn_caller
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output.dataset import Variables, assembled, described
-from nearharmonic.recommendation.choices import recommendation
 from nearharmonic.recommendation.measure import MEASURES
-from nearharmonic.recommendation.question import question
-from nearharmonic.recommendation.recommendation import Recommendation
+from nearharmonic.recommendation.search import Recommendation, question, recommendation
 from nearharmonic.systems import System
 
 if TYPE_CHECKING:
