@@ -14,7 +14,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.output import store
 from nearharmonic.output.answers import printed
 from nearharmonic.recommendation.measure import Solver, cross, variables
-from nearharmonic.recommendation.search import question, recommendation
+from nearharmonic.recommendation.recommend import question, recommendation
 
 QUARTIC = """
 from nearharmonic.systems import System
@@ -37,7 +37,7 @@ SYSTEM = System(
 def few(monkeypatch):
     """Three methods instead of all: what is asked here does not depend on their number."""
     chosen = {name: integrators[name] for name in ("ruth", "aba864", "srkn_a14")}
-    monkeypatch.setattr("nearharmonic.recommendation.search.integrators", chosen)
+    monkeypatch.setattr("nearharmonic.recommendation.recommend.integrators", chosen)
     return chosen
 
 

@@ -17,8 +17,9 @@ import nearharmonic as nh
 from nearharmonic.commands.recommend import ranking
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
-from nearharmonic.recommendation import search as choices
-from nearharmonic.recommendation.search import orbits, question
+from nearharmonic.recommendation import measure, recommend, search
+from nearharmonic.recommendation.recommend import question
+from nearharmonic.recommendation.search import orbits
 from support.methods.own_systems import mode, spring
 from support.oracles.multiprecision import energy_errors
 
@@ -128,7 +129,7 @@ def test_a_mean_meets_the_error_however_many_samples_are_kept():
 
 
 def test_times_are_in_seconds_and_rank_the_methods(monkeypatch):
-    monkeypatch.setattr(choices, "interleaved", lambda calls, _: [[3.0, 1.0 - 0.25 * i] for i, _ in enumerate(calls)])
+    monkeypatch.setattr(recommend, "interleaved", lambda calls, _: [[3.0, 1.0 - 0.25 * i] for i, _ in enumerate(calls)])
     found = nh.recommend("sho", 1e-3, methods=FEW)
     assert found.integrator.values.tolist() == [*reversed(FEW)]
     assert found.time.values.tolist() == [0.5, 0.75, 1.0]
@@ -137,13 +138,13 @@ def test_times_are_in_seconds_and_rank_the_methods(monkeypatch):
 
 @pytest.mark.slow
 def test_no_run_exceeds_budget_or_five_quarters_of_it(monkeypatch):
-    longest, integrate_batch = [], choices.integrate_batch
+    longest, integrate_batch = [], measure.integrate_batch
 
     def watched(system, tableau, *, steps, **more):
         longest.append(max(steps) * tableau.stages * 50 / more["t_end"])  # over the interval that is asked for
         return integrate_batch(system, tableau, steps=steps, **more)
 
-    monkeypatch.setattr(choices, "integrate_batch", watched)
+    monkeypatch.setattr(measure, "integrate_batch", watched)
     free = nh.recommend("henon_heiles", 1e-6, t_end=50, methods=FEW)
     needed = dict(zip(free.integrator.values.tolist(), free.evaluations.values.tolist(), strict=True))
     longest.clear()
@@ -226,7 +227,7 @@ def test_all_methods_are_asked_if_none_is_named():
     ],
 )
 def test_a_bad_question_is_one_sentence_before_any_method_runs(asked, says, monkeypatch):
-    monkeypatch.setattr(choices, "integrate_batch", lambda *_, **__: pytest.fail("a method was run"))
+    monkeypatch.setattr(measure, "integrate_batch", lambda *_, **__: pytest.fail("a method was run"))
     with pytest.raises(NearharmonicError, match=re.escape(says)) as raised:
         nh.recommend(**{"system": "sho", "error": 1e-3, **asked})
     assert "\n" not in str(raised.value)
@@ -245,7 +246,7 @@ def half_trace(tableau, x):
 
 @pytest.mark.slow
 def test_steps_are_stable_for_modes_that_do_not_move(monkeypatch):
-    monkeypatch.setattr(choices.Search, "_further_error", lambda *_: 0.0)  # which would find some of these steps
+    monkeypatch.setattr(search.Search, "_further_error", lambda *_: 0.0)  # which would find some of these steps
     sites = 32
     system = dataclasses.replace(chain(sites), q0=mode(sites).round(9).tolist(), t_end="250")
     found = nh.recommend(system, 1e-8, methods=["babps9o7h", "predescu_s3"])
@@ -303,19 +304,19 @@ def test_ensemble_near_escape_keeps_error_that_one_start_misses():
 
 def test_step_that_is_not_confirmed_comes_last_and_is_named(monkeypatch):
     further = {"ruth": math.inf, "aba864": 1e-3, "babps9o7h": 2e-3}
-    monkeypatch.setattr(choices.Search, "_further_error", lambda _, choice: further[choice.method])
-    monkeypatch.setattr(choices, "interleaved", lambda calls, _: [[1.0 + i] for i, _ in enumerate(calls)])
+    monkeypatch.setattr(search.Search, "_further_error", lambda _, choice: further[choice.method])
+    monkeypatch.setattr(recommend, "interleaved", lambda calls, _: [[1.0 + i] for i, _ in enumerate(calls)])
     found = nh.recommend("sho", 1e-3, methods=FEW, t_end=50)
     assert found.integrator.values.tolist() == ["aba864", "babps9o7h", "ruth"]
     assert found.further_error.values.tolist() == [1e-3, 2e-3, math.inf]
     assert found.attrs["unconfirmed"] == "ruth (inf)"
-    told = ranking(choices.recommendation(question("sho", 1e-3, methods=FEW, t_end=50)))
+    told = ranking(recommend.recommendation(question("sho", 1e-3, methods=FEW, t_end=50)))
     assert "not confirmed from other starts and over a longer interval, and therefore last: ruth (inf)" in told.notes
 
 
 def test_each_method_has_a_line_on_a_terminal_alone(capsys):
     lines = []
-    choices.recommendation(question("sho", 1e-3, methods=FEW, t_end=50), report=lines.append)
+    recommend.recommendation(question("sho", 1e-3, methods=FEW, t_end=50), report=lines.append)
     for i, name in enumerate(FEW, 1):
         assert any(line.startswith(f"{i} of 3: {name}: met, error") for line in lines)
     nh.recommend("sho", 1e-3, methods=FEW, t_end=50)

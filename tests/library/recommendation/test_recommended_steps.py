@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import nearharmonic as nh
 from nearharmonic.cli import main
 from nearharmonic.integrators import integrators
-from nearharmonic.recommendation.search import printed_step, question, recommendation
+from nearharmonic.recommendation.recommend import printed_step, question, recommendation
 from nearharmonic.theory.oscillator import harmonic_energy_error
 
 #: Rank, name, two spaces, kind, step, no tolerance, sums; evaluations, milliseconds, ratio and error come after.
@@ -58,7 +58,7 @@ def check(capsys, system, error, measure="max"):
 @pytest.fixture
 def slippery(monkeypatch):
     monkeypatch.setattr(
-        "nearharmonic.recommendation.search.integrators",
+        "nearharmonic.recommendation.recommend.integrators",
         {name: integrators[name] for name in SLIPPERY},
     )
 
@@ -113,9 +113,9 @@ def test_run_that_is_timed_is_run_that_is_printed(capsys, monkeypatch):
         timed[tableau.name] = (system.name, t_end, steps, summation)
         return {"trajectory": lambda: None}
 
-    monkeypatch.setattr("nearharmonic.recommendation.search.prepared_calls", calls)
+    monkeypatch.setattr("nearharmonic.recommendation.recommend.prepared_calls", calls)
     monkeypatch.setattr(
-        "nearharmonic.recommendation.search.interleaved",
+        "nearharmonic.recommendation.recommend.interleaved",
         lambda calls, _: [[9.0, 6e-3 - 1e-3 * i] for i, _ in enumerate(calls)],
     )
     rows, text, _ = asked(capsys, "sho", "--error", "1e-3")
@@ -128,7 +128,7 @@ def test_run_that_is_timed_is_run_that_is_printed(capsys, monkeypatch):
 @pytest.mark.parametrize("steps", [310, 333, 400])
 def test_plain_sums_never_exceed_bound_that_compensated_ones_meet(steps, monkeypatch):
     """At these steps of BABs7o7H plain sums err by 1e-10 to 3e-9 more, on a curve that falls from there on."""
-    monkeypatch.setattr("nearharmonic.recommendation.search.integrators", {"babs7o7h": integrators["babs7o7h"]})
+    monkeypatch.setattr("nearharmonic.recommendation.recommend.integrators", {"babs7o7h": integrators["babs7o7h"]})
     careful, plain = (
         float(nh.integrate("sho", "babs7o7h", Fraction(500, steps), samples=2, summation=way).max_energy_error)
         for way in ("compensated", "plain")

@@ -34,17 +34,16 @@ from nearharmonic.recommendation.measure import (
     TARGETS,
     Interval,
     Solver,
+    add_calls,
     clock,
     curves_of,
     dataset_of,
-    ensemble_call,
     measured,
+    members_of,
     of_kind,
     quiet,
     ranking,
-    settings_of,
     variables,
-    way_of,
 )
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
@@ -272,22 +271,18 @@ def solvers_on(
     ``sweep`` has the range of step sizes and the summation.
     """
     taus = tau_grid(sweep.lowest, sweep.highest, settings.points_per_decade)
-    solvers = [
-        measured(here, tableau, settings_of(tableau, here.t_end, taus, settings.evaluations), sweep.summation)
-        for tableau in tableaus
-    ]
+    solvers = [measured(here, tableau, taus, sweep.summation, settings.evaluations) for tableau in tableaus]
     taus = tau_grid(sweep.lowest, sweep.highest, POINTS_PER_DECADE)
     solvers += [measured_peer(PEERS[name], here, taus, settings.longest) for name in settings.solvers()]
     clock(solvers, ("trajectory", "energy"))
     front = front_runners(curves_of(dataset_of(solvers, "")), measures)
     for solver in solvers:
         if solver.method in front:
-            tableau, steps = integrators[solver.method], solver.columns["steps"]
-            members = solver.columns["members"] = np.full(len(steps), np.nan)
-            for _, i in [key for key in solver.calls if key[0] == "trajectory"]:
-                solver.calls["lanes", i], members[i] = ensemble_call(
-                    here.system, tableau, here.t_end, int(steps[i]), way_of(solver, i)
-                )
+            steps = solver.columns["steps"]
+            solver.columns["members"] = members = np.full(len(steps), np.nan)
+            for i in [i for mode, i in solver.calls if mode == "trajectory"]:
+                members[i] = members_of(here.system, integrators[solver.method], int(steps[i]))
+                add_calls(solver, here, integrators[solver.method], i, ("lanes",))
     clock(solvers, ("lanes",))
     return solvers
 

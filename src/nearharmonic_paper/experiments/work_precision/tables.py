@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 
+import numpy as np
 import xarray as xr
 
 from nearharmonic.output.page import pipes
@@ -19,7 +20,6 @@ from nearharmonic.recommendation.measure import (
     Crossing,
     Part,
     crossing,
-    ns_per_evaluation,
     of_kind,
     ranking,
     read_parts,
@@ -150,6 +150,12 @@ def _winners(measure: str, curves: Sequence[xr.Dataset]) -> list[str]:
             says = f"**a peer wins**: {says}, {ratio}"
         lines.append(f"- {target:.0e}: {says}")
     return ["Fastest:", *lines]
+
+
+def ns_per_evaluation(curve: xr.Dataset, mode: str = "trajectory") -> float:
+    """Return the least nanoseconds per evaluation of the force on a curve; NaN if it was not timed."""
+    each = (curve[f"time_{mode}"] / curve["evaluations"].where(curve["evaluations"] > 0)).values
+    return float(1e9 * min(each[np.isfinite(each)], default=nan))
 
 
 def _speeds(curves: Sequence[xr.Dataset]) -> list[str]:

@@ -22,18 +22,17 @@ from nearharmonic.recommendation.measure import (
     cross,
     crossing,
     curves_of,
-    ensemble_call,
     for_good,
     measure,
     measured,
-    ns_per_evaluation,
+    members_of,
     prepared_calls,
     ranking,
-    settings_of,
     variables,
 )
 from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.work_precision.run import WorkPrecisionSettings, intervals, solvers_on
+from nearharmonic_paper.experiments.work_precision.tables import ns_per_evaluation
 from support.cubes.figure_cubes import curves, label, timed
 from support.oracles.reference_solutions import oscillator_state
 
@@ -132,8 +131,8 @@ def test_chaos_gets_a_shorter_interval_for_positions_and_only_there():
 
 
 def test_grid_visits_each_number_of_steps_once_from_coarse():
-    points = settings_of(integrators["ruth"], "10", tau_grid(1e-3, 10.0, 10), 1000)
-    steps = [n for _, n in points]
+    here, taus = Interval(systems["sho"], "10"), tau_grid(1e-3, 10.0, 10)
+    steps = measured(here, integrators["ruth"], taus, evaluations=1000, modes=()).columns["steps"].tolist()
     assert steps == sorted(set(steps))
     assert steps[0] == 1
     assert 3 * steps[-1] <= 1000 < 3 * steps[-1] * 10**0.15
@@ -158,7 +157,7 @@ def test_errors_of_a_curve_are_those_of_the_matrix_power():
 @pytest.mark.parametrize("summation", ["compensated", "plain"])
 def test_every_timed_call_returns_final_state_of_same_trajectory(summation):
     steps, ruth = 67, integrators["ruth"]
-    calls = prepared_calls(systems["sho"], ruth, "20", steps, summation)
+    calls = prepared_calls(systems["sho"], ruth, "20", steps, summation, ("trajectory", "energy", "lanes"))
     q, p = oscillator_state(ruth, mpf(20) / steps, steps)
     # Plain sums of numbers up to 1: three stages a step, each rounded by half a unit.
     bound = PHASE if summation == "compensated" else PHASE + 3 * steps * 2 * 1.2e-16
@@ -166,14 +165,13 @@ def test_every_timed_call_returns_final_state_of_same_trajectory(summation):
         found = calls[mode]()
         assert [part.shape for part in found] == [(1,), (1,)]
         assert [float(part[0]) for part in found] == pytest.approx([float(q), float(p)], abs=bound)
-    everyone, members = ensemble_call(systems["sho"], ruth, "20", steps, summation)
-    for one, many in zip(calls["trajectory"](), everyone(), strict=True):
-        assert many.shape == (members, 1, 1)
+    for one, many in zip(calls["trajectory"](), calls["lanes"](), strict=True):
+        assert many.shape == (members_of(systems["sho"], ruth, steps), 1, 1)
         assert set(many.ravel()) == {one[0]}
 
 
 def test_an_ensemble_has_fewer_members_the_longer_they_run():
-    members = [ensemble_call(systems["sho"], integrators["ruth"], "20", steps)[1] for steps in (100, 20_000, 400_000)]
+    members = [members_of(systems["sho"], integrators["ruth"], steps) for steps in (100, 20_000, 400_000)]
     assert members[0] == 2048  # the most
     assert members[1] == 2**25 // (3 * 20_000)
     assert members[2] == 64  # the fewest
@@ -181,13 +179,13 @@ def test_an_ensemble_has_fewer_members_the_longer_they_run():
 
 def test_sums_are_plain_if_harmless_and_compensated_otherwise():
     """Plain sums of 1e5 steps err by some 1e-14; the method by 1e-3 in the coarse run, below 1e-15 in the fine one."""
-    here, points = Interval(systems["sho"], "20"), [(0.5, 6), (3e-4, 10_000)]
-    found = measured(here, integrators["aba864"], points).columns
+    here, taus = Interval(systems["sho"], "20"), [20 / 7 / 6, 20 / 7 / 10_000]
+    found = measured(here, integrators["aba864"], taus).columns
     coarse, fine = found["max_energy_error"]
     assert found["compensated"].tolist() == [0.0, 1.0]
     assert coarse > 1e-6
     assert fine < 1e-14
-    plain = measured(here, integrators["aba864"], points[1:], "plain").columns
+    plain = measured(here, integrators["aba864"], taus[1:], "plain").columns
     assert plain["compensated"].tolist() == [0.0]
     assert plain["max_energy_error"][0] > 1.05 * fine
 
