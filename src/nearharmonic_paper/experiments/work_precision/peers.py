@@ -1,18 +1,16 @@
 """Other libraries on the same systems and the same clock, each used as its users use it.
 
-A library has a part of its own below, and a tuple of what is timed of it. It is imported where a run is prepared, so
-that a missing one is named as missing.
+A function ``attempt(system, t_end, setting)`` prepares a run of a library. It imports the library, so that a missing
+one is named as missing, and constructs and compiles what is not timed. :data:`PEERS` has what is timed.
 """
 
 from __future__ import annotations
 
 import ctypes
-import math
 import subprocess
 import time
 from collections.abc import Callable, Mapping, Sequence
-from ctypes import addressof, c_double
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib import import_module
 from importlib.util import find_spec
@@ -32,13 +30,19 @@ from nearharmonic.integrators import blanes_2013, nielsen_2015
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.recommendation.measure import quiet
 from nearharmonic.systems.gradients import SourceTracer, velocity
-from nearharmonic.systems.regularisation import RegularisedFormulas
 from nearharmonic.systems.system import System
 
 States = NDArray[np.float64]
 
 #: Maximum number of steps, which ends a diverging run.
 MOST_STEPS = 200_000
+#: Names of programs instead of modules.
+COMPILERS = ("gcc",)
+#: Methods of this package that are written without it, one with the drift first and one with the kick first; imported
+#: from their files so that the code digest covers these.
+ABA864, BAB9 = (
+    tableau for tableau in (*blanes_2013.TABLEAUS, *nielsen_2015.TABLEAUS) if tableau.name in ("aba864", "babps9o7h")
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,12 +67,12 @@ class Peer:
     """One solver of another library.
 
     ``name``, ``label``: name in files and name in legends. ``module``: the library, as it is imported, or the name of a
-    compiler. ``attempt(system, t_end, setting)`` prepares a run. It includes construction and compilation
-    of a solver, which are not timed. ``settings``: tolerances from coarse to fine; empty for step sizes, which come
-    from the common grid. ``stages``: force evaluations per step, which convert step sizes per stage to step sizes.
-    ``quadratic_only``: True if the solver needs accelerations that depend only on the position, as for T = p.p/2.
-    ``gravity_only``: True if the solver is only for V = -GM/|q|. ``regularised``: True if the solver integrates the
-    regularised equations of a system and supports no other system; all other solvers integrate the original equations.
+    compiler. ``attempt(system, t_end, setting)`` prepares a run. ``settings``: tolerances from coarse to fine; empty
+    for step sizes, which come from the common grid. ``stages``: force evaluations per step, which convert step sizes
+    per stage to step sizes. ``quadratic_only``: True if the solver needs accelerations that depend only on the
+    position, as for T = p.p/2. ``gravity_only``: True if the solver is only for V = -GM/|q|. ``regularised``: True if
+    the solver integrates the regularised equations of a system and supports no other system; all other solvers
+    integrate the original equations.
     """
 
     name: str
@@ -106,8 +110,6 @@ def gradients_of(system: System) -> tuple[Callable[[States], States], Callable[[
 
 #: Number of outputs of LSODA's path; it does not return its steps.
 ODEINT_OUTPUTS = 1001
-#: Smallest tolerance of scipy: 2.3e-14.
-SCIPY_TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 3e-14)
 
 
 def scipy_dop853(system: System, t_end: float, tolerance: float) -> Attempt:
@@ -123,7 +125,7 @@ def scipy_dop853(system: System, t_end: float, tolerance: float) -> Attempt:
         solution = run()
         states = solution.y.T.copy()
         if not solution.success:
-            states[-1] = math.nan
+            states[-1] = nan
         return states, solution.nfev
 
     return Attempt(run=run, path=path)
@@ -141,7 +143,7 @@ def scipy_odeint(system: System, t_end: float, tolerance: float) -> Attempt:
     def path() -> tuple[States, float]:
         states, told = solve(np.linspace(0.0, t_end, ODEINT_OUTPUTS), full_output=True)
         if "successful" not in told["message"]:
-            states[-1] = math.nan
+            states[-1] = nan
         return states, float(solve(np.array([0.0, t_end]), full_output=True)[1]["nfe"][-1])
 
     return Attempt(run=lambda: solve(np.array([0.0, t_end])), path=path)
@@ -160,34 +162,27 @@ def _compiled_rhs(system: System, arguments: str) -> Callable[..., States]:
     return rhs
 
 
-_SCIPY_PEERS = tuple(
-    Peer(name=name, label=label, module="scipy", settings=SCIPY_TOLERANCES, attempt=attempt)
-    for name, label, attempt in (
-        ("scipy_dop853", "scipy solve_ivp (DOP853, numba)", scipy_dop853),
-        ("scipy_odeint", "scipy odeint (LSODA, numba)", scipy_odeint),
-    )
-)
-
-
 # --- heyoka -----------------------------------------------------------------------------------------------------------
 #
-# heyoka's adaptive Taylor series (Biscani & Izzo 2021, doi:10.1093/mnras/stab1032), scalar and in batches of lanes.
+# The adaptive Taylor series (Biscani & Izzo 2021, doi:10.1093/mnras/stab1032), scalar and in batches of lanes.
 #
 # The equations are the formulas of the system. For V = -GM/|q| there are also the equations that are best for heyoka,
 # with ``GM * (x*x + y*y)**-1.5`` written as a power; its own ``model.fixed_centres`` is 4 to 9 % slower than the
 # formulas, and ``hamiltonian()`` of the system's potential a quarter slower. ``high_accuracy`` stays off, which is the
 # default.
 #
-# Where a regularisation is known, the regularised equations are the best that users of heyoka can do. With the fictitious
-# time s as the variable: u' = v, v' = -dV/du with V of
-# :class:`nearharmonic.systems.regularisation.RegularisedFormulas`, and t' = |u|^2. heyoka's tolerance is
-# relative to the largest component of the state, so t is scaled by ``t_end``. w = -H is a constant, not a component. Two
-# choices favour heyoka. The fictitious time at which t = ``t_end`` is computed before the timing, by dense output and
-# Newton's method. The timed run ends with (u, v, t), without the map to q and p. Errors are those of q and p.
+# Where a regularisation is known, the regularised equations are the best that users of heyoka can do. With the
+# fictitious time s as the variable: u' = v, v' = -dV/du with V of
+# :class:`nearharmonic.systems.regularisation.RegularisedFormulas`, and t' = |u|^2. heyoka's tolerance is relative to
+# the largest component of the state, so t is scaled by ``t_end``. w = -H is a constant, not a component. Two choices
+# favour heyoka. The fictitious time at which t = ``t_end`` is computed before the timing, by dense output and Newton's
+# method. The timed run ends with (u, v, t), without the map to q and p. Errors are those of q and p.
 
 TAYLOR_TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 1e-15)
 #: Number of doubles in a batch: a register of AVX-512.
 BATCH = 8
+#: Iterations of Newton's method for the final fictitious time; four are sufficient.
+REPEATS = 8
 
 
 def heyoka_taylor(
@@ -195,26 +190,28 @@ def heyoka_taylor(
 ) -> Attempt:
     """Prepare ``heyoka.taylor_adaptive``, whose order follows from the tolerance, and ``taylor_adaptive_batch``.
 
-    ``system``: the equations of motion and the initial state. ``t_end``: end of the interval, in the system's unit of
-    time. ``tolerance``: relative and absolute tolerance of each step. ``fast_math``: True to let heyoka reorder
-    floating-point operations. ``power``: True for the force GM q (q.q)^(-3/2), written as a power, instead of the
-    formula of the system.
+    ``fast_math`` lets heyoka reorder floating-point operations. ``power`` writes the force GM q (q.q)^(-3/2) as a power
+    in place of the formula of the system.
     """
     import heyoka as hy
 
     names = [f"{letter}{i}" for letter in "qp" for i in range(system.dimension)]
     variables = hy.make_vars(*names)
     variables = list(variables) if isinstance(variables, list | tuple) else [variables]
-    rates = _gravity(system, variables) if power else velocity(system, functions_of(hy))(*variables)
+    if power:
+        q, p = variables[: system.dimension], variables[system.dimension :]
+        pull = system.constants(float)[0] * sum(x * x for x in q) ** -1.5
+        rates = [*p, *(-pull * x for x in q)]
+    else:
+        rates = velocity(system, functions_of(hy))(*variables)
     return taylor_attempt(list(zip(variables, rates, strict=True)), start_of(system), t_end, tolerance, fast_math)
 
 
 def taylor_attempt(equations: Sequence[Any], start: States, end: float, tolerance: float, fast_math: bool) -> Attempt:
     """Prepare one trajectory and a batch of equal ones.
 
-    ``equations``: pairs of heyoka's variables and their derivatives. ``start`` (n,): the variables at
-    0. ``end``: end of the interval of the independent variable. ``tolerance``, ``fast_math``: as in
-    :func:`heyoka_taylor`.
+    ``equations``: pairs of heyoka's variables and their derivatives. ``start`` (n,): the variables at 0. ``end``: end
+    of the interval of the independent variable.
     """
     import heyoka as hy
 
@@ -248,14 +245,6 @@ def taylor_attempt(equations: Sequence[Any], start: States, end: float, toleranc
     return Attempt(run=run, path=path, lanes=lanes, members=BATCH)
 
 
-def _gravity(system: System, variables: Sequence[Any]) -> list[Any]:
-    """Return dq/dt and dp/dt for V = -GM/|q|."""
-    q, p = variables[: system.dimension], variables[system.dimension :]
-    (GM,) = system.constants(float)
-    pull = GM * sum(x * x for x in q) ** -1.5
-    return [*p, *(-pull * x for x in q)]
-
-
 def functions_of(hy: Any) -> dict[str, Any]:
     """Return the functions of formulas as heyoka's expressions; missing functions use roots and powers."""
     own = ("sqrt", "sin", "cos", "tan", "exp", "log", "atan2", "tanh", "sinh", "cosh", "erf")
@@ -268,33 +257,24 @@ def functions_of(hy: Any) -> dict[str, Any]:
     return {name: getattr(hy, name) for name in own} | derived
 
 
-#: Iterations of Newton's method for the final fictitious time; four are sufficient.
-REPEATS = 8
-
-
 def heyoka_regularised(system: System, t_end: float, tolerance: float, *, fast_math: bool = False) -> Attempt:
-    """Prepare ``heyoka.taylor_adaptive`` and ``taylor_adaptive_batch`` on the equations of a regularised system.
-
-    Parameters are those of :func:`heyoka_taylor`.
-
-    Raises TimeoutError: the end is not reached within
-    :data:`nearharmonic_paper.experiments.work_precision.peers.MOST_STEPS` steps.
-    """
+    """As :func:`heyoka_taylor`, on the equations of a regularised system; TimeoutError: the end is not reached."""
     import heyoka as hy
 
     maps = system.formulas().regularised
     assert maps is not None
-    (*u, w), (*v, _) = maps.from_physical(*system.start(float), *system.constants(float))
-    start = np.array([*u, *v, 0.0], dtype=float)
+    (*u0, w), (*v0, _) = maps.from_physical(*system.start(float), *system.constants(float))
+    start = np.array([*u0, *v0, 0.0], dtype=float)
     equations = _equations(hy, system, maps.coordinates, float(w), t_end)
     end = _fictitious_end(hy.taylor_adaptive(equations, list(start), tol=tolerance, fast_math=fast_math))
     attempt = taylor_attempt(equations, start, end, tolerance, fast_math)
 
     def path() -> tuple[States, float]:
         states, evaluations = attempt.path()
-        return _physical(maps, states, float(w)), evaluations
+        u, v, _ = np.split(states.T, [len(v0), 2 * len(v0)])
+        return np.concatenate([np.array(half) for half in maps.to_physical((*u, float(w)), (*v, 0.0))]).T, evaluations
 
-    return Attempt(run=attempt.run, path=path, lanes=attempt.lanes, members=attempt.members)
+    return replace(attempt, path=path)
 
 
 def _equations(hy: Any, system: System, coordinates: int, w: float, t_end: float) -> list[tuple[Any, Any]]:
@@ -330,38 +310,13 @@ def _fictitious_end(solver: Any) -> float:
     return float(before + h)
 
 
-def _physical(maps: RegularisedFormulas, states: States, w: float) -> States:
-    """Return (n, 2 d) physical states of (n, 2 c + 1) states (u, v, t)."""
-    c = maps.coordinates - 1
-    x, y = (*states[:, :c].T, w), (*states[:, c : 2 * c].T, 0.0)
-    q, p = maps.to_physical(x, y)
-    return np.array([*q, *p]).T
-
-
-_HEYOKA_PEERS = tuple(
-    Peer(
-        name=name, label=label, module="heyoka", settings=TAYLOR_TOLERANCES,
-        attempt=partial(attempt, fast_math=fast_math), gravity_only=name.startswith("heyoka_power"),
-        regularised=name.startswith("heyoka_regularised"),
-    )
-    for name, label, attempt, fast_math in (
-        ("heyoka", "heyoka (adaptive Taylor)", heyoka_taylor, False),
-        ("heyoka_fast_math", "heyoka, fast_math", heyoka_taylor, True),
-        ("heyoka_power", "heyoka, force as a power", partial(heyoka_taylor, power=True), False),
-        ("heyoka_power_fast_math", "heyoka, power, fast_math", partial(heyoka_taylor, power=True), True),
-        ("heyoka_regularised", "heyoka, regularised equations", heyoka_regularised, False),
-        ("heyoka_regularised_fast_math", "heyoka, regularised, fast_math", heyoka_regularised, True),
-    )
-)  # fmt: skip
-
-
 # --- rebound ----------------------------------------------------------------------------------------------------------
 #
-# rebound's integrators: its own gravity in C for V = -GM/|q|, other forces as C functions compiled by numba.
+# Its own gravity in C for V = -GM/|q|, other forces as C functions compiled by numba.
 #
-# IAS15 is that of Rein & Spiegel (2015), doi:10.1093/mnras/stu2164. WHFast is omitted: for two bodies it uses the closed
-# form of the ellipse. A force in Python instead of C would dominate the time: the leapfrog of order 8 would take about a
-# hundred times as long.
+# IAS15 is that of Rein & Spiegel (2015), doi:10.1093/mnras/stu2164. WHFast is omitted: for two bodies it uses the
+# closed form of the ellipse. A force in Python instead of C would dominate the time: the leapfrog of order 8 would take
+# about a hundred times as long.
 
 #: Time limit of a path in seconds: the steps of IAS15 can become extremely small if a force passes through 0.
 PATH_SECONDS = 2.0
@@ -371,84 +326,75 @@ FIRST_STEP = 1e-4
 
 def rebound_ias15(system: System, t_end: float, tolerance: float) -> Attempt:
     """IAS15 with ``tolerance`` as its epsilon."""
-    return _Setup(system, t_end, "ias15", {"epsilon": tolerance}, steps=0).attempt()
+    return _rebound_attempt(system, t_end, "ias15", {"epsilon": tolerance}, steps=0)
 
 
 def rebound_leapfrog8(system: System, t_end: float, step: float) -> Attempt:
     """The leapfrog composed to order 8."""
-    return _Setup(system, t_end, "leapfrog", {"order": 8}, steps=max(1, round(t_end / step))).attempt()
+    return _rebound_attempt(system, t_end, "leapfrog", {"order": 8}, steps=max(1, round(t_end / step)))
 
 
-@dataclass(frozen=True)
-class _Setup:
-    """Parts of a simulation; ``steps`` of equal length, or 0 if the integrator chooses them."""
+def _rebound_attempt(system: System, t_end: float, integrator: str, options: Mapping[str, Any], steps: int) -> Attempt:
+    """Prepare a run in ``steps`` of equal length, or 0 if the integrator chooses them."""
+    keys, start = _keys(system), start_of(system).tolist()
 
-    system: System
-    t_end: float
-    integrator: str
-    options: Mapping[str, Any]
-    steps: int
-
-    def attempt(self) -> Attempt:
-        simulation, body = self.simulation(c_double())
-        start = dict(zip(_keys(self.system), map(float, start_of(self.system)), strict=True))
-
-        def run() -> Any:
-            self.begin(simulation)
-            for key, value in start.items():
-                setattr(body, key, value)
-            if self.steps:
-                simulation.steps(self.steps)
-            else:
-                simulation.integrate(self.t_end)
-            return body
-
-        return Attempt(run=run, path=self.path)
-
-    def simulation(self, count: c_double) -> tuple[Any, Any]:
-        """Return a simulation at the start and its moving body; ``count`` counts evaluations of a compiled force."""
-        import rebound
-
-        made = rebound.Simulation()
-        particle = dict(zip(_keys(self.system), start_of(self.system), strict=True))
-        if self.system.gravity:
-            (made.G,) = self.system.constants(float)
-            made.add(m=1.0)
-            made.add(m=0.0, **particle)
-        else:
-            made.gravity = "none"
-            made.add(m=1.0, **particle)
-            made.additional_forces = compiled_force(self.system).address
-        made.extras, made._extras_ref = addressof(count), count  # the reference keeps the double alive
-        self.begin(made)
-        return made, made.particles[-1]
-
-    def begin(self, simulation: Any) -> None:
-        """Set time, first step and integrator; this resets the integrator's state of an earlier run."""
-        simulation.integrator = self.integrator
-        for key, value in self.options.items():
+    def begin(simulation: Any) -> Any:
+        """Set time, first step and integrator, which resets its state; return the body, at its start."""
+        simulation.integrator = integrator
+        for key, value in options.items():
             setattr(simulation.integrator, key, value)
-        simulation.t = 0.0
-        simulation.dt = self.t_end / self.steps if self.steps else self.t_end * FIRST_STEP
+        simulation.t, simulation.dt = 0.0, t_end / steps if steps else t_end * FIRST_STEP
+        body = simulation.particles[-1]
+        for key, value in zip(keys, start, strict=True):
+            setattr(body, key, value)
+        return body
 
-    def path(self) -> tuple[States, float]:
-        count = c_double()
-        simulation, body = self.simulation(count)
-        if self.system.gravity:  # rebound does not count evaluations; an additional force that only counts does this
+    def run() -> Any:
+        body = begin(prepared)
+        if steps:
+            prepared.steps(steps)
+        else:
+            prepared.integrate(t_end)
+        return body
+
+    def path() -> tuple[States, float]:
+        count = ctypes.c_double()
+        simulation = rebound_simulation(system, count)
+        if system.gravity:  # rebound does not count evaluations; an additional force that only counts does this
             simulation.additional_forces = compiled_force(None).address
-        states = [start_of(self.system)]
-        deadline = time.perf_counter() + PATH_SECONDS
-        while len(states) <= self.steps if self.steps else simulation.t < self.t_end:
-            if self.steps or simulation.t + simulation.dt < self.t_end:
+        body, states, deadline = begin(simulation), [start_of(system)], time.perf_counter() + PATH_SECONDS
+        while len(states) <= steps if steps else simulation.t < t_end:
+            if steps or simulation.t + simulation.dt < t_end:
                 simulation.steps(1)
             else:
-                simulation.integrate(self.t_end)
-            states.append(np.array([getattr(body, key) for key in _keys(self.system)]))
+                simulation.integrate(t_end)
+            states.append(np.array([getattr(body, key) for key in keys]))
             if not np.isfinite(states[-1]).all():
                 break
             if time.perf_counter() > deadline:
-                raise TimeoutError(f"{self.integrator} is not at the end after {PATH_SECONDS} s")
+                raise TimeoutError(f"{integrator} is not at the end after {PATH_SECONDS} s")
         return np.array(states), count.value
+
+    prepared = rebound_simulation(system, ctypes.c_double())
+    return Attempt(run=run, path=path)
+
+
+def rebound_simulation(system: System, count: ctypes.c_double) -> Any:
+    """Return a simulation at the start, the moving body last; ``count`` counts evaluations of a compiled force."""
+    import rebound
+
+    made = rebound.Simulation()
+    particle = dict(zip(_keys(system), start_of(system), strict=True))
+    if system.gravity:
+        (made.G,) = system.constants(float)
+        made.add(m=1.0)
+        made.add(m=0.0, **particle)
+    else:
+        made.gravity = "none"
+        made.add(m=1.0, **particle)
+        made.additional_forces = compiled_force(system).address
+    made.extras, made._extras_ref = ctypes.addressof(count), count  # the reference keeps the double alive
+    return made
 
 
 def _keys(system: System) -> tuple[str, ...]:
@@ -487,26 +433,13 @@ def compiled_force(system: System | None) -> Any:
     return numba.cfunc(numba.types.void(numba.types.CPointer(doubles)), error_model="numpy")(space["force"])
 
 
-_REBOUND_PEERS = (
-    Peer(
-        name="rebound_ias15", label="rebound IAS15", module="rebound", attempt=rebound_ias15, quadratic_only=True,
-        settings=(1e-2, 1e-4, 1e-6, 1e-9),  # the last is its default
-    ),
-    Peer(
-        name="rebound_leapfrog8", label="rebound leapfrog, order 8", module="rebound", attempt=rebound_leapfrog8,
-        quadratic_only=True, stages=17,
-    ),
-)  # fmt: skip
-
-
 # --- diffrax ----------------------------------------------------------------------------------------------------------
 #
-# diffrax's Dopri8 (Kidger 2022, arXiv:2202.02435) with adaptive steps, in double precision on the processor.
-#
-# The equations are the formulas of the system. JAX compiles the whole integration, without gradients.
+# Dopri8 (Kidger 2022, arXiv:2202.02435) with adaptive steps, in double precision on the processor. The equations are
+# the formulas of the system. JAX compiles the whole integration, without gradients.
 
-#: Maximum number of steps of a path.
-LONGEST_PATH = 2**15
+#: Maximum number of steps of a path, and evaluations per step; the first is the last of the previous step.
+LONGEST_PATH, STAGES = 2**15, 13
 
 
 def diffrax_dopri8(system: System, t_end: float, tolerance: float) -> Attempt:
@@ -561,24 +494,11 @@ def _compiled_solver(system: System) -> tuple[Callable[..., Any], Callable[..., 
     )
 
 
-#: Evaluations per step; the first is the last of the previous step.
-STAGES = 13
-
-_DIFFRAX_PEERS = (
-    Peer(
-        name="diffrax_dopri8", label="diffrax Dopri8 (JAX, compiled)", module="diffrax", attempt=diffrax_dopri8,
-        settings=(1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13),
-    ),
-)  # fmt: skip
-
-
 # --- pyhamsys ---------------------------------------------------------------------------------------------------------
-#
-# pyhamsys's composition BM6 of Blanes & Moan (2002), doi:10.1016/S0377-0427(01)00492-7.
 
 
 def pyhamsys_bm6(system: System, t_end: float, step: float) -> Attempt:
-    """pyhamsys's sixth-order Blanes-Moan composition, the two flows in numpy."""
+    """The sixth-order composition BM6 of Blanes & Moan (2002), doi:10.1016/S0377-0427(01)00492-7, flows in numpy."""
     from pyhamsys import HamSys, Parameters
 
     start = start_of(system)
@@ -610,12 +530,7 @@ def pyhamsys_bm6(system: System, t_end: float, step: float) -> Attempt:
     return Attempt(run=lambda: flows.integrate(start, ends, settings), path=path)
 
 
-_PYHAMSYS_PEERS = (Peer(name="pyhamsys_bm6", label="pyhamsys BM6", module="pyhamsys", stages=20, attempt=pyhamsys_bm6),)
-
-
-# --- Plain numpy ------------------------------------------------------------------------------------------------------
-#
-# Methods of this package in a dozen lines of numpy, written without a library.
+# --- Methods of this package written without a library: in numpy, and as a loop in C compiled with gcc ----------------
 
 
 def numpy_splitting(tableau: Tableau) -> Callable[[System, float, float], Attempt]:
@@ -656,30 +571,9 @@ def numpy_splitting(tableau: Tableau) -> Callable[[System, float, float], Attemp
     return attempt
 
 
-#: One method with the drift first and one with the kick first, imported from their files so that the code digest covers
-#: these.
-METHODS = ("aba864", "babps9o7h")
-
-_NUMPY_PEERS = tuple(
-    Peer(
-        name=f"numpy_{tableau.name}", label=f"{tableau.label} in plain numpy", module="numpy", stages=tableau.stages,
-        attempt=numpy_splitting(tableau),
-    )
-    for tableau in (*blanes_2013.TABLEAUS, *nielsen_2015.TABLEAUS)
-    if tableau.name in METHODS
-)  # fmt: skip
-
-
-# --- A plain loop in C ------------------------------------------------------------------------------------------------
-#
-# A method of this package as a simple loop in C, written without a library and compiled with gcc.
-#
-# The force is the formula of the system. The last kick of a step and the first kick of the next are merged. The compiler
-# may contract products and sums, which is its default.
-
+#: The compiler may contract products and sums, which is its default.
 FLAGS = ("-O3", "-march=native", "-ffp-contract=fast", "-shared", "-fPIC")
-(METHOD,) = (tableau for tableau in nielsen_2015.TABLEAUS if tableau.name == "babps9o7h")
-
+#: The last kick of a step and the first kick of the next are merged.
 PROGRAM = Template("""\
 #include <math.h>
 
@@ -762,7 +656,7 @@ def _compiled_loop(system: System) -> Any:
     with TemporaryDirectory() as folder:
         library = Path(folder) / "loop.so"
         command = ["gcc", *FLAGS, "-x", "c", "-", "-o", str(library), "-lm"]
-        subprocess.run(command, input=c_text(system, METHOD), text=True, check=True, capture_output=True)
+        subprocess.run(command, input=c_text(system, BAB9), text=True, check=True, capture_output=True)
         loaded = ctypes.CDLL(str(library))
     for function in (loaded.integrate, loaded.path):
         function.argtypes = (ctypes.c_long, ctypes.c_double, ctypes.c_void_p)
@@ -786,33 +680,60 @@ def c_loop(system: System, t_end: float, step: float) -> Attempt:
         states = np.empty((steps + 1, start.size))
         states[0] = start
         program.path(steps, tau, states.ctypes.data)
-        return states, METHOD.stages * steps + 1
+        return states, BAB9.stages * steps + 1
 
     return Attempt(run=run, path=path)
 
 
-_GCC_PEERS = (
-    Peer(
-        name=f"c_{METHOD.name}", label=f"{METHOD.label}, a plain loop in C", module="gcc", stages=METHOD.stages,
-        attempt=c_loop,
-    ),
-)  # fmt: skip
+def _heyoka_peer(ending: str, label: str, attempt: Callable[..., Attempt], **options: bool) -> Peer:
+    return Peer(
+        name=f"heyoka{ending}", label=label, module="heyoka", settings=TAYLOR_TOLERANCES,
+        attempt=partial(attempt, fast_math=ending.endswith("fast_math")), **options,
+    )  # fmt: skip
 
 
-#: Every peer by name, in the order of legends.
+def _numpy_peer(tableau: Tableau) -> Peer:
+    return Peer(
+        name=f"numpy_{tableau.name}", label=f"{tableau.label} in plain numpy", module="numpy", stages=tableau.stages,
+        attempt=numpy_splitting(tableau),
+    )  # fmt: skip
+
+
+_heyoka_power = partial(heyoka_taylor, power=True)
+#: Every peer by name, in the order of legends. The smallest tolerance of scipy is 2.3e-14, the default of IAS15 1e-9.
 PEERS = {
     peer.name: peer
-    for peers in (
-        _SCIPY_PEERS, _HEYOKA_PEERS, _REBOUND_PEERS, _DIFFRAX_PEERS, _PYHAMSYS_PEERS, _NUMPY_PEERS, _GCC_PEERS,
+    for peer in (
+        *(
+            Peer(name=name, label=label, module="scipy", attempt=attempt,
+                 settings=(1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 3e-14))
+            for name, label, attempt in (
+                ("scipy_dop853", "scipy solve_ivp (DOP853, numba)", scipy_dop853),
+                ("scipy_odeint", "scipy odeint (LSODA, numba)", scipy_odeint),
+            )
+        ),
+        _heyoka_peer("", "heyoka (adaptive Taylor)", heyoka_taylor),
+        _heyoka_peer("_fast_math", "heyoka, fast_math", heyoka_taylor),
+        _heyoka_peer("_power", "heyoka, force as a power", _heyoka_power, gravity_only=True),
+        _heyoka_peer("_power_fast_math", "heyoka, power, fast_math", _heyoka_power, gravity_only=True),
+        _heyoka_peer("_regularised", "heyoka, regularised equations", heyoka_regularised, regularised=True),
+        _heyoka_peer("_regularised_fast_math", "heyoka, regularised, fast_math", heyoka_regularised, regularised=True),
+        Peer(name="rebound_ias15", label="rebound IAS15", module="rebound", attempt=rebound_ias15, quadratic_only=True,
+             settings=(1e-2, 1e-4, 1e-6, 1e-9)),
+        Peer(name="rebound_leapfrog8", label="rebound leapfrog, order 8", module="rebound", attempt=rebound_leapfrog8,
+             quadratic_only=True, stages=17),
+        Peer(name="diffrax_dopri8", label="diffrax Dopri8 (JAX, compiled)", module="diffrax", attempt=diffrax_dopri8,
+             settings=(1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)),
+        Peer(name="pyhamsys_bm6", label="pyhamsys BM6", module="pyhamsys", stages=20, attempt=pyhamsys_bm6),
+        _numpy_peer(ABA864),
+        _numpy_peer(BAB9),
+        Peer(name=f"c_{BAB9.name}", label=f"{BAB9.label}, a plain loop in C", module="gcc", stages=BAB9.stages,
+             attempt=c_loop),
     )
-    for peer in peers
 }  # fmt: skip
 
 #: Every library, as it is imported, and every compiler.
 LIBRARIES = tuple(dict.fromkeys(peer.module for peer in PEERS.values()))
-
-#: Names of programs instead of modules.
-COMPILERS = ("gcc",)
 
 
 def is_installed(library: str) -> bool:

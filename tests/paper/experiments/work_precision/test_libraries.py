@@ -16,10 +16,10 @@ from nearharmonic.recommendation.measure import Interval, quiet
 from nearharmonic.systems import Parameter, System, systems
 from nearharmonic_paper.experiments.work_precision.peers import (
     PEERS,
-    _Setup,
     compiled_force,
     is_installed,
     numpy_splitting,
+    rebound_simulation,
 )
 from nearharmonic_paper.experiments.work_precision.run import energy_errors, measured_peer
 
@@ -66,9 +66,9 @@ def test_rebound_uses_own_gravity_for_any_system_name():
     """A star and a planet with G the parameter GM; a force compiled by numba acts on a single particle."""
     heavy = Parameter(value="2.5", unit="1", meaning="gravitational constant times mass")
     planet = dataclasses.replace(systems["kepler"], name="planet", parameters={"GM": heavy})
-    made = _Setup(planet, 1.0, "ias15", {}, 0).simulation(ctypes.c_double())[0]
+    made = rebound_simulation(planet, ctypes.c_double())
     assert (made.N, made.G, made.gravity) == (2, 2.5, "basic")
-    made = _Setup(systems["sho"], 1.0, "ias15", {}, 0).simulation(ctypes.c_double())[0]
+    made = rebound_simulation(systems["sho"], ctypes.c_double())
     assert (made.N, made.gravity) == (1, "none")
 
 
