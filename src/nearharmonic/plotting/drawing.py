@@ -98,9 +98,7 @@ def _drawn(source: str, kind: str, given: Sequence[xr.Dataset], axes: Sequence[s
         return _trajectories(runs, with_orbit=not kind)
     check_measured(given)
     _common_meaning(given, "max_energy_error")
-    if kind == "work":
-        return _work(runs)
-    return (_profiles if source == PROFILE else _members)(runs)
+    return _profiles(runs) if (source, kind) == (PROFILE, "energy") else _maxima(runs, kind)
 
 
 def write_above(drawn: Figure, title: str) -> None:
@@ -281,46 +279,36 @@ def _chaos(runs: Sequence[Run]) -> Figure:
     return drawn
 
 
-def _members(runs: Sequence[Run]) -> Figure:
-    """Draw the maximum energy error of each member of ensembles as a point, and say how many members diverged."""
+def _maxima(runs: Sequence[Run], kind: str) -> Figure:
+    """Draw the maximum energy errors of sweeps against the evaluations ("work"), or of each member of ensembles."""
     given = [run.dataset for run in runs]
-    against = varying(given)
-    unit = "1" if against == MEMBER else _common_unit(given, against)
-    drawn = _frame(4.6, bottom=0.105)
-    axes = drawn.subplots()
-    for run in runs:
-        errors = run.dataset["max_energy_error"].values
-        x = np.arange(errors.size) if against == MEMBER else run.dataset[against].values
-        axes.plot(x, errors, **{**run.line(linestyle="none"), "markersize": 2.5 if errors.size > 100 else 5})
-    log_scale(axes, "y")
-    axes.set_xlabel(against.removeprefix("parameter_") + ("" if unit == "1" else f"  ({unit})"))
-    lost = sum(int((one["status"] == "diverged").sum()) for one in given)
-    members = sum(one.sizes[MEMBER] for one in given)
-    _finish_maxima(axes, given, ", a point for each member" + (f"; {lost} of {members} diverged" if lost else ""))
-    draw_floor(axes, given, "max_energy_error")
-    _add_legend(drawn, runs, linestyle="none")
-    return drawn
-
-
-def _work(runs: Sequence[Run]) -> Figure:
-    """Draw the maximum energy errors of sweeps against the evaluations of the force."""
-    drawn = _frame(4.6, bottom=0.115)
-    axes = drawn.subplots()
-    for run in runs:
-        ascending = run.dataset.sortby("evaluations")
-        axes.plot(ascending["evaluations"], ascending["max_energy_error"], **run.line())
-    log_scale(axes, "xy")
-    axes.set_xlabel("evaluations of the force")
-    _finish_maxima(axes, [run.dataset for run in runs])
-    _add_legend(drawn, runs)
-    return drawn
-
-
-def _finish_maxima(axes: Axes, given: Sequence[xr.Dataset], more: str = "") -> None:
     notes = given[0]["max_energy_error"].attrs
+    drawn = _frame(4.6, bottom=0.115 if kind == "work" else 0.105)
+    axes, title = drawn.subplots(), f"maximum {range_of(notes)}"
+    if kind == "work":
+        for run in runs:
+            ascending = run.dataset.sortby("evaluations")
+            axes.plot(ascending["evaluations"], ascending["max_energy_error"], **run.line())
+        axes.set_xlabel("evaluations of the force")
+    else:
+        against = varying(given)
+        unit = "1" if against == MEMBER else _common_unit(given, against)
+        for run in runs:
+            errors = run.dataset["max_energy_error"].values
+            x = np.arange(errors.size) if against == MEMBER else run.dataset[against].values
+            axes.plot(x, errors, **{**run.line(linestyle="none"), "markersize": 2.5 if errors.size > 100 else 5})
+        axes.set_xlabel(against.removeprefix("parameter_") + ("" if unit == "1" else f"  ({unit})"))
+        lost = sum(int((one["status"] == "diverged").sum()) for one in given)
+        title += ", a point for each member"
+        title += f"; {lost} of {sum(one.sizes[MEMBER] for one in given)} diverged" if lost else ""
+    log_scale(axes, "xy" if kind == "work" else "y")
     axes.set_ylabel(error_label(notes, r"\max\,"))
-    panel_letter(axes, "A", f"maximum {range_of(notes)}{more}")
+    panel_letter(axes, "A", title)
     say_if_empty(axes, [one["max_energy_error"].values for one in given])
+    if kind != "work":
+        draw_floor(axes, given, "max_energy_error")
+    _add_legend(drawn, runs, **({} if kind == "work" else {"linestyle": "none"}))
+    return drawn
 
 
 def _ranking(ranking: xr.Dataset) -> Figure:

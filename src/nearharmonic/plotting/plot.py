@@ -1,4 +1,7 @@
-"""Plots and films of the results of functions of ``nh``, and plots of cubes."""
+"""Plots and films of the results of functions of ``nh``, and plots of cubes.
+
+matplotlib is loaded by the first plot, so that the library can be used without it.
+"""
 
 from __future__ import annotations
 
@@ -27,11 +30,6 @@ KINDS = {
     PROFILE: ("energy", "work"), CUBE: ("energy",), ENSEMBLE: ("energy",), SECTION: ("section",), RANKING: ("work",),
     TRAJECTORY: ("", "energy", "orbit", "phase"), DEVIATIONS: ("chaos", "orbit", "phase"), MANY_DEVIATIONS: ("chaos",),
 }  # fmt: skip
-# --- Plots of results of ``integrate``, ``sweep``, ``ensemble``, ``section``, ``tangent`` and ``recommend``, and of
-# cubes.
-#
-# matplotlib is loaded by the first plot, so that the library can be used without it.
-
 ALLOWED = (
     "a Dataset of nearharmonic.integrate, sweep, ensemble, tangent, section or recommend, or a list of those of one of "
     "the first four, or the cube of a system"
@@ -152,9 +150,7 @@ def with_matplotlib(module: str, purpose: str) -> Any:
         raise MissingPackageError(purpose, "matplotlib", "figures") from error
 
 
-# --- Films of trajectories: GIF files, and HTML files that need no network.
-#
-# matplotlib is loaded by the first film, so that the library can be used without it.
+# --- Films of trajectories: GIF files, and HTML files that need no network -------------------------------------------
 
 #: Largest number of frames, and height of the frame in a notebook in pixels.
 MOST, HEIGHT = 2000, 846

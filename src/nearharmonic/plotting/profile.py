@@ -1,6 +1,4 @@
-"""Content of figures of energy errors, on paper and in a browser: curves, levels and labels, without matplotlib.
-
-Colour and marker of each method, separate from matplotlib, which is slow to load.
+"""Content of figures of energy errors, on paper and in a browser, without matplotlib: curves, labels, looks of methods.
 
 Methods differ in colour, and in marker and filling, for grey print and colour-blind readers. Methods of Nielsen (2015)
 have filled markers, and other methods of that paper have hollow markers. Dashes are free for other distinctions in a
@@ -138,13 +136,11 @@ def _extremes(values: Floats, edges: list[int]) -> Iterator[int]:
     """Yield the indices of first, last, lowest and highest number and of first and last gap in each column."""
     drawable = np.isfinite(values)
     for begin, end in pairwise(edges):
-        for among in (drawable[begin:end], ~drawable[begin:end]):
-            there: Any = begin + np.flatnonzero(among)
-            if there.size:
-                yield from (int(there[0]), int(there[-1]))
-        there = begin + np.flatnonzero(drawable[begin:end])
-        if there.size:
-            yield from (int(there[values[there].argmin()]), int(there[values[there].argmax()]))
+        numbers, gaps = (begin + np.flatnonzero(among[begin:end]) for among in (drawable, ~drawable))
+        if numbers.size:
+            yield from map(int, numbers[[0, -1, np.argmin(values[numbers]), np.argmax(values[numbers])]])
+        if gaps.size:
+            yield from map(int, gaps[[0, -1]])
 
 
 @dataclass(frozen=True)

@@ -174,11 +174,6 @@ def method_handles(integrators: Iterable[str], labels: Iterable[str], **changes:
     ]
 
 
-def _described(svg: bytes, description: str) -> bytes:
-    """Return an SVG file with a description behind its title."""
-    return svg.replace(b"</title>", f"</title>\n <desc>{escape(description)}</desc>".encode(), 1)
-
-
 def save(figure: Figure, places: Sequence[str | os.PathLike[str]], *, transparent: bool = False) -> list[Path]:
     """Write ``figure`` to each of ``places``, in the format of its ending: .pdf, .svg or .png (200 dpi).
 
@@ -197,7 +192,9 @@ def save(figure: Figure, places: Sequence[str | os.PathLike[str]], *, transparen
                 content, format=suffix, dpi=200, metadata={**_METADATA[suffix], **({"Title": title} if title else {})},
                 transparent=transparent and suffix == "svg",
             )  # fmt: skip
-        write_bytes(path, _described(content.getvalue(), description) if suffix == "svg" else content.getvalue())
+        described = f"</title>\n <desc>{escape(description)}</desc>".encode()
+        written = content.getvalue()
+        write_bytes(path, written.replace(b"</title>", described, 1) if suffix == "svg" else written)
     return paths
 
 

@@ -50,6 +50,8 @@ SEARCHED, MOST_STARTS = 8, 1024
 #: Perturbed starts, the length of the longer interval over that of the first, and the ratio of their errors to the
 #: bound at which a step is confirmed.
 PERTURBED, LONGER, CONFIRMED = 3, 4, 2
+#: Errors of a run: that of the requested measure, and both of energies.
+ERRORS = ("error", MEASURES["max"], MEASURES["mean"])
 #: Ratio of numbers of steps that are tried one after the other until a step is confirmed.
 FINER = 1.1
 
@@ -257,8 +259,9 @@ class Search:
                 found = self._confirmed(choice, fewest, [n for n in errors if n > fewest])
                 if found.status == "met":
                     plain = self._run(found, int(found.steps), "plain")
-                    harmless = plain.error <= self.bound and _loses_nothing(plain, found)
-                    return plain if harmless else found
+                    errors_of_both = ((getattr(plain, name), getattr(found, name)) for name in ERRORS)
+                    lossless = all(one <= LOSSLESS * other for one, other in errors_of_both)
+                    return plain if lossless and plain.error <= self.bound else found
         within = [n for n in errors if tableau.evaluations(n) <= asked.budget]
         if least > asked.budget // tableau.stages:
             choice = replace(choice, reason=f"a stable step is below {float(asked.t_end) / least:.2g}")
@@ -269,7 +272,7 @@ class Search:
     def _run(self, choice: Choice, steps: int, summation: str = "compensated") -> Choice:
         """Return ``choice`` with the errors of its run of so many steps, of several starts their quantile."""
         run = self._errors(self.asked.methods[choice.method], [steps], self.starts, summation)
-        error, worst, mean = (_quantile(run[name]) for name in ("error", MEASURES["max"], MEASURES["mean"]))
+        error, worst, mean = (_quantile(run[name]) for name in ERRORS)
         return replace(
             choice, tau=float(Fraction(self.asked.t_end) / steps), steps=steps, summation=summation, error=error,
             evaluations=int(run["evaluations"].max()), max_energy_error=worst, mean_energy_error=mean,
@@ -334,11 +337,6 @@ def _evenly(rows: Floats, most: int) -> Floats:
 def _quantile(errors: Floats) -> float:
     """Return the quantile of the errors of several starts that is bounded, one of them."""
     return float(np.sort(errors)[int(np.ceil(QUANTILE * len(errors))) - 1])
-
-
-def _loses_nothing(plain: Choice, careful: Choice) -> bool:
-    errors = ("error", "max_energy_error", "mean_energy_error")
-    return all(getattr(plain, name) <= LOSSLESS * getattr(careful, name) for name in errors)
 
 
 # --- Frequencies along orbits, which bound the step sizes with which a method is linearly stable ----------------------

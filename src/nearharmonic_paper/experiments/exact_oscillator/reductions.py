@@ -1,9 +1,7 @@
-"""Reductions over the trajectories: quantiles of the energy error, and the energies at which methods cross.
+"""Quantiles of the energy error over the trajectories, energies at which methods cross, and costs on this machine.
 
 The dataset has ``energy_error`` over (tau_per_stage, integrator, energy, trajectory), ``exact_energy_error`` over
 (tau_per_stage, charge, exact_integrator, energy, trajectory), and the attribute ``seed``, which chooses the resamples.
-
-Cost of the exact oscillator on this machine, and the amplitude up to which it is better at equal time.
 """
 
 from __future__ import annotations
@@ -137,21 +135,18 @@ CAPTION = (
 
 def crossing_table(cube: xr.Dataset) -> Table:
     """Return a row for each step size, charge and pair of methods."""
-    values = {name: entry.values for name, entry in cube.variables.items()}
     header = ["tau_per_stage", "charge", "exact oscillator", "T + V", "energy", "energy_low", "energy_high"]
     header += ["amplitude", "amplitude_low", "amplitude_high"]
     rows: list[list[Any]] = []
-    for (t, tau), (c, charge), (x, exact) in product(
-        *(enumerate(values[name].tolist()) for name in ("tau_per_stage", "charge", "exact_label"))
-    ):
-        found = [(BEST, values["best_crossing"][t, c, x], values["best_crossing_interval"][t, c, x])]
-        found += [
-            (label, values["crossing"][t, c, x, p], values["crossing_interval"][t, c, x, p])
-            for p, label in enumerate(values["label"].tolist())
-        ]
+    over = ("tau_per_stage", "charge", "exact_integrator")
+    for place in product(*(range(cube.sizes[name]) for name in over)):
+        one = cube.isel(dict(zip(over, place, strict=True)))
+        head = [one[name].item() for name in ("tau_per_stage", "charge", "exact_label")]
+        found = [(BEST, one.best_crossing, one.best_crossing_interval)]
+        found += zip(one.label.values.tolist(), one.crossing, one.crossing_interval, strict=True)
         for label, energy, bounds in found:
-            numbers = [float(energy), *map(float, bounds)]
-            rows.append([tau, charge, exact, label, *numbers, *(sqrt(2 * H) for H in numbers)])
+            numbers = [energy.item(), *bounds.values.tolist()]
+            rows.append([*head, label, *numbers, *(sqrt(2 * H) for H in numbers)])
     return Table(header=header, rows=rows, caption=CAPTION)
 
 

@@ -1,7 +1,4 @@
-"""Energy errors of single trajectories: with an exactly solved oscillator, and with T and V.
-
-Settings of the comparison of an exactly solved oscillator with the splitting into T and V.
-"""
+"""Energy errors of single trajectories, with an exactly solved oscillator and with T and V, and their settings."""
 
 from __future__ import annotations
 
