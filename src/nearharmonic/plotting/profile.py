@@ -138,9 +138,10 @@ def _extremes(values: Floats, edges: list[int]) -> Iterator[int]:
     for begin, end in pairwise(edges):
         numbers, gaps = (begin + np.flatnonzero(among[begin:end]) for among in (drawable, ~drawable))
         if numbers.size:
-            yield from map(int, numbers[[0, -1, np.argmin(values[numbers]), np.argmax(values[numbers])]])
+            yield from (int(numbers[0]), int(numbers[-1]))
+            yield from (int(numbers[values[numbers].argmin()]), int(numbers[values[numbers].argmax()]))
         if gaps.size:
-            yield from map(int, gaps[[0, -1]])
+            yield from (int(gaps[0]), int(gaps[-1]))
 
 
 @dataclass(frozen=True)
