@@ -211,13 +211,6 @@ def test_coarse_orbits_of_systems_that_bear_a_name_are_points(tmp_path, make, ta
     assert nh.plot(fine, kind="phase").axes[0].lines[0].get_linestyle() == "-"
 
 
-def test_registered_formulas_with_other_numbers_are_drawn_as_a_curve():
-    other = dataclasses.replace(nh.systems["sho"], name="sho", q0=("2",))
-    curve = nh.plot(nh.integrate(other, "babps9o7h", 0.5, t_end=20), kind="phase").axes[0].lines[0]
-    assert np.hypot(curve.get_xdata(), curve.get_ydata()) == pytest.approx(2, rel=1e-6)
-    assert curve.get_xdata().size > 500
-
-
 @pytest.mark.slow
 def test_a_tangent_result_shows_its_indicators_over_time():
     starts = {"q0": [[0, 0.1], [0, -0.15]], "p0": [[0.4, 0.1], [0.49, 0]]}
@@ -373,15 +366,6 @@ def test_html_page_holds_every_frame_and_asks_for_nothing(run, tmp_path):
     assert Requests(page).found == []
     assert not re.search(r"https?:|url\(|@import|fetch\(|XMLHttp", page)
     assert "<title>A &amp; &lt;B&gt;</title>" in page
-
-
-@pytest.mark.slow
-def test_without_file_notebook_shows_page(run):
-    film = nh.animate(run, frames=2)
-    assert film.startswith("<!DOCTYPE html>")
-    shown = film._repr_html_()
-    assert shown.startswith("<iframe ")
-    assert "<script>" not in shown
 
 
 @pytest.mark.slow

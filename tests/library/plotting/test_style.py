@@ -28,7 +28,6 @@ from nearharmonic.plotting.style import (
     mark_every,
     method_handles,
     new_figure,
-    panel_letter,
     save,
     style_of,
 )
@@ -48,7 +47,7 @@ def line_on_log_axes(x, y, directions="xy"):
 
 def test_no_two_integrators_look_alike():
     for one, other in combinations(integrators, 2):
-        assert style_of(one) != style_of(other), f"{one} looks like {other}: give it an entry of its own in style.py"
+        assert style_of(one) != style_of(other), f"{one} looks like {other}: give it an entry of its own in profile.py"
 
 
 def test_the_benchmarked_methods_are_told_apart_without_colour():
@@ -100,18 +99,6 @@ def test_markers_of_curves_drawn_together_take_turns(methods, points, marks):
     assert [place.start for place in places] == [int(step * i / methods) for i in range(methods)]
 
 
-@pytest.mark.slow
-def test_logarithmic_axes_have_ticks_and_labels_at_powers_of_ten():
-    axes, _ = line_on_log_axes([1, 1000], [1e-5, 1e3])
-    axes.figure.draw_without_rendering()
-    for axis in (axes.xaxis, axes.yaxis):
-        places = np.log10(axis.get_majorticklocs())
-        np.testing.assert_allclose(places, np.round(places), atol=1e-12)
-        assert np.diff(places).tolist() == [1] * (len(places) - 1)
-        assert len(axis.get_minorticklocs()) == 8 * (len(places) - 1)
-        assert {label.get_text() for label in axis.get_ticklabels(minor=True)} == {""}
-
-
 def test_what_has_no_logarithm_leaves_a_gap():
     _, line = line_on_log_axes([1, 2, 3, 4, 5, 6], [1.0, 0.0, 2.0, -1.0, np.nan, 3.0])
     assert drawn(line).tolist() == [True, False, True, False, False, True]
@@ -125,13 +112,6 @@ def test_an_axis_with_nothing_to_show_still_has_a_range(values):
     axes, _ = line_on_log_axes(np.arange(1, 1 + len(values)), values, "y")
     assert axes.get_ylim() == (1e-16, 1)
     axes.figure.draw_without_rendering()
-
-
-def test_panel_letter_is_bold_above_left_corner_before_title():
-    left, right = new_figure(3, 2).subplots(1, 2)
-    panel_letter(left, "C", "the third")
-    panel_letter(right, "D")
-    assert [axes.get_title(loc="left") for axes in (left, right)] == [r"$\mathbf{C}$  the third", r"$\mathbf{D}$"]
 
 
 def places(stem):

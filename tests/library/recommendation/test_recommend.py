@@ -113,11 +113,8 @@ def test_errors_equal_those_of_steps_in_multiprecision():
     q0, p0 = [0.25, 0.125], [0.0, 0.375]
     found = nh.recommend("henon_heiles", 1e-5, q0=q0, p0=p0, t_end=50, methods=FEW, measure="mean")
     for i in range(3):
-        tableau, tau, steps = (
-            integrators[str(found.integrator[i].values)],
-            mpf(found.tau[i].item()),
-            int(found.steps[i]),
-        )
+        tableau, tau = integrators[str(found.integrator[i].values)], mpf(found.tau[i].item())
+        steps = int(found.steps[i])
         start = [*map(mpf, q0)], [*map(mpf, p0)]
         errors = [float(one) for one in energy_errors(tableau, nh.systems["henon_heiles"], tau, steps, start)]
         worst, mean = max(errors), sum(errors) / steps
@@ -220,23 +217,16 @@ def test_all_methods_are_asked_if_none_is_named():
         ({"error": 0}, "error = 0 is not allowed: a finite number above 0"),
         ({"measure": "men"}, "measure = 'men' is not allowed: one of max, mean, position. Did you mean 'mean'?"),
         ({"t_end": -5}, "t_end = -5 is not allowed: a finite number above 0"),
-        ({"t_end": "soon"}, "t_end = 'soon' is not allowed: a finite number above 0"),
         ({"system": spring(t_end="-20")}, "t_end = '-20' is not allowed: a finite number above 0"),
         ({"q0": [1, 2]}, "q0 = [1, 2] is not allowed: 1 number, one per coordinate"),
-        ({"p0": ["fast"]}, "p0[0] = 'fast' is not allowed: a finite number"),
         ({"q0": [[1], [2]], "measure": "position"}, "measure = 'position' is not allowed: max or mean for several"),
         ({"q0": [[1], [1e200]]}, "(q0, p0) of start 1 = [1e+200, 0.0] is not allowed: a start where the energy is"),
         ({"q0": [1e200]}, "is not allowed: the energy of sho there is"),
         ({"methods": ["rut"]}, "unknown integrator 'rut'. Did you mean 'ruth'?"),
         ({"methods": "ruth"}, "methods = 'ruth' is not allowed: a list of at least one name, file path or Tableau"),
-        ({"methods": []}, "methods = [] is not allowed: a list of at least one name, file path or Tableau"),
         ({"methods": ["nowhere.py"]}, "nowhere.py: no such file"),
-        (
-            {"methods": ["ruth", integrators["ruth"].role("kick")]},
-            "methods = 'ruth' is not allowed: two methods have this name",
-        ),
+        ({"methods": ["ruth", integrators["ruth"].role("kick")]}, "methods = 'ruth' is not allowed: two methods have"),
         ({"budget": 0}, "budget = 0 is not allowed: an integer from 1 to 1000000000"),
-        ({"budget": 1e5}, "budget = 100000.0 is not allowed: an integer"),
     ],
 )
 def test_a_bad_question_is_one_sentence_before_any_method_runs(asked, says, monkeypatch):

@@ -7,7 +7,6 @@ import json
 from fractions import Fraction
 from itertools import combinations
 from math import inf, isnan, nan
-from pathlib import Path
 
 import mpmath
 import numpy as np
@@ -366,11 +365,6 @@ def test_times_of_a_file_are_panels_with_their_errors(tmp_path):
     assert titles == [f"Sun-Mercury orbit, e = {e}, $t$ = 87660 h" for e in ("0.2", "0.9")]
 
 
-def test_file_beside_the_page_has_times_of_all_curves():
-    panels = figure_of_file(str(Path(__file__).parents[4] / "docs/results/regularised.csv"))["figure"].axes
-    assert [len(axes.get_lines()) for axes in panels] == [8] * 4
-
-
 def test_curves_of_regularised_problem_are_told_apart_by_all_readers():
     found = [(*look(Line2D([], [], **drawn)), drawn.get("linewidth", 1) > 4) for _, drawn in CURVES.values()]
     for (colour, *form), (other, *like) in combinations(found, 2):
@@ -404,15 +398,6 @@ def test_figures_show_winning_methods_and_every_library(cube):
             assert len(axes.get_lines()) == len(names)
         (note,) = found[mode].texts
         assert "Versions: heyoka 7." in note.get_text().replace("\n", " ")
-
-
-@pytest.mark.slow
-def test_figures_are_drawn_where_nothing_but_one_method_was_timed(tmp_path):
-    path = written(tmp_path / "times.h5", {}, sho=[timed("ruth", [1e-3], [1e-4])])
-    for figure in comparison_figures(["sho"], path).values():
-        assert len(figure.axes) == 1
-        figure.canvas.draw()
-    assert comparison(["sho"], path)["table"].rows == []
 
 
 #: Best times in s and errors: the first of the paper's methods leads at first, the second in the end.
