@@ -31,7 +31,7 @@ from nearharmonic.plotting.style import (
     save,
     style_of,
 )
-from nearharmonic_paper.experiments.exact_oscillator.run import ExactOscillatorSettings
+from nearharmonic_paper.experiments.exact_oscillator import ExactOscillatorSettings
 from nearharmonic_paper.experiments.stability.figures import ESCAPED_COLOUR, LOST_COLOUR
 from support.cubes import figure_cubes as made
 from support.cubes.artists import NO_LINE, SOLID, drawn, look, luminance

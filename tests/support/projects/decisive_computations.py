@@ -20,8 +20,9 @@ from nearharmonic.numerics.statistics import (
     trend_linearity,
 )
 from nearharmonic.systems import systems
+from nearharmonic_paper.experiments.exact_oscillator import ExactOscillatorSettings
 from nearharmonic_paper.experiments.exact_oscillator.reductions import crossings
-from nearharmonic_paper.experiments.exact_oscillator.run import ExactOscillatorSettings, starts_on
+from nearharmonic_paper.experiments.exact_oscillator.run import starts_on
 from nearharmonic_paper.experiments.stability.kepler_reductions import evaluations_below, rotation_per_sample
 from nearharmonic_paper.experiments.stability.rounding_reductions import growth
 from nearharmonic_paper.experiments.stability.run import kepler_apoapsis

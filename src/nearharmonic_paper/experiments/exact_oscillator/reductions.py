@@ -26,7 +26,8 @@ from nearharmonic.output.dataset import bounds_coordinate, coordinate, described
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table
 from nearharmonic.systems.henon_heiles import SYSTEM
-from nearharmonic_paper.experiments.exact_oscillator.run import ExactOscillatorSettings, starts_on
+from nearharmonic_paper.experiments.exact_oscillator import ExactOscillatorSettings
+from nearharmonic_paper.experiments.exact_oscillator.run import starts_on
 from nearharmonic_paper.tasks.receipts import measures_time
 from nearharmonic_paper.tasks.reduction import Reductions
 

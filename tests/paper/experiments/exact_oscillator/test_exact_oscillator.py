@@ -12,11 +12,10 @@ import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.store import read
 from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.experiments.exact_oscillator import CHARGES, ExactOscillatorSettings
 from nearharmonic_paper.experiments.exact_oscillator import reductions as times
 from nearharmonic_paper.experiments.exact_oscillator.reductions import BEST, crossing, reduce, reduction
 from nearharmonic_paper.experiments.exact_oscillator.run import (
-    CHARGES,
-    ExactOscillatorSettings,
     largest_error,
     measure,
     radius,

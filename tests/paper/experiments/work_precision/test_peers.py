@@ -19,6 +19,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.recommendation.measure import Interval, quiet
 from nearharmonic.systems import Parameter, System, systems
 from nearharmonic.systems.gradients import velocity
+from nearharmonic_paper.experiments.work_precision import WorkPrecisionSettings
 from nearharmonic_paper.experiments.work_precision.peers import (
     LIBRARIES,
     PEERS,
@@ -30,11 +31,7 @@ from nearharmonic_paper.experiments.work_precision.peers import (
     numpy_splitting,
     rebound_simulation,
 )
-from nearharmonic_paper.experiments.work_precision.run import (
-    WorkPrecisionSettings,
-    energy_errors,
-    measured_peer,
-)
+from nearharmonic_paper.experiments.work_precision.run import energy_errors, measured_peer
 from support.oracles.reference_solutions import oscillator_state
 
 RELATIVISTIC = System(

@@ -23,6 +23,7 @@ from nearharmonic.recommendation.measure import (
     variables,
 )
 from nearharmonic.systems import systems
+from nearharmonic_paper.experiments.work_precision import WorkPrecisionSettings
 from nearharmonic_paper.experiments.work_precision import tables as comparisons
 from nearharmonic_paper.experiments.work_precision.figures import (
     CURVES,
@@ -32,12 +33,7 @@ from nearharmonic_paper.experiments.work_precision.figures import (
     work_precision_figure,
 )
 from nearharmonic_paper.experiments.work_precision.peers import PEERS
-from nearharmonic_paper.experiments.work_precision.run import (
-    WorkPrecisionSettings,
-    front_runners,
-    intervals,
-    solvers_on,
-)
+from nearharmonic_paper.experiments.work_precision.run import front_runners, intervals, solvers_on
 from nearharmonic_paper.experiments.work_precision.tables import (
     HEADER,
     comparison,
