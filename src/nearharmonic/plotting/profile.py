@@ -144,6 +144,9 @@ def _extremes(values: Floats, edges: list[int]) -> Iterator[int]:
             yield from (int(gaps[0]), int(gaps[-1]))
 
 
+# --- Colour and marker of each method ---------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True)
 class Style:
     """Colour and marker of one method in all figures."""

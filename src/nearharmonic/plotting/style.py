@@ -1,7 +1,4 @@
-"""Style of the figures: one style per method, readable axes, and bitwise reproducible files.
-
-Benchmark profile, as in Figures 1, 3 and 5: relative energy errors against tau/s.
-"""
+"""Style of the figures, with readable axes and bitwise reproducible files, and the profile of energy errors."""
 
 from __future__ import annotations
 
@@ -197,6 +194,8 @@ def save(figure: Figure, places: Sequence[str | os.PathLike[str]], *, transparen
         write_bytes(path, written.replace(b"</title>", described, 1) if suffix == "svg" else written)
     return paths
 
+
+# --- Benchmark profile, as in Figures 1, 3 and 5: relative energy errors against tau/s --------------------------------
 
 #: Dashes of a curve in extended precision.
 DASHED: dict[str, Any] = {"linestyle": (0, (4, 2)), "marker": "none", "linewidth": 0.9, "zorder": 2}

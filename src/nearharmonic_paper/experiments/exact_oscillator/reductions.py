@@ -125,6 +125,8 @@ def _quantiles(errors: xr.DataArray) -> xr.DataArray:
     return found.assign_attrs(described(text))
 
 
+# --- Table of crossings -----------------------------------------------------------------------------------------------
+
 #: Entry in place of a method name: the best method for T and V at each energy.
 BEST = "best of T + V"
 CAPTION = (
@@ -161,6 +163,8 @@ def reduce(split: Sequence[str], exact: Sequence[str], settings: ExactOscillator
     cube = reduction.of(runs, over="trajectory")
     return {"cube": cube, "table": crossing_table(cube)}
 
+
+# --- Cost of the exact oscillator on this machine ---------------------------------------------------------------------
 
 #: Number of members of the timed ensemble.
 MEMBERS = 256

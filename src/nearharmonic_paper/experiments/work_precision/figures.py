@@ -27,7 +27,7 @@ from nearharmonic_paper.experiments.work_precision.tables import COMPARED_MEASUR
 from nearharmonic_paper.experiments.work_precision.tables import ERRORS as COMPARED_ERRORS
 from nearharmonic_paper.tasks.receipts import measures_time
 
-# --- Work-precision diagrams: error against wall time, for methods of the paper, further methods, and peers.
+# --- Work-precision diagrams: error against wall time -----------------------------------------------------------------
 
 YLABELS = {
     "max": r"$\max\,|\Delta H/H_0|$",
@@ -181,9 +181,10 @@ def machine_text(facts: Mapping[str, object]) -> str:
     )
 
 
+# --- This package and other libraries: one trajectory, and ensembles, with a panel for each system --------------------
+
 #: Number of panels per row, and their size and the left margin in inches.
 _ACROSS, _WIDTH, _HEIGHT, _LEFT = 3, 4.6, 3.6, 0.75
-# --- Figures of this package and other libraries: one trajectory, and ensembles, with a panel for each system.
 
 _XLABELS = {
     "trajectory": "whole call for one trajectory  (ms)",
@@ -241,7 +242,7 @@ def leaders(pair: Pair, mode: str) -> list[xr.Dataset]:
     return list({curve["solver"].item(): curve for curve in first}.values())
 
 
-# --- Figure of the regularised Kepler problem: error against time, compared with its original equations and heyoka.
+# --- The regularised Kepler problem: beside its original equations and heyoka -----------------------------------------
 #
 # It compares two forms of the equations, each integrated by this package and by heyoka; the other figures compare
 # programs on one form. It is drawn of the cube of times, and of the file of the tables of docs/results/regularised.md.

@@ -1,13 +1,4 @@
-"""Run time against error, for every method and peer on one machine, in interleaved measurements.
-
-Settings of the timings: their subjects, their resolution and their longest duration.
-
-Errors of the solvers of other libraries over their settings, with the runs for the timing.
-
-Adaptive solvers are given tolerances, the others step sizes. The time is that of a run from start to end in a user's
-code; errors come from a second run with the states at the solver's own steps. Energies are computed in double
-precision, so errors below 1e-15 are only upper bounds.
-"""
+"""Run time against error, for every method and peer on one machine, in interleaved measurements."""
 
 from __future__ import annotations
 
@@ -51,6 +42,12 @@ from nearharmonic_paper.tasks.receipts import measures_time
 
 if TYPE_CHECKING:
     import xarray as xr
+
+# --- Errors of the solvers of other libraries over their settings -----------------------------------------------------
+#
+# Adaptive solvers are given tolerances, the others step sizes. The time is that of a run from start to end in a user's
+# code; errors come from a second run with the states at the solver's own steps. Energies are computed in double
+# precision, so errors below 1e-15 are only upper bounds.
 
 #: An error above this that does not decrease with the step is an exception; below it rounding dominates.
 NEAR_ROUNDING = 1e-9
@@ -151,6 +148,8 @@ def _settled(points: list[dict[str, float]]) -> bool:
     pairs = [(points[-2].get(name, nan), points[-1][name]) for name in known]
     return bool(pairs) and all(new < NEAR_ROUNDING and new > old / 2 for old, new in pairs)
 
+
+# --- The measurement --------------------------------------------------------------------------------------------------
 
 #: Number of methods per error whose ensembles are timed.
 FRONT = 3

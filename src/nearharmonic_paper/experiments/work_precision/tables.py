@@ -1,7 +1,4 @@
-"""Tables of the time and the evaluations that each method needs to reach an error.
-
-Comparison with other libraries: ratios of times of whole calls at equal error, for one trajectory and ensembles.
-"""
+"""Tables of the time and the evaluations that each method needs to reach an error, and ratios to other libraries."""
 
 from __future__ import annotations
 
@@ -14,16 +11,7 @@ import xarray as xr
 
 from nearharmonic.output.page import pipes
 from nearharmonic.output.table import Table
-from nearharmonic.recommendation.measure import (
-    NAMES,
-    TARGETS,
-    Crossing,
-    Part,
-    crossing,
-    of_kind,
-    ranking,
-    read_parts,
-)
+from nearharmonic.recommendation.measure import NAMES, TARGETS, Crossing, Part, crossing, of_kind, ranking, read_parts
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
 from nearharmonic_paper.tasks.receipts import measures_time
@@ -37,8 +25,6 @@ HOW = (
     "methods that are among the fastest. Energies are measured outside of these calls. Names in italics are other "
     "libraries, as their users use them."
 )
-
-
 #: A line of the CSV table: a method, an error, and what it costs, by column.
 Row = Mapping[str, str | int | float]
 #: Modes of timing beside that of one trajectory.
@@ -168,6 +154,8 @@ def _speeds(curves: Sequence[xr.Dataset]) -> list[str]:
             rows.append([curve["label"].item(), *(f"{x:.3g}" if isfinite(x) else "-" for x in numbers)])
     return pipes(["method", *columns], rows, align="lr")
 
+
+# --- Comparison with other libraries at equal error, for one trajectory and for ensembles -----------------------------
 
 #: Reference library of the ratios, with its default settings.
 STANDARD = "heyoka"
