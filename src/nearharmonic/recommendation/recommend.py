@@ -216,7 +216,7 @@ def _started(system: System, start: Floats) -> System:
 
 
 def _methods(asked: Any) -> dict[str, Tableau]:
-    """Return the methods by name, methods of users' files by path."""
+    """Return the methods by name, methods of users' files by path; a path stands for all methods of its file."""
     if asked is None:
         return dict(integrators)
     key, allowed = "methods", "a list of at least one name, file path or Tableau"
@@ -224,24 +224,20 @@ def _methods(asked: Any) -> dict[str, Tableau]:
         raise bad_setting(key, asked, allowed)
     found: dict[str, Tableau] = {}
     for one in asked:
-        for name, tableau in _entries(one).items():
-            if found.setdefault(name, tableau) is not tableau:
-                raise bad_setting(key, name, "two methods have this name")
+        name = os.fspath(one) if isinstance(one, os.PathLike) else one
+        several = load_tableaus(name) if is_path(name) and not split_path(name)[1] else {}
+        if isinstance(one, Tableau):
+            entries = {one.name: one}
+        elif len(several) > 1:
+            entries = {f"{name}:{method}": tableau for method, tableau in several.items()}
+        else:
+            entries = {integrators.name_of(name): integrators[name]}
+        for method, tableau in entries.items():
+            if found.setdefault(method, tableau) is not tableau:
+                raise bad_setting(key, method, "two methods have this name")
     if not found:
         raise bad_setting(key, asked, allowed)
     return found
-
-
-def _entries(one: Any) -> dict[str, Tableau]:
-    """Return the methods that one entry of a list stands for; for a path, all methods of its file."""
-    if isinstance(one, Tableau):
-        return {one.name: one}
-    name = os.fspath(one) if isinstance(one, os.PathLike) else one
-    if is_path(name) and not split_path(name)[1]:
-        several = load_tableaus(name)
-        if len(several) > 1:
-            return {f"{name}:{key}": tableau for key, tableau in several.items()}
-    return {integrators.name_of(name): integrators[name]}
 
 
 # --- Ranking ----------------------------------------------------------------------------------------------------------
