@@ -1,4 +1,4 @@
-"""Colours and markers for methods that have none in ``nearharmonic.plotting.palette``, as that module has them.
+"""Colours and markers for methods that have none in ``nearharmonic.plotting.profile``, as that module has them.
 
 Run: ``python benchmarks/palette.py``, or with names of methods. A colour of a coarse grid has a contrast of at least
 3:1 with white. Beside the methods with the same marker, it is the one that the readers who see the least tell apart
@@ -14,7 +14,7 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
 
 from nearharmonic.integrators import integrators
-from nearharmonic.plotting.palette import has_style, style_of
+from nearharmonic.plotting.profile import has_style, style_of
 from support.cubes.colour_vision import lab, least_difference
 
 #: Markers of methods that are not in the paper.

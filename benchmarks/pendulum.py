@@ -20,7 +20,7 @@ from nearharmonic.engine.numbers import moves, parameter_row, start_row
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.math import cos, sin
 from nearharmonic.systems import System
-from nearharmonic_paper.experiments.work_precision.peers.heyoka import TAYLOR_TOLERANCES, heyoka_taylor
+from nearharmonic_paper.experiments.work_precision.peers import TAYLOR_TOLERANCES, heyoka_taylor
 
 T_END = 1000
 METHODS = ("aba864", "babps9o7h", "abas11o6_8h", "srkn_a14", "s15odr8")

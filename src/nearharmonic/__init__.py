@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from nearharmonic.integrators.tableau import palindrome as palindrome
     from nearharmonic.plotting.plot import animate as animate
     from nearharmonic.plotting.plot import plot as plot
-    from nearharmonic.recommendation.dataset import recommend as recommend
+    from nearharmonic.recommendation.recommend import recommend as recommend
     from nearharmonic.systems import systems as systems
     from nearharmonic.systems.quantities import Observable as Observable
     from nearharmonic.systems.quantities import Parameter as Parameter
@@ -61,7 +61,7 @@ _MODULES = {
         "theory.order": "harmonic_order order_of",
         "theory.oscillator": "kappa stability_limit",
         "plotting.plot": "animate plot",
-        "recommendation.dataset": "recommend",
+        "recommendation.recommend": "recommend",
         "systems": "systems",
         "systems.quantities": "Observable Parameter",
         "systems.system": "System",

@@ -151,7 +151,6 @@ def reduced_files(system):
 
 def installed():
     """Return the installed libraries as a setting, so that a library that is installed later is timed too."""
-    from nearharmonic_paper.experiments.work_precision.peers import LIBRARIES
-    from nearharmonic_paper.experiments.work_precision.measure import is_installed
+    from nearharmonic_paper.experiments.work_precision.peers import LIBRARIES, is_installed
 
     return {library: is_installed(library) for library in LIBRARIES}

@@ -24,7 +24,7 @@ rule exact_oscillator_times:
     threads: ALL_CORES  # no other job runs during the timing
     params:
         task=task(
-            "nearharmonic_paper.experiments.exact_oscillator.times:measure_times",
+            "nearharmonic_paper.experiments.exact_oscillator.reductions:measure_times",
             exact=CONFIG.exact_oscillator.methods,
             settings=CONFIG.exact_oscillator,
         ),

@@ -81,7 +81,7 @@ _TOGETHER = {
     ),
     "library_times_table": (
         {"table": TABLE("library_times")},
-        lambda: task("nearharmonic_paper.experiments.work_precision.comparison:comparison", names=list(CONFIG.systems)),
+        lambda: task("nearharmonic_paper.experiments.work_precision.tables:comparison", names=list(CONFIG.systems)),
     ),
 }
 

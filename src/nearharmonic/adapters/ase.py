@@ -18,7 +18,7 @@ from nearharmonic.exchange.method import Method, VelocityCheck, method_for
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.written import is_real
 from nearharmonic.output.store import assembled, coordinate, variable
-from nearharmonic.recommendation.step_search import fewest_steps
+from nearharmonic.recommendation.measure import fewest_steps
 
 if TYPE_CHECKING:
     import xarray as xr

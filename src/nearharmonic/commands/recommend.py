@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 from nearharmonic.output.table import Answer
 
 if TYPE_CHECKING:
-    from nearharmonic.recommendation.recommendation import Choice, Recommendation
+    from nearharmonic.recommendation.recommend import Recommendation
+    from nearharmonic.recommendation.search import Choice
 
 #: Folder of the results of the workflow.
 RESULTS = Path("results")
@@ -55,8 +56,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return the ranking; the exit status is 1 if no method meets the error bound."""
     from nearharmonic.engine.settings import whole_number
-    from nearharmonic.recommendation.choices import recommendation, to_terminal
-    from nearharmonic.recommendation.question import question
+    from nearharmonic.recommendation.recommend import question, recommendation, to_terminal
 
     t_end: str | None = None
     results: str | None = str(RESULTS / "paper")
@@ -139,7 +139,7 @@ def _notes(found: Recommendation, limit: int) -> Iterator[str]:
 
 
 def _row(rank: int, choice: Choice, best: Choice, found: Recommendation) -> tuple[Any, ...]:
-    from nearharmonic.recommendation.recommendation import is_rounding, step_text
+    from nearharmonic.recommendation.recommend import is_rounding, step_text
 
     return (
         rank,

@@ -1,4 +1,7 @@
-"""Plots and films of the results of functions of ``nh``, and plots of cubes."""
+"""Plots and films of the results of functions of ``nh``, and plots of cubes.
+
+matplotlib is loaded by the first plot, so that the library can be used without it.
+"""
 
 from __future__ import annotations
 
@@ -27,11 +30,6 @@ KINDS = {
     PROFILE: ("energy", "work"), CUBE: ("energy",), ENSEMBLE: ("energy",), SECTION: ("section",), RANKING: ("work",),
     TRAJECTORY: ("", "energy", "orbit", "phase"), DEVIATIONS: ("chaos", "orbit", "phase"), MANY_DEVIATIONS: ("chaos",),
 }  # fmt: skip
-# --- Plots of results of ``integrate``, ``sweep``, ``ensemble``, ``section``, ``tangent`` and ``recommend``, and of
-# cubes.
-#
-# matplotlib is loaded by the first plot, so that the library can be used without it.
-
 ALLOWED = (
     "a Dataset of nearharmonic.integrate, sweep, ensemble, tangent, section or recommend, or a list of those of one of "
     "the first four, or the cube of a system"
@@ -152,9 +150,7 @@ def with_matplotlib(module: str, purpose: str) -> Any:
         raise MissingPackageError(purpose, "matplotlib", "figures") from error
 
 
-# --- Films of trajectories: GIF files, and HTML files that need no network.
-#
-# matplotlib is loaded by the first film, so that the library can be used without it.
+# --- Films of trajectories: GIF files, and HTML files that need no network -------------------------------------------
 
 #: Largest number of frames, and height of the frame in a notebook in pixels.
 MOST, HEIGHT = 2000, 846
@@ -222,11 +218,11 @@ def animate(
     if not given or any(kind_of(one) != TRAJECTORY for one in given):
         raise bad_setting("runs", type(runs).__name__, "a Dataset of nearharmonic.integrate, or a list of them")
     check_measured(given)
-    film = with_matplotlib("film", "a film")
+    drawing = with_matplotlib("drawing", "a film")
     if ending == ".gif":
-        write_bytes(Path(str(path)), film.gif(given, frames, fps, title))
+        write_bytes(Path(str(path)), drawing.film_gif(given, frames, fps, title))
         return Path(str(path))
-    page = Film(film.page(given, frames, fps, title))
+    page = Film(drawing.film_page(given, frames, fps, title))
     if path is None:
         return page
     write_text(Path(path), page)

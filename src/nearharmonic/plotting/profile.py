@@ -1,12 +1,19 @@
-"""Content of figures of energy errors, on paper and in a browser: curves, levels and labels, without matplotlib."""
+"""Content of figures of energy errors, on paper and in a browser, without matplotlib: curves, labels, looks of methods.
+
+Methods differ in colour, and in marker and filling, for grey print and colour-blind readers. Methods of Nielsen (2015)
+have filled markers, and other methods of that paper have hollow markers. Dashes are free for other distinctions in a
+figure (extended precision, composition).
+"""
 
 from __future__ import annotations
 
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
+from zlib import crc32
 
 import numpy as np
 
@@ -14,6 +21,7 @@ from nearharmonic.numerics.portable import Floats
 
 if TYPE_CHECKING:
     import xarray as xr
+
 
 #: Panels of a benchmark profile: variable, and statistic.
 PANELS = {"max_energy_error": "maximum", "mean_energy_error": "mean"}
@@ -128,10 +136,126 @@ def _extremes(values: Floats, edges: list[int]) -> Iterator[int]:
     """Yield the indices of first, last, lowest and highest number and of first and last gap in each column."""
     drawable = np.isfinite(values)
     for begin, end in pairwise(edges):
-        for among in (drawable[begin:end], ~drawable[begin:end]):
-            there: Any = begin + np.flatnonzero(among)
-            if there.size:
-                yield from (int(there[0]), int(there[-1]))
-        there = begin + np.flatnonzero(drawable[begin:end])
-        if there.size:
-            yield from (int(there[values[there].argmin()]), int(there[values[there].argmax()]))
+        numbers, gaps = (begin + np.flatnonzero(among[begin:end]) for among in (drawable, ~drawable))
+        if numbers.size:
+            yield from (int(numbers[0]), int(numbers[-1]))
+            yield from (int(numbers[values[numbers].argmin()]), int(numbers[values[numbers].argmax()]))
+        if gaps.size:
+            yield from (int(gaps[0]), int(gaps[-1]))
+
+
+# --- Colour and marker of each method ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Style:
+    """Colour and marker of one method in all figures."""
+
+    colour: str
+    marker: str
+    filled: bool = False
+
+    def line(self, **changes: Any) -> dict[str, Any]:
+        """Keywords of ``Axes.plot`` for a curve of this method, with changes."""
+        face = self.colour if self.filled else "white"
+        return {"color": self.colour, "marker": self.marker, "markerfacecolor": face} | changes
+
+    def points(self, **changes: Any) -> dict[str, Any]:
+        """Keywords of ``Axes.plot`` for markers without a line."""
+        return self.line(linestyle="none") | changes
+
+
+# The colours were found by a search, benchmarks/palette.py: they have a contrast of at least 3:1 with white.
+# Differences of at least 13 CIELAB units, for normal vision and for deuteranopia, protanopia and tritanopia (Machado et
+# al. 2009, doi:10.1109/TVCG.2009.113), separate the paper's ten methods and the two that are drawn beside them, the
+# trained methods, and any two methods with one marker.
+_STYLES = {
+    "ruth": Style("#6b6b6b", "o"),
+    "s5odr4": Style("#806515", "s"),
+    "aba104": Style("#00a070", "^"),
+    "aba864": Style("#4a90e2", "D"),
+    "aba1064": Style("#8e3fb5", "v"),
+    "yoshida_s7o6a": Style("#e0569b", "p"),
+    "abas5o6h": Style("#e86a10", "o", filled=True),
+    "babs7o7h": Style("#0b3c8c", "s", filled=True),
+    "babps8o7h": Style("#8b0000", "^", filled=True),
+    "babps9o7h": Style("#000000", "D", filled=True),
+    # Other methods of Nielsen's Table 4, which are not in the figures of the paper.
+    "abas5o6h_b": Style("#8a4b08", "P", filled=True),
+    "abas5o6h_c": Style("#c1440e", "X", filled=True),
+    "babs6o7h": Style("#2b5fa5", "P", filled=True),
+    "babs6o5h": Style("#14746f", "X", filled=True),
+    "babps6o5h": Style("#9d174d", "P", filled=True),
+    "babps7o6h": Style("#5b21b6", "X", filled=True),
+}
+#: Published methods that are not in the paper: a colour for the methods of a source or a kind, and a marker for each.
+_OTHERS = (
+    ("#8000cc", "><*h", "blanes_moan_s6o4 srkn_b6 srkn_b11 srkn_a14"),
+    ("#994d33", "8<XPh*", "mclachlan_s4 mclachlan_s5 mclachlan_sb3a4 mclachlan_sb3a5 mclachlan_ss5 mclachlan_atela_2"),
+    ("#1a99b3", "<*8dXP", "pefrl vefrl efrl omelyan_p5 omelyan_v5 omelyan_s7o6"),
+    ("#809980", "*8P", "s9odr6a s15odr8 s17odr8a"),
+    ("#0099b3", "h", "nystrom_6a8"),
+    ("#4d3333", "d><P*X", "srkn_a17 srkn_a18 srkn_a19 srkn_b17 srkn_b18 srkn_b19"),
+    ("#334d00", "8hdP", "teloy_6a9 teloy_8a17a teloy_8a17b teloy_8a17c"),
+    ("#991ab3", "*Xh", "sofspa_s11o6 sofspa_s19o8 sofspa_s35o10"),
+    ("#800080", "8", "morales_s17o8"),
+    ("#b38000", "<>8", "mclachlan_atela_3 mclachlan_atela_4 mclachlan_atela_5"),
+    ("#334d80", "X>hd", "bcss_s3 bcss_s4 predescu_s3 bcss_s2"),
+    ("#668080", ">", "omelyan_g5o6"),
+    ("#998000", "P", "rowlands"),
+    ("#e64d1a", "h*", "leapfrog ruth_s3o3"),
+    ("#1a00e6", "X", "chin_4a"),
+    ("#3300e6", ">", "na7"),
+    ("#cc4d99", "<", "gauss16"),
+    ("#66004d", "<", "rnia12"),
+)
+#: Methods of this package: trained ones from large to small errors, those for other problems, and methods of order six.
+_OWN = (
+    ("#669980", "<", "trained_coarse"),
+    ("#994de6", ">", "trained_light"),
+    ("#0000e6", "*", "trained_moderate"),
+    ("#808099", "h", "trained_fine"),
+    ("#664d00", "8", "trained_finer"),
+    ("#66004d", "d", "trained_finest"),
+    ("#b36600", "P", "trained_precise"),
+    ("#99804d", "X", "trained_weak"),
+    ("#1a66b3", "<", "trained_cubic"),
+    ("#8000cc", "P", "trained_cubic_precise"),
+    ("#4d6666", "8", "trained_quartic_precise"),
+    ("#b3004d", "<", "trained_exact_coarse"),
+    ("#1a0080", ">", "trained_exact_light"),
+    ("#b300e6", "*", "trained_exact_fine"),
+    ("#661ab3", "h", "trained_exact_finer"),
+    ("#990080", "v", "trained_orbits"),
+    ("#1a4d33", "p", "trained_orbits_coarse"),
+    ("#331a99", "^", "trained_modified"),
+    ("#99331a", "*", "babs8o6_7h"),
+    ("#334d99", "h", "abas9o6_7h"),
+    ("#4d99cc", "X", "babs10o6_8h"),
+    ("#8066e6", "d", "abas11o6_8h"),
+    ("#e66600", "*", "abag5o6"),
+    ("#b38080", "h", "babg5o6"),
+)
+_STYLES |= {
+    name: Style(colour, marker, filled=rows is _OWN)
+    for rows in (_OTHERS, _OWN)
+    for colour, markers, names in rows
+    for name, marker in zip(names.split(), markers, strict=True)
+}
+
+#: Colours of methods without an entry, and of those whose colour another method of the figure has.
+SPARE_COLOURS = ("#2a8f80", "#8a8a2e", "#332288", "#aa4499", "#cc6677", "#117733", "#5d5d5d")
+_SPARE_MARKERS = ("<", ">", "*", "h", "d", "8")
+
+
+def has_style(integrator: str) -> bool:
+    """Return True for a method with an entry; ``python benchmarks/palette.py`` suggests one for any other."""
+    return integrator in _STYLES
+
+
+def style_of(integrator: str) -> Style:
+    """Return the style of a method; a method without an entry has a hollow marker, from a hash of its name."""
+    if integrator in _STYLES:
+        return _STYLES[integrator]
+    rest, colour = divmod(crc32(integrator.encode()), len(SPARE_COLOURS))
+    return Style(SPARE_COLOURS[colour], _SPARE_MARKERS[rest % len(_SPARE_MARKERS)], filled=False)

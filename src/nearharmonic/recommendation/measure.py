@@ -1,7 +1,8 @@
-"""Work against precision: errors and wall times of methods over step sizes as a Dataset, and costs read off it.
+"""The measuring engine: errors, costs and wall times of methods over step sizes, and costs read off their curves.
 
-The Dataset has the dimensions (solver, point): the settings of each method or library from coarse to fine, padded with
-NaN. :func:`curves_of` gives one Dataset a solver, which is what tables, figures and rankings are made of.
+A Dataset of measurements has the dimensions (solver, point): the settings of each method or library from coarse to
+fine, padded with NaN. :func:`curves_of` gives one Dataset a solver, which is what tables, figures and rankings are made
+of.
 """
 
 from __future__ import annotations
@@ -10,32 +11,33 @@ import json
 import os
 import time
 import warnings
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import accumulate
-from math import exp, inf, isfinite, isnan, log, nan
+from math import ceil, exp, inf, isfinite, isnan, log, nan, sqrt
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from nearharmonic.engine.batch import integrate_batch, least_samples
 from nearharmonic.engine.ensemble import ensemble
+from nearharmonic.engine.numbers import standard_start
 from nearharmonic.engine.reference import Reference
 from nearharmonic.engine.settings import Numerics, misfit
 from nearharmonic.engine.trajectory import Problem
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.clock import QUARTILES, STANDARD, Patience, interleaved, summary
+from nearharmonic.numerics.portable import Floats
 from nearharmonic.output.store import Variables, coordinate, variable
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
     import xarray as xr
 
-#: Variables with the error of each measure.
+#: Variables with the error of each measure, and the measures in words.
 MEASURES = {"max": "max_energy_error", "mean": "mean_energy_error", "position": "position_error"}
-#: Names of the measures in texts.
 NAMES = {
     "max": "maximum of |H - H0|/|H0|",
     "mean": "mean of |H - H0|/|H0|",
@@ -51,17 +53,18 @@ POSITION_ROUNDING = 1e-14
 LOSSLESS = 1.05
 #: Largest rise of a curve by rounding beyond its smallest error; if it rises further, that error is accidental.
 ROUNDING_RISE = 100
+#: Numbers that one batch of runs keeps at most.
+KEPT = 2**22
 #: Modes of one trajectory, and when each measures the energy.
 ENERGIES = {"trajectory": "none", "energy": "every"}
 #: Timing of ensembles: calls take some milliseconds, and allocate new arrays.
 ENSEMBLES = Patience(least=5, most=15, seconds=0.05, longest=0.1)
 #: Repeats of the call for one step, which measures the overhead of Python.
 SETUP = Patience(least=5, most=5, longest=inf)
-#: Evaluations of the force by all members of an ensemble, some milliseconds;
-ENSEMBLE_EVALUATIONS = 2**25
-#: as above for a regularised system, whose members run one by one instead of in lanes;
-ONE_BY_ONE_EVALUATIONS = 2**21
-#: fewest and most members, which share the cost of a call outside the kernel.
+#: Evaluations of the force by all members of an ensemble, some milliseconds, and for a regularised system, whose
+#: members run one by one instead of in lanes.
+ENSEMBLE_EVALUATIONS, ONE_BY_ONE_EVALUATIONS = 2**25, 2**21
+#: Fewest and most members, which share the cost of a call outside the kernel.
 FEWEST_MEMBERS, MOST_MEMBERS = 64, 2048
 
 #: Numbers of a setting: unit and meaning.
@@ -96,11 +99,13 @@ _SECONDS = {
 
 
 class Interval(NamedTuple):
-    """A system over [0, ``t_end``], and its exact position there if errors of positions are measured."""
+    """A system over [0, ``t_end``], its exact position there if errors of positions are measured, and the energy that
+    errors are relative to: 0 for |H0|."""
 
     system: System
     t_end: str
     exact: Reference | None = None
+    scale: float = 0.0
 
 
 @dataclass(kw_only=True)
@@ -131,105 +136,110 @@ class Solver:
 
 
 def measure(
-    problem: Interval,
-    methods: Iterable[Tableau],
-    taus: Sequence[float],
-    *,
-    summation: str = "compensated",
-    evaluations: int = 2**62,
-    modes: Collection[str] = ("trajectory",),
+    problem: Interval, methods: Iterable[Tableau], taus: Sequence[float], modes: Collection[str] = ("trajectory",)
 ) -> xr.Dataset:
     """Return errors, evaluations and wall times of methods over step sizes, with dimensions (solver, point).
 
-    ``problem``: system and interval. ``methods``: one that does not fit the system has NaN, and the reason as
-    ``status``. ``taus``: step sizes per stage, in the system's unit of time. ``summation``: "plain", or "compensated"
-    for compensated sums wherever plain ones increase an error. ``evaluations``: most evaluations of the force in a run;
-    longer runs are left out. ``modes``: calls that are timed, in interleaved order: "trajectory", "energy"; () for
-    none.
+    ``taus`` are step sizes per stage, in the system's unit of time; ``modes`` are timed in interleaved order, none if
+    it is empty. A method that does not fit the system has NaN, and the reason as ``status``.
     """
-    solvers = [
-        measured(problem, tableau, settings_of(tableau, problem.t_end, taus, evaluations), summation, modes)
-        for tableau in methods
-    ]
+    solvers = [measured(problem, tableau, taus, modes=modes) for tableau in methods]
     clock(solvers, modes)
     return dataset_of(solvers, problem.system.units["t"])
-
-
-def settings_of(tableau: Tableau, t_end: str, taus: Iterable[float], evaluations: int) -> list[tuple[float, int]]:
-    """Return (tau per stage, steps) from coarse to fine, each number of steps once, at least one step a run.
-
-    Runs of more than ``evaluations`` of the force are left out.
-    """
-    steps = {tableau.steps(tau, t_end): tau for tau in taus}
-    return [(tau, n) for n, tau in sorted(steps.items()) if tableau.evaluations(n) <= evaluations]
 
 
 def measured(
     problem: Interval,
     tableau: Tableau,
-    points: Sequence[tuple[float, int]],
+    taus: Iterable[float],
     summation: str = "compensated",
+    evaluations: int = 2**62,
     modes: Collection[str] = tuple(ENERGIES),
 ) -> Solver:
-    """Return the errors of ``tableau`` at ``points`` (tau per stage, steps), with calls for one trajectory to be timed.
+    """Return the errors of ``tableau`` at step sizes ``taus`` per stage, with calls for one trajectory to be timed.
 
-    Uncompensated sums are used at points where they do not increase the errors (:data:`LOSSLESS`), compensated sums at
-    all others; ``summation="plain"`` makes all plain. The curve ends at the first point where every error is rounding.
-    A method that does not fit the system has no point, and its status is the reason.
+    Each number of steps is run once; runs of more than ``evaluations`` of the force are left out. Plain sums are used
+    at points where they do not increase the errors (:data:`LOSSLESS`), compensated sums at all others;
+    ``summation="plain"`` makes all plain. The curve ends at the first point where every error is rounding. A method
+    that does not fit the system has no point, and its status is the reason.
     """
     solver = Solver(method=tableau.name, label=tableau.label, kind="splitting")
-    reason, _ = misfit(problem.system, tableau)
-    if reason:
+    of_steps = {tableau.steps(tau, problem.t_end): tau for tau in taus}
+    steps = [n for n in sorted(of_steps) if tableau.evaluations(n) <= evaluations]
+    if reason := misfit(problem.system, tableau)[0]:
         solver.status = f"does not fit: {reason}"
         return solver
-    if not points:
+    if not steps:
         solver.status = "no step size: every run would take more evaluations than allowed"
         return solver
-    found = {}
-    for way in dict.fromkeys((summation, "plain")):
-        begin = time.perf_counter()
-        found[way] = _columns(problem, tableau, points, way)
-        solver.sweep = time.perf_counter() - begin if way == summation else solver.sweep
-    careful, plain = found[summation], found["plain"]
+    begin = time.perf_counter()
+    careful = errors_of(problem, tableau, steps, summation)
+    solver.sweep = time.perf_counter() - begin
+    plain = careful if summation == "plain" else errors_of(problem, tableau, steps, "plain")
     # A NaN is a position that was compared with nothing.
     lost = np.any([plain[name] > LOSSLESS * careful[name] for name in MEASURES.values()], axis=0)
     columns = {name: np.where(lost, careful[name], plain[name]) for name in careful}
+    columns |= {
+        "tau": np.array([float(Fraction(problem.t_end) / n) for n in steps]),
+        "tau_per_stage": np.array([of_steps[n] for n in steps]),
+        "steps": np.array(steps),
+        "compensated": lost * 1.0,
+    }
     rounding = (columns["max_energy_error"] <= ROUNDING) & ~(columns["position_error"] > POSITION_ROUNDING)
-    end = int(rounding.argmax()) + 1 if rounding.any() else len(points)
+    end = int(rounding.argmax()) + 1 if rounding.any() else len(steps)
     solver.columns = {name: values[:end] for name, values in columns.items()}
     for i in np.flatnonzero(np.isfinite(solver.columns["max_energy_error"])).tolist():
-        calls = prepared_calls(problem.system, tableau, problem.t_end, points[i][1], way_of(solver, i), modes)
-        solver.calls |= {(mode, i): call for mode, call in calls.items()}
+        add_calls(solver, problem, tableau, i, modes)
     if modes:
-        call = prepared_calls(problem.system, tableau, problem.t_end, 1, "plain", ("trajectory",))["trajectory"]
+        (call,) = prepared_calls(problem.system, tableau, problem.t_end, 1, "plain", ("trajectory",)).values()
         solver.setup = min(interleaved([call], SETUP)[0])
     return solver
 
 
-def _columns(problem: Interval, tableau: Tableau, points: Sequence[tuple[float, int]], way: str) -> dict[str, Any]:
-    """Return the columns of runs at ``points`` (tau per stage, steps) with one summation."""
-    t_end, steps, numerics = Fraction(problem.t_end), [n for _, n in points], Numerics(summation=way)
-    samples = least_samples(tableau)
-    paths = integrate_batch(problem.system, tableau, t_end=t_end, steps=steps, samples=samples, numerics=numerics)
-    worst = paths.max_energy_error
-    off = np.full(len(points), nan)
-    if problem.exact is not None:
-        off = np.where(np.isfinite(worst), problem.exact.error(*paths.ends), inf)
-    return {
-        "tau": np.array([float(t_end / n) for n in steps]),
-        "tau_per_stage": np.array([tau for tau, _ in points]),
-        "steps": np.array(steps),
-        "evaluations": paths.evaluations,
-        "compensated": np.full(len(points), float(numerics.compensated)),
-        "max_energy_error": worst,
-        "mean_energy_error": paths.mean_energy_error,
-        "position_error": off,
-    }
+def add_calls(solver: Solver, problem: Interval, tableau: Tableau, i: int, modes: Iterable[str]) -> None:
+    """Give ``solver`` the calls of its setting ``i`` in some :data:`MODES`."""
+    steps, way = int(solver.columns["steps"][i]), "compensated" if solver.columns["compensated"][i] else "plain"
+    calls = prepared_calls(problem.system, tableau, problem.t_end, steps, way, modes)
+    solver.calls |= {(mode, i): call for mode, call in calls.items()}
 
 
-def way_of(solver: Solver, i: int) -> str:
-    """Return the summation of a setting: "compensated" or "plain"."""
-    return "compensated" if solver.columns["compensated"][i] else "plain"
+def errors_of(
+    problem: Interval,
+    tableau: Tableau,
+    steps: Sequence[int],
+    summation: str = "compensated",
+    starts: Floats | None = None,
+    times: int = 1,
+) -> dict[str, Any]:
+    """Return errors, by the variables of :data:`MEASURES`, and ``evaluations`` of runs over so many ``times`` the
+    interval.
+
+    Each number of ``steps`` is run from each of ``starts`` (M, 4 D), by default the system's own. Errors of runs that
+    left are infinite, those of positions NaN if no exact position is known.
+    """
+    numerics, samples = Numerics(summation=summation), least_samples(tableau)
+    first = standard_start(problem.system, False)[None, :] if starts is None else starts
+    rows, count = np.tile(first, (len(steps), 1)), np.repeat(np.array(steps), len(first))
+    if summation == "plain":
+        rows.reshape(len(rows), 4, -1)[:, 1::2] = 0.0
+    size, parts = max(1, KEPT // (samples * rows.shape[1])), list[dict[str, Any]]()
+    for some in (slice(i, i + size) for i in range(0, len(rows), size)):
+        paths = integrate_batch(
+            problem.system, tableau, t_end=times * Fraction(problem.t_end), steps=count[some], samples=samples,
+            start=rows[some], scale=problem.scale, numerics=numerics,
+        )  # fmt: skip
+        worst, off = paths.max_energy_error, np.full(len(count[some]), nan)
+        if problem.exact is not None:
+            off = np.where(np.isfinite(worst), problem.exact.error(*paths.ends), inf)
+        errors = dict(zip(MEASURES.values(), (worst, paths.mean_energy_error, off), strict=True))
+        parts.append({**errors, "evaluations": paths.evaluations})
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def members_of(system: System, tableau: Tableau, steps: int) -> int:
+    """Return the number of members of a timed ensemble."""
+    most = ENSEMBLE_EVALUATIONS if system.regularisation is None else ONE_BY_ONE_EVALUATIONS
+    return min(max(most // tableau.evaluations(steps), FEWEST_MEMBERS), MOST_MEMBERS)
 
 
 def prepared_calls(
@@ -242,46 +252,35 @@ def prepared_calls(
 ) -> dict[str, Callable[[], Any]]:
     """Return complete calls of a prepared problem, to be timed, each of which returns the final q (d,) and p (d,).
 
-    The interval [0, ``t_end``] is covered in ``steps`` equal steps. ``modes`` are of ``trajectory``, which measures no
-    energy, and ``energy``, which measures it at every step. Each call has run once.
+    The interval [0, ``t_end``] is covered in ``steps`` equal steps. ``modes`` are of :data:`MODES`. In ``lanes`` a call
+    is one of :func:`nearharmonic.ensemble` on one thread, for :func:`members_of` trajectories. They all begin at the
+    start of the system, so that the error of one is that of all, and so that no member of another library's adaptive
+    batch waits for another. Each call has run once.
     """
     tau = float(t_end) / steps
 
     def prepared(mode: str) -> Callable[[], Any]:
-        problem = Problem(system, tableau, t_end=t_end, summation=summation, energy=ENERGIES[mode])
+        if mode == "lanes":
+            members = members_of(system, tableau, steps)
+            q0, p0 = (np.repeat(np.array([row]), members, axis=0) for row in system.start(float))
 
-        def call() -> Any:
-            solution = problem(tau)
-            return solution.q[-1], solution.p[-1]
+            def call() -> Any:
+                found = ensemble(
+                    system, tableau, tau, q0=q0, p0=p0, t_end=t_end, energy="none", summation=summation, samples=1
+                )
+                return found.q.values, found.p.values
+
+        else:
+            problem = Problem(system, tableau, t_end=t_end, summation=summation, energy=ENERGIES[mode])
+
+            def call() -> Any:
+                solution = problem(tau)
+                return solution.q[-1], solution.p[-1]
 
         call()
         return call
 
     return {mode: prepared(mode) for mode in modes}
-
-
-def ensemble_call(
-    system: System, tableau: Tableau, t_end: str, steps: int, summation: str = "compensated"
-) -> tuple[Callable[[], Any], int]:
-    """Return a call of :func:`nearharmonic.ensemble` on one thread, to be timed, and the number of its members.
-
-    All members begin at the start of the system, so that the error of one is that of all, and so that no member of
-    another library's adaptive batch waits for another.
-    """
-    evaluations = tableau.evaluations(steps)
-    most = ENSEMBLE_EVALUATIONS if system.regularisation is None else ONE_BY_ONE_EVALUATIONS
-    members = min(max(most // evaluations, FEWEST_MEMBERS), MOST_MEMBERS)
-    q0, p0 = (np.repeat(np.array([row]), members, axis=0) for row in system.start(float))
-
-    def call() -> Any:
-        found = ensemble(
-            system, tableau, float(t_end) / steps, q0=q0, p0=p0, t_end=t_end, energy="none", summation=summation,
-            samples=1,
-        )  # fmt: skip
-        return found.q.values, found.p.values
-
-    call()
-    return call, members
 
 
 def clock(solvers: Iterable[Solver], modes: Iterable[str]) -> None:
@@ -341,6 +340,8 @@ def dataset_of(solvers: Sequence[Solver], unit: str) -> xr.Dataset:
     return xr.Dataset(variables(solvers, unit))
 
 
+# --- Curves of measurements, and costs read off them ------------------------------------------------------------------
+
 #: Curves of one interval of a system: (t_end, measures, curves).
 Part = tuple[str, Sequence[str], Sequence["xr.Dataset"]]
 
@@ -386,24 +387,21 @@ class Crossing(NamedTuple):
 def cross(errors: Sequence[float], columns: Sequence[Sequence[float]], target: float) -> tuple[str, tuple[float, ...]]:
     """Return the status, and each of ``columns`` where ``errors``, from coarse to fine, falls to ``target`` for good.
 
-    "For good" is defined by :func:`for_good`, so that neither a zero of a signed error nor a gap between step-size
-    resonances counts. Between the last point above and the first at or below, logarithms of error and column are
-    interpolated linearly; if the point above is not finite, the first point below is taken. If a finer point costs
-    less, in the first of ``columns``, that point is taken: adaptive methods may be more expensive at a coarser
-    tolerance.
+    :func:`for_good` says what that is, so that neither a zero of a signed error nor a gap between step-size resonances
+    counts. Between the last point above and the first at or below, logarithms of error and column are interpolated
+    linearly, unless the point above is not finite. If a finer point costs less, in the first of ``columns``, that point
+    is taken: adaptive methods may be more expensive at a coarser tolerance.
     """
-    none = (nan,) * len(columns)
     settled = for_good(errors)
     if not settled or settled[-1] > target:
-        return "not reached", none
+        return "not reached", (nan,) * len(columns)
     i = next(i for i, error in enumerate(settled) if error <= target)
-    at = tuple(float(column[i]) for column in columns)
+    points = [tuple(float(column[j]) for column in columns) for j in range(i, len(errors)) if errors[j] <= target]
     above, below = (errors[i - 1], errors[i]) if i else (inf, errors[0])
     if isfinite(above) and below > 0:
         weight = (log(above) - log(target)) / (log(above) - log(below))
-        at = tuple(_between(column[i - 1], column[i], weight) for column in columns)
-    finer = [tuple(float(column[j]) for column in columns) for j in range(i, len(errors)) if errors[j] <= target]
-    return "reached" if i else "below throughout", min([at, *finer], key=lambda row: row[0])
+        points.insert(0, tuple(_between(column[i - 1], column[i], weight) for column in columns))
+    return "reached" if i else "below throughout", min(points, key=lambda row: row[0])
 
 
 def for_good(errors: Sequence[float]) -> list[float]:
@@ -449,7 +447,103 @@ def of_kind(curves: Iterable[xr.Dataset], kind: str) -> list[xr.Dataset]:
     return [curve for curve in curves if curve["kind"].item() == kind]
 
 
-def ns_per_evaluation(curve: xr.Dataset, mode: str = "trajectory") -> float:
-    """Return the least nanoseconds per evaluation of the force on a curve; NaN if it was not timed."""
-    each = (curve[f"time_{mode}"] / curve["evaluations"].where(curve["evaluations"] > 0)).values
-    return float(1e9 * min(each[np.isfinite(each)], default=nan))
+# --- Searches for the fewest steps that meet an error bound, by functions from numbers of steps to errors -------------
+
+#: Ratio of the finest two step sizes that may be run: 1 + 1/FINE.
+FINE = 24
+#: Every SCOUT-th rung is run for any error bound, so that step-size resonances below the recommended step are seen.
+SCOUT = 8
+#: All rungs are run from the last step size that misses the bound to the recommended one divided by MARGIN.
+MARGIN = 2
+#: Relative distance of the recommended step from one that misses the bound: closer steps are not run.
+CLOSE = 1 / 200
+#: Runs side by side in one call: the lanes of the kernel.
+LANES = 8
+#: Inverse of the relative distance from the fewest steps at which doubling and halving end.
+HALVED = 20
+
+
+def ladder(most: int) -> list[int]:
+    """Return numbers of steps from 1 to ``most``, the denser the cheaper their runs are.
+
+    The ratio of neighbours n' and n is 1 + (n / ``most``)^(1/2) / ``FINE``, rounded to an integer n' > n: the narrow
+    step-size resonances lie at few steps, where every number of steps is a rung.
+    """
+    rungs, steps = [], 1
+    while steps <= most:
+        rungs.append(steps)
+        steps += max(1, int(steps * sqrt(steps / most) / FINE))
+    return rungs
+
+
+def fewest_steps(meets: Callable[[int], bool], least: int, most: int) -> int | None:
+    """Return the fewest steps from ``least`` to ``most`` that meet a bound, by doubling and halving, or None.
+
+    The result is within 1/:data:`HALVED` of the fewest where all larger numbers of steps meet the bound too.
+    """
+    missed, steps = least - 1, least
+    while steps > most or not meets(steps):
+        if steps >= most:
+            return None
+        missed, steps = steps, min(2 * steps, most)
+    while steps - missed > max(1, steps // HALVED):
+        middle = (missed + steps) // 2
+        missed, steps = (missed, middle) if meets(middle) else (middle, steps)
+    return steps
+
+
+def fewest_for_good(errors: Mapping[int, float], bound: float) -> int | None:
+    """Return the fewest steps in ``errors`` whose error meets ``bound``, as do those of all larger numbers of steps.
+
+    NaN meets no bound; None if the largest number of steps misses it.
+    """
+    fewest = None
+    for steps in sorted(errors, reverse=True):
+        if not errors[steps] <= bound:
+            break
+        fewest = steps
+    return fewest
+
+
+def measured_errors(
+    run: Callable[[Sequence[int]], Sequence[float]], rungs: Sequence[int], bound: float, floor: float
+) -> dict[int, float]:
+    """Run the rungs that decide which is the fewest number of steps that meets ``bound``.
+
+    The scouts come first, every ``SCOUT``-th rung from coarse to fine, and the finest. They end where all errors of one
+    call are down to ``floor``, that of rounding: finer steps would show rounding only. Then all rungs around
+    :func:`fewest_for_good` and its finer neighbours are run, and numbers of steps between it and the last that misses
+    the bound, until none is left out. ``run`` takes numbers of steps and returns the errors of their runs; ``rungs``
+    are increasing. The result is the error by number of steps, of all runs made.
+    """
+    errors: dict[int, float] = {}
+    scouts = sorted({*rungs[::SCOUT], rungs[-1]})
+    for i in range(0, len(scouts), LANES):
+        call = dict(zip(scouts[i : i + LANES], run(scouts[i : i + LANES]), strict=True))
+        errors |= call
+        if max(call.values()) <= min(floor, bound):
+            break
+    while due := _due(errors, rungs, bound):
+        errors |= dict(zip(due, run(due), strict=True))
+    return errors
+
+
+def _due(errors: Mapping[int, float], rungs: Sequence[int], bound: float) -> list[int]:
+    """Return the numbers of steps to be run next, none at the end.
+
+    They are the rungs from the last number of steps that misses ``bound`` to ``MARGIN`` times the fewest that meets it,
+    and the next numbers of steps, at least ``LANES`` and more where runs are cheap; and after these up to ``LANES``
+    numbers between the two, until they differ by less than ``CLOSE``.
+    """
+    fewest = fewest_for_good(errors, bound)
+    if fewest is None:
+        return []
+    missed = max((steps for steps in errors if steps < fewest), default=rungs[0] - 1)
+    wanted = {steps for steps in rungs if missed < steps <= MARGIN * fewest}
+    following = min(LANES // 2 * max(2, rungs[-1] // fewest), MARGIN * fewest, rungs[-1] - fewest)
+    wanted.update(range(fewest + 1, fewest + following + 1))
+    gap, due = fewest - missed, sorted(wanted - errors.keys())
+    if due or gap <= CLOSE * fewest:
+        return due
+    stride = ceil(gap / (LANES + 1))
+    return list(range(missed + stride, fewest, stride))

@@ -18,8 +18,8 @@ from nearharmonic.recommendation.measure import TARGETS, crossing, of_kind
 from nearharmonic.systems import systems as known
 from nearharmonic_paper.experiments.exact_oscillator.reductions import BEST, crossing_table
 from nearharmonic_paper.experiments.stability.reductions import YARDSTICK
-from nearharmonic_paper.experiments.work_precision.comparison import COMPARED_MEASURES, ERRORS, Pair, pairs
 from nearharmonic_paper.experiments.work_precision.figures import CURVES
+from nearharmonic_paper.experiments.work_precision.tables import COMPARED_MEASURES, ERRORS, Pair, pairs
 from nearharmonic_paper.pages.filling import (
     MINUS,
     Row,

@@ -22,7 +22,7 @@ from bokeh.models import ColumnDataSource as Source
 from bokeh.models import GlyphRenderer as Renderer
 from bokeh.models import Plot
 
-from nearharmonic.plotting.palette import style_of
+from nearharmonic.plotting.profile import style_of
 
 #: Width in pixels: a hover finds curves within half of it.
 _REACH = 12

@@ -15,7 +15,6 @@ from contourpy import contour_generator
 
 from nearharmonic.output.store import double_runs
 from nearharmonic.output.table import power_of_ten
-from nearharmonic.plotting.palette import style_of
 from nearharmonic.plotting.profile import (
     LARGEST_ERROR,
     PANELS,
@@ -23,6 +22,7 @@ from nearharmonic.plotting.profile import (
     floor_name,
     floor_near,
     lines,
+    style_of,
 )
 from nearharmonic_paper.claims.claim import short
 from nearharmonic_paper.experiments.paper.orbits import (

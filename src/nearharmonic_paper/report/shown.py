@@ -19,8 +19,7 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
 from nearharmonic.output.store import attributes_of, read
 from nearharmonic.output.table import Table
-from nearharmonic.plotting.palette import style_of
-from nearharmonic.plotting.profile import energy_error_label, energy_of
+from nearharmonic.plotting.profile import energy_error_label, energy_of, style_of
 from nearharmonic_paper.claims.claim import OPEN, in_words
 from nearharmonic_paper.claims.claim import VERDICTS as IN_A_SENTENCE
 from nearharmonic_paper.experiments.paper.orbits import paper_panels

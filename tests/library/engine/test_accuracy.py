@@ -168,7 +168,7 @@ def test_numba_and_heyoka_understand_every_function():
     numba = pytest.importorskip("numba")
     assert numba.njit(velocity(whole))(0.75, 0.5) == pytest.approx(rates, rel=1e-13)
     heyoka = pytest.importorskip("heyoka")
-    from nearharmonic_paper.experiments.work_precision.peers.heyoka import functions_of
+    from nearharmonic_paper.experiments.work_precision.peers import functions_of
 
     q, p = heyoka.make_vars("q", "p")
     compiled = heyoka.cfunc(list(velocity(whole, functions_of(heyoka))(q, p)), [q, p])

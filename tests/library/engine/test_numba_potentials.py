@@ -144,8 +144,7 @@ def test_plots_draw_the_floor_where_errors_come_near_it():
 
 def test_a_recommendation_marks_errors_near_the_floor():
     from nearharmonic.commands.recommend import ranking
-    from nearharmonic.recommendation.choices import recommendation
-    from nearharmonic.recommendation.question import question
+    from nearharmonic.recommendation.recommend import question, recommendation
 
     for error, near in (("1e-15", True), ("1e-6", False)):
         found = ranking(recommendation(question(SPRING, error, methods=["s15odr8"], budget=20_000)))

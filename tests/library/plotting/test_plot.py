@@ -1,21 +1,25 @@
-"""``nh.plot``: the curves on the paper are the numbers of the Datasets, and everything else is refused."""
+"""``nh.plot`` and ``nh.animate``: curves and films are the numbers of the Datasets, and everything else is refused."""
 
 from __future__ import annotations
 
 import dataclasses
 import re
+from html.parser import HTMLParser
+from io import BytesIO
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from PIL import Image
 
 import nearharmonic as nh
-from nearharmonic.errors import SettingError
-from nearharmonic.plotting.drawing import varying
+from nearharmonic.errors import FileWriteError, SettingError
+from nearharmonic.plotting.drawing import POINTS, truncator, varying
 from nearharmonic.plotting.plot import MEMBER
-from nearharmonic.plotting.states import POINTS
 from support.cubes import figure_cubes as made
 from support.cubes.artists import line_of, look_of
 from support.methods.own_systems import spring
@@ -57,15 +61,8 @@ def test_legend_and_lines_distinguish_several_sweeps():
     assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == 4
 
 
-@pytest.mark.slow
-def test_stages_of_method_are_known_even_if_every_run_diverged():
-    curve = nh.sweep("kepler", "babps9o7h", [21915.0, 43830.0])
-    assert (curve.status == "diverged").all()
-    nh.plot(curve).draw_without_rendering()
-
-
 def test_a_cube_is_drawn_as_its_figure():
-    from nearharmonic.plotting.energy_error import draw_profile
+    from nearharmonic.plotting.style import draw_profile
 
     cube = made.errors(["ruth", "babps9o7h"], precision=True)
     assert nh.plot(cube)._repr_png_() == draw_profile(cube)._repr_png_()
@@ -195,19 +192,6 @@ def test_an_orbit_between_coarse_samples_is_the_exact_one():
     assert abs(np.hypot(curve.get_xdata(), curve.get_ydata()) - 1).max() < POINTS * (0.5 / POINTS) ** 5 / 120
 
 
-@pytest.mark.slow
-def test_coarse_samples_behind_fine_ones_are_a_curve_too():
-    """The focus is at the origin: the distance from both foci of the ellipse has one sum."""
-    times = np.concatenate([np.linspace(0, 100, 20), np.linspace(500, 8766, 14)])
-    run = nh.integrate("kepler", "trained_orbits", 80.0, t_end=8766, t=times)
-    curve = nh.plot(run, kind="orbit").axes[0].lines[0].get_xydata()
-    axis = 1 / (2 / 69.82 - 0.139896**2 / 1.71994752)  # the vis-viva equation, in 1e6 km
-    far = np.array([2 * (69.82 - axis), 0])
-    lengths = np.linalg.norm(curve, axis=1) + np.linalg.norm(curve - far, axis=1)
-    assert lengths == pytest.approx(2 * axis, rel=1e-4)
-    assert len(curve) == 33 * POINTS + 1  # a polygon has the samples alone
-
-
 @pytest.mark.parametrize(
     ("make", "tau"),
     [
@@ -225,13 +209,6 @@ def test_coarse_orbits_of_systems_that_bear_a_name_are_points(tmp_path, make, ta
     assert line.get_xdata().tolist() == run.q.values[:, 0].tolist()
     fine = nh.integrate(make(tmp_path), "ruth", 0.1, t_end=3)
     assert nh.plot(fine, kind="phase").axes[0].lines[0].get_linestyle() == "-"
-
-
-def test_registered_formulas_with_other_numbers_are_drawn_as_a_curve():
-    other = dataclasses.replace(nh.systems["sho"], name="sho", q0=("2",))
-    curve = nh.plot(nh.integrate(other, "babps9o7h", 0.5, t_end=20), kind="phase").axes[0].lines[0]
-    assert np.hypot(curve.get_xdata(), curve.get_ydata()) == pytest.approx(2, rel=1e-6)
-    assert curve.get_xdata().size > 500
 
 
 @pytest.mark.slow
@@ -325,23 +302,6 @@ def test_a_recommendation_is_drawn_against_evaluations_and_time():
     assert legend(figure) == [f"{i}. {label}" for i, label in enumerate(found.label.values, start=1)]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("least", "most"), [(1100.0, 1900.0), (0.7, 0.7), (5.0, 600.0), (1e3, 1e9)])
-def test_every_axis_of_a_recommendation_has_two_labels(least, most):
-    found = nh.recommend("sho", 1e-3, t_end=10, methods=["ruth", "aba864"], budget=500)
-    found["max_energy_error"].values[:] = least, most
-    found["time"].values[:] = least / 1e3, most / 1e3
-    found["evaluations"] = found["evaluations"].dims, np.array([least, most])
-    found.attrs["error"] = most
-    figure = nh.plot(found)
-    figure.canvas.draw()
-    for axis in (figure.axes[0].yaxis, *(axes.xaxis for axes in figure.axes)):
-        low, high = axis.get_view_interval()
-        ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
-        labels = {tick.label1.get_text() for tick in ticks if low <= tick.get_loc() <= high} - {""}
-        assert len(labels) >= 2
-
-
 @pytest.mark.parametrize(
     ("more", "says"),
     [
@@ -359,3 +319,110 @@ def test_unknown_kinds_and_axes_are_refused_with_known_ones(more, says):
     run = nh.integrate("henon_heiles", "ruth", 0.5, t_end=5)
     with pytest.raises(SettingError, match=re.escape(says)):
         nh.plot(run, **more)
+
+
+@pytest.fixture(scope="module")
+def run():
+    return nh.integrate("henon_heiles", "ruth", 0.5, t_end=20, samples=21)
+
+
+def frames_of(page):
+    """Pictures of an HTML page, as bytes of PNG files in base64."""
+    return re.findall(r"'(iVBORw0KGgo[A-Za-z0-9+/=]+)'", page)
+
+
+@pytest.mark.slow
+def test_gif_file_has_number_of_frames_at_asked_rate(run, tmp_path):
+    place = nh.animate(run, tmp_path / "deeper" / "orbit.gif", frames=5, fps=10)
+    content = place.read_bytes()
+    assert content.startswith(b"GIF89a")
+    with Image.open(BytesIO(content)) as film:
+        assert (film.n_frames, film.info["duration"], film.info["loop"]) == (5, 100, 0)
+        shown = []
+        for k in range(5):
+            film.seek(k)
+            shown.append(np.asarray(film.convert("RGB")))
+    assert not any(np.array_equal(one, other) for one, other in pairwise(shown))
+    assert [path.name for path in place.parent.iterdir()] == ["orbit.gif"]
+
+
+class Requests(HTMLParser):
+    """Addresses that a page asks for."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.found = []
+        self.feed(page)
+
+    def handle_starttag(self, tag, attributes):
+        self.found += [value for name, value in attributes if name in ("src", "href", "srcset", "data", "action")]
+
+
+@pytest.mark.slow
+def test_html_page_holds_every_frame_and_asks_for_nothing(run, tmp_path):
+    place = nh.animate(run, tmp_path / "orbit.html", frames=4, title="A & <B>")
+    page = place.read_text(encoding="utf-8")
+    assert len(set(frames_of(page))) == 4
+    assert Requests(page).found == []
+    assert not re.search(r"https?:|url\(|@import|fetch\(|XMLHttp", page)
+    assert "<title>A &amp; &lt;B&gt;</title>" in page
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_orbit_and_errors_end_at_time_of_frame(run, share):
+    figure = nh.plot(run)
+    truncator(figure, [run])(share)
+    energy, orbit = figure.axes
+    passed = run.t.values <= share * 20 * (1 + 1e-9)
+    np.testing.assert_array_equal(energy.lines[0].get_xdata(), run.t.values[passed])
+    np.testing.assert_allclose(energy.lines[0].get_ydata(), abs(run.energy_error.values[passed]))
+    last = run.q.values[passed][-1]
+    assert orbit.lines[0].get_xydata()[-1] == pytest.approx(last)
+    assert orbit.lines[-1].get_xydata().tolist() == [pytest.approx(last)]
+    assert orbit.get_title(loc="right") == f"$t$ = {20 * share:.4g}"
+    assert orbit.get_position().y0 > energy.get_position().y1
+    assert orbit.get_title(loc="left").startswith(r"$\mathbf{A}$")
+
+
+def test_two_runs_are_cut_at_the_same_time(run):
+    other = nh.integrate("henon_heiles", "aba864", 0.5, t_end=10, samples=41)
+    figure = nh.plot([run, other])
+    truncator(figure, [run, other])(0.25)
+    assert [line.get_xdata()[-1] for line in figure.axes[0].lines[:2]] == [5, 5]
+
+
+@pytest.mark.parametrize(
+    ("what", "settings", "says"),
+    [
+        (None, {"path": "orbit.mp4"}, "path = 'orbit.mp4' is not allowed: .* ends with .gif or .html"),
+        (None, {"path": "orbit"}, "path = 'orbit' is not allowed"),
+        (None, {"frames": 1}, "frames = 1 is not allowed: an integer from 2 to 2000"),
+        (None, {"fps": 0.5}, "fps = 0.5 is not allowed"),
+        (lambda: nh.sweep("sho", "ruth", [0.1, 0.2], t_end=5), {}, "a Dataset of nearharmonic.integrate, or a list"),
+        (list, {}, "a Dataset of nearharmonic.integrate, or a list"),
+        (lambda: nh.integrate("sho", "ruth", 0.1, t_end=5, energy="none"), {}, "there are no energy errors"),
+    ],
+)
+def test_other_arguments_are_refused_before_any_work(run, tmp_path, monkeypatch, what, settings, says):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SettingError, match=says):
+        nh.animate(run if what is None else what(), **settings)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_film_that_fails_leaves_the_earlier_file(run, tmp_path, monkeypatch):
+    place = tmp_path / "orbit.gif"
+    place.write_bytes(b"old")
+
+    def fail(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(FigureCanvasAgg, "print_png", fail)
+    with pytest.raises(MemoryError):
+        nh.animate(run, place, frames=2)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"orbit.gif": b"old"}
+    monkeypatch.undo()
+    with pytest.raises(FileWriteError):
+        nh.animate(run, place / "below.html", frames=2)

@@ -1,7 +1,8 @@
-"""The house style: methods told apart in print and by colour-blind readers, logarithmic axes, files written whole."""
+"""The house style: methods told apart by all readers, logarithmic axes, envelopes of curves, files written whole."""
 
 from __future__ import annotations
 
+import io
 import subprocess
 import sys
 from itertools import combinations
@@ -10,25 +11,31 @@ from xml.etree import ElementTree
 import matplotlib as mpl
 import numpy as np
 import pytest
+import xarray as xr
+from matplotlib import colormaps
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 
-from nearharmonic.integrators import integrators
-from nearharmonic.plotting.energy_error import draw_profile
+import nearharmonic as nh
+from nearharmonic.integrators import BENCHMARKED, integrators
+from nearharmonic.plotting.profile import COLUMNS, envelope, has_style
 from nearharmonic.plotting.style import (
     Style,
+    draw_profile,
     house_style,
     log_scale,
     mark_every,
     method_handles,
     new_figure,
-    panel_letter,
     save,
     style_of,
 )
+from nearharmonic_paper.experiments.exact_oscillator import ExactOscillatorSettings
+from nearharmonic_paper.experiments.stability.figures import ESCAPED_COLOUR, LOST_COLOUR
 from support.cubes import figure_cubes as made
 from support.cubes.artists import NO_LINE, SOLID, drawn, look, luminance
-
-BENCHMARKED = [name for name, tableau in integrators.items() if tableau.benchmarked]
+from support.cubes.colour_vision import SEEN, difference, lab, least_difference
 
 
 def line_on_log_axes(x, y, directions="xy"):
@@ -40,7 +47,7 @@ def line_on_log_axes(x, y, directions="xy"):
 
 def test_no_two_integrators_look_alike():
     for one, other in combinations(integrators, 2):
-        assert style_of(one) != style_of(other), f"{one} looks like {other}: give it an entry of its own in style.py"
+        assert style_of(one) != style_of(other), f"{one} looks like {other}: give it an entry of its own in profile.py"
 
 
 def test_the_benchmarked_methods_are_told_apart_without_colour():
@@ -50,25 +57,13 @@ def test_the_benchmarked_methods_are_told_apart_without_colour():
 def test_filled_markers_are_methods_of_nielsen_and_of_this_project():
     # What the captions of Figures 1, 3 and of other systems say.
     ours = ("Nielsen", "found by", "trained by")
-    assert sum(not tableau.source.startswith(ours) for tableau in integrators.values()) >= 30
-    assert {
-        name for name, tableau in integrators.items() if style_of(name).filled != tableau.source.startswith(ours)
-    } == set()
+    assert {name for name, one in integrators.items() if style_of(name).filled != one.source.startswith(ours)} == set()
 
 
 @pytest.mark.parametrize("name", [*integrators, *(f"new method {i}" for i in range(40))])
 def test_every_colour_stands_out_from_white_paper(name):
     # WCAG 2.1, 1.4.11: graphics need a contrast of 3 to 1.
     assert 1.05 / (luminance(style_of(name).colour) + 0.05) >= 3
-
-
-def test_unlisted_method_has_reproducible_style():
-    assert style_of("rkn_11") == style_of("rkn_11")
-    assert style_of("rkn_11") not in [style_of(name) for name in BENCHMARKED]
-    unknown = [style_of(f"new method {i}") for i in range(200)]
-    assert {style.filled for style in unknown} == {False}  # filled markers are those of the paper's methods
-    # All 7 x 6 looks are in use: 200 hashes miss one of 42 with probability exp(-200/42) = 0.009.
-    assert len(set(unknown)) > 42 * 0.9
 
 
 @pytest.mark.parametrize("filled", [True, False])
@@ -104,18 +99,6 @@ def test_markers_of_curves_drawn_together_take_turns(methods, points, marks):
     assert [place.start for place in places] == [int(step * i / methods) for i in range(methods)]
 
 
-@pytest.mark.slow
-def test_logarithmic_axes_have_ticks_and_labels_at_powers_of_ten():
-    axes, _ = line_on_log_axes([1, 1000], [1e-5, 1e3])
-    axes.figure.draw_without_rendering()
-    for axis in (axes.xaxis, axes.yaxis):
-        places = np.log10(axis.get_majorticklocs())
-        np.testing.assert_allclose(places, np.round(places), atol=1e-12)
-        assert np.diff(places).tolist() == [1] * (len(places) - 1)
-        assert len(axis.get_minorticklocs()) == 8 * (len(places) - 1)
-        assert {label.get_text() for label in axis.get_ticklabels(minor=True)} == {""}
-
-
 def test_what_has_no_logarithm_leaves_a_gap():
     _, line = line_on_log_axes([1, 2, 3, 4, 5, 6], [1.0, 0.0, 2.0, -1.0, np.nan, 3.0])
     assert drawn(line).tolist() == [True, False, True, False, False, True]
@@ -129,13 +112,6 @@ def test_an_axis_with_nothing_to_show_still_has_a_range(values):
     axes, _ = line_on_log_axes(np.arange(1, 1 + len(values)), values, "y")
     assert axes.get_ylim() == (1e-16, 1)
     axes.figure.draw_without_rendering()
-
-
-def test_panel_letter_is_bold_above_left_corner_before_title():
-    left, right = new_figure(3, 2).subplots(1, 2)
-    panel_letter(left, "C", "the third")
-    panel_letter(right, "D")
-    assert [axes.get_title(loc="left") for axes in (left, right)] == [r"$\mathbf{C}$  the third", r"$\mathbf{D}$"]
 
 
 def places(stem):
@@ -164,13 +140,6 @@ def test_saving_writes_three_formats_with_the_same_bytes_each_time(tmp_path):
     assert [path.read_bytes().startswith(start) for path, start in zip(first, starts, strict=True)] == [True] * 3
     # Width and height in pixels, big-endian from byte 16 on: 2 x 1.5 inches at 200 dots per inch.
     assert [int.from_bytes(first[2].read_bytes()[i : i + 4], "big") for i in (16, 20)] == [400, 300]
-
-
-def test_no_file_holds_the_time_of_its_making(tmp_path):
-    pdf, svg, png = (path.read_bytes() for path in save(plain_figure(), places(tmp_path / "fig")))
-    assert b"CreationDate" not in pdf
-    assert b"<dc:date>" not in svg
-    assert b"tIME" not in png
 
 
 @pytest.mark.parametrize("failing", ["pdf", "svg", "png"])
@@ -245,3 +214,123 @@ def test_energy_error_figure_names_system_and_interval():
     cube.tau_per_stage.attrs["units"] = "h"
     assert draw_profile(cube).axes[0].get_title(loc="right") == "test system, $t$ = 500 h"
     assert draw_profile(made.errors(["ruth"])).axes[0].get_title(loc="right") == ""
+
+
+#: Least difference in CIELAB of colours that are told apart; 2.3 is just noticeable for large patches side by side.
+APART = 13
+TRAINED, TRAINED_EXACT = (
+    [name for name in integrators if name.startswith("trained_") and name.startswith("trained_exact_") == exact]
+    for exact in (False, True)
+)
+EXACT = ExactOscillatorSettings().integrators
+
+
+def test_simulated_vision_confuses_red_and_green_of_one_lightness():
+    assert lab("#ffffff") == pytest.approx([100, 0, 0], abs=1e-3)
+    assert lab("#ff0000") == pytest.approx([53.24, 80.09, 67.20], abs=0.05)  # published values of sRGB red
+    assert difference("#c05040", "#6f7a3c") > 8 * difference("#c05040", "#6f7a3c", "deuteranopia")
+    assert all(difference("#404040", "#808080", vision) > 20 for vision in SEEN)
+
+
+def test_methods_with_one_marker_have_colours_that_all_readers_see():
+    alike = [
+        (one, other)
+        for one, other in combinations(filter(has_style, integrators), 2)
+        if (style_of(one).marker, style_of(one).filled) == (style_of(other).marker, style_of(other).filled)
+        and least_difference(style_of(one).colour, style_of(other).colour) < APART
+    ]
+    assert alike == []
+
+
+@pytest.mark.parametrize(
+    "names",
+    [[*BENCHMARKED, *EXACT], TRAINED, [*EXACT, *TRAINED_EXACT]],
+    ids=["with the exact oscillator", "trained", "trained with the exact oscillator"],
+)
+def test_methods_drawn_together_have_colours_that_all_readers_see(names):
+    found = {
+        (one, other): least_difference(style_of(one).colour, style_of(other).colour)
+        for one, other in combinations(dict.fromkeys(names), 2)
+    }
+    assert min(found.values()) >= APART, min(found, key=found.get)
+
+
+@pytest.mark.parametrize(("colours", "none"), [("plasma_r", ESCAPED_COLOUR), ("viridis_r", LOST_COLOUR)])
+def test_cells_without_number_differ_from_every_colour_of_map(colours, none):
+    assert min(least_difference(none, to_hex(colormaps[colours](x))) for x in np.linspace(0, 1, 64)) >= APART
+    # The largest errors, beside which such cells lie, are dark: black differs from them in colour, not in lightness.
+    assert lab(none)[0] - lab(colormaps[colours](1.0)[:3])[0] >= 40
+
+
+def curve(points, errors):
+    taus = np.geomspace(1e-4, 1, points)
+    return xr.Dataset({"max_energy_error": ("tau_per_stage", errors(taus))}, coords={"tau_per_stage": taus})
+
+
+def noisy(taus):
+    """A slope of 4 above a floor of random errors, with a hundred single peaks."""
+    random = np.random.default_rng(1)
+    errors = taus**4 + 1e-15 * random.random(taus.size)
+    errors[random.integers(taus.size, size=100)] *= 1e3
+    return errors
+
+
+def test_curve_of_few_points_is_left_as_it_is():
+    few = curve(4 * COLUMNS, noisy)
+    assert envelope(few, ["max_energy_error"]) is few
+
+
+def test_extremes_of_each_column_are_kept():
+    many = curve(100_000, noisy)
+    found = envelope(many, ["max_energy_error"], columns=100)
+    assert found.sizes["tau_per_stage"] <= 400
+    columns = np.minimum(np.log10(many.tau_per_stage) * 25 + 100, 99.999).astype(int)
+    for extreme in ("min", "max"):
+        wanted = getattr(many.max_energy_error.groupby(columns), extreme)()
+        assert set(wanted.values) <= set(found.max_energy_error.values)
+
+
+def test_gap_of_one_point_and_first_diverged_run_are_kept():
+    def errors(taus):
+        values = taus**4
+        values[50_000], values[90_000:] = np.nan, np.inf
+        return values
+
+    found = envelope(curve(100_000, errors), ["max_energy_error"]).max_energy_error
+    assert np.isnan(found).sum() == 1
+    assert np.isinf(found.values[found.tau_per_stage.values == np.geomspace(1e-4, 1, 100_000)[90_000]]).all()
+
+
+def test_drawing_of_the_envelope_is_that_of_the_curve():
+    """Pixel by pixel, but for the anti-aliased edges of the line."""
+
+    def drawn(shown):
+        figure = Figure(figsize=(COLUMNS / 100, 3), dpi=100)
+        axes = figure.add_axes((0, 0, 1, 1))
+        axes.loglog(shown.tau_per_stage, shown.max_energy_error, linewidth=1)
+        axes.set_xlim(1e-4, 1)
+        axes.set_axis_off()
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba())[..., 0].astype(int)
+
+    many = curve(200_000, noisy)
+    differences = np.abs(drawn(many) - drawn(envelope(many, ["max_energy_error"])))
+    assert (differences > 128).mean() < 0.002
+
+
+@pytest.mark.slow
+def test_profile_of_a_million_runs_is_below_a_megabyte():
+    names = list(nh.integrators)[:10]
+    taus = np.geomspace(1e-4, 1, 100_000)
+    errors = noisy(taus) * np.arange(1, 11)[:, None]
+    cube = xr.Dataset(
+        dict.fromkeys(("max_energy_error", "mean_energy_error"), (("integrator", "tau_per_stage"), errors)),
+        {"integrator": names, "label": ("integrator", names), "tau_per_stage": taus},
+    )
+    for name in ("max_energy_error", "mean_energy_error"):
+        cube[name].attrs["long_name"] = "energy error"
+    for kind in ("svg", "pdf", "png"):
+        target = io.BytesIO()
+        draw_profile(cube).savefig(target, format=kind)
+        assert len(target.getvalue()) < 1_000_000, kind

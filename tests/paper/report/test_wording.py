@@ -7,7 +7,7 @@ import shutil
 import pytest
 
 from nearharmonic.integrators import integrators
-from nearharmonic.plotting.palette import style_of
+from nearharmonic.plotting.profile import style_of
 from nearharmonic_paper.claims.claim import power_of_ten, short
 from nearharmonic_paper.report import assets
 from nearharmonic_paper.report import shown as wording

@@ -20,9 +20,9 @@ from nearharmonic.numerics.statistics import (
     trend_linearity,
 )
 from nearharmonic.systems import systems
+from nearharmonic_paper.experiments.exact_oscillator import ExactOscillatorSettings
 from nearharmonic_paper.experiments.exact_oscillator.reductions import crossings
 from nearharmonic_paper.experiments.exact_oscillator.run import starts_on
-from nearharmonic_paper.experiments.exact_oscillator.settings import ExactOscillatorSettings
 from nearharmonic_paper.experiments.stability.reductions import evaluations_below, rotation_per_sample
 from nearharmonic_paper.experiments.stability.reductions import growth_exponent as growth
 from nearharmonic_paper.experiments.stability.run import kepler_apoapsis

@@ -1,6 +1,6 @@
 """Declaration of the comparison of an oscillator solved exactly with T + V."""
 
-from nearharmonic_paper.experiments.exact_oscillator.settings import ExactOscillatorSettings
+from nearharmonic_paper.experiments.exact_oscillator import ExactOscillatorSettings
 from nearharmonic_paper.tasks.experiment import Experiment, Figure
 
 FIGURES = {

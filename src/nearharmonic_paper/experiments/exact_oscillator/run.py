@@ -1,4 +1,4 @@
-"""Energy errors of single trajectories: with an exactly solved oscillator, and with T and V."""
+"""Energy errors of single trajectories, with an exactly solved oscillator and with T and V."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from nearharmonic.numerics.portable import Floats
 from nearharmonic.numerics.statistics import quasi_random
 from nearharmonic.output.store import Contents, coordinate, variable
 from nearharmonic.systems.henon_heiles import SYSTEM
-from nearharmonic_paper.experiments.exact_oscillator.settings import CHARGES, ExactOscillatorSettings
+from nearharmonic_paper.experiments.exact_oscillator import CHARGES, ExactOscillatorSettings
 
 WHAT = "largest |H - H0|/|H0| over every step"
 

@@ -1,6 +1,6 @@
 """Declaration of the timings."""
 
-from nearharmonic_paper.experiments.work_precision.settings import WorkPrecisionSettings
+from nearharmonic_paper.experiments.work_precision import WorkPrecisionSettings
 from nearharmonic_paper.tasks.experiment import Experiment
 
 EXPERIMENT = Experiment(

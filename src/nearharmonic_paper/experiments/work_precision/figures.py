@@ -22,12 +22,12 @@ from nearharmonic.output.table import from_csv
 from nearharmonic.plotting.style import house_style, log_scale, mark_every, new_figure, panel_letter, style_of
 from nearharmonic.recommendation.measure import MEASURES, Part, for_good, of_kind, read_parts
 from nearharmonic.systems import systems
-from nearharmonic_paper.experiments.work_precision.comparison import COMPARED_MEASURES, STANDARD, Pair, pairs
-from nearharmonic_paper.experiments.work_precision.comparison import ERRORS as COMPARED_ERRORS
 from nearharmonic_paper.experiments.work_precision.peers import PEERS
+from nearharmonic_paper.experiments.work_precision.tables import COMPARED_MEASURES, STANDARD, Pair, pairs
+from nearharmonic_paper.experiments.work_precision.tables import ERRORS as COMPARED_ERRORS
 from nearharmonic_paper.tasks.receipts import measures_time
 
-# --- Work-precision diagrams: error against wall time, for methods of the paper, further methods, and peers.
+# --- Work-precision diagrams: error against wall time -----------------------------------------------------------------
 
 YLABELS = {
     "max": r"$\max\,|\Delta H/H_0|$",
@@ -96,18 +96,22 @@ def points_of(curve: xr.Dataset, measure: str, mode: str = "trajectory") -> tupl
     return x[inside].tolist(), y[inside].tolist()
 
 
-def _draw(axes: Axes, curves: Sequence[xr.Dataset], measure: str) -> None:
+def _draw(axes: Axes, curves: Sequence[xr.Dataset], measure: str, mode: str = "trajectory", broad: str = "") -> None:
+    """Draw curves, that of the solver ``broad`` as a broad line."""
     for position, curve in enumerate(curves):
-        x, y = points_of(curve, measure)
-        axes.plot(x, y, markevery=mark_every(position, len(curves), len(x), marks=7), zorder=3, **line_of(curve))
+        x, y = points_of(curve, measure, mode)
+        every = mark_every(position, len(curves), len(x), marks=7)
+        axes.plot(x, y, markevery=every, zorder=3, **line_of(curve, broad))
 
 
-def line_of(curve: xr.Dataset) -> dict[str, Any]:
+def line_of(curve: xr.Dataset, broad: str = "") -> dict[str, Any]:
+    """Return the keywords of ``Axes.plot`` for a curve."""
     name = curve["solver"].item()
     if curve["kind"] == "splitting":
         return style_of(name).line(markersize=4.2)
     i = list(PEERS).index(name) % len(_PEER_COLOURS) if name in PEERS else 0
-    return {"color": _PEER_COLOURS[i], "marker": _PEER_MARKERS[i], "linestyle": (0, (4, 2)), "markersize": 6}
+    look = {"color": _PEER_COLOURS[i], "marker": _PEER_MARKERS[i], "linestyle": (0, (4, 2)), "markersize": 6}
+    return look | ({"linewidth": 2.2} if name == broad else {})
 
 
 def _envelopes(axes: Axes, curves: Sequence[xr.Dataset], measure: str) -> None:
@@ -130,14 +134,6 @@ def best_of(curves: Sequence[xr.Dataset], measure: str, mode: str = "trajectory"
     timed = [points_of(curve, measure, mode) for curve in curves]
     points = sorted(point for times, errors in timed for point in zip(times, for_good(errors), strict=False))
     return [x for x, _ in points], list(accumulate((y for _, y in points), min))
-
-
-def draw_legend(axes: Axes, handles: Sequence[Line2D], handlelength: float) -> None:
-    """Draw a legend of two columns above ``axes``, of lines as long as given."""
-    axes.legend(
-        handles=handles, loc="lower left", bbox_to_anchor=(0, 1.07), ncols=2, borderaxespad=0, fontsize=6.5,
-        columnspacing=1.0, handlelength=handlelength, labelspacing=0.25, frameon=False,
-    )  # fmt: skip
 
 
 def scale_axes(axes: Axes, ylabel: str) -> None:
@@ -165,16 +161,9 @@ def _legend(figure: Figure, axes: Axes, curves: Sequence[xr.Dataset], per_row: i
         handles.append(Line2D([], [], color=_LANES, linestyle=":", label="the same, each of an ensemble"))
     box = axes.get_position()
     figure.legend(
-        handles=handles,
-        loc="lower left",
-        bbox_to_anchor=(box.x0 - 0.006, box.y1 + 0.26 / figure.get_figheight()),
-        ncols=per_row,
-        columnspacing=1.0,
-        handlelength=2.2,
-        borderaxespad=0,
-        labelspacing=0.25,
-        fontsize=7,
-    )
+        handles=handles, loc="lower left", bbox_to_anchor=(box.x0 - 0.006, box.y1 + 0.26 / figure.get_figheight()),
+        ncols=per_row, columnspacing=1.0, handlelength=2.2, borderaxespad=0, labelspacing=0.25, fontsize=7,
+    )  # fmt: skip
 
 
 def draw_facts(figure: Figure, facts: Mapping[str, object], left: float, characters: int) -> None:
@@ -192,9 +181,10 @@ def machine_text(facts: Mapping[str, object]) -> str:
     )
 
 
+# --- This package and other libraries: one trajectory, and ensembles, with a panel for each system --------------------
+
 #: Number of panels per row, and their size and the left margin in inches.
 _ACROSS, _WIDTH, _HEIGHT, _LEFT = 3, 4.6, 3.6, 0.75
-# --- Figures of this package and other libraries: one trajectory, and ensembles, with a panel for each system.
 
 _XLABELS = {
     "trajectory": "whole call for one trajectory  (ms)",
@@ -231,7 +221,13 @@ def comparison_figure(found: Sequence[Pair], mode: str, facts: Mapping[str, obje
     )  # fmt: skip
     grid = figure.subplots(down, across, squeeze=False)
     for i, (axes, pair, curves) in enumerate(zip(grid.flat, found, members, strict=False)):
-        _draw_panel(axes, curves, mode)
+        _draw(axes, curves, "max", mode, broad=STANDARD)
+        scale_axes(axes, YLABELS["max"])
+        axes.legend(
+            handles=[Line2D([], [], label=one["label"].item(), **line_of(one, STANDARD)) for one in curves], ncols=2,
+            loc="lower left", bbox_to_anchor=(0, 1.07), borderaxespad=0, fontsize=6.5, columnspacing=1.0,
+            handlelength=2.4, labelspacing=0.25, frameon=False,
+        )  # fmt: skip
         panel_letter(axes, i, f"{pair.label}, t = {pair.t_end}")
         axes.set_xlabel(_XLABELS[mode])
     for axes in grid.flat[len(found) :]:
@@ -246,34 +242,14 @@ def leaders(pair: Pair, mode: str) -> list[xr.Dataset]:
     return list({curve["solver"].item(): curve for curve in first}.values())
 
 
-def _draw_panel(axes: Axes, curves: Sequence[xr.Dataset], mode: str) -> None:
-    """Draw the curves (solid for this package, broad for the reference) and the legend above them."""
-    handles = []
-    for position, curve in enumerate(curves):
-        x, y = points_of(curve, "max", mode)
-        look = line_of(curve) | ({"linewidth": 2.2} if curve["solver"] == STANDARD else {})
-        axes.plot(x, y, markevery=mark_every(position, len(curves), len(x), marks=7), zorder=3, **look)
-        handles.append(Line2D([], [], label=curve["label"].item(), **look))
-    scale_axes(axes, YLABELS["max"])
-    draw_legend(axes, handles, handlelength=2.4)
-
-
-# --- Figure of the regularised Kepler problem: error against time, compared with its original equations and heyoka.
+# --- The regularised Kepler problem: beside its original equations and heyoka -----------------------------------------
 #
 # It compares two forms of the equations, each integrated by this package and by heyoka; the other figures compare
 # programs on one form. It is drawn of the cube of times, and of the file of the tables of docs/results/regularised.md.
 
-#: Size of a panel, left margin, space above the first row, space for a title, lower margin, and space below it for the
-#: machine, in inches.
-_REGULARISED_WIDTH, _REGULARISED_HEIGHT, _REGULARISED_LEFT, _LEGEND, _TITLE, _BELOW, _MACHINE = (
-    4.2,
-    2.9,
-    0.65,
-    1.2,
-    0.55,
-    0.48,
-    0.5,
-)
+#: Size of a panel and left margin, space above the first row, for a title, below the panels, and for the machine, in
+#: inches.
+_WIDE, _HIGH, _MARGIN, _ABOVE, _TITLE, _BELOW, _MACHINE = 4.2, 2.9, 0.65, 1.2, 0.55, 0.48, 0.5
 _DASHES = (0, (4, 2))
 _REGULARISED_BEST: dict[str, Any] = {"linewidth": 6, "solid_capstyle": "round", "zorder": 2}
 _ORIGINAL: dict[str, Any] = {"color": "#0072b2", "marker": "s", "markersize": 4.5, "linewidth": 1.4}
@@ -313,7 +289,7 @@ def regularised_figures(names: Sequence[str], cube: str) -> dict[str, Figure]:
         found, facts = pairs(cube, names, measure=measure)
         rows.append([_panel(pair) for pair in found if pair.original])
     figure = draw_panels(rows, _BELOW + _MACHINE)
-    draw_facts(figure, facts, _REGULARISED_LEFT, int(17.5 * _REGULARISED_WIDTH * len(rows[0])))
+    draw_facts(figure, facts, _MARGIN, int(17.5 * _WIDE * len(rows[0])))
     return {"figure": figure}
 
 
@@ -343,19 +319,17 @@ def figure_of_file(times: str) -> dict[str, Figure]:
 def draw_panels(rows: Sequence[Sequence[Panel]], below: float = _BELOW) -> Figure:
     """Draw rows of panels with the names of all curves above them; ``below`` is the lower margin in inches."""
     across, down = len(rows[0]), len(rows)
-    width, height = (
-        _REGULARISED_LEFT + _REGULARISED_WIDTH * across,
-        below + _LEGEND + _REGULARISED_HEIGHT * down + _TITLE * (down - 1),
-    )
+    width, height = _MARGIN + _WIDE * across, below + _ABOVE + _HIGH * down + _TITLE * (down - 1)
     figure = new_figure(width, height)
     figure.subplots_adjust(
-        left=_REGULARISED_LEFT / width, right=0.99, top=1 - _LEGEND / height, bottom=below / height, wspace=0.1,
-        hspace=_TITLE / _REGULARISED_HEIGHT,
+        left=_MARGIN / width, right=0.99, top=1 - _ABOVE / height, bottom=below / height, wspace=0.1,
+        hspace=_TITLE / _HIGH,
     )  # fmt: skip
     grid = figure.subplots(down, across, squeeze=False, sharex="col", sharey="row")
     for j, row in enumerate(rows):
         for i, panel in enumerate(row):
-            _regularised_draw(grid[j, i], panel)
+            for key in [key for key in CURVES if key in panel.curves]:
+                grid[j, i].plot(*panel.curves[key], **{"zorder": 3, **CURVES[key][1]})
             scale_axes(grid[j, i], "" if i else _LABELS[panel.measure])
             panel_letter(grid[j, i], across * j + i, panel.title)
     for axes in grid[-1]:
@@ -369,9 +343,3 @@ def draw_panels(rows: Sequence[Sequence[Panel]], below: float = _BELOW) -> Figur
         handlelength=3.2, columnspacing=1.6, labelspacing=0.35,
     )  # fmt: skip
     return figure
-
-
-def _regularised_draw(axes: Axes, panel: Panel) -> None:
-    for key, (_, look) in CURVES.items():
-        if key in panel.curves:
-            axes.plot(*panel.curves[key], **{"zorder": 3, **look})

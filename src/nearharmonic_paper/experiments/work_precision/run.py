@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from math import isfinite
+from math import inf, isfinite, nan
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from nearharmonic.engine.reference import position_t_end, reference
 from nearharmonic.engine.settings import Sweep, tau_grid
@@ -17,27 +18,138 @@ from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.clock import machine, pinned
 from nearharmonic.output.store import Contents
 from nearharmonic.recommendation.measure import (
+    COLUMNS,
     MEASURES,
     TARGETS,
     Interval,
     Solver,
+    add_calls,
     clock,
     curves_of,
     dataset_of,
-    ensemble_call,
     measured,
+    members_of,
     of_kind,
+    quiet,
     ranking,
-    settings_of,
     variables,
-    way_of,
 )
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
-from nearharmonic_paper.experiments.work_precision.measure import POINTS_PER_DECADE, measured_peer, version_of
-from nearharmonic_paper.experiments.work_precision.peers import PEERS
-from nearharmonic_paper.experiments.work_precision.settings import WorkPrecisionSettings
+from nearharmonic_paper.experiments.work_precision import WorkPrecisionSettings
+from nearharmonic_paper.experiments.work_precision.peers import PEERS, Peer, States, missing, version_of
 from nearharmonic_paper.tasks.receipts import measures_time
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+# --- Errors of the solvers of other libraries over their settings -----------------------------------------------------
+#
+# Adaptive solvers are given tolerances, the others step sizes. The time is that of a run from start to end in a user's
+# code; errors come from a second run with the states at the solver's own steps. Energies are computed in double
+# precision, so errors below 1e-15 are only upper bounds.
+
+#: An error above this that does not decrease with the step is an exception; below it rounding dominates.
+NEAR_ROUNDING = 1e-9
+#: Energy error of a run that does not follow the trajectory.
+ASTRAY = 1.0
+#: Step sizes per decade of the peers.
+POINTS_PER_DECADE = 4
+
+
+def measured_peer(peer: Peer, problem: Interval, taus_per_stage: Sequence[float], longest: float) -> Solver:
+    """Return the errors of ``peer`` with the calls for the timing.
+
+    Settings become finer until a path takes more than ``longest`` seconds; ``taus_per_stage`` ascend. With a missing
+    library or an unsupported system there is no setting, and the status is the reason.
+    """
+    solver = Solver(method=peer.name, label=peer.label, kind="peer")
+    problem = problem._replace(system=problem.system.autonomous())
+    solver.status = missing(peer.module) or _misfit(peer, problem.system) or "ok"
+    if solver.status != "ok":
+        return solver
+    solver.version = version_of(peer.module)
+    points: list[dict[str, float]] = []
+    with quiet():
+        for setting in peer.settings or [tau * peer.stages for tau in reversed(taus_per_stage)]:
+            point, calls, seconds = _measured(peer, problem, setting)
+            # A diverging coarse run may take very long; finer runs are then still useful.
+            if seconds > longest:
+                if point["max_energy_error"] < ASTRAY or seconds == inf:
+                    solver.status = f"stopped where a run took longer than {longest:g} s"
+                    break
+                calls = {}
+            solver.calls |= {(mode, len(points)): call for mode, call in calls.items()}
+            points.append(point)
+            if _settled(points):
+                break
+    solver.columns = {name: np.array([point.get(name, nan) for point in points]) for name in COLUMNS}
+    return solver
+
+
+def _misfit(peer: Peer, system: System) -> str:
+    if system.time_dependent:
+        return "not written for a potential that depends on time"
+    if not system.energies[0].traced:
+        return "written from the expression of V, and V is a function of numba"
+    if peer.regularised and system.regularisation is None:
+        return "does not fit: it requires a system with a regularisation"
+    if system.regularisation is not None and not peer.regularised:
+        return "not written for regularised equations: see those on the original ones"
+    if peer.gravity_only and not system.gravity:
+        return "does not fit: it requires V = -GM/|q|"
+    return "" if system.unit_masses or not peer.quadratic_only else "does not fit: it requires T = p.p/2"
+
+
+def _measured(peer: Peer, problem: Interval, setting: float) -> tuple[dict[str, float], dict[str, Any], float]:
+    """Return numbers and calls of one setting, and the seconds of its path, which also warms up the solver."""
+    point = {"tolerance" if peer.adaptive else "tau": setting, "max_energy_error": inf, "mean_energy_error": inf}
+    calls: dict[str, Any] = {}
+    try:
+        attempt = peer.attempt(problem.system, float(problem.t_end), setting)
+        begin = time.perf_counter()
+        states, evaluations = attempt.path()
+        seconds = time.perf_counter() - begin
+    except TimeoutError:
+        return point, calls, inf
+    except (ArithmeticError, RuntimeError, ValueError):
+        return point, calls, 0.0  # a failed run has an infinite error
+    point["max_energy_error"], point["mean_energy_error"] = energy_errors(problem.system, states)
+    if problem.exact is not None:
+        point["position_error"] = float(problem.exact.error(states[-1, : problem.system.dimension]))
+    if isfinite(point["max_energy_error"]):
+        point["steps"], point["evaluations"] = len(states) - 1, evaluations
+        calls["trajectory"] = attempt.run
+        if attempt.lanes is not None:
+            attempt.lanes()  # warm-up, as for the path
+            calls["lanes"], point["members"] = attempt.lanes, attempt.members
+        if not peer.adaptive:
+            point["tau"] = float(problem.t_end) / point["steps"]
+    if not peer.adaptive:
+        point["tau_per_stage"] = point["tau"] / peer.stages
+    return point, calls, seconds
+
+
+def energy_errors(system: System, states: States) -> tuple[float, float]:
+    """Return maximum and mean of |H - H0|/|H0| over the states (n + 1, 2 d) after the first; infinite if one is NaN."""
+    q, p = (tuple(half) for half in np.split(states.T, 2))
+    H = system.energy(q, p, system.constants(float))
+    error = np.abs(H[1:] - H[0]) / abs(H[0])
+    if not np.isfinite(error).all():
+        return inf, inf
+    return float(error.max()), float(error.mean())
+
+
+def _settled(points: list[dict[str, float]]) -> bool:
+    """Return True if finer settings do not reduce the error, because rounding dominates."""
+    if len(points) < 2:
+        return False
+    known = [name for name in ("max_energy_error", "position_error") if isfinite(points[-1].get(name, nan))]
+    pairs = [(points[-2].get(name, nan), points[-1][name]) for name in known]
+    return bool(pairs) and all(new < NEAR_ROUNDING and new > old / 2 for old, new in pairs)
+
+
+# --- The measurement --------------------------------------------------------------------------------------------------
 
 #: Number of methods per error whose ensembles are timed.
 FRONT = 3
@@ -96,22 +208,18 @@ def solvers_on(
     ``sweep`` has the range of step sizes and the summation.
     """
     taus = tau_grid(sweep.lowest, sweep.highest, settings.points_per_decade)
-    solvers = [
-        measured(here, tableau, settings_of(tableau, here.t_end, taus, settings.evaluations), sweep.summation)
-        for tableau in tableaus
-    ]
+    solvers = [measured(here, tableau, taus, sweep.summation, settings.evaluations) for tableau in tableaus]
     taus = tau_grid(sweep.lowest, sweep.highest, POINTS_PER_DECADE)
     solvers += [measured_peer(PEERS[name], here, taus, settings.longest) for name in settings.solvers()]
     clock(solvers, ("trajectory", "energy"))
     front = front_runners(curves_of(dataset_of(solvers, "")), measures)
     for solver in solvers:
         if solver.method in front:
-            tableau, steps = integrators[solver.method], solver.columns["steps"]
-            members = solver.columns["members"] = np.full(len(steps), np.nan)
-            for _, i in [key for key in solver.calls if key[0] == "trajectory"]:
-                solver.calls["lanes", i], members[i] = ensemble_call(
-                    here.system, tableau, here.t_end, int(steps[i]), way_of(solver, i)
-                )
+            steps = solver.columns["steps"]
+            solver.columns["members"] = members = np.full(len(steps), np.nan)
+            for i in [i for mode, i in solver.calls if mode == "trajectory"]:
+                members[i] = members_of(here.system, integrators[solver.method], int(steps[i]))
+                add_calls(solver, here, integrators[solver.method], i, ("lanes",))
     clock(solvers, ("lanes",))
     return solvers
 

@@ -22,7 +22,7 @@ from support.projects.extras import EXTRAS, names_of, normal, of_extra, of_libra
 ROOT = Path(__file__).parents[4]
 PINNED = {normal(name) for name in re.findall(r"^([\w.-]+)==", (ROOT / "constraints.txt").read_text(), re.MULTILINE)}
 #: Libraries that are timed beside ours, and may be missing.
-PEERS = ROOT / "src/nearharmonic_paper/experiments/work_precision/peers"
+PEERS = ROOT / "src/nearharmonic_paper/experiments/work_precision/peers.py"
 #: Modules for one library each, which an extra of the same name installs.
 ADAPTERS = ROOT / "src/nearharmonic/adapters"
 OURS = {"nearharmonic", "nearharmonic_paper", "nearharmonic_studies", "snakemake_executor_plugin_nearharmonic"}
@@ -86,7 +86,7 @@ def test_only_figures_import_matplotlib():
 
 @pytest.mark.slow
 def test_every_package_that_is_imported_is_declared():
-    found = distributions_of(path for path in [*PYTHON, *RULES] if not {PEERS, ADAPTERS} & {*path.parents})
+    found = distributions_of(path for path in [*PYTHON, *RULES] if not {PEERS, ADAPTERS} & {path, *path.parents})
     assert {"llvmlite", "pyyaml", "snakemake"} <= found.keys()  # the walk sees Python, other names, and rules
     declared = names_of([*of_library(), *of_extra("workflow"), *of_extra("cluster")])
     assert {name: place for name, place in found.items() if name not in declared} == {}
@@ -99,7 +99,7 @@ def test_extras_of_figures_and_tailor_are_part_of_larger_ones(extra):
 
 def test_every_library_that_is_timed_is_declared_with_the_peers():
     declared = names_of([*of_library(), *of_extra("peers")])
-    assert distributions_of(PEERS.glob("*.py")).keys() <= declared
+    assert distributions_of([PEERS]).keys() <= declared
 
 
 @pytest.mark.parametrize("extra", EXTRAS)

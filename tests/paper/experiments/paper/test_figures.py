@@ -11,7 +11,7 @@ from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
 
 import nearharmonic as nh
-from nearharmonic.plotting.energy_error import draw_profile
+from nearharmonic.plotting.style import draw_profile
 from nearharmonic_paper.experiments.paper import figures as fig2_decomposition
 from nearharmonic_paper.experiments.paper import figures as fig4_perihelion
 from nearharmonic_paper.experiments.paper import figures as fig6_displaced

@@ -14,7 +14,7 @@ import nearharmonic as nh
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.integrators import integrators
 from nearharmonic.output.store import assembled, described, write
-from nearharmonic.plotting.energy_error import draw_profile
+from nearharmonic.plotting.style import draw_profile
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
 from nearharmonic_paper.experiments.paper import reductions
