@@ -143,7 +143,7 @@ def _run(words: Sequence[str]) -> int:
         return int(end.code or 0)
     from nearharmonic.engine.settings import one_of
     from nearharmonic.output.answers import FORMATS, printed
-    from nearharmonic.registry.user_module import trusting_only
+    from nearharmonic.registry import trusting_only
 
     form = one_of("format", chosen.format, FORMATS)
     module = _module_of(top.command)

@@ -45,6 +45,9 @@ STOP, PROGRESS = range(2)
 
 #: Doubles in a cache line.
 CACHE_LINE = 8
+#: Numbers of many coordinates in SIMD lanes: the doubles of the widest registers. The order of sums depends on it, so
+#: it is the same on every processor.
+BLOCK = 8
 #: A number of steps that no run reaches.
 FAR = np.iinfo(np.int64).max
 
@@ -91,7 +94,7 @@ def flags(name: str, *lengths: str) -> Argument:
     return Argument(name, "bool", lengths)
 
 
-#: Arguments of ``advance``: see :class:`nearharmonic.core.loops.kernel.Kernel`.
+#: Arguments of ``advance``: see :class:`nearharmonic.core.kernel.Kernel`.
 ADVANCE = Signature(
     (
         integers("count"),
@@ -208,7 +211,7 @@ def collocation_columns(stages: int, frequencies: int) -> int:
     """Number of doubles in a row for a collocation method: the step size as a pair, and more for each frequency.
 
     For oscillators of a frequency w inside the equations these are w^2 as a pair, ``stages`` factors of q and of v, and
-    the matrix of the other forces, column by column (:mod:`nearharmonic.core.collocation.motion`).
+    the matrix of the other forces, column by column (:mod:`nearharmonic.core.collocation`).
     """
     return COLUMNS + frequencies * (2 + 2 * stages + stages * stages)
 

@@ -17,6 +17,7 @@ from numba.core import cgutils, errors
 from numba.core import types as numba_types
 from numba.extending import intrinsic, overload, typeof_impl
 
+from nearharmonic.core import reals  # noqa: F401 (it lets numba compile two_product)
 from nearharmonic.core.arithmetic import fma, two_product, two_sum
 from nearharmonic.core.layout import (
     COLUMNS,
@@ -34,17 +35,8 @@ from nearharmonic.core.layout import (
     running_at,
     running_rows,
 )
-from nearharmonic.core.machine import reals  # noqa: F401 (it lets numba compile two_product)
-from nearharmonic.core.machine.reals import (
-    at_address,
-    jit,
-    linked_number,
-    load_parameters,
-    load_point,
-    store,
-    zero_like,
-)
-from nearharmonic.core.points import motion, row_loader
+from nearharmonic.core.reals import at_address, jit, linked_number, load_parameters, load_point, store, zero_like
+from nearharmonic.core.step import motion, row_loader
 from nearharmonic.errors import bad_setting
 
 # --- Products of exact coefficients and powers of a run-time step size, each rounded once.
@@ -519,7 +511,7 @@ def _fixed(address: int, kind: Any) -> Any:
 
 # --- A single step on arrays of the caller, without energy or samples.
 #
-# It makes the moves of :mod:`nearharmonic.core.loops.advance`, and is bitwise identical to a run of one step.
+# It makes the moves of :mod:`nearharmonic.core.loops`, and is bitwise identical to a run of one step.
 
 _columns = linked_number("columns")
 

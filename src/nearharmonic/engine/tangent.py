@@ -29,8 +29,7 @@ from nearharmonic.engine.variation import (
 )
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.portable import Floats, Integers
-from nearharmonic.numerics.statistics import student_975
+from nearharmonic.numerics.portable import Floats, Integers, student_975
 from nearharmonic.output.dataset import Variables, assembled, described
 from nearharmonic.systems.system import System
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.core.formulas.number import Constant
+from nearharmonic.core.number import Constant
 from nearharmonic.engine import execution
 from nearharmonic.engine.batch import sample_marks
 from nearharmonic.engine.execution import Batch, Filled, evaluations_of, sample_size
@@ -19,8 +19,7 @@ from nearharmonic.engine.setup import Setup, Start
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import log
-from nearharmonic.numerics.portable import Floats, Integers
-from nearharmonic.numerics.statistics import quasi_random
+from nearharmonic.numerics.portable import Floats, Integers, quasi_random
 from nearharmonic.numerics.written import is_real
 from nearharmonic.systems.energy import MassKineticEnergy, takes_parameters
 from nearharmonic.systems.quantities import Vector

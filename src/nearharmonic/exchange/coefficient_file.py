@@ -22,7 +22,7 @@ from typing import Any, NoReturn, cast
 from nearharmonic.errors import TableauError, shown
 from nearharmonic.integrators.composition import DECIMAL
 from nearharmonic.integrators.tableau import QUADRATIC_KINETIC_ENERGY, First, Row
-from nearharmonic.registry.registry import split_path
+from nearharmonic.registry import split_path
 
 #: Highest orders for which conditions are examined; the number of words doubles with each order.
 HIGHEST_ORDER = 10

@@ -1,6 +1,6 @@
 """The integrators, one file per source; ``integrators["aba864"]`` is a :class:`~nearharmonic.Tableau`.
 
-This package is the mapping ``integrators`` (``nearharmonic.registry.registry``). A key is the name, the label or
+This package is the mapping ``integrators`` (``nearharmonic.registry``). A key is the name, the label or
 another name of an integrator, or the path of a Python file. Three views select methods: those whose kicks are of V
 alone, those with kicks of a modified potential, and the implicit ones, which have no kicks.
 
@@ -14,7 +14,7 @@ Examples
 from nearharmonic.integrators.collocation import Collocation
 from nearharmonic.integrators.file import tableau_at
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.registry.registry import Registry, Selection
+from nearharmonic.registry import Registry, Selection
 
 __all__ = [
     "BENCHMARKED", "Collocation", "Tableau", "implicit_integrators", "integrators", "modified_integrators",

@@ -7,8 +7,7 @@ from collections.abc import Collection
 
 from nearharmonic.errors import TableauError, unknown_name
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.registry.registry import split_path
-from nearharmonic.registry.user_module import load, near_miss
+from nearharmonic.registry import load_file, near_miss, split_path
 
 DECLARES = "An integrator of your own is a Python file that defines TABLEAU, or several in TABLEAUS"
 
@@ -20,7 +19,7 @@ def tableaus_of(place: str | os.PathLike[str], registered: Collection[str]) -> d
     None has the name of another one or of a ``registered`` integrator.
     """
     path = os.fspath(place)
-    module = load(path, DECLARES, TableauError)
+    module = load_file(path, DECLARES, TableauError)
     several = getattr(module, "TABLEAUS", ())
     single = getattr(module, "TABLEAU", None)
     found = [*([] if single is None else [single]), *(several if isinstance(several, list | tuple) else [several])]

@@ -10,7 +10,7 @@ from nearharmonic.errors import TableauError
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.file import tableaus_of
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.registry.registry import is_path, split_path
+from nearharmonic.registry import is_path, split_path
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,8 +19,7 @@ from nearharmonic.engine.reference import Reference, reference
 from nearharmonic.engine.settings import Numerics, misfit
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.clock import Patience, interleaved, machine, pinned
-from nearharmonic.numerics.portable import Floats
-from nearharmonic.numerics.statistics import quasi_random
+from nearharmonic.numerics.portable import Floats, quasi_random
 from nearharmonic.recommendation.measure import (
     LOSSLESS,
     MEASURES,

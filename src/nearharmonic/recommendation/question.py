@@ -27,7 +27,7 @@ from nearharmonic.numerics.portable import Floats
 from nearharmonic.numerics.written import exact_value
 from nearharmonic.output.dataset import Attributes
 from nearharmonic.recommendation.measure import MEASURES, NAMES
-from nearharmonic.registry.registry import is_path, split_path
+from nearharmonic.registry import is_path, split_path
 from nearharmonic.systems import System, systems
 from nearharmonic.systems.quantities import is_list
 

@@ -15,8 +15,7 @@ from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.portable import Floats
-from nearharmonic.numerics.statistics import quasi_random
+from nearharmonic.numerics.portable import Floats, quasi_random
 from nearharmonic.systems.system import System
 
 #: A kick by the gradient of V, then a drift; its other role begins with the drift.

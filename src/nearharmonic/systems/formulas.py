@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from nearharmonic.core.formulas.number import NO_SUCH_COMPONENT, Constant, FormulaError, components
-from nearharmonic.core.formulas.tracing import Hamiltonian
+from nearharmonic.core.number import NO_SUCH_COMPONENT, Constant, FormulaError, components
+from nearharmonic.core.tracing import Hamiltonian
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems.energy import Energy, MassKineticEnergy, Vector, takes_parameters
 from nearharmonic.systems.regularisation import RegularisedFormulas

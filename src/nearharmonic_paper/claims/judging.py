@@ -10,8 +10,7 @@ import numpy as np
 
 from nearharmonic.math import log
 from nearharmonic.numerics import portable
-from nearharmonic.numerics.portable import Bools, Floats
-from nearharmonic.numerics.statistics import PLATEAU, line_slope, mean
+from nearharmonic.numerics.portable import PLATEAU, Bools, Floats, line_slope, mean
 from nearharmonic.output.dataset import double_runs
 from nearharmonic_paper.claims.claim import Decide, Decision, Verdict, combined
 from nearharmonic_paper.claims.results import Results, label, once, require, short

@@ -20,8 +20,7 @@ from nearharmonic.engine.tangent import tangent
 from nearharmonic.engine.trajectory import integrate, sweep
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators as registered
-from nearharmonic.numerics.portable import Floats
-from nearharmonic.numerics.statistics import power_law, quasi_random
+from nearharmonic.numerics.portable import Floats, power_law, quasi_random
 from nearharmonic.output.answers import printed
 from nearharmonic.output.page import pipes
 from nearharmonic.output.store import groups_of, read

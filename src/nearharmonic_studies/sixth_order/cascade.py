@@ -11,7 +11,7 @@ import numpy as np
 from mpmath import mp, mpf
 
 from nearharmonic.integrators.tableau import First, Tableau
-from nearharmonic.numerics.search import RandomStarts, distinct
+from nearharmonic.numerics.compiled import RandomStarts, distinct
 from nearharmonic.output.table import progress
 from nearharmonic.training.objective import tableau_of
 from nearharmonic_studies.sixth_order.criterion import (

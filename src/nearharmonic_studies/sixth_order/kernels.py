@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nearharmonic.core.machine.reals import jit
+from nearharmonic.core.reals import jit
+from nearharmonic.numerics.compiled import Damping, iteration, levenberg_step
 from nearharmonic.numerics.portable import Bools
-from nearharmonic.numerics.search import Damping, iteration, levenberg_step
 from nearharmonic_studies.sixth_order.criterion import (
     ANHARMONICITY,
     FARTHEST,

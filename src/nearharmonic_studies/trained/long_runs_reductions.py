@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from nearharmonic.integrators import integrators
-from nearharmonic.numerics.statistics import student_975
+from nearharmonic.numerics.portable import student_975
 from nearharmonic.output.dataset import described
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table

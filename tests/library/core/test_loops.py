@@ -11,9 +11,9 @@ import pytest
 from mpmath import mp, mpf, workdps
 
 import nearharmonic as nh
-from nearharmonic.core.formulas import expression as size
-from nearharmonic.core.formulas.expression import Graph, value_of
-from nearharmonic.core.large.terms import LoopedEnergy, runs
+from nearharmonic.core import expression as size
+from nearharmonic.core.expression import Graph, value_of
+from nearharmonic.core.terms import LoopedEnergy, runs
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.math import array, atan2, cos, exp, sin, sqrt, sum
 from support.oracles.multiprecision import digits_of, trajectory

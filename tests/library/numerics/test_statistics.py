@@ -8,7 +8,7 @@ import xarray as xr
 from scipy.stats import linregress
 from scipy.stats import t as student
 
-from nearharmonic.numerics.statistics import (
+from nearharmonic.numerics.portable import (
     jackknife_interval,
     line_fit,
     linear_trend,

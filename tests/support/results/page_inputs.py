@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import xarray as xr
 
-from nearharmonic.core.formulas.number import FUNCTIONS
+from nearharmonic.core.number import FUNCTIONS
 from nearharmonic.output import store
 from nearharmonic.output.dataset import variable
 from nearharmonic.recommendation.measure import variables

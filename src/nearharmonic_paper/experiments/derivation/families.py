@@ -14,7 +14,7 @@ from nearharmonic.exact.newton import Proof, prove, rank_and_pivots
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.nielsen_2015 import TABLEAUS
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.search import RandomStarts
+from nearharmonic.numerics.compiled import RandomStarts
 from nearharmonic.output.table import progress
 from nearharmonic_paper.experiments.derivation.conditions import (
     Equations,

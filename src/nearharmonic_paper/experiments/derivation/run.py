@@ -11,7 +11,7 @@ from typing import Any
 
 from mpmath import mp, mpf
 
-from nearharmonic.numerics.search import RandomStarts
+from nearharmonic.numerics.compiled import RandomStarts
 from nearharmonic.output.table import Table, progress
 from nearharmonic_paper.experiments.derivation import tables
 from nearharmonic_paper.experiments.derivation.conditions import Equations

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from nearharmonic.core.machine.reals import jit
+from nearharmonic.core.reals import jit
+from nearharmonic.numerics.compiled import Damping, RandomStarts, distinct, iteration, marquardt_step
 from nearharmonic.numerics.portable import Bools, Floats
-from nearharmonic.numerics.search import Damping, RandomStarts, distinct, iteration, marquardt_step
 from nearharmonic.output.table import progress
 from nearharmonic_paper.experiments.derivation.conditions import Equations
 

@@ -21,8 +21,7 @@ from nearharmonic.engine.variation import tangent_system
 from nearharmonic.integrators import integrators, nielsen_2015, yoshida_1990
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import log
-from nearharmonic.numerics.portable import Floats, dot
-from nearharmonic.numerics.statistics import mean, student_975
+from nearharmonic.numerics.portable import Floats, dot, mean, student_975
 from nearharmonic.output.dataset import Contents, Variables, coordinate, variable
 from nearharmonic.systems import System, henon_heiles, sho
 from nearharmonic.systems.quantities import Vector

@@ -15,8 +15,8 @@ import xarray as xr
 from nearharmonic.engine import invariants
 from nearharmonic.engine.description import SINCE
 from nearharmonic.integrators import integrators
-from nearharmonic.numerics.statistics import linear_trend, trend_linearity
-from nearharmonic.numerics.statistics import observed_order as order_of_curve
+from nearharmonic.numerics.portable import linear_trend, trend_linearity
+from nearharmonic.numerics.portable import observed_order as order_of_curve
 from nearharmonic.output.dataset import described
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import Any
 
-from nearharmonic.core.machine import disk
+from nearharmonic.core import disk
 from nearharmonic.exact.decimals import fixed_point
 from nearharmonic.integrators import forest_ruth_1990, plain_integrators
 from nearharmonic.integrators import integrators as methods_by_name

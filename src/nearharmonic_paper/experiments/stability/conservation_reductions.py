@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.portable import norms
-from nearharmonic.numerics.statistics import line_fit
+from nearharmonic.numerics.portable import line_fit, norms
 from nearharmonic.output.dataset import coordinate, described, method_coordinates
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table

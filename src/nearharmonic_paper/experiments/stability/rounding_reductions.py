@@ -14,8 +14,7 @@ import numpy as np
 import xarray as xr
 
 from nearharmonic.math import log
-from nearharmonic.numerics.portable import Floats, dot
-from nearharmonic.numerics.statistics import jackknife_interval, mean
+from nearharmonic.numerics.portable import Floats, dot, jackknife_interval, mean
 from nearharmonic.output.dataset import described
 from nearharmonic.output.table import Table
 from nearharmonic_paper.experiments.stability.ensembles import read_runs

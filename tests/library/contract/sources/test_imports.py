@@ -17,7 +17,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError, UnknownNameError
-from nearharmonic.registry.registry import Registry
+from nearharmonic.registry import Registry
 
 SOURCES = Path(nh.__file__).parents[1]
 

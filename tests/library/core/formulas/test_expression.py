@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from mpmath import mpf
 
 from nearharmonic.core.arithmetic import sqrt
-from nearharmonic.core.formulas.expression import Expression, Graph, Sum, gradient, hessian_vector, value_of
-from nearharmonic.core.formulas.number import Constant, FormulaError
-from nearharmonic.core.formulas.program import is_quadratic, program, shortest_program
+from nearharmonic.core.expression import Expression, Graph, Sum, gradient, hessian_vector, value_of
+from nearharmonic.core.number import Constant, FormulaError
+from nearharmonic.core.program import is_quadratic, program, shortest_program
 from support.oracles.random_formulas import EVERY, EXACT, LARGE, LITERALS, mpmaths, randomly, trees, truth, written
 
 #: Digits, the step of differences, and how far values may differ: a central difference is off by STEP^2 = 1e-80 of the

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.formulas.number import Constant, Number, constant
+from nearharmonic.core.number import Constant, Number, constant
 from nearharmonic.systems.gradients import Multiprecision
 
 

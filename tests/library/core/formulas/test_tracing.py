@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from mpmath import mpf
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.formulas.number import Constant
-from nearharmonic.core.formulas.tracing import Double, DoubleDouble
+from nearharmonic.core.number import Constant
+from nearharmonic.core.tracing import Double, DoubleDouble
 from nearharmonic.systems import System
 from nearharmonic.systems.gradients import DIGITS, Multiprecision, velocity
 from support.methods.function_arguments import compiled

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from gmpy2 import mpfr
 
-from nearharmonic.core.formulas.number import FUNCTIONS
+from nearharmonic.core.number import FUNCTIONS
 from support.methods.function_arguments import arguments, evaluated, in_double, in_extended, pairs, same_bits
 
 NAMES = sorted(FUNCTIONS)

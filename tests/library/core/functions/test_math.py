@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import nearharmonic.math as functions
-from nearharmonic.core.formulas.number import FUNCTIONS, PI, Constant, FormulaError
+from nearharmonic.core.number import FUNCTIONS, PI, Constant, FormulaError
 from nearharmonic.systems.gradients import Multiprecision
 from support.methods.function_arguments import arguments, compiled, evaluated, in_double, in_extended, same_bits
 from support.oracles.random_formulas import mpmaths

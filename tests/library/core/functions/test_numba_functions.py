@@ -13,17 +13,17 @@ import pytest
 from llvmlite import ir
 
 import nearharmonic as nh
-from nearharmonic.core.formulas.emission import module_of
-from nearharmonic.core.formulas.tracing import Rules
-from nearharmonic.core.machine.numba_functions import NumbaFunctionError, compiled_code
+from nearharmonic.core.emission import kinds_of, module_of
+from nearharmonic.core.reals import NumbaFunctionError, compiled_code
+from nearharmonic.core.tracing import Rules
 from nearharmonic.engine.kernels import formulas_digest, physics_of
 from support.methods.numba_potentials import walled
 
 #: In another order and with other counters, behind a loop that numba did not optimise.
 ELSEWHERE = """
 from nearharmonic.core.layout import BEGIN
-from nearharmonic.core.machine.link import loops
-loops(lambda rows: None, BEGIN)
+from nearharmonic.core.kernel import compiled_loops
+compiled_loops(lambda rows: None, BEGIN)
 import nearharmonic as nh
 from support.methods import numba_potentials
 V, grad_V = numba_potentials.walled([1.0, 2.0, 3.0])
@@ -59,9 +59,9 @@ def test_digest_covers_arrays_in_closures_of_functions_that_are_called(walls):
 
 def test_types_that_numba_knows_leave_digests_alone():
     rules = Rules(physics_of(nh.systems["sho"]), extended=True, compensated=True)
-    before = str(module_of(rules, 1, ()))
+    before = str(module_of(rules, kinds_of(rules, 1), ()))
     ir.global_context.get_identified_type("test.type").set_body(ir.DoubleType())
-    assert str(module_of(rules, 1, ())) == before
+    assert str(module_of(rules, kinds_of(rules, 1), ())) == before
 
 
 whole = numba.njit(lambda q: np.sum(q * q) / 2)

@@ -17,10 +17,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from llvmlite import ir
 
 import nearharmonic as nh
+from nearharmonic.core import disk, kernel, native
 from nearharmonic.core.layout import Signature, floats
-from nearharmonic.core.machine import disk, link, native
+from nearharmonic.core.values import Kinds
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import CompiledCodeError
@@ -29,16 +31,20 @@ DOT = Signature((floats("factor"), floats("a", "n"), floats("b", "n")), result="
 A, B = np.array([1.0, 2.0]), np.array([3.0, 4.0])
 
 
+def alone(function):
+    return kernel.linked_code(*kernel.compiled_loops(function, DOT), ir.Module(), Kinds(1, 1, 1))
+
+
 @pytest.fixture(scope="module")
 def right():
     """Symbol and object code of a function of ``DOT``: factor a.b."""
-    return link.alone(*link.loops(lambda factor, a, b: factor * (a[0] * b[0] + a[1] * b[1]), DOT))
+    return alone(lambda factor, a, b: factor * (a[0] * b[0] + a[1] * b[1]))
 
 
 @pytest.fixture(scope="module")
 def planted():
     """Function with the name of another one and twice its value."""
-    return link.alone(*link.loops(lambda factor, a, b: 2 * factor * (a[0] * b[0] + a[1] * b[1]), DOT))
+    return alone(lambda factor, a, b: 2 * factor * (a[0] * b[0] + a[1] * b[1]))
 
 
 @pytest.fixture
@@ -73,7 +79,7 @@ FUZZ = """
 import pickle, sys
 from pathlib import Path
 import numpy as np
-from nearharmonic.core.machine import native
+from nearharmonic.core import native
 signature, code, place = pickle.loads(Path(sys.argv[1]).read_bytes())
 good = place.read_bytes()
 header = good.index(code[1])
@@ -107,7 +113,7 @@ LOAD = """
 import pickle, sys
 from pathlib import Path
 import numpy as np
-from nearharmonic.core.machine import native
+from nearharmonic.core import native
 signature, code = pickle.loads(Path(sys.argv[1]).read_bytes())
 print(native.native("dot", signature, lambda: code)(0.5, np.array([1.0, 2.0]), np.array([3.0, 4.0])))
 """
@@ -134,7 +140,7 @@ def test_new_code_that_fails_to_load_is_one_error(folder, right):
 
 @pytest.mark.slow
 def test_fault_of_compiled_code_is_not_blamed_on_systems_formulas(folder, monkeypatch):
-    monkeypatch.setattr(link, "linked", lambda *_: ("entry", b"no object file"))
+    monkeypatch.setattr(kernel, "linked_code", lambda *_: ("entry", b"no object file"))
     kernel_of.cache_clear()
     with pytest.raises(CompiledCodeError, match="no object file"):
         kernel_of(nh.systems["sho"], Numerics(width=2))
@@ -155,7 +161,7 @@ def test_code_that_many_want_at_once_is_compiled_once(folder, right):
 
 
 def test_a_killed_process_leaves_its_claim_to_the_next(folder, right):
-    claim = "from pathlib import Path; from nearharmonic.core.machine import disk\n"
+    claim = "from pathlib import Path; from nearharmonic.core import disk\n"
     claim += f"with disk.claimed(Path({str(folder / 'dot.kernel')!r})): print('claimed', flush=True); input()"
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen([sys.executable, "-c", claim], **pipes) as other:

@@ -8,11 +8,11 @@ import sys
 
 import pytest
 
-from nearharmonic.core.machine import disk
-from nearharmonic.core.machine.reals import jit
+from nearharmonic.core import disk
+from nearharmonic.core.reals import jit
 
 CALLEE = """
-from nearharmonic.core.machine.reals import jit
+from nearharmonic.core.reals import jit
 
 NUMBER = 2.0
 
@@ -21,7 +21,7 @@ def callee_of_a_test(x):
     return NUMBER * x
 """
 CALLER = """
-from nearharmonic.core.machine.reals import jit
+from nearharmonic.core.reals import jit
 from callee_of_a_test import callee_of_a_test
 
 @jit

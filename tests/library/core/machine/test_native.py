@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.core.formulas import expression as size
-from nearharmonic.core.formulas.emission import fingerprint
-from nearharmonic.core.formulas.number import FUNCTIONS
-from nearharmonic.core.formulas.tracing import Rules
-from nearharmonic.core.machine import link, native
-from nearharmonic.core.machine.disk import cache_folder
+from nearharmonic.core import expression as size
+from nearharmonic.core import kernel, native
+from nearharmonic.core.disk import cache_folder
+from nearharmonic.core.emission import fingerprint
+from nearharmonic.core.number import FUNCTIONS
+from nearharmonic.core.tracing import Rules
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.kernels import kernel_of, physics_of
 from nearharmonic.engine.settings import Numerics
@@ -64,9 +64,9 @@ def test_a_numba_that_must_not_compile_is_one_clear_error(tmp_path):
 @pytest.mark.slow
 def test_loops_are_compiled_once_where_nothing_can_be_kept(monkeypatch):
     monkeypatch.setenv("NEARHARMONIC_CACHE_DIR", "/proc/nearharmonic")  # read-only for root too
-    monkeypatch.setattr(link, "_MADE", {})
-    made, compiled = [], link.loops
-    monkeypatch.setattr(link, "loops", lambda *given: made.append(given[0].__name__) or compiled(*given))
+    monkeypatch.setattr(kernel, "_MADE", {})
+    made, compiled = [], kernel.compiled_loops
+    monkeypatch.setattr(kernel, "compiled_loops", lambda *given: made.append(given[0].__name__) or compiled(*given))
     for system in ("sho", "henon_heiles"):
         run(nh.systems[system])
     assert sorted(made) == ["advance", "begin", "run"]

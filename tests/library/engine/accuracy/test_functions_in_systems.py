@@ -10,7 +10,7 @@ import pytest
 from mpmath import mpf
 
 import nearharmonic as nh
-from nearharmonic.core.formulas.number import FUNCTIONS, Constant
+from nearharmonic.core.number import FUNCTIONS, Constant
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.math import atan2, cbrt, cos, cosh, erf, exp, hypot, log, pi, pow, sin, sinh, sqrt, tan, tanh

@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from nearharmonic.core.machine.reals import jit
-from nearharmonic.numerics.search import Damping, iteration, levenberg_step, marquardt_step
+from nearharmonic.core.reals import jit
+from nearharmonic.numerics.compiled import Damping, iteration, levenberg_step, marquardt_step
 
 STEPS = pytest.mark.parametrize("step_of", [levenberg_step, marquardt_step])
 #: Newton's method with a damping that adapts, to residuals that doubles resolve.

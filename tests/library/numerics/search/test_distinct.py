@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from nearharmonic.numerics.search import distinct
+from nearharmonic.numerics.compiled import distinct
 
 
 def test_points_near_an_earlier_one_are_counted_and_not_kept():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from nearharmonic.numerics.search import RandomStarts
+from nearharmonic.numerics.compiled import RandomStarts
 from nearharmonic_paper.experiments.derivation.conditions import Equations
 from nearharmonic_paper.experiments.derivation.families import solve
 

@@ -15,7 +15,7 @@ from mpmath import cbrt, mp, mpf
 
 from nearharmonic.exact.newton import Proof, prove
 from nearharmonic.integrators import integrators
-from nearharmonic.numerics.search import RandomStarts
+from nearharmonic.numerics.compiled import RandomStarts
 from nearharmonic_paper.experiments.derivation import families as isolated
 from nearharmonic_paper.experiments.derivation.conditions import (
     Equations,

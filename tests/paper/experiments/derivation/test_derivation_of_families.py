@@ -13,7 +13,7 @@ from mpmath import mpf
 from nearharmonic.engine.trajectory import sweep
 from nearharmonic.exact.newton import rank_and_pivots
 from nearharmonic.integrators import integrators
-from nearharmonic.numerics.search import RandomStarts
+from nearharmonic.numerics.compiled import RandomStarts
 from nearharmonic.theory.oscillator import harmonic_energy_error
 from nearharmonic_paper.experiments.derivation.conditions import Equations, polish
 from nearharmonic_paper.experiments.derivation.families import PRINTED, UNIQUE, printed_point, rank_printed, reach

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mpmath import findroot, mpf
 
-from nearharmonic.numerics.statistics import quasi_random
+from nearharmonic.numerics.portable import quasi_random
 from nearharmonic_paper.experiments.stability.run import henon_heiles_surface, kepler_apoapsis
 
 SURFACES = [Fraction(1, 24), Fraction(1, 12), Fraction(1, 8), Fraction(1, 6)]

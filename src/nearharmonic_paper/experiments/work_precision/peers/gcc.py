@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from nearharmonic.core.formulas.number import Constant, vector
+from nearharmonic.core.number import Constant, vector
 from nearharmonic.integrators import nielsen_2015
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems.gradients import SourceTracer

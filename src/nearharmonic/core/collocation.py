@@ -1,4 +1,4 @@
-"""Steps of a collocation method for the loops of :mod:`nearharmonic.core.loops.advance`: one move is a whole step."""
+"""Steps of a collocation method, for states that are points or in memory: one move is a whole step."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ from typing import Any
 
 from nearharmonic.core.arithmetic import dd_add, dd_mul, fma
 from nearharmonic.core.layout import FAILED, ITERATIONS, READY, Form, Motion
-from nearharmonic.core.machine.reals import (
+from nearharmonic.core.reals import (
     POINT,
+    REAL,
     STAGES,
+    absolute,
     all_greater,
     all_zero,
     compiled,
@@ -25,8 +27,7 @@ from nearharmonic.core.machine.reals import (
     where_zero,
     zero_like,
 )
-from nearharmonic.core.points import load_state, store_state, with_time
-from nearharmonic.core.step import compensated, plain
+from nearharmonic.core.step import compensated, load_rows, load_state, plain, save_rows, store_state, with_time
 
 # --- Fixed-point iteration on the forces at the stages of a step, to the rounding of the arithmetic.
 #
@@ -162,7 +163,7 @@ def iteration(form: Form, forces_behind: Any) -> Any:
     return solve
 
 
-# --- Steps of a collocation method for the loops of :mod:`nearharmonic.core.loops.advance`: one move is a whole step.
+# --- Steps for states that are points.
 #
 # A state is (q, q_low, p, p_low, f, ready, iterations, failed): with f, the forces at the stages of the last step,
 # which are extrapolated to those of the next one where ``ready`` is 1. Coefficients and conditions of symplecticity
@@ -357,8 +358,26 @@ def _step(form: Form) -> Any:
     return step
 
 
+@compiled
+def _first(state, moves, parameters):  # type: ignore[no-untyped-def]
+    """No forces: a move finds those at its stages."""
+    return 0
+
+
+@compiled
+def _behind(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+    return 0
+
+
+@compiled
+def _last(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+    return 0, zero_like(load_real(moves, 0))
+
+
 def motion(form: Form) -> Motion:
     """Return the functions that the loops call."""
+    if form.large:
+        return _motion_in_memory(form)
     step = _step(form)
 
     @compiled
@@ -369,20 +388,8 @@ def motion(form: Form) -> Motion:
         return (q, q_low, p, p_low, f, *counters), load_state(rows, 0)
 
     @compiled
-    def first(state, moves, parameters):  # type: ignore[no-untyped-def]
-        return zero_like(state[5])
-
-    @compiled
     def move(state, row, f, parameters):  # type: ignore[no-untyped-def]
         return step(state, row, parameters)
-
-    @compiled
-    def behind(state, moves, row, parameters):  # type: ignore[no-untyped-def]
-        return zero_like(state[5])
-
-    @compiled
-    def last(state, moves, row, parameters):  # type: ignore[no-untyped-def]
-        return zero_like(state[5]), zero_like(state[5])
 
     @compiled
     def closed(state, row, f, parameters):  # type: ignore[no-untyped-def]
@@ -400,4 +407,184 @@ def motion(form: Form) -> Motion:
         q, q_low, p, p_low = seen
         store_state(rows, 0, q, q_low, p, p_low)
 
-    return Motion(load, first, move, behind, last, closed, save)
+    return Motion(load, _first, move, _behind, _last, closed, save)
+
+
+# --- Steps for states of many coordinates in memory.
+#
+# For each coordinate, its numbers at all stages are neighbours, and products with the matrices of the method are those
+# for one coordinate. Forces and velocities are evaluated for one stage after the other, at the running state.
+
+_force_at, _velocity_at, _scratch, _stages = map(linked_number, ("force_at", "velocity_at", "scratch", "stages"))
+_force, _velocities = linked("force", types.void), linked("velocities", types.void)
+_sum_of_stages = linked("summed", REAL)
+
+
+@compiled
+def _copy(rows, source, to):  # type: ignore[no-untyped-def]
+    for k in range(_dimension()):
+        rows[to + k] = rows[source + k]
+
+
+@compiled
+def _from_stage(rows, stages, j, to):  # type: ignore[no-untyped-def]
+    """Copy the numbers of one stage of all coordinates to the rows from ``to`` on."""
+    for k in range(_dimension()):
+        rows[to + k] = rows[stages + k * _stages() + j]
+
+
+@compiled
+def _to_stage(rows, source, stages, j):  # type: ignore[no-untyped-def]
+    for k in range(_dimension()):
+        rows[stages + k * _stages() + j] = rows[source + k]
+
+
+@compiled
+def _first_guess(rows, at):  # type: ignore[no-untyped-def]
+    """Replace the forces of the last step by a guess of those of the next one; they begin at row ``at``."""
+    d, s = _dimension(), _stages()
+    if rows[_counters() + READY] == 0:
+        _force(rows)
+        for j in range(s):
+            _to_stage(rows, _force_at(), at, j)
+        return
+    for k in range(d):
+        store(rows, at + k * s, _by_guess(load_stages(rows, at + k * s)))
+
+
+def _of_unit_masses(form: Form) -> tuple[Any, Any]:
+    """``positions(rows, h, at, places, start)`` and ``ended(rows, h, at, places, start)`` for T = p.p / 2.
+
+    The first puts the stages of the positions that follow from the forces at row ``at`` into ``places``; the second
+    moves the running state, from q and p in the rows from ``start`` on.
+    """
+    add = compensated if form.compensated else plain
+
+    @compiled
+    def positions(rows, h, at, places, start):  # type: ignore[no-untyped-def]
+        weights = _weights(-h)
+        for k in range(_dimension()):
+            first = k * _stages()
+            increments = weights * load_stages(rows, at + first)
+            drift = _times_nodes(load_real(rows, start + _dimension() + k) + zero_like(increments))
+            store(rows, places + first, fma(h, drift + _by_position(increments), load_real(rows, start + k)))
+
+    @compiled
+    def ended(rows, h, at, places, start):  # type: ignore[no-untyped-def]
+        d, running, weights = _dimension(), _running(), _weights(-h)
+        for k in range(d):
+            increments = weights * load_stages(rows, at + k * _stages())
+            q, p = load_real(rows, start + k), load_real(rows, start + d + k)
+            drift = p + _sum_of_stages(_times_rest(increments))
+            q, q_low = add(q, load_real(rows, running + d + k), h, drift)
+            p, p_low = add(p, load_real(rows, running + 3 * d + k), 1.0, _sum_of_stages(increments))
+            store_state(rows, running + k, q, q_low, p, p_low)
+
+    return positions, ended
+
+
+def _of_masses(form: Form) -> tuple[Any, Any]:
+    """``positions`` and ``ended`` as above, for velocities that depend on all momenta."""
+    add, timed = compensated if form.compensated else plain, form.timed
+
+    @compiled
+    def drifts(rows, h, at, places, start):  # type: ignore[no-untyped-def]
+        d, s, momentum = _dimension(), _stages(), _running() + 2 * _dimension()
+        kicks, lengths = _weights(-h), _weights(h)
+        for k in range(d):
+            increments = _by_momentum(kicks * load_stages(rows, at + k * s))
+            store(rows, places + k * s, increments + load_real(rows, start + d + k))
+        for j in range(s):
+            _from_stage(rows, places, j, momentum)
+            _velocities(rows, _running())
+            _to_stage(rows, _velocity_at(), places, j)
+        for k in range(d):
+            store(rows, places + k * s, lengths * load_stages(rows, places + k * s))
+
+    @compiled
+    def positions(rows, h, at, places, start):  # type: ignore[no-untyped-def]
+        drifts(rows, h, at, places, start)
+        for k in range(_dimension()):
+            first = places + k * _stages()
+            store(rows, first, _by_momentum(load_stages(rows, first)) + load_real(rows, start + k))
+
+    @compiled
+    def ended(rows, h, at, places, start):  # type: ignore[no-untyped-def]
+        d, running, kicks = _dimension(), _running(), _weights(-h)
+        drifts(rows, h, at, places, start)
+        for k in range(d):
+            first = k * _stages()
+            q, p = load_real(rows, start + k), load_real(rows, start + d + k)
+            q_low = load_real(rows, running + d + k)
+            if timed and k == d - 1:
+                q, q_low = compensated(q, q_low, h, 1.0)
+            else:
+                q, q_low = add(q, q_low, 1.0, _sum_of_stages(load_stages(rows, places + first)))
+            increments = kicks * load_stages(rows, at + first)
+            p, p_low = add(p, load_real(rows, running + 3 * d + k), 1.0, _sum_of_stages(increments))
+            store_state(rows, running + k, q, q_low, p, p_low)
+
+    return positions, ended
+
+
+def _solver(positions: Any) -> Any:
+    """``solve(rows, h, at, places, start)``: the number of iterations, and False if they failed."""
+    going, missed = continuing(extended=False), missing(extended=False)
+
+    @compiled
+    def solve(rows, h, at, places, start):  # type: ignore[no-untyped-def]
+        d, s = _dimension(), _stages()
+        nothing = zero_like(h)
+        size, before, change, failed, active, made = nothing, nothing, nothing, nothing, nothing + 1.0, 0
+        for i in range(d * s):
+            size = larger(absolute(load_real(rows, at + i)), size)
+        least, vain, scale = nothing + inf, nothing, size
+        while not all_zero(active) and made < MOST_ITERATIONS:
+            positions(rows, h, at, places, start)
+            latest = nothing
+            for j in range(s):
+                _from_stage(rows, places, j, _running())
+                _force(rows)
+                for k in range(d):
+                    f = load_real(rows, _force_at() + k)
+                    latest = larger(absolute(f - load_real(rows, at + k * s + j)), latest)
+                    if made == 0:
+                        scale = larger(absolute(f), scale)
+                    store(rows, at + k * s + j, f)
+            least, vain = counted(least, vain, latest)
+            active = going(active, size, before, change, latest, made, vain)
+            failed = missed(active, scale, before, change, latest, made)
+            made, before, change = made + 1, change, latest
+        return made, all_zero(failed)
+
+    return solve
+
+
+def _motion_in_memory(form: Form) -> Motion:
+    """As :func:`motion`, for states in memory."""
+    positions, ended = _of_unit_masses(form) if form.unit_masses else _of_masses(form)
+    solve = _solver(positions)
+
+    @compiled
+    def move(rows, row, f, parameters):  # type: ignore[no-untyped-def]
+        d, running, places, counters = _dimension(), _running(), _scratch(), _counters()
+        at, start = running + 5 * d, places + d * _stages()
+        _first_guess(rows, at)
+        _copy(rows, running, start)
+        _copy(rows, running + 2 * d, start + d)
+        made, is_solved = solve(rows, row[0], at, places, start)
+        ended(rows, row[0], at, places, start)
+        rows[counters + READY] = 1.0
+        rows[counters + ITERATIONS] += made
+        if not is_solved:
+            rows[counters + FAILED] += 1.0
+            rows[running] = nan
+        return rows
+
+    @compiled
+    def closed(rows, row, f, parameters):  # type: ignore[no-untyped-def]
+        for part in range(4):
+            _copy(rows, _running() + part * _dimension(), part * _dimension())
+        return rows
+
+    return Motion(load_rows, _first, move, _behind, _last, closed, save_rows)

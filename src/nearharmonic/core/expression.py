@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from nearharmonic.core.formulas.number import FUNCTIONS, Constant, FormulaError, Number
+from nearharmonic.core.number import FUNCTIONS, Constant, FormulaError, Number
 
 # --- Nodes of expressions, and their exact numbers.
 
@@ -49,7 +49,7 @@ class Product(NamedTuple):
 
 
 class Application(NamedTuple):
-    """A function of :data:`~nearharmonic.core.formulas.number.FUNCTIONS`, ``abs`` or ``sign``, of nodes."""
+    """A function of :data:`~nearharmonic.core.number.FUNCTIONS`, ``abs`` or ``sign``, of nodes."""
 
     function: str
     operands: tuple[int, ...]

@@ -8,7 +8,7 @@ from fractions import Fraction
 from heapq import heapify, heappop, heappush
 from typing import Any
 
-from nearharmonic.core.formulas.expression import (
+from nearharmonic.core.expression import (
     Application,
     Exact,
     Graph,
@@ -23,7 +23,7 @@ from nearharmonic.core.formulas.expression import (
     exact,
     modulus,
 )
-from nearharmonic.core.formulas.number import Constant
+from nearharmonic.core.number import Constant
 
 # --- Sequences of operations that run on numbers of any type.
 

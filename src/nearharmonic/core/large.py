@@ -1,31 +1,72 @@
-"""Machine code of formulas of many coordinates: an energy and its gradient as loops, and functions that call them."""
+"""Formulas of many coordinates as loops: an energy and its gradient, and functions that call them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from llvmlite import ir
+from numpy.typing import NDArray
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.collocation import formulas as stages
-from nearharmonic.core.formulas.number import Constant, applied
-from nearharmonic.core.formulas.program import Program
-from nearharmonic.core.formulas.tracing import DoubleDouble, LLVMValue, Physics, Rules, rounding_of
-from nearharmonic.core.large.memory import (
-    ConditionedDouble,
-    Index,
-    Kind,
-    LoopWriter,
-    Planes,
-    Variable,
-    is_consecutive,
-    is_constant,
-)
-from nearharmonic.core.large.terms import BLOCK, COORDINATES, LoopedEnergy, Places, Totals, Work
-from nearharmonic.core.layout import COUNTERS, TALLY, running_at, running_rows
-from nearharmonic.core.machine.values import DOUBLE, INDEX, Kinds, write_function, write_numbers
+from nearharmonic.core.emission import module_with, write_stages
+from nearharmonic.core.layout import BLOCK, COUNTERS, TALLY, running_at, running_rows
+from nearharmonic.core.number import Constant, applied
+from nearharmonic.core.program import Program
+from nearharmonic.core.terms import COORDINATES, LoopedEnergy, Places, Totals, Work
+from nearharmonic.core.tracing import Conditioned, Double, DoubleDouble, LLVMValue, Physics, Rules, rounding_of
+from nearharmonic.core.values import DOUBLE, INDEX, Index, Kinds, LoopWriter, Variable, write_function
+
+
+class ConditionedDouble(Conditioned):
+    """A double with its condition, which are two planes in memory."""
+
+    __slots__ = ()
+    parts = 2
+
+    @classmethod
+    def read(cls, value: LLVMValue, size: LLVMValue) -> ConditionedDouble:
+        """The number of these carriers."""
+        number = cls(Double(value))
+        number.size = Double(size)
+        return number
+
+    @classmethod
+    def of(cls, number: Constant, like: LLVMValue) -> ConditionedDouble:
+        return cls(Double.of(number, like))
+
+    @classmethod
+    def of_state(cls, high: LLVMValue, low: LLVMValue) -> ConditionedDouble:
+        return cls(Double(high))
+
+    @property
+    def carriers(self) -> list[LLVMValue]:
+        return [self.value.carrier, self.size.carrier]
+
+
+#: Types of the numbers of loops.
+Kind = type[Double] | type[DoubleDouble] | type[ConditionedDouble]
+
+
+@dataclass(frozen=True)
+class Planes:
+    """Numbers in memory: the address of the first double, and the distance from one plane to the next in doubles."""
+
+    address: ir.Value
+    stride: int
+
+
+def is_consecutive(places: NDArray[np.int64]) -> bool:
+    """Return True if ``places`` ascend by 1."""
+    return len(places) > 1 and bool((np.diff(places) == 1).all())
+
+
+def is_constant(places: NDArray[np.int64]) -> bool:
+    """Return True if all ``places`` are equal."""
+    return bool((places == places[0]).all())
+
 
 # --- Machine code of an energy and its gradient as loops, for numbers of one kind.
 
@@ -268,11 +309,11 @@ def _function(name: str, x: Any, *others: Any) -> Any:
 
 # --- Formulas of many coordinates as functions of LLVM that read the rows of a kernel and store gradients behind them.
 #
-# :mod:`nearharmonic.core.large.state` calls them. The rows end with memory for intermediate results of the loops, see
+# :mod:`nearharmonic.core.step` calls them. The rows end with memory for intermediate results of the loops, see
 # :func:`room`.
 
 
-def room(physics: Physics, extended: bool) -> int:
+def room(physics: Physics, *, extended: bool) -> int:
     """Return the number of doubles behind the running state that the loops of a kernel store results in."""
     assert physics.loops is not None
     V, T = physics.loops
@@ -286,84 +327,64 @@ def _planes(V: LoopedEnergy, T: LoopedEnergy, extended: bool) -> int:
 
 
 def module_of(rules: Rules, kinds: Kinds, needed: Container[str]) -> ir.Module:
-    """Return a module with the functions of a system of many coordinates that loops of its form call."""
-    d = rules.physics.dimension
-    written = _Functions(rules, kinds, needed)
-    write_numbers(written.module, {
-        "dimension": d, "columns": rules.columns, "tally": 4 * d, "parameters": 4 * d + TALLY,
-        "running": written.running, "force_at": written.force_at, "force_plane": written.V.room,
-        "velocity_at": written.velocity_at, "velocity_plane": written.T.room,
-    })  # fmt: skip
-    written.write()
-    if rules.physics.stages is not None:
-        write_numbers(written.module, {
-            "counters": written.end - COUNTERS, "scratch": written.scratch, "stages": rules.physics.stage_count,
-        })  # fmt: skip
-        stages.write(written.module, rules, kinds, needed)
-    return written.module
+    """Return a module with the functions of a system of many coordinates that loops of its form call.
 
+    They read the running state or the output state. They are long, and therefore not inlined.
+    """
+    physics, d, number = rules.physics, rules.physics.dimension, rules.kind
+    assert physics.loops is not None
+    V, T = physics.loops
+    running = running_at(d, physics.parameters)
+    end, planes = running + running_rows(d, physics.stage_count), _planes(V, T, rules.extended)
+    force_at = -(-end // BLOCK) * BLOCK
+    velocity_at = force_at + planes * V.room
+    numbers = {
+        "dimension": d, "columns": rules.columns, "tally": 4 * d, "parameters": 4 * d + TALLY, "running": running,
+        "force_at": force_at, "force_plane": V.room, "velocity_at": velocity_at, "velocity_plane": T.room,
+    }  # fmt: skip
+    if physics.stages is not None:
+        scratch = -(-(velocity_at + planes * T.room) // BLOCK) * BLOCK
+        numbers |= {"counters": end - COUNTERS, "scratch": scratch, "stages": physics.stage_count}
+    module, real, nothing = module_with(numbers), kinds.of("R"), ir.VoidType()
 
-class _Functions:
-    """The functions of one module."""
+    def define(name: str, result: ir.Type, body: Callable[..., Any], *more: ir.Type) -> None:
+        if name in needed:
+            given = [DOUBLE.as_pointer(), *more]
+            write_function(module, name, given, result, lambda b, *x: body(LoopWriter(b), *x), inlined=False)
 
-    def __init__(self, rules: Rules, kinds: Kinds, needed: Container[str]) -> None:
-        physics, d = rules.physics, rules.physics.dimension
-        assert physics.loops is not None
-        self.rules, self.kinds, self.needed, (self.V, self.T) = rules, kinds, needed, physics.loops
-        self.running = running_at(d, physics.parameters)
-        self.end = self.running + running_rows(d, physics.stage_count)
-        planes = _planes(self.V, self.T, rules.extended)
-        self.force_at = -(-self.end // BLOCK) * BLOCK
-        self.velocity_at = self.force_at + planes * self.V.room
-        self.scratch = -(-(self.velocity_at + planes * self.T.room) // BLOCK) * BLOCK
-        self.module = ir.Module("formulas")
-
-    def write(self) -> None:
-        """Write the formulas of the system, for the running state or for the output state."""
-        real, nothing = self.kinds.of("R"), ir.VoidType()
-        number = self.rules.kind
-
-        def energies(writer: LoopWriter, rows: ir.Value) -> list[Any]:
-            T, V = (self._emission(writer, rows, energy, DoubleDouble).value() for energy in (self.T, self.V))
-            return [[x] for x in (*(T + V).pair, T.high, T.high.constant(0.0))]
-
-        def rounding(writer: LoopWriter, rows: ir.Value) -> list[Any]:
-            T, V = (self._emission(writer, rows, energy, ConditionedDouble).value() for energy in (self.T, self.V))
-            return [[x] for x in rounding_of(T, V)]
-
-        def gradient(writer: LoopWriter, rows: ir.Value) -> Any:
-            return self._emission(writer, rows, self.V, number, self.running).gradient().carriers[:1]
-
-        def velocities(writer: LoopWriter, rows: ir.Value, state: ir.Value) -> None:
-            self._emission(writer, rows, self.T, number, Index(writer.builder, state)).gradient()
-
-        def value(energy: LoopedEnergy) -> Callable[..., Any]:
-            return lambda writer, rows: self._emission(writer, rows, energy, number).value().carriers[:1]
-
-        self._define("force", nothing, gradient)
-        self._define("force_and_potential", real, gradient)
-        self._define("velocities", nothing, velocities, INDEX)
-        self._define("potential", real, value(self.V))
-        self._define("kinetic", real, value(self.T))
-        self._define("energy", ir.ArrayType(real, 2), lambda writer, rows: energies(writer, rows)[:2])
-        self._define("energies", ir.ArrayType(real, 4), energies)
-        if self.rules.quick_energy:
-            self._define("rounding", ir.ArrayType(real, 2), rounding)
-
-    def _define(self, name: str, result: ir.Type, body: Callable[..., Any], *more: ir.Type) -> None:
-        """Write a function of the rows; it is long, and therefore not inlined."""
-        if name in self.needed:
-            kinds = [DOUBLE.as_pointer(), *more]
-            write_function(
-                self.module, name, kinds, result, lambda builder, *x: body(LoopWriter(builder), *x), inlined=False
-            )
-
-    def _emission(
-        self, writer: LoopWriter, rows: ir.Value, energy: LoopedEnergy, kind: Kind, state: Any = 0
-    ) -> Emission:
-        """Return the writer of an energy for the state in the rows from ``state`` on."""
-        physics, d = self.rules.physics, self.rules.physics.dimension
-        first = writer.place(writer.place(rows, state), 2 * d if energy is self.T else 0)
-        at = self.force_at if energy is self.V else self.velocity_at
+    def emission(writer: LoopWriter, rows: ir.Value, energy: LoopedEnergy, kind: Kind, state: Any = 0) -> Emission:
+        """The writer of an energy for the state in the rows from ``state`` on."""
+        first = writer.place(writer.place(rows, state), 2 * d if energy is T else 0)
+        at = writer.place(rows, force_at if energy is V else velocity_at)
         given = [writer.load(writer.place(rows, 4 * d + TALLY + i), 1) for i in range(2 * physics.parameters)]
-        return Emission(writer, energy, kind, Planes(first, d), Planes(writer.place(rows, at), energy.room), given)
+        return Emission(writer, energy, kind, Planes(first, d), Planes(at, energy.room), given)
+
+    def energies(writer: LoopWriter, rows: ir.Value) -> list[Any]:
+        kinetic, potential = (emission(writer, rows, energy, DoubleDouble).value() for energy in (T, V))
+        return [[x] for x in (*(kinetic + potential).pair, kinetic.high, kinetic.high.constant(0.0))]
+
+    def rounding(writer: LoopWriter, rows: ir.Value) -> list[Any]:
+        kinetic, potential = (emission(writer, rows, energy, ConditionedDouble).value() for energy in (T, V))
+        return [[x] for x in rounding_of(kinetic, potential)]
+
+    def gradient(writer: LoopWriter, rows: ir.Value) -> Any:
+        return emission(writer, rows, V, number, running).gradient().carriers[:1]
+
+    def velocities(writer: LoopWriter, rows: ir.Value, state: ir.Value) -> None:
+        emission(writer, rows, T, number, Index(writer.builder, state)).gradient()
+
+    def value(energy: LoopedEnergy) -> Callable[..., Any]:
+        return lambda writer, rows: emission(writer, rows, energy, number).value().carriers[:1]
+
+    define("force", nothing, gradient)
+    define("force_and_potential", real, gradient)
+    define("velocities", nothing, velocities, INDEX)
+    define("potential", real, value(V))
+    define("kinetic", real, value(T))
+    define("energy", ir.ArrayType(real, 2), lambda writer, rows: energies(writer, rows)[:2])
+    define("energies", ir.ArrayType(real, 4), energies)
+    if rules.quick_energy:
+        define("rounding", ir.ArrayType(real, 2), rounding)
+    if physics.stages is not None:
+        write_stages(module, rules, kinds, needed)
+    return module

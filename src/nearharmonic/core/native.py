@@ -22,11 +22,11 @@ import numpy as np
 from llvmlite import binding
 from numpy.typing import NDArray
 
+from nearharmonic.core import disk
 from nearharmonic.core.layout import Argument, Scalar, Signature
-from nearharmonic.core.machine import disk
 from nearharmonic.errors import CompiledCodeError
 
-_SOURCES = sorted(Path(__file__).parents[1].rglob("*.py"))
+_SOURCES = sorted(Path(__file__).parent.rglob("*.py"))
 _KINDS: dict[Scalar, tuple[Any, np.dtype[Any]]] = {
     "int64": (ctypes.c_int64, np.dtype(np.int64)),
     "float64": (ctypes.c_double, np.dtype(np.float64)),

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.formulas.number import FUNCTIONS, Constant, Number, call, constant, scalar, vector
 from nearharmonic.core.layout import collocation_columns, columns, modified_columns
-from nearharmonic.core.machine.values import LLVMValue
+from nearharmonic.core.number import FUNCTIONS, Constant, Number, call, constant, scalar, vector
+from nearharmonic.core.values import LLVMValue
 
 if TYPE_CHECKING:
-    from nearharmonic.core.large.terms import LoopedEnergy
     from nearharmonic.core.layout import StageTable
-    from nearharmonic.core.machine.numba_functions import NumbaCode
+    from nearharmonic.core.reals import NumbaCode
+    from nearharmonic.core.terms import LoopedEnergy
 
 
 # --- Numbers that write machine code when the Python formulas of a system are called, once for each kernel.

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from nearharmonic.core.formulas.expression import (
+from nearharmonic.core.expression import (
     Application,
     Exact,
     Graph,
@@ -28,7 +28,8 @@ from nearharmonic.core.formulas.expression import (
     modulus,
     operations_of,
 )
-from nearharmonic.core.formulas.program import Program, shortest_program
+from nearharmonic.core.layout import BLOCK
+from nearharmonic.core.program import Program, shortest_program
 
 # --- The long sums of an expression and their terms; terms of one pattern have the same key.
 #
@@ -237,9 +238,6 @@ def _described(entries: Iterable[Entry], number: dict[int, int]) -> tuple[object
 
 Places = NDArray[np.int64]
 
-#: Number of repetitions in SIMD lanes: the doubles of the widest registers. The order of sums depends on it, so it is
-#: the same on every processor.
-BLOCK = 8
 #: Largest number of runs of neighbouring places with a loop each; if there are more, all places are looked up.
 MOST_RUNS = 4
 
