@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.commands.tailor import answer, arguments
+from nearharmonic.commands.choice import tailor_answer as answer
+from nearharmonic.commands.choice import tailor_arguments as arguments
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Numerics
 from nearharmonic.engine.tangent import tangent

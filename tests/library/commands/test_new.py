@@ -11,7 +11,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.cli import main
-from nearharmonic.commands import new
+from nearharmonic.commands import methods
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.integrators import integrators
 from nearharmonic.systems import systems
@@ -39,7 +39,7 @@ def method():
 
 
 def options_of(kind):
-    return OPTION.findall((new.TEMPLATES / f"{kind}.py").read_text())
+    return OPTION.findall((methods.TEMPLATES / f"{kind}.py").read_text())
 
 
 def with_option(place, option):
@@ -105,7 +105,7 @@ def test_each_optional_line_of_a_new_integrator_is_correct(method, option):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", new.KINDS)
+@pytest.mark.parametrize("kind", methods.KINDS)
 def test_the_command_that_the_answer_names_runs_the_new_file(kind, capsys, monkeypatch):
     if kind == "system":  # which all methods are tried on, and take ten times as long
         few = {name: integrators[name] for name in ("ruth", "aba864")}
@@ -168,5 +168,5 @@ def test_the_templates_are_part_of_the_package():
 
     root = Path(__file__).parents[3]
     data = tomllib.loads((root / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
-    assert data["nearharmonic.commands"] == [f"{new.TEMPLATES.name}/*"]
-    assert sorted(path.stem for path in new.TEMPLATES.glob("*.py")) == sorted(new.KINDS)
+    assert data["nearharmonic.commands"] == [f"{methods.TEMPLATES.name}/*"]
+    assert sorted(path.stem for path in methods.TEMPLATES.glob("*.py")) == sorted(methods.KINDS)

@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from nearharmonic.commands.recommend import ranking
+from nearharmonic.commands.choice import ranking
 from nearharmonic.errors import ResultFileError
 from nearharmonic.integrators import integrators
 from nearharmonic.output import store

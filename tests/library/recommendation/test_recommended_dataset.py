@@ -14,7 +14,7 @@ import pytest
 from mpmath import ldexp, mpf
 
 import nearharmonic as nh
-from nearharmonic.commands.recommend import ranking
+from nearharmonic.commands.choice import ranking
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
 from nearharmonic.recommendation import choices

@@ -143,7 +143,7 @@ def test_plots_draw_the_floor_where_errors_come_near_it():
 
 
 def test_a_recommendation_marks_errors_near_the_floor():
-    from nearharmonic.commands.recommend import ranking
+    from nearharmonic.commands.choice import ranking
     from nearharmonic.recommendation.choices import recommendation
     from nearharmonic.recommendation.question import question
 
