@@ -63,36 +63,22 @@ def recommend_answer(chosen: argparse.Namespace) -> Answer:
     from nearharmonic.recommendation.choices import recommendation, to_terminal
     from nearharmonic.recommendation.question import question
 
-    t_end: str | None = None
+    ends: dict[str, str] = {}
     results: str | None = str(RESULTS / "paper")
-    if chosen.config is not None:
-        t_end, results = _configured(chosen.system, Path(chosen.config))
+    if chosen.config is not None:  # its definitions are in the registries after this
+        from nearharmonic_paper.config.reading import read
+
+        config = read(Path(chosen.config))
+        ends, results = {sweep.system: sweep.t_end for sweep in config.sweeps}, str(RESULTS / config.name)
     methods = None if chosen.methods is None else [name.strip() for name in chosen.methods.split(",")]
-    asked = question(
-        chosen.system,
-        chosen.error,
-        measure=chosen.measure,
-        t_end=t_end if chosen.t_end is None else chosen.t_end,
-        methods=methods,
-        budget=None if chosen.budget is None else whole_number(chosen.budget, "budget"),
-    )
+    t_end = ends.get(chosen.system) if chosen.t_end is None else chosen.t_end
+    budget = None if chosen.budget is None else whole_number(chosen.budget, "budget")
+    asked = question(chosen.system, chosen.error, measure=chosen.measure, t_end=t_end, methods=methods, budget=budget)
     limit = LIMIT if chosen.limit is None else whole_number(chosen.limit, "limit")
     if methods is not None:  # which are those of this package
         results = None
     folder = results if chosen.results is None else chosen.results
     return ranking(recommendation(asked, folder, to_terminal if chosen.format == "table" else lambda _: None), limit)
-
-
-def _configured(system: str, place: Path) -> tuple[str | None, str]:
-    """Return the end of the interval that a config gives a system, None for its own, and the folder of the results.
-
-    The definitions of the config are then in the registries.
-    """
-    from nearharmonic_paper.config.reading import read
-
-    config = read(place)
-    ends = {sweep.system: sweep.t_end for sweep in config.sweeps}
-    return ends.get(system), str(RESULTS / config.name)
 
 
 def ranking(found: Recommendation, limit: int = LIMIT) -> Answer:
@@ -189,24 +175,20 @@ def tailor_arguments(parser: argparse.ArgumentParser) -> None:
 def tailor_answer(chosen: argparse.Namespace) -> Answer:
     """Return the test of the new method; the exit status is 1 if it has no gain over the registered methods."""
     from nearharmonic.engine.settings import whole_number
+    from nearharmonic.output.atomic import write_text
     from nearharmonic.training.question import question
-    from nearharmonic.training.tailor import tailored
+    from nearharmonic.training.tailor import file_text, tailored
 
     place = None if chosen.output is None else _target(chosen.output)
-    asked = question(
-        chosen.system,
-        stages=chosen.stages,
-        window=chosen.window,
-        error=chosen.error,
-        seconds=chosen.seconds,
-        trials=None if chosen.trials is None else whole_number(chosen.trials, "trials"),
-        starts=chosen.starts,
-        energy=chosen.energy,
-        seed=whole_number(chosen.seed, "seed"),
-    )
+    given = {name: getattr(chosen, name) for name in ("stages", "window", "error", "seconds", "starts", "energy")}
+    given["trials"] = None if chosen.trials is None else whole_number(chosen.trials, "trials")
+    asked = question(chosen.system, seed=whole_number(chosen.seed, "seed"), **given)
     with _progress() as show:
         found = tailored(asked, show)
-    written = _written(found, place)
+    written = None
+    if place is not None and found.has_gain:
+        write_text(place, file_text(found.tableau, place.stem))
+        written = place.as_posix()
     return Answer(
         header=HEADER,
         rows=list(_rows(found.test)),
@@ -233,17 +215,6 @@ def _target(output: str) -> Path:
     if not folder.is_dir():
         raise bad_setting("output", output, f"{folder} is no folder")
     return place
-
-
-def _written(found: Tailored, place: Path | None) -> str | None:
-    """Write the file and return its path; return None if there is no gain."""
-    if place is None or not found.has_gain:
-        return None
-    from nearharmonic.output.atomic import write_text
-    from nearharmonic.training.tailor import file_text
-
-    write_text(place, file_text(found.tableau, place.stem))
-    return place.as_posix()
 
 
 @contextmanager

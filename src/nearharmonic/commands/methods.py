@@ -17,7 +17,6 @@ from nearharmonic.output.answers import Answer, printed
 if TYPE_CHECKING:
     from nearharmonic.exchange.proof import Likeness, Order, Residual
     from nearharmonic.exchange.verdict import Verdict
-    from nearharmonic.integrators.tableau import Tableau
 
 
 # --- ``nearharmonic export``: coefficients of an integrator for another program, as data or as a running loop.
@@ -68,38 +67,26 @@ def _described(kind: str) -> list[dict[str, Any]]:
     """Return the facts of all members of one of :data:`LISTED`."""
     from nearharmonic import integrators
     from nearharmonic.systems import systems
-
-    if kind != "systems":
-        chosen = integrators if kind == "integrators" else getattr(integrators, kind)
-        return [_method(t) for t in chosen.values()]
-    return [
-        {
-            "kind": "system",
-            "name": s.name,
-            "label": s.label,
-            "coordinates": s.dimension,
-            "t_end": s.t_end,
-            "unit of t": s.units["t"],
-            "source": s.source,
-        }
-        for s in systems.values()
-    ]
-
-
-def _method(t: Tableau) -> dict[str, Any]:
     from nearharmonic.theory.order import harmonic_order
 
-    return {
-        "kind": "implicit integrator" if t.implicit else "modified integrator" if t.modified else "integrator",
-        "name": t.name,
-        "label": t.label,
-        "stages": t.stages,
-        "gradients": 0 if t.implicit else t.gradients,
-        "order": t.order,
-        "harmonic order": harmonic_order(t),
-        "first": "" if t.implicit else t.first,
-        "source": f"{t.source}; requires a {t.requires}" if t.requires else t.source,
-    }
+    if kind == "systems":
+        return [
+            {
+                "kind": "system", "name": s.name, "label": s.label, "coordinates": s.dimension, "t_end": s.t_end,
+                "unit of t": s.units["t"], "source": s.source,
+            }
+            for s in systems.values()
+        ]  # fmt: skip
+    chosen = integrators if kind == "integrators" else getattr(integrators, kind)
+    return [
+        {
+            "kind": "implicit integrator" if t.implicit else "modified integrator" if t.modified else "integrator",
+            "name": t.name, "label": t.label, "stages": t.stages, "gradients": 0 if t.implicit else t.gradients,
+            "order": t.order, "harmonic order": harmonic_order(t), "first": "" if t.implicit else t.first,
+            "source": f"{t.source}; requires a {t.requires}" if t.requires else t.source,
+        }
+        for t in chosen.values()
+    ]  # fmt: skip
 
 
 # --- ``nearharmonic new``: writes a commented Python file of a system or an integrator, which runs and can be edited.
@@ -178,18 +165,11 @@ _ORDERS = ("harmonic_order", "momentum_order", "energy_order", "phase_order")
 
 
 def verify_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "files",
-        metavar="file",
-        nargs="+",
-        help="a .json, .toml or .csv file with the rows kick and drift, and claims, or FILE.py of an integrator; "
-        "several files are read before the first is verified",
-    )
-    parser.add_argument(
-        "--degree",
-        metavar="K",
-        help="also prove the order for quadratic T and every polynomial V of degree K, such as 3 or 4",
-    )
+    files = "a .json, .toml or .csv file with the rows kick and drift, and claims, or FILE.py of an integrator; "
+    files += "several files are read before the first is verified"
+    degree = "also prove the order for quadratic T and every polynomial V of degree K, such as 3 or 4"
+    parser.add_argument("files", metavar="file", nargs="+", help=files)
+    parser.add_argument("--degree", metavar="K", help=degree)
 
 
 def verify_answer(chosen: argparse.Namespace) -> Answer:

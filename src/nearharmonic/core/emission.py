@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Mapping, Sequence
-from functools import lru_cache
+from functools import lru_cache, reduce
 from hashlib import sha256
 from typing import Any
 
@@ -135,6 +135,14 @@ def _write_formulas(module: ir.Module, rules: Rules, kinds: Kinds, needed: Conta
     def halves(entries: Entries) -> Any:
         return [entries[:d], entries[d:]] if rules.extended else entries
 
+    def of_state(formula: Callable[..., Entries], x: Sequence[Entries]) -> list[Entries]:
+        *points, c = x
+        return [[number] for number in formula([entry for point in points for entry in point], c)]
+
+    def pull(q: Entries, low: Entries, c: Entries) -> list[Entries]:
+        *force, V = rules.force_and_potential(q + low, c)
+        return [force, [V]]
+
     def velocity(p: Entries, low: Entries, c: Entries) -> Any:
         return halves(rules.flat(rules.velocity(p + low, c), p[0]))
 
@@ -145,14 +153,14 @@ def _write_formulas(module: ir.Module, rules: Rules, kinds: Kinds, needed: Conta
     else:
         define("velocity", rates, "PP", velocity)
     define("square", rates, "PP", lambda q, low, c: halves(rules.square(q + low, c)))
-    define("energy", ir.ArrayType(real, 2), "PPPP", lambda *x: _each(rules.energies(_joined(x), x[-1])[:2]))
-    define("energies", ir.ArrayType(real, 4), "PPPP", lambda *x: _each(rules.energies(_joined(x), x[-1])))
+    define("energy", ir.ArrayType(real, 2), "PPPP", lambda *x: of_state(rules.energies, x)[:2])
+    define("energies", ir.ArrayType(real, 4), "PPPP", lambda *x: of_state(rules.energies, x))
     if rules.quick_energy:
         found = ir.LiteralStructType([point, real])
-        define("force_and_potential", found, "PP", lambda q, low, c: _split(rules.force_and_potential(q + low, c)))
-        define("potential", real, "PP", lambda q, low, c: rules.potential(q + low, c))
+        define("force_and_potential", found, "PP", pull)
+        define("potential", real, "PP", lambda q, low, c: rules.force_and_potential(q + low, c)[-1:])
         define("kinetic", real, "P", lambda p, c: rules.kinetic(p + p, c))
-        define("rounding", ir.ArrayType(real, 2), "PPPP", lambda *x: _each(rules.rounding(_joined(x), x[-1])))
+        define("rounding", ir.ArrayType(real, 2), "PPPP", lambda *x: of_state(rules.rounding, x))
     if not all(moves := moving(rules)):
         define("moved", point, "PP", lambda new, old: [
             x if moves[i] else y for i, (x, y) in enumerate(zip(new, old, strict=True))
@@ -173,19 +181,6 @@ def _write_coefficient(module: ir.Module, rules: Rules, kinds: Kinds, column: in
         return [LLVMValue(builder, loaded(builder, array, at, kinds, kinds.real)) for at in places]
 
     write_function(module, f"turn{column}", [DOUBLE.as_pointer(), INDEX], kinds.of("P"), load)
-
-
-def _joined(numbers: Sequence[Entries]) -> Entries:
-    """The rows of a state, without the parameters that follow them."""
-    return [entry for point in numbers[:-1] for entry in point]
-
-
-def _each(numbers: Sequence[LLVMValue]) -> list[Entries]:
-    return [[number] for number in numbers]
-
-
-def _split(entries: Entries) -> list[Entries]:
-    return [entries[:-1], entries[-1:]]
 
 
 def maps_module(rules: Rules, maps: Any) -> ir.Module:
@@ -392,23 +387,16 @@ def _two_ranges(count: int) -> list[range]:
     return [places for places in (range(middle), range(middle, count)) if places]
 
 
-def _product_of_pairs(matrix: Matrix, x: tuple[LLVMValue, LLVMValue], kinds: Kinds) -> tuple[Any, Any]:
+def _product_of_pairs(matrix: Matrix, x: Sequence[LLVMValue], kinds: Kinds) -> tuple[Any, Any]:
     """A matrix times numbers of the stages, each a pair."""
-    total = None
-    for j in range(kinds.stages):
-        column = _constant_pair(x[0].builder, _column(matrix, j), kinds)
-        term = dd_mul(column, tuple(_from_stage(half, j, kinds) for half in x))  # type: ignore[arg-type]
-        total = term if total is None else dd_add(total, term)
-    assert total is not None
-    return total
+    columns = [_constant_pair(x[0].builder, _column(matrix, j), kinds) for j in range(kinds.stages)]
+    numbers = [(_from_stage(x[0], j, kinds), _from_stage(x[1], j, kinds)) for j in range(kinds.stages)]
+    return reduce(dd_add, map(dd_mul, columns, numbers))
 
 
-def _sum_of_pairs(builder: ir.IRBuilder, x: tuple[LLVMValue, LLVMValue], kinds: Kinds) -> tuple[Any, Any]:
-    found = [tuple(LLVMValue(builder, stage(builder, half.value, j, kinds)) for half in x) for j in range(kinds.stages)]
-    total: Any = found[0]
-    for pair in found[1:]:
-        total = dd_add(total, pair)  # type: ignore[arg-type]
-    return total[0], total[1]
+def _sum_of_pairs(builder: ir.IRBuilder, x: Sequence[LLVMValue], kinds: Kinds) -> tuple[Any, Any]:
+    terms = ([LLVMValue(builder, stage(builder, half.value, j, kinds)) for half in x] for j in range(kinds.stages))
+    return reduce(dd_add, ((high, low) for high, low in terms))
 
 
 def _both_halves(found: Sequence[tuple[Any, Any]]) -> list[list[Any]]:

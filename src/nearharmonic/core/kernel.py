@@ -322,7 +322,9 @@ def _entry(name: str, entry: str, signature: Signature, taken: Sequence[str]) ->
     builder = ir.IRBuilder(outer.append_basic_block())
     given = dict(zip(names, outer.args, strict=False))
     if signature.packed:
-        given = {n: _slot(builder, outer.args[0], i, k) for i, (n, k) in enumerate(zip(names, kinds, strict=True))}
+        slots = (builder.gep(outer.args[0], [INDEX(i)]) for i in range(len(names)))  # of 8 bytes each
+        pointers = (builder.bitcast(slot, kind.as_pointer()) for slot, kind in zip(slots, kinds, strict=True))
+        given = dict(zip(names, map(builder.load, pointers), strict=True))
     address = ir.IntType(8).as_pointer()
     returned = builder.alloca(result if signature.result else address)
     arguments = [returned, builder.alloca(address), *(given[name] for name in taken)]
@@ -333,8 +335,3 @@ def _entry(name: str, entry: str, signature: Signature, taken: Sequence[str]) ->
     else:
         builder.ret_void()
     return module
-
-
-def _slot(builder: ir.IRBuilder, block: ir.Value, number: int, kind: ir.Type) -> ir.Value:
-    """An argument in a block of arguments of 8 bytes each."""
-    return builder.load(builder.bitcast(builder.gep(block, [INDEX(number)]), kind.as_pointer()))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
@@ -14,10 +13,9 @@ from nearharmonic.core import arithmetic
 from nearharmonic.core.emission import module_with, write_stages
 from nearharmonic.core.layout import BLOCK, COUNTERS, TALLY, running_at, running_rows
 from nearharmonic.core.number import Constant, applied
-from nearharmonic.core.program import Program
 from nearharmonic.core.terms import COORDINATES, LoopedEnergy, Places, Totals, Work
-from nearharmonic.core.tracing import Conditioned, Double, DoubleDouble, LLVMValue, Physics, Rules, rounding_of
-from nearharmonic.core.values import DOUBLE, INDEX, Index, Kinds, LoopWriter, Variable, write_function
+from nearharmonic.core.tracing import Conditioned, Double, DoubleDouble, Physics, Rules, rounding_of
+from nearharmonic.core.values import DOUBLE, INDEX, Index, Kinds, LLVMValue, LoopWriter, Variable, write_function
 
 
 class ConditionedDouble(Conditioned):
@@ -50,8 +48,7 @@ class ConditionedDouble(Conditioned):
 Kind = type[Double] | type[DoubleDouble] | type[ConditionedDouble]
 
 
-@dataclass(frozen=True)
-class Planes:
+class Planes(NamedTuple):
     """Numbers in memory: the address of the first double, and the distance from one plane to the next in doubles."""
 
     address: ir.Value
@@ -61,11 +58,6 @@ class Planes:
 def is_consecutive(places: NDArray[np.int64]) -> bool:
     """Return True if ``places`` ascend by 1."""
     return len(places) > 1 and bool((np.diff(places) == 1).all())
-
-
-def is_constant(places: NDArray[np.int64]) -> bool:
-    """Return True if all ``places`` are equal."""
-    return bool((places == places[0]).all())
 
 
 # --- Machine code of an energy and its gradient as loops, for numbers of one kind.
@@ -96,19 +88,17 @@ class Emission:
         self.state, self.kept = state, kept
         self.parameters = list(zip(parameters[::2], parameters[1::2], strict=False))[: energy.parameters]
 
-    def value(self) -> Any:
-        """Compute the energy."""
-        for level in range(1, len(self.energy.levels)):
-            self._sums(level)
-        return self._total([self._loop(len(self.energy.levels), i, False) for i in range(len(self.energy.work[-1]))])
-
-    def gradient(self) -> Any:
-        """Store the gradient at the offset 0, and compute the energy."""
+    def value(self, with_derivatives: bool = False) -> Any:
+        """Compute the energy, and store the derivatives of the terms of its sum if they are wanted."""
         last = len(self.energy.levels)
         for level in range(1, last):
             self._sums(level)
-        value = self._total([self._loop(last, i, True) for i in range(len(self.energy.work[-1]))])
-        for level in range(last - 1, 0, -1):
+        return self._total([self._loop(last, i, with_derivatives) for i in range(len(self.energy.work[-1]))])
+
+    def gradient(self) -> Any:
+        """Store the gradient at the offset 0, and compute the energy."""
+        value = self.value(True)
+        for level in range(len(self.energy.levels) - 1, 0, -1):
             self._gradient_of(level)
             for i in range(len(self.energy.work[level - 1])):
                 self._loop(level, i, True)
@@ -139,10 +129,11 @@ class Emission:
         last, count = level == len(self.energy.levels), work.loop.count
         program = work.both if with_derivatives else work.value
         read = self._operands(work, level)
-        totals = [Variable(self.writer.builder, self.writer.zero(_width(count))) for _ in range(self.kind.parts)]
+        zero = self.writer.zero(BLOCK if count >= BLOCK else 1)
+        totals = [Variable(self.writer.builder, zero) for _ in range(self.kind.parts)]
         for first, width, again in self.writer.blocks(count):
             arguments = read(first, width, with_derivatives)
-            results = [self._number(x, width) for x in _run(program, arguments)]
+            results = [self._number(x, width) for x in program.run(arguments, lambda c: c, _function)]
             if with_derivatives:
                 for k, derivative in enumerate(results[:-1]):
                     self._keep(derivative, offsets[f"derivative {k}", level, number], first)
@@ -185,7 +176,7 @@ class Emission:
     def _loader(self, places: Places) -> Loader:
         """Return a function that loads the doubles at ``places`` behind an address."""
         writer = self.writer
-        if is_constant(places):
+        if (places == places[0]).all():
             return lambda address, _, width: writer.broadcast(
                 writer.load(writer.place(address, int(places[0])), 1), width
             )
@@ -285,20 +276,12 @@ class Emission:
         return self._joined(totals)
 
 
-def _width(count: int) -> int:
-    return BLOCK if count >= BLOCK else 1
-
-
 def _pairwise(numbers: Sequence[Any]) -> Any:
     """The pairwise sum of numbers, whose count is a power of two."""
     while len(numbers) > 1:
         half = len(numbers) // 2
         numbers = [a + b for a, b in zip(numbers[:half], numbers[half:], strict=True)]
     return numbers[0]
-
-
-def _run(program: Program, arguments: Sequence[Any]) -> tuple[Any, ...]:
-    return program.run(arguments, lambda c: c, _function)
 
 
 def _function(name: str, x: Any, *others: Any) -> Any:

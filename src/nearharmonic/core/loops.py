@@ -34,7 +34,6 @@ from nearharmonic.core.layout import (
     TOTAL_CARRY,
     WORST,
     Form,
-    Measured,
 )
 from nearharmonic.core.reals import (
     absolute,
@@ -264,12 +263,12 @@ def _tallied(worst, total, carry, latest):  # type: ignore[no-untyped-def]
     return larger(size, worst), new, carried + (total - new)
 
 
-def _measure(form: Form, given: Measured) -> Any:
+def _measure(form: Form) -> Any:
     """``measure(seen, height, kick_first, H0, rounding, parameters)``: H - H0, in double if that is accurate enough.
 
     ``height`` is V at the position of the last force: the final position if the step ends with a kick.
     """
-    energy, potential, kinetic = given.energy, given.potential, given.kinetic
+    energy, potential, kinetic = (step.measured(name, large=form.large) for name in ("energy", "potential", "kinetic"))
 
     @compiled
     def difference(high, low, H0):  # type: ignore[no-untyped-def]
@@ -297,7 +296,7 @@ def _measure(form: Form, given: Measured) -> Any:
 def advance(form: Form) -> Callable[..., Any]:
     """Return the function of :data:`nearharmonic.core.layout.ADVANCE`, to be compiled."""
     load, first, move, behind, last, closed, save = (collocation if form.stages else step).motion(form)
-    row_of, measure, quick = step.row_loader(form), _measure(form, step.measured(large=form.large)), form.quick
+    row_of, measure, quick = step.row_loader(form), _measure(form), form.quick
 
     def advance(count, stages, kick_first, moves, rows):  # type: ignore[no-untyped-def]
         tally, columns, parameters = _tally(), _columns(), load_parameters(rows, _parameters())
@@ -336,8 +335,8 @@ def advance(form: Form) -> Callable[..., Any]:
 
 def begin(*, large: bool, quick: bool) -> Callable[..., Any]:
     """Return the function of :data:`nearharmonic.core.layout.BEGIN`, to be compiled."""
-    given = step.measured(large=large)
-    energies, rounding, load_state = given.energies, given.rounding, step.load_state
+    energies, rounding = (step.measured(name, large=large) for name in ("energies", "rounding"))
+    load_state = step.load_state
 
     def begin(rows):  # type: ignore[no-untyped-def]
         tally, parameters = _tally(), load_parameters(rows, _parameters())

@@ -248,19 +248,14 @@ def _converted(pairs: Iterable[tuple[tuple[Argument, Any], Any]]) -> list[Any]:
     flat: list[Any] = []
     for (argument, kind), value in pairs:
         if not argument.dimensions:
-            flat.append(_number(argument, value))
+            number = value.place if isinstance(value, NativeFunction) else value
+            flat.append(float(number) if argument.scalar == "float64" else number)
             continue
         if value.dtype != kind or value.ndim != argument.dimensions or not value.flags.c_contiguous:
             message = f"expected a contiguous {kind} array of {argument.dimensions} dimensions"
             raise TypeError(f"{argument.name}: {message}")
         flat += [_place(value), *value.shape]
     return flat
-
-
-def _number(argument: Argument, value: Any) -> Any:
-    if isinstance(value, NativeFunction):
-        return value.place
-    return float(value) if argument.scalar == "float64" else value
 
 
 def _place(array: NDArray[Any]) -> int:

@@ -31,12 +31,6 @@ class FormulaError(TypeError):
     """An operation that formulas do not have; the message continues "V ..."."""
 
 
-class Value:
-    """Base class of ``Number``, which replaces a value while a formula is called."""
-
-    __slots__ = ()
-
-
 def constant(value: Any) -> Constant | None:
     """Return the exact number that a constant in a formula means, or None if ``value`` is not a real number.
 
@@ -57,12 +51,12 @@ def constant(value: Any) -> Constant | None:
 
 
 def power(base: Any, exponent: Any) -> Any:
-    """Return ``base`` (a :class:`Value` or :class:`Constant`) to a power.
+    """Return ``base`` (a :class:`Number` or :class:`Constant`) to a power.
 
     Integer and half-integer powers, up to :data:`LARGEST_POWER`, are products and roots; other powers are the function
     pow.
     """
-    if isinstance(exponent, Value):
+    if isinstance(exponent, Number):
         return applied("pow", base, exponent)
     value = constant(exponent)
     if value is None:
@@ -84,8 +78,8 @@ def power(base: Any, exponent: Any) -> Any:
 
 def applied(function: str, *operands: Any) -> Any:
     """Return a function of :data:`FUNCTIONS` of operands that are constants, or numbers of one type."""
-    numbers: list[Any] = [x for x in operands if isinstance(x, Value)]
-    values: list[Any] = [x if isinstance(x, Value) else constant(x) for x in operands]
+    numbers: list[Any] = [x for x in operands if isinstance(x, Number)]
+    values: list[Any] = [x if isinstance(x, Number) else constant(x) for x in operands]
     if any(x is None for x in values) or len({type(x) for x in numbers}) > 1:
         shown = ", ".join(type(x).__name__ for x in operands)
         raise FormulaError(f"calls {function} with operands of the types {shown}: {OPERATIONS}")
@@ -134,7 +128,7 @@ class Constant(Fraction):
         name = function.__name__
         if all(not getattr(x, "shape", ()) for x in operands):
             if name in _OPERATORS and method == "__call__":
-                return _OPERATORS[name](*(x if isinstance(x, Value) else constant(x) for x in operands))
+                return _OPERATORS[name](*(x if isinstance(x, Number) else constant(x) for x in operands))
             raise refusal(name)
         import numpy as np
 
@@ -222,11 +216,6 @@ FUNCTIONS: dict[str, tuple[Callable[..., Any], ...]] = {
 # evaluated in multiprecision) is a :class:`Number`. All of them accept the same formulas, and refuse others with the
 # same messages. A constant in a formula is exact: a float literal means the shortest decimal that it prints as.
 
-__all__ = [
-    "FUNCTIONS", "OPERATIONS", "PI", "ROOT_BITS", "Constant", "FormulaError", "Formulas", "Number", "applied", "call",
-    "constant", "in_mpfr", "power", "scalar", "vector",
-]  # fmt: skip
-
 #: The largest double.
 LARGEST = int(float_info.max)
 #: Message of Python for a tuple with too few components.
@@ -239,7 +228,7 @@ BRANCHES = (
 _ARGUMENTS = re.compile(r"\(\) (takes|missing|got) |is not callable$")
 
 
-class Number(Value):
+class Number:
     """A number that a formula is called with; its operators use a few operations that a subclass defines.
 
     A subclass defines ``_add``, ``_multiply`` and ``_divide`` of itself and another operand (of its own type or a
@@ -386,7 +375,7 @@ def _hint(system: Formulas, formula: str, error: Exception) -> str:
     if isinstance(error, TypeError) and "tuple" in str(error):
         return ": q and p are tuples, which nearharmonic.math.array makes arrays of"
     unsupported = (isinstance(error, TypeError) and not _ARGUMENTS.search(str(error))) or (
-        isinstance(error, AttributeError) and isinstance(error.obj, Value)
+        isinstance(error, AttributeError) and isinstance(error.obj, Number)
     )
     return f" ({OPERATIONS})" if unsupported else ""
 

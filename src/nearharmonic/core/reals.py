@@ -200,15 +200,16 @@ def where_zero(typing, x, yes, no):  # type: ignore[no-untyped-def]
     return _common(yes, no)(x, yes, no), _operation("where_zero")
 
 
-@intrinsic
-def all_within(typing, x, bound):  # type: ignore[no-untyped-def]
-    """True if x <= bound in every lane; False for a NaN."""
-    return types.boolean(x, bound), _operation("all_within")
+def _comparison(name: str) -> Any:
+    @intrinsic
+    def call(typing, x, bound):  # type: ignore[no-untyped-def]
+        return types.boolean(x, bound), _operation(name)
+
+    return call
 
 
-@intrinsic
-def all_greater(typing, x, bound):  # type: ignore[no-untyped-def]
-    return types.boolean(x, bound), _operation("all_greater")
+#: True if x <= bound, or x > bound, in every lane; False for a NaN.
+all_within, all_greater = map(_comparison, ("all_within", "all_greater"))
 
 
 @intrinsic
@@ -241,16 +242,17 @@ def _loader(kind: Numbers) -> Any:
 load_real, load_point, load_parameters, load_stages = map(_loader, (REAL, POINT, PARAMETERS, STAGES))
 
 
-@intrinsic
-def store(typing, array, row, value):  # type: ignore[no-untyped-def]
-    """Store a value in the rows from ``row`` on."""
-    return types.void(array, types.int64, value), _operation("store")
+def _storer(name: str) -> Any:
+    @intrinsic
+    def call(typing, array, row, value):  # type: ignore[no-untyped-def]
+        return types.void(array, types.int64, value), _operation(name)
+
+    return call
 
 
-@intrinsic
-def store_rest(typing, array, row, value):  # type: ignore[no-untyped-def]
-    """Store only the coordinates of a value behind the last full block."""
-    return types.void(array, types.int64, value), _operation("store_rest")
+#: ``store(array, row, value)`` stores a value in the rows from ``row`` on, ``store_rest`` only the coordinates of the
+#: value behind the last full block.
+store, store_rest = map(_storer, ("store", "store_rest"))
 
 
 def _star(given: Any) -> Any:

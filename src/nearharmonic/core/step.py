@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from nearharmonic.core.arithmetic import dd_add, dd_mul, fma
-from nearharmonic.core.layout import BLOCK, DRIFT, KICK, PRODUCT, REST, SQUARE, TURNS, Form, Measured, Motion
+from nearharmonic.core.layout import BLOCK, DRIFT, KICK, PRODUCT, REST, SQUARE, TURNS, Form, Motion
 from nearharmonic.core.reals import (
     POINT,
     REAL,
@@ -341,25 +341,9 @@ def _forces(form: Form) -> tuple[Any, Any, Any]:
     no effect and need not exist. For kicks of a modified potential, the gradient of the square follows the force if a
     lane needs it.
     """
-    without = _without(form)
+    modified, m = form.modified, SQUARE * form.parts
     force, square = linked("force", _rates(form)), linked("square", _rates(form))
-    force_and_potential = linked("force_and_potential", types.Tuple((POINT, REAL)))
-    m = SQUARE * form.parts
-    if not form.modified:
-
-        @compiled
-        def first(state, moves, parameters):  # type: ignore[no-untyped-def]
-            return without(load_real(moves, KICK), force(state[0], state[1], parameters))
-
-        @compiled
-        def behind(state, moves, row, parameters):  # type: ignore[no-untyped-def]
-            return force(state[0], state[1], parameters)
-
-        @compiled
-        def last(state, moves, row, parameters):  # type: ignore[no-untyped-def]
-            return force_and_potential(state[0], state[1], parameters)
-
-        return first, behind, last
+    force_and_potential, without = linked("force_and_potential", types.Tuple((POINT, REAL))), _without(form)
 
     @compiled
     def squared(state, f, needed, parameters):  # type: ignore[no-untyped-def]
@@ -369,22 +353,28 @@ def _forces(form: Form) -> tuple[Any, Any, Any]:
         return g
 
     @compiled
-    def first_pull(state, moves, parameters):  # type: ignore[no-untyped-def]
-        f = force(state[0], state[1], parameters)
-        g = squared(state, f, load_real(moves, m), parameters)
-        return without(load_real(moves, KICK), f), without(load_real(moves, KICK), g)
+    def with_square(state, f, moves, row, parameters):  # type: ignore[no-untyped-def]
+        if modified:
+            return f, squared(state, f, load_real(moves, row + _columns() - 1), parameters)
+        return f
 
     @compiled
-    def pull(state, moves, row, parameters):  # type: ignore[no-untyped-def]
-        f = force(state[0], state[1], parameters)
-        return f, squared(state, f, load_real(moves, row + _columns() - 1), parameters)
+    def first(state, moves, parameters):  # type: ignore[no-untyped-def]
+        c, f = load_real(moves, KICK), force(state[0], state[1], parameters)
+        if modified:
+            return without(c, f), without(c, squared(state, f, load_real(moves, m), parameters))
+        return without(c, f)
 
     @compiled
-    def last_pull(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+    def behind(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+        return with_square(state, force(state[0], state[1], parameters), moves, row, parameters)
+
+    @compiled
+    def last(state, moves, row, parameters):  # type: ignore[no-untyped-def]
         f, V = force_and_potential(state[0], state[1], parameters)
-        return (f, squared(state, f, load_real(moves, row + _columns() - 1), parameters)), V
+        return with_square(state, f, moves, row, parameters), V
 
-    return first_pull, pull, last_pull
+    return first, behind, last
 
 
 def _opened(form: Form, row_of: Any, move: Any) -> Any:
@@ -577,18 +567,18 @@ def _motion_in_memory(form: Form) -> Motion:
     return Motion(load_rows, first, move, behind, last, closed, save_rows)
 
 
-def measured(*, large: bool) -> Measured:
-    """Return the energies of states that are points, or of states in memory."""
-    pair = types.UniTuple(REAL, 2)
+def measured(name: str, *, large: bool) -> Any:
+    """Return ``f(seen, parameters)``, an energy of an output state that is of points or in memory.
 
-    def energy(name: str, kind: Any) -> Any:
-        function = linked(name, kind)
-        if large:
-            return compiled(lambda rows, parameters: function(rows))
-        if name == "potential":
-            return compiled(lambda seen, parameters: function(seen[0], seen[1], parameters))
-        if name == "kinetic":
-            return compiled(lambda seen, parameters: function(seen[2], parameters))
-        return compiled(lambda seen, parameters: function(*seen, parameters))
-
-    return Measured(*map(energy, Measured._fields, (pair, types.UniTuple(REAL, 4), pair, REAL, REAL)))
+    "energy" is H as a pair; "energies" are H as a pair, T, and 0; "rounding" is the rounding error of H in double,
+    absolute and relative; "potential" and "kinetic" are V and T in double.
+    """
+    numbers = {"potential": 1, "kinetic": 1, "energies": 4}.get(name, 2)
+    function = linked(name, REAL if numbers == 1 else types.UniTuple(REAL, numbers))
+    if large:
+        return compiled(lambda rows, parameters: function(rows))
+    if name == "potential":
+        return compiled(lambda seen, parameters: function(seen[0], seen[1], parameters))
+    if name == "kinetic":
+        return compiled(lambda seen, parameters: function(seen[2], parameters))
+    return compiled(lambda seen, parameters: function(*seen, parameters))

@@ -45,9 +45,6 @@ from nearharmonic.errors import bad_setting
 # computed in double-double. If the error of this product leaves two candidates for the nearest double, an exact sum of
 # all doubles decides. This is not rare: 7 tau / 24 is half-way between two doubles for many tau, and for a coefficient
 # with 76 decimals in place of 7/24 the product is very near to half-way.
-#
-# The module is separate from :mod:`nearharmonic.core.stepper` because these functions do not depend on a system and
-# are compiled once.
 
 #: Smallest number of bits that a double of a sum adds.
 BITS = 53
@@ -291,8 +288,7 @@ def recall(slots: Floats, table: Floats, flags: Floats, n: int, tau: float, move
 # --- Functions of numba that advance arrays by one step, for use inside other functions of numba.
 #
 # They call the machine code of kernels by its address. They use the stack or memory of their own, so that threads may
-# call them concurrently. The module is separate because it imports numba, which takes longer to load than most runs
-# take.
+# call them concurrently.
 
 #: What a step takes beside the step size.
 ARRAY = "writable, C-contiguous array of float64 with one dimension"

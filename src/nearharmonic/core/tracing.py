@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 # *called*, not parsed, they may use loops over components, ``sum`` and their own functions. Operations on constants
 # alone are exact. A formula cannot branch on a value.
 
-__all__ = ["Double", "DoubleDouble", "LLVMValue"]
-
 
 def _power_of_two(number: Constant) -> bool:
     top, bottom = abs(number.numerator), number.denominator
@@ -239,11 +237,6 @@ class Physics(Hamiltonian):
         """Stages of a collocation method that are solved together; 0 for any other method."""
         return 0 if self.stages is None else self.stages.stages
 
-    @property
-    def frequencies(self) -> int:
-        """Number of distinct frequencies of oscillators that are solved exactly."""
-        return 0 if self.turning is None else 1 + max(self.turning)
-
 
 class Conditioned(Number):
     """A number with the condition of the formula that computes it; ``value`` is a traced double, or of a subclass."""
@@ -343,9 +336,10 @@ class Rules:
         """Doubles in a row of coefficients."""
         if self.physics.modified is not None:
             return modified_columns(self.parts)
+        frequencies = 0 if self.physics.turning is None else 1 + max(self.physics.turning)
         if self.physics.stages is not None:
-            return collocation_columns(self.physics.stage_count, self.physics.frequencies)
-        return columns(self.physics.frequencies)
+            return collocation_columns(self.physics.stage_count, frequencies)
+        return columns(frequencies)
 
     @property
     def kind(self) -> type[Double] | type[DoubleDouble]:
@@ -363,17 +357,14 @@ class Rules:
 
     def flat(self, components: tuple[Any, ...], like: LLVMValue) -> Entries:
         """The components of a vector as carriers, one or two each; a constant becomes a carrier like ``like``."""
-        numbers = [(self.kind.of(x, like) if isinstance(x, Constant) else x).carriers for x in components]
+        kind: Any = self.kind
+        numbers = [(x if isinstance(x, kind) else kind.of(constant(x), like)).carriers for x in components]
         return [number[part] for part in range(self.parts) for number in numbers]
 
     def constants(self, parameters: Entries) -> tuple[Any, ...]:
         """The parameters in the precision of the state."""
         halves = [*parameters[::2], *parameters[1::2]]
         return self.physics.constants or self._numbers(halves, self.physics.parameters)
-
-    def exact_constants(self, parameters: Entries) -> tuple[Any, ...]:
-        pairs = zip(parameters[::2], parameters[1::2], strict=False)
-        return self.physics.constants or tuple(DoubleDouble(*pair) for pair in pairs)
 
     def force(self, position: Entries, parameters: Entries) -> Entries:
         together = self.physics.dimension > FEW_COORDINATES and self.physics.numba is None
@@ -391,7 +382,7 @@ class Rules:
         assert self.physics.modified is not None
         q = self._numbers(position, self.physics.dimension)
         found = call(self.physics, "V", self.physics.modified, q, *self.constants(parameters))
-        return self.flat(tuple(x if isinstance(x, Number) else constant(x) for x in found), position[0])
+        return self.flat(found, position[0])
 
     def velocity(self, momentum: Entries, parameters: Entries) -> tuple[Any, ...]:
         p = self._numbers(momentum, self.physics.dimension)
@@ -406,11 +397,7 @@ class Rules:
         """dV/dq followed by V in double; operations that both formulas share are computed once."""
         q = self._numbers(position, self.physics.dimension)
         found = call(self.physics, "V", self.physics.grad_V_and_V, q, *self.constants(parameters))
-        *gradient, V = (x if isinstance(x, Number) else constant(x) for x in found)
-        return self.flat(tuple(gradient), position[0]) + self.flat((V,), position[0])
-
-    def potential(self, position: Entries, parameters: Entries) -> Entries:
-        return self.force_and_potential(position, parameters)[-1:]
+        return self.flat(found[:-1], position[0]) + self.flat(found[-1:], position[0])
 
     def kinetic(self, momentum: Entries, parameters: Entries) -> Entries:
         p = self._numbers(momentum, self.physics.dimension)
@@ -418,7 +405,9 @@ class Rules:
 
     def energies(self, state: Entries, parameters: Entries) -> Entries:
         """H as a pair, T, and 0, of state + carry, in double-double for every precision of the run."""
-        half, d, constants = 2 * self.physics.dimension, self.physics.dimension, self.exact_constants(parameters)
+        half, d = 2 * self.physics.dimension, self.physics.dimension
+        constants: tuple[Any, ...] = self.physics.constants
+        constants = constants or tuple(map(DoubleDouble, parameters[::2], parameters[1::2]))
         q, p = (tuple(map(DoubleDouble, x[:d], x[d : 2 * d])) for x in (state, state[half:]))
         if self.physics.measured is not None:
             T, V = call(self.physics, "V", self.physics.measured, q, p, *constants)

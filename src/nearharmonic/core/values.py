@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from llvmlite import ir
 from numpy.typing import NDArray
@@ -144,8 +144,15 @@ def define(module: ir.Module, symbol: str, kinds: Kinds, result: str) -> None:
         found = [loaded(builder, values[0], at, kinds, x) for at, x in zip(places, kind.elements, strict=True)]
         builder.ret(packed(builder, found, kind))
     elif name.startswith("store"):
-        apart = kinds.stages if letters[2] == "S" else 1
-        _write_store(builder, values[0], values[1], values[2], kinds, apart, rest=name == "store_rest")
+        array, row, value = values
+        numbers, apart = _numbers_of(builder, value), kinds.stages if letters[2] == "S" else 1
+        if name == "store_rest":  # the coordinates behind the last full block
+            count = kinds.dimension % kinds.block
+            numbers = [builder.extract_element(numbers[0], ir.IntType(32)(i)) for i in range(count)]
+        for i, x in enumerate(numbers):
+            at = builder.add(row, INDEX(i * apart))
+            builder.store(x, _place(builder, array, at, kinds, x.type)).align = 8
+        builder.ret_void()
 
 
 def declare(
@@ -160,12 +167,14 @@ def declare(
 
 def _coordinates(builder: ir.IRBuilder, value: ir.Value, kind: ir.Type) -> list[ir.Value]:
     """The coordinates of a value; a single number is repeated for each coordinate of a value of ``kind``."""
-    numbers = (
-        [value] if value.type == DOUBLE else [builder.extract_value(value, i) for i in range(len(value.type.elements))]
-    )
+    numbers = [value] if value.type == DOUBLE else _numbers_of(builder, value)
     element = kind.elements[0]
     found = [x if x.type == element else in_every_lane(builder, x, element) for x in numbers]
     return found * len(kind.elements) if len(found) == 1 else found
+
+
+def _numbers_of(builder: ir.IRBuilder, value: ir.Value) -> list[ir.Value]:
+    return [builder.extract_value(value, i) for i in range(len(value.type.elements))]
 
 
 def in_every_lane(builder: ir.IRBuilder, x: ir.Value, vector: ir.Type) -> ir.Value:
@@ -211,30 +220,15 @@ def packed(builder: ir.IRBuilder, numbers: Any, kind: ir.Type) -> ir.Value:
     return value
 
 
-def _place(
-    builder: ir.IRBuilder, array: ir.Value, row: ir.Value, behind: int, kinds: Kinds, element: ir.Type
-) -> ir.Value:
-    first = builder.mul(builder.add(row, INDEX(behind)), INDEX(kinds.lanes))
-    return builder.bitcast(builder.gep(array, [first]), element.as_pointer())
+def _place(builder: ir.IRBuilder, array: ir.Value, row: ir.Value, kinds: Kinds, element: ir.Type) -> ir.Value:
+    return builder.bitcast(builder.gep(array, [builder.mul(row, INDEX(kinds.lanes))]), element.as_pointer())
 
 
 def loaded(builder: ir.IRBuilder, array: ir.Value, row: ir.Value, kinds: Kinds, element: ir.Type) -> ir.Value:
     """A number of this type that begins at a row."""
-    found = builder.load(_place(builder, array, row, 0, kinds, element))
+    found = builder.load(_place(builder, array, row, kinds, element))
     found.align = 8
     return found
-
-
-def _write_store(
-    builder: ir.IRBuilder, array: ir.Value, row: ir.Value, value: ir.Value, kinds: Kinds, apart: int, *, rest: bool
-) -> None:
-    """Store a value in rows, coordinates so many rows ``apart``, or only the coordinates behind the last full block."""
-    numbers = [builder.extract_value(value, i) for i in range(len(value.type.elements))]
-    if rest:
-        numbers = [builder.extract_element(numbers[0], ir.IntType(32)(i)) for i in range(kinds.dimension % kinds.block)]
-    for i, x in enumerate(numbers):
-        builder.store(x, _place(builder, array, row, i * apart, kinds, x.type)).align = 8
-    builder.ret_void()
 
 
 def write_numbers(module: ir.Module, numbers: Mapping[str, int]) -> None:
@@ -247,6 +241,7 @@ def write_numbers(module: ir.Module, numbers: Mapping[str, int]) -> None:
 Kind = TypeVar("Kind", bound="_Emitted")
 #: A method of a value and another, or a Python number.
 Binary = Callable[[Kind, Any], Kind]
+Comparison = Callable[["LLVMValue", "LLVMValue | float"], "LLVMMask"]
 
 
 def _broadcast(kind: ir.Type, number: float | int) -> ir.Constant:
@@ -285,6 +280,13 @@ def _reversed(name: str) -> Binary[Kind]:
 
     def method(self: Kind, other: Any) -> Kind:
         return self._made(name, self._operand(other), self.value)
+
+    return method
+
+
+def _comparison(relation: str) -> Comparison:
+    def method(self: LLVMValue, other: LLVMValue | float) -> LLVMMask:
+        return LLVMMask(self.builder, self.builder.fcmp_ordered(relation, self.value, self._operand(other)))
 
     return method
 
@@ -383,21 +385,11 @@ class LLVMValue(_Emitted):
     def bits(self) -> LLVMBits:
         return LLVMBits(self.builder, self.builder.bitcast(self.value, _with_lanes_of(self.value.type, INDEX)))
 
-    def _compare(self, relation: str, other: LLVMValue | float) -> LLVMMask:
-        return LLVMMask(self.builder, self.builder.fcmp_ordered(relation, self.value, self._operand(other)))
-
-    def less(self, other: LLVMValue | float) -> LLVMMask:
-        """self < other; every comparison except :meth:`undefined` is false for a NaN."""
-        return self._compare("<", other)
-
-    def greater(self, other: LLVMValue | float) -> LLVMMask:
-        return self._compare(">", other)
-
-    def at_least(self, other: LLVMValue | float) -> LLVMMask:
-        return self._compare(">=", other)
-
-    def equals(self, other: LLVMValue | float) -> LLVMMask:
-        return self._compare("==", other)
+    #: A comparison is false for a NaN.
+    less: ClassVar[Comparison] = _comparison("<")
+    greater: ClassVar[Comparison] = _comparison(">")
+    at_least: ClassVar[Comparison] = _comparison(">=")
+    equals: ClassVar[Comparison] = _comparison("==")
 
     def undefined(self) -> LLVMMask:
         return LLVMMask(self.builder, self.builder.fcmp_unordered("uno", self.value, self.value))
@@ -568,7 +560,7 @@ def write_function(
     function = declare(module, f"{PREFIX}{name}", given, result, inlined=inlined)
     builder = ir.IRBuilder(function.append_basic_block())
     arguments = [
-        [LLVMValue(builder, builder.extract_value(x, i)) for i in range(len(x.type.elements))]
+        [LLVMValue(builder, number) for number in _numbers_of(builder, x)]
         if isinstance(x.type, ir.BaseStructType)
         else x
         for x in function.args

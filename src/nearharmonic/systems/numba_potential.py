@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.core.number import Constant, Value
+from nearharmonic.core.number import Constant, Number
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.systems.energy import Components as Vector
@@ -62,7 +62,7 @@ class NumbaPotential:
 
     def _evaluated(self, formula: str, count: int, q: Vector, parameters: Vector) -> Vector:
         numbers = (*q, *parameters)
-        if any(isinstance(x, Value) for x in numbers):
+        if any(isinstance(x, Number) for x in numbers):
             emitted = _emitted(formula, count, tuple(q), parameters)
             if emitted is None:
                 raise SystemDefinitionError(

@@ -21,6 +21,8 @@ from nearharmonic.core.values import DOUBLE, INDEX, LLVMValue
 
 #: (arguments, results): one row of doubles for each part of an argument or result.
 ELEMENTWISE = Signature((floats("arguments", "rows", "count"), floats("results", "results_rows", "count")))
+#: Beginning of the names of compiled functions, which are others than those of the C library.
+PREFIX = "nearharmonic_"
 #: Lanes in which arrays are evaluated.
 LANES = 8
 Body = Callable[..., Sequence[LLVMValue]]
@@ -52,17 +54,17 @@ def elementwise(body: Body, rows: int, width: int, symbol: str = "elementwise") 
 def of_numbers(name: str) -> Callable[..., float]:
     """The function ``name`` of floats, from the cache of compiled code or compiled into it."""
     count = len(FUNCTIONS[name])
-    signature = Signature(tuple(floats(f"x{i}") for i in range(count)), "float64")
+    signature, symbol = Signature(tuple(floats(f"x{i}") for i in range(count)), "float64"), f"{PREFIX}{name}"
 
     def make() -> tuple[str, bytes]:
         from nearharmonic.core.functions import double
 
         module = ir.Module()
-        function = ir.Function(module, ir.FunctionType(DOUBLE, [DOUBLE] * count), name_in_c(name))
+        function = ir.Function(module, ir.FunctionType(DOUBLE, [DOUBLE] * count), symbol)
         builder = ir.IRBuilder(function.append_basic_block())
         result = double.FUNCTIONS[name](*(LLVMValue(builder, x) for x in function.args))
         builder.ret(result.value)
-        return name_in_c(name), object_code(binding.parse_assembly(str(module)))
+        return symbol, object_code(binding.parse_assembly(str(module)))
 
     address = native(f"number-{name}-{code_key()}", signature, make).address
     # called without a signature, whose conversion of arguments takes ten times as long as a sine
@@ -74,14 +76,9 @@ def _of_arrays(name: str) -> Callable[..., None]:
     def make() -> tuple[str, bytes]:
         from nearharmonic.core.functions import double  # slower to load than the cached machine code
 
-        return elementwise(lambda *x: [double.FUNCTIONS[name](*x)], len(FUNCTIONS[name]), LANES, name_in_c(f"{name}s"))
+        return elementwise(lambda *x: [double.FUNCTIONS[name](*x)], len(FUNCTIONS[name]), LANES, f"{PREFIX}{name}s")
 
     return native(f"array-{name}-{code_key()}", ELEMENTWISE, make)
-
-
-def name_in_c(name: str) -> str:
-    """Name of a compiled function, other than the name of the function of the C library."""
-    return f"nearharmonic_{name}"
 
 
 def of_arrays(name: str, *arrays: Any) -> NDArray[np.float64]:

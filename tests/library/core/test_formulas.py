@@ -1,21 +1,46 @@
-"""Expressions: values and derivatives of random formulas against mpmath, and how they are simplified."""
+"""Formulas: expressions, constants, and random formulas in every number type."""
 
 from __future__ import annotations
 
+from decimal import Decimal, localcontext
 from fractions import Fraction
 from itertools import combinations, pairwise
 
 import mpmath
+import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from mpmath import mpf
 
+from nearharmonic.core import arithmetic
 from nearharmonic.core.arithmetic import sqrt
 from nearharmonic.core.expression import Expression, Graph, Sum, gradient, hessian_vector, value_of
-from nearharmonic.core.number import Constant, FormulaError
+from nearharmonic.core.number import Constant, FormulaError, Number, constant
 from nearharmonic.core.program import is_quadratic, program, shortest_program
-from support.oracles.random_formulas import EVERY, EXACT, LARGE, LITERALS, mpmaths, randomly, trees, truth, written
+from nearharmonic.core.tracing import Double, DoubleDouble
+from nearharmonic.systems import System
+from nearharmonic.systems.gradients import DIGITS as DECIMAL_DIGITS
+from nearharmonic.systems.gradients import Multiprecision, velocity
+from support.methods.function_arguments import compiled
+from support.oracles.random_formulas import (
+    EVERY,
+    EXACT,
+    LARGE,
+    LITERALS,
+    NONE,
+    OPERATIONS,
+    TENTH,
+    THREE,
+    mpmaths,
+    randomly,
+    trees,
+    truth,
+    written,
+)
+
+# --- Expressions: values and derivatives of random formulas against mpmath, and how they are simplified
+
 
 #: Digits, the step of differences, and how far values may differ: a central difference is off by STEP^2 = 1e-80 of the
 #: third derivative and by 10^(40 - DIGITS) of the value, both below 1e20 in the domain of ``truth``.
@@ -230,3 +255,161 @@ def test_equal_differences_are_one_node_whatever_their_sign():
     assert (x - y).value.node == (y - x).value.node
     assert isinstance(graph.nodes[(x - y).value.node], Sum)
     assert (x - y + y - x) == 0
+
+
+# --- Constants of a formula: what literals mean, exact arithmetic, roots, and powers
+
+
+@pytest.mark.parametrize(
+    ("literal", "meaning"),
+    [
+        (0.1, "1/10"), (-2.5e-7, "-1/4000000"), (np.float64(0.1), "1/10"), (np.float32(0.1), "1/10"), (3, "3"),
+        (np.int8(3), "3"), (True, "1"), (Fraction(1, 3), "1/3"), (Decimal("0.7"), "7/10"), (1e300, f"{10**300}"),
+    ],
+)  # fmt: skip
+def test_a_literal_means_the_shortest_decimal_that_it_prints_as(literal, meaning):
+    assert type(constant(literal)) is Constant
+    assert constant(literal) == Fraction(meaning)
+
+
+@pytest.mark.parametrize("other", ["1", None, 1j, (1,), np.ones(2), object()])
+def test_what_is_no_real_number_is_no_constant(other):
+    assert constant(other) is None
+
+
+rationals = st.fractions(min_value=-1000, max_value=1000, max_denominator=1000)
+decimals = st.decimals(min_value=-1000, max_value=1000, places=3)
+
+
+@pytest.mark.slow
+@given(rationals, decimals)
+def test_constants_stay_exact_beside_floats(a, b):
+    """0.1 + 0.2 is 3/10; a Fraction would have become a float."""
+    exact, x, f = Fraction(b), Constant(a), float(b)
+    assert x + f == f + x == a + exact
+    assert (x - f, f - x) == (a - exact, exact - a)
+    assert x * f == f * x == np.float64(f) * x == a * exact
+    assert abs(-x) == abs(a)
+    assert [x**2, x**4, x**7] == [a**2, a**4, a**7]
+    if a and b:
+        assert (x / f, f / x, x**-1) == (a / exact, exact / a, 1 / a)
+    assert all(type(y) is Constant for y in (x + f, f - x, f * x, -x, +x, abs(x), x**3, x**0))
+
+
+def test_root_of_constant_is_exact_or_good_to_300_digits():
+    assert Constant(4, 9).sqrt() == Fraction(2, 3)
+    assert Constant(0).sqrt() == 0
+    assert arithmetic.sqrt(Constant(9, 4)) == Fraction(3, 2)
+    assert arithmetic.sqrt(Fraction(1, 4)) == 0.5  # no parameter: that of a float
+    assert Constant(1, 9) ** 1.5 == Fraction(1, 27)
+    for value in (Constant(2), Constant(1, 10**40), Constant(10**41 + 1)):
+        assert abs(value.sqrt() ** 2 / value - 1) < Fraction(1, 10**300)
+    with pytest.raises(ArithmeticError, match="negative number -2"):
+        Constant(-2).sqrt()
+
+
+class Recorded(Number):
+    """Counts multiplications."""
+
+    multiplications = 0
+
+    def _multiply(self, other):
+        Recorded.multiplications += 1
+        return self
+
+
+@pytest.mark.parametrize(
+    ("exponent", "most"), [(1, 0), (2, 1), (3, 2), (4, 3), (5, 4), (6, 3), (8, 4), (12, 4), (64, 7), (100, 8)]
+)
+def test_a_power_takes_few_multiplications(exponent, most):
+    Recorded.multiplications = 0
+    Recorded() ** exponent
+    assert Recorded.multiplications == most
+
+
+def test_numpys_arrays_work_in_formulas():
+    """sum, sqrt and abs of an array of values, and numpy's floats on either side."""
+    q = (Multiprecision(Decimal(-3)), Multiprecision(Decimal(4)))
+    assert np.sqrt(np.sum(np.array(q) ** 2)).value == 5
+    assert np.abs(np.array(q))[0].value == 3
+    for half in (np.float64(0.1) * q[0], q[0] * np.float64(0.1), np.float32(0.1) * q[0], q[0] / np.float64(10)):
+        assert half.value == Decimal("-0.3")
+    assert [x.value for x in np.array([0.1, 1]) * np.array(q)] == [Decimal("-0.3"), 4]
+    assert [x.value for x in np.array([0.1, 1]) * q[1]] == [Decimal("0.4"), 4]
+
+
+# --- Random formulas in every number type against mpmath, with bounds on rounding that follow each operation
+
+
+U = mpf(2) ** -53
+#: Relative error of one operation: constant, sum, product, quotient, root. Those of double-doubles: test_arithmetic.py
+#: (a root's error is half its square's); a division by a constant is a product with its rounded inverse.
+DOUBLE = dict.fromkeys(NONE, U) | {"function": 2 * U}
+EXTENDED = {"constant": U**2, "+": 3.1 * U**2, "*": 5 * U**2, "/": 15 * U**2, "root": 4 * U**2}
+EXTENDED["function"] = mpf(2) ** -100
+#: Python's and numpy's powers are those of the C library, good to one unit in the last place.
+LIBRARY = {name: 2 * bound for name, bound in DOUBLE.items()}
+
+
+def code(tree, kind):
+    """The formula in machine code of eight lanes, of columns high, low, high, low; one column is computed alone."""
+
+    def body(x, x_low, y, y_low):
+        extended = kind is DoubleDouble
+        result = written(tree, (kind(x, x_low), kind(y, y_low)) if extended else (kind(x), kind(y)))
+        return result.pair if extended else (result.carrier,)
+
+    return compiled(body, 4, 8, 2 if kind is DoubleDouble else 1)
+
+
+coordinate = st.floats(0.25, 4).flatmap(lambda x: st.sampled_from([x, -x]))
+points_of_tracing = st.tuples(coordinate, coordinate, st.floats(-1, 1), st.floats(-1, 1)).map(
+    lambda t: [*arithmetic.two_sum(t[0], t[2] * 2.0**-54), *arithmetic.two_sum(t[1], t[3] * 2.0**-54)]
+)
+
+
+@pytest.mark.slow
+@settings(randomly, max_examples=25)
+@given(trees(LITERALS + EXACT, functions=False), st.lists(points_of_tracing, min_size=8, max_size=8))
+@example(OPERATIONS, [[-0.75, 1e-18, 1.25, -1e-17]] * 8)
+@example(("+", ("pow", ("abs", 0), TENTH), ("hypot", ("cbrt", 1), THREE)), [[-0.75, 1e-18, 1.25, -1e-17]] * 8)
+def test_machine_code_keeps_the_bounds_of_its_arithmetic(tree, states):
+    """Double and double-double, and each lane of eight equals the scalar to the bit; functions: test_functions.py."""
+    assume(not isinstance(tree, int))
+    exact = [(mpf(a) + mpf(b), mpf(c) + mpf(d)) for a, b, c, d in states]
+    heads = [(mpf(a), mpf(c)) for a, _, c, _ in states]
+    for kind, bounds, arguments in ((DoubleDouble, EXTENDED, exact), (Double, DOUBLE, heads)):
+        expected = [truth(tree, q, bounds) for q in arguments]
+        function, columns = code(tree, kind), np.array(states).T
+        together = function(columns)
+        for k, (value, error) in enumerate(expected):
+            single = function(columns[:, k : k + 1])[:, 0]
+            assert abs(sum(map(mpf, single)) - value) <= error * (1 + 100 * U)
+            assert single.tobytes() == together[:, k].tobytes()
+
+
+@randomly
+@given(trees(LITERALS + EXACT), points_of_tracing)
+@example(EVERY, [-0.75, 0.0, 1.25, 0.0])
+def test_multiprecision_agrees_to_its_digits(tree, point):
+    """Errors of mpmath at 60 digits, some 1e-60 an operation, dominate those of the 200 digits."""
+    value, error = truth(tree, tuple(mpf(x) for x in point[::2]), dict.fromkeys(NONE, mpf(10) ** -59))
+    with localcontext(prec=DECIMAL_DIGITS):
+        result = written(tree, tuple(Multiprecision.of(Constant(x)) for x in point[::2]))
+    assert abs(mpf(str(result.value)) - value) <= error
+
+
+@pytest.mark.slow
+@randomly
+@given(trees(), points_of_tracing)
+@example(EVERY, [-0.75, 0.0, 1.25, 0.0])
+def test_floats_arrays_and_the_written_text_are_the_same_function(tree, point):
+    x, y = point[::2]
+    value, error = truth(tree, (mpf(x), mpf(y)), LIBRARY)
+    made = System(
+        name="random", V=lambda q: q[0], grad_V=lambda q: (written(tree, q), 0), q0=("1", "1"), p0=("0", "0"), t_end="1"
+    )
+    *_, text, zero = velocity(made)(x, y, 0.0, 0.0)
+    assert zero == 0
+    for result in (written(tree, (x, y)), written(tree, (np.array([x]), np.array([y])))[0], -text):
+        assert abs(mpf(float(result)) - value) <= error
