@@ -150,78 +150,35 @@ def order_of(tau, error):
     return observed_order(tau, error).item()
 
 
-def sixth_order(tau):
-    """1e-13 at tau = 1e-2, so 1e-4 at tau = 0.32."""
-    return 0.1 * tau**6
+def slope_by_the_rule(tau, error):
+    """The slope of log(error) over the twenty smallest steps above all errors near the lowest, in plain Python."""
+    points = sorted((t, e) for t, e in zip(tau, error, strict=True) if np.isfinite([t, e]).all() and e > 0)
+    floor = max(min((e for _, e in points), default=1.0), 2.0**-53)
+    last = max((t for t, e in points if e < 100 * floor), default=0.0)
+    used = np.log([(t, e) for t, e in points if t > last and e < 1e-4][:20])
+    return linregress(*used.T).slope if len(used) > 2 else np.nan
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_slope_of_a_rough_curve_is_that_of_the_rule(seed):
+    """Each point that is taken or left out changes the slope of a rough curve; some points are lucky zeros, or lost."""
+    random = np.random.default_rng(seed)
+    order, size, floor = random.integers(2, 9), 10.0 ** random.uniform(-3, 2), 10.0 ** random.uniform(-18, -12)
+    rough = np.exp(random.normal(0, 0.3, TAU.size))
+    errors = np.maximum(size * TAU**order, floor * random.uniform(1, 3, TAU.size)) * rough
+    errors[random.integers(0, TAU.size, 3)] = random.choice([0.0, 1e-30, np.inf, np.nan], 3)
+    mixed = random.permutation(TAU.size)[: random.integers(5, TAU.size + 1)]
+    expected = slope_by_the_rule(TAU[mixed], errors[mixed])
+    assert order_of(TAU[mixed], errors[mixed]) == pytest.approx(expected, rel=1e-9, nan_ok=True)
 
 
 def test_slope_is_that_between_floor_and_bent_top():
-    """Below the curve a floor of 1e-16 to 3e-16, in no order; above 1e-4 errors that grow faster."""
-    floor = np.where(np.arange(TAU.size) % 2, 3e-16, 1e-16)
-    errors = np.maximum(sixth_order(TAU), floor)
+    """Below the curve a floor of 1e-16 to 3e-16 with a peak; above 1e-4 errors that grow faster."""
+    errors = np.maximum(0.1 * TAU**6, np.where(np.arange(TAU.size) % 2, 3e-16, 1e-16))
     errors = np.where(errors > 1e-4, errors * TAU**5, errors)
-    assert order_of(TAU, errors) == pytest.approx(6, abs=1e-9)
-    assert order_of(TAU[::-1], errors[::-1]) == pytest.approx(6, abs=1e-9)  # whatever the order of the points
-
-
-def test_points_within_factor_100_of_lowest_error_are_skipped():
-    tau = TAU[TAU > 0.02]
-    errors = 1e3 * tau**6
-    errors /= errors[0] / 1e-13
-    wrong = errors < 99 * errors[0]
-    assert 5 < wrong.sum() < 8
-    bent = np.where(wrong, errors[0], errors)
-    assert order_of(tau, bent) == pytest.approx(6, abs=1e-9)
-    first = np.flatnonzero(errors > 101 * errors[0])[0]
-    bent[first] *= 2  # above the floor by more than 100: it counts
-    assert abs(order_of(tau, bent) - 6) > 1e-3
-
-
-def test_peak_among_points_of_floor_is_no_truncation():
-    errors = np.maximum(sixth_order(TAU), 1e-15)
     errors[3] = 1e-9
     assert order_of(TAU, errors) == pytest.approx(6, abs=1e-9)
-
-
-def test_a_lucky_zero_does_not_lower_the_floor():
-    """The floor of a double is eps/2 = 1.1e-16 at least: what is below 1.1e-14 may be rounding."""
-    errors = np.where(sixth_order(TAU) < 1e-14, 1e-15 * TAU**-0.3, sixth_order(TAU))
-    for lucky in (0.0, 1e-30):
-        errors[2] = lucky
-        assert order_of(TAU, errors) == pytest.approx(6, abs=1e-9)
-
-
-def test_errors_above_one_in_ten_thousand_are_left_out():
-    tau = TAU[-40:-5]
-    errors = 0.99e-4 * (tau / tau[12]) ** 6
-    floor = 1e-13
-    errors = np.where(errors > 1e-4, 1e-4 * (1 + 1e-6), errors)
-    assert order_of(np.append(1e-6, tau), np.append(floor, errors)) == pytest.approx(6, abs=1e-9)
-    errors[13] = 0.9999e-4  # just below: it counts
-    assert order_of(np.append(1e-6, tau), np.append(floor, errors)) < 5.999
-
-
-def test_slope_is_fitted_to_twenty_smallest_errors_above_floor():
-    tau = 10.0 ** (np.arange(60) / 80 - 2)
-    errors = 1e-12 * (tau / tau[0]) ** 6
-    at = np.append(tau[0] / 10, tau)  # a floor of one point, 100 times lower than the rest
-    bent = np.append(9e-15, np.where(np.arange(60) >= 20, 2 * errors, errors))
-    assert order_of(at, bent) == pytest.approx(6, abs=1e-9)
-    bent[20] *= 2
-    assert order_of(at, bent) > 6.01
-
-
-def test_three_points_make_a_slope_and_two_none():
-    tau, errors = np.array([1e-3, 0.01, 0.02, 0.04]), np.array([1e-15, 1e-10, 2e-10, 4e-10])
-    assert order_of(tau, errors) == pytest.approx(1, abs=1e-9)
-    assert np.isnan(order_of(tau[:3], errors[:3]))
-    assert np.isnan(order_of(tau, np.full(4, np.nan)))
-
-
-def test_runs_that_diverged_or_were_skipped_are_no_points():
-    tau, errors = TAU.copy(), np.maximum(sixth_order(TAU), 1e-15)
-    errors[-3:], errors[50], tau[52], errors[52] = np.inf, np.nan, np.nan, np.nan
-    assert order_of(tau, errors) == pytest.approx(6, abs=1e-9)
+    assert np.isnan(order_of(TAU[:4], np.full(4, np.nan)))
 
 
 def test_each_method_has_the_slope_of_its_own_step_sizes():
@@ -322,24 +279,8 @@ def test_line_is_fitted_to_ordinates_of_any_mean_and_size():
 SLOW = ["1e999999999", "-1E-999999999", "1e" + "9" * 500, "9" * 10**6, "0." + "3" * 10**6, "1e401", "1e-401"]
 #: Text that ``Fraction``, ``Decimal``, ``int`` or ``float`` would accept, and other text that is no number.
 OTHER = [
-    "",
-    " ",
-    "nan",
-    "inf",
-    "-Infinity",
-    "1_000",
-    "٣",
-    "１",
-    "0x10",
-    "1e",
-    "e1",
-    ".",
-    "+",
-    "1 2",
-    "1,5",
-    "1e1.5",
-    "ten",
-]
+    "", " ", "nan", "inf", "-Infinity", "1_000", "٣", "１", "0x10", "1e", "e1", ".", "+", "1 2", "1,5", "1e1.5", "ten",
+]  # fmt: skip
 
 
 @given(st.integers(-(10**30), 10**30), st.integers(-300, 300))
