@@ -42,17 +42,16 @@ LIMIT = 10
 
 
 def recommend_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("system", help="name of a system, or a Python file that defines SYSTEM")
-    parser.add_argument("--config", help="a config that defines the system, and integrators beside the registered ones")
-    parser.add_argument("--error", required=True, help="the error that is allowed, such as 1e-9")
-    parser.add_argument("--measure", default="max", help="one of max, mean, position (default max)")
-    parser.add_argument("--t-end", metavar="T", help="end of the interval (default that of the config or the system)")
-    parser.add_argument(
-        "--methods", metavar="A,B,...", help="names, or files that define TABLEAU (default all and other libraries)"
-    )
-    parser.add_argument("--budget", metavar="N", help="most evaluations of the force in a run (default 200000)")
-    parser.add_argument("--limit", metavar="N", help=f"most rows (default {LIMIT}; JSON holds every method)")
-    parser.add_argument("--results", help="folder with timings (default that of the config, or results/paper)")
+    add = parser.add_argument
+    add("system", help="name of a system, or a Python file that defines SYSTEM")
+    add("--config", help="a config that defines the system, and integrators beside the registered ones")
+    add("--error", required=True, help="the error that is allowed, such as 1e-9")
+    add("--measure", default="max", help="one of max, mean, position (default max)")
+    add("--t-end", metavar="T", help="end of the interval (default that of the config or the system)")
+    add("--methods", metavar="A,B,...", help="names, or files that define TABLEAU (default all and other libraries)")
+    add("--budget", metavar="N", help="most evaluations of the force in a run (default 200000)")
+    add("--limit", metavar="N", help=f"most rows (default {LIMIT}; JSON holds every method)")
+    add("--results", help="folder with timings (default that of the config, or results/paper)")
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = "\n".join(["columns:", *(f"  {name:<12} {says}" for name, says in COLUMNS.items())])
 
@@ -152,24 +151,19 @@ HEADER = ("tau_per_stage", "registered", "its_error", "error", "gain", "low", "h
 
 
 def tailor_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("system", help="name of a system, or a Python file that defines SYSTEM")
-    parser.add_argument(
-        "--stages", default="8", metavar="S", help="4 to 20, or 6:10 for the best of several (default 8)"
-    )
-    parser.add_argument(
+    add = parser.add_argument
+    add("system", help="name of a system, or a Python file that defines SYSTEM")
+    add("--stages", default="8", metavar="S", help="4 to 20, or 6:10 for the best of several (default 8)")
+    add(
         "--window", metavar="LOW:HIGH", help="step sizes per stage, in the system's unit of time, a factor 1.2 at least"
     )
-    parser.add_argument(
-        "--error", help="or the energy error that registered methods have in the window's middle (default 1e-6)"
-    )
-    parser.add_argument("--seconds", help="time of the search (default 30); Ctrl-C gives the best so far")
-    parser.add_argument("--trials", metavar="N", help="methods that it tries, in place of a time or beside it")
-    parser.add_argument("--starts", metavar="FILE.csv", help="starts in place of drawn ones: positions, then momenta")
-    parser.add_argument(
-        "--energy", metavar="E", help="energy of all drawn starts, or same (default a box around the orbit)"
-    )
-    parser.add_argument("--seed", default="0", help="of all random numbers (default 0)")
-    parser.add_argument("--output", metavar="FILE.py", help="file to write the method to, if it gains anything")
+    add("--error", help="or the energy error that registered methods have in the window's middle (default 1e-6)")
+    add("--seconds", help="time of the search (default 30); Ctrl-C gives the best so far")
+    add("--trials", metavar="N", help="methods that it tries, in place of a time or beside it")
+    add("--starts", metavar="FILE.csv", help="starts in place of drawn ones: positions, then momenta")
+    add("--energy", metavar="E", help="energy of all drawn starts, or same (default a box around the orbit)")
+    add("--seed", default="0", help="of all random numbers (default 0)")
+    add("--output", metavar="FILE.py", help="file to write the method to, if it gains anything")
 
 
 def tailor_answer(chosen: argparse.Namespace) -> Answer:
@@ -195,7 +189,7 @@ def tailor_answer(chosen: argparse.Namespace) -> Answer:
         document=_document(found, written),
         status=0 if found.has_gain else 1,
         caption=_title(found),
-        notes=[*_notes(found), *_outcome(found, place, written)],
+        notes=list(_notes(found, place, written)),
         digits=3,
     )
 
@@ -254,7 +248,7 @@ def _rows(test: Comparison) -> Iterator[tuple[Any, ...]]:
         yield tau, name, best, error, round(gain.mean, 3), round(gain.low, 3), round(gain.high, 3)
 
 
-def _notes(found: Tailored) -> Iterator[str]:
+def _notes(found: Tailored, place: Path | None, written: str | None) -> Iterator[str]:
     from nearharmonic.theory.linear_stability import stability_limit
 
     asked, search, tableau, unit = found.question, found.search, found.tableau, found.question.system.units["t"]
@@ -282,9 +276,6 @@ def _notes(found: Tailored) -> Iterator[str]:
         f"of them at the best; found after {search.best.trials} methods and {search.best.seconds:.1f} s, from "
         f"{search.best.origin}; seed {asked.seed}"
     )
-
-
-def _outcome(found: Tailored, place: Path | None, written: str | None) -> Iterator[str]:
     if written is not None:
         yield f"written: {written}; nearharmonic verify-tableau {written} proves its orders"
     elif place is not None:
