@@ -147,16 +147,6 @@ COEFFICIENTS = {
 }
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    """An empty working directory, which stays empty."""
-    folder = tmp_path / "here"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    yield tmp_path
-    assert not list(folder.iterdir())
-
-
 def shortened(value):
     try:
         return repr(value)[:40]

@@ -94,17 +94,7 @@ def changed(key, value):
     return config
 
 
-@pytest.fixture
-def written(tmp_path, monkeypatch):
-    """An empty working directory, which stays empty."""
-    folder = tmp_path / "here"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    yield tmp_path
-    assert not list(folder.iterdir())
-
-
-def test_a_bad_value_is_named_with_its_key(trials, written):
+def test_a_bad_value_is_named_with_its_key(trials, here):
     bad = trials(KIND)
     load(SMALL)
     for key, value, says in CASES:
@@ -112,7 +102,7 @@ def test_a_bad_value_is_named_with_its_key(trials, written):
             refused(partial(load, changed(key, value)), says)
 
 
-def test_no_key_for_a_number_takes_anything_else(trials, written):
+def test_no_key_for_a_number_takes_anything_else(trials, here):
     bad = trials(KIND)
     for key in NUMBERS:
         for value in NO_NUMBERS:
@@ -120,19 +110,19 @@ def test_no_key_for_a_number_takes_anything_else(trials, written):
                 refused(partial(load, changed(key, value)), key)
 
 
-def test_a_file_that_is_no_config_is_refused(trials, written):
+def test_a_file_that_is_no_config_is_refused(trials, here):
     bad = trials(KIND)
     for name, (content, says) in FILES.items():
-        path = written / name
+        path = here / name
         path.write_bytes(content)
         with bad.case(name):
             refused(partial(read, path), says)
-    for path in (written, written / "missing.yaml", Path("/dev/zero"), written / ("x" * 300)):
+    for path in (here, here / "missing.yaml", Path("/dev/zero"), here / ("x" * 300)):
         with bad.case(path):
             refused(partial(read, path), "cannot be read as a config")
-    os.mkfifo(written / "pipe.yaml")
+    os.mkfifo(here / "pipe.yaml")
     with bad.case("pipe"):
-        refused(partial(read, written / "pipe.yaml"), "not a regular file")
+        refused(partial(read, here / "pipe.yaml"), "not a regular file")
 
 
 def endless():
@@ -145,7 +135,7 @@ def endless():
     return [own, {"name": laughing}, {**SMALL, "integrators": ["ruth"] * 10**5}]
 
 
-def test_mappings_without_end_are_refused(trials, written):
+def test_mappings_without_end_are_refused(trials, here):
     bad = trials(KIND)
     for i, mapping in enumerate(endless()):
         with bad.case(i):
@@ -163,7 +153,7 @@ KEYS = sorted(
 )  # fmt: skip
 
 
-def test_any_value_is_accepted_or_refused_in_one_line(trials, written):
+def test_any_value_is_accepted_or_refused_in_one_line(trials, here):
     bad = trials(KIND)
 
     @settings(max_examples=100, database=None, derandomize=True)
@@ -178,7 +168,7 @@ def test_any_value_is_accepted_or_refused_in_one_line(trials, written):
     check()
 
 
-def test_any_file_is_accepted_or_refused_in_one_line(trials, written):
+def test_any_file_is_accepted_or_refused_in_one_line(trials, here):
     bad = trials(KIND)
     whole = yaml.safe_dump(SMALL).encode()
 
@@ -186,19 +176,19 @@ def test_any_file_is_accepted_or_refused_in_one_line(trials, written):
     @given(st.integers(0, len(whole)), st.integers(0, 20), st.binary(max_size=8) | st.sampled_from(b"{[&*!|:-#\t\"'"))
     def check(begin, length, middle):
         middle = bytes([middle]) if isinstance(middle, int) else middle
-        path = written / "any.yaml"
+        path = here / "any.yaml"
         path.write_bytes(whole[:begin] + middle + whole[begin + length :])
         with bad.case(path.read_bytes()):
             try:
                 read(path)
             except NearharmonicError as error:
-                check_message(str(error).replace(str(written), ""))
+                check_message(str(error).replace(str(here), ""))
 
     check()
 
 
-def test_json_is_read_as_well(written):
-    path = written / "good.json"
+def test_json_is_read_as_well(here):
+    path = here / "good.json"
     path.write_text(json.dumps(SMALL, indent="\t"), encoding="utf-8")
     assert read(path) == load(SMALL)
 

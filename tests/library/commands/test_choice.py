@@ -26,15 +26,15 @@ from nearharmonic.cli import main
 METHODS = "ruth,aba864, babps9o7h"
 
 
-def told(capsys, *words):
-    """(what JSON holds, exit status) of the command."""
-    status = main(["recommend", *words, "--format", "json"])
+def told(capsys, command, *words):
+    """(what JSON holds, exit status) of a command."""
+    status = main([command, *words, "--format", "json"])
     return json.loads(capsys.readouterr().out), status
 
 
 def test_interval_methods_and_budget_are_those_of_the_options(capsys):
     words = ["--error", "1e-6", "--t-end", "50", "--methods", METHODS, "--budget", "5000"]
-    document, status = told(capsys, "henon_heiles", *words)
+    document, status = told(capsys, "recommend", "henon_heiles", *words)
     assert (status, document["t_end"], document["budget"], document["error"]) == (0, "50", 5000, 1e-6)
     assert {choice["method"] for choice in document["choices"]} == {"ruth", "aba864", "babps9o7h"}
     for choice in document["choices"]:
@@ -46,10 +46,10 @@ def test_interval_methods_and_budget_are_those_of_the_options(capsys):
 @pytest.mark.slow
 def test_missed_error_gives_no_rank_and_status_1_for_all(capsys):
     words = ["sho", "--error", "1e-6", "--methods", "leapfrog,babps9o7h"]
-    document, status = told(capsys, *words, "--budget", "20000")
+    document, status = told(capsys, "recommend", *words, "--budget", "20000")
     assert status == 0
     assert [(choice["rank"], choice["status"]) for choice in document["choices"]] == [(1, "met"), (None, "missed")]
-    document, status = told(capsys, *words, "--budget", "100")
+    document, status = told(capsys, "recommend", *words, "--budget", "100")
     assert status == 1
     assert {choice["rank"] for choice in document["choices"]} == {None}
 
@@ -61,9 +61,9 @@ def test_interval_of_option_takes_place_of_that_of_config(capsys, tmp_path, monk
         "    tau_per_stage: {lowest: 0.01, highest: 1, points_per_decade: 20}\n"
     )
     words = ["far", "--config", "mine.yaml", "--error", "1e-3", "--methods", "ruth"]
-    document, _ = told(capsys, *words)
+    document, _ = told(capsys, "recommend", *words)
     assert (document["t_end"], document["call"]) == ("30", "")  # no Python without the config
-    assert told(capsys, *words, "--t-end", "12.5")[0]["t_end"] == "12.5"
+    assert told(capsys, "recommend", *words, "--t-end", "12.5")[0]["t_end"] == "12.5"
 
 
 @pytest.mark.slow
@@ -85,9 +85,9 @@ def test_ten_rows_names_and_python_of_the_first(capsys):
 
 @pytest.mark.long
 def test_other_libraries_are_left_out_if_methods_are_named(capsys):
-    with_all, _ = told(capsys, "sho", "--error", "1e-2", "--budget", "2000", "--results", "/nowhere")
+    with_all, _ = told(capsys, "recommend", "sho", "--error", "1e-2", "--budget", "2000", "--results", "/nowhere")
     assert "other libraries: not timed (/nowhere" in with_all["basis"]
-    named, _ = told(capsys, "sho", "--error", "1e-2", "--budget", "2000", "--methods", "ruth")
+    named, _ = told(capsys, "recommend", "sho", "--error", "1e-2", "--budget", "2000", "--methods", "ruth")
     assert "other libraries" not in named["basis"]
 
 
@@ -95,12 +95,6 @@ def test_other_libraries_are_left_out_if_methods_are_named(capsys):
 
 
 QUICK = ("henon_heiles", "--window", "0.08:0.12", "--trials", "500")
-
-
-def told_of_tailor(capsys, *words):
-    """(what JSON holds, exit status) of the command."""
-    status = main(["tailor", *words, "--format", "json"])
-    return json.loads(capsys.readouterr().out), status
 
 
 @pytest.fixture(scope="module")
@@ -134,7 +128,7 @@ def test_the_file_is_an_integrator_by_its_path(place):
 
 @pytest.mark.slow
 def test_the_same_seed_and_trials_give_the_same_method(place, capsys):
-    document, status = told_of_tailor(capsys, *QUICK)
+    document, status = told(capsys, "tailor", *QUICK)
     own, method = nh.integrators[place], document["method"]
     assert status == 0
     assert (tuple(method["kick"]), tuple(method["drift"])) == (own.kick, own.drift)
@@ -184,7 +178,7 @@ def test_step_sizes_without_a_gain_are_named(capsys):
 def test_system_of_file_in_its_own_units_is_taken(capsys, tmp_path):
     assert main(["new", "system", "well", "--output", str(tmp_path / "well.py")]) == 0
     capsys.readouterr()
-    document, status = told_of_tailor(capsys, str(tmp_path / "well.py"), "--trials", "40", "--stages", "6")
+    document, status = told(capsys, "tailor", str(tmp_path / "well.py"), "--trials", "40", "--stages", "6")
     assert status in (0, 1)
     assert document["system"] == "well"
     assert document["window"][1] / document["window"][0] == pytest.approx(1.5, rel=0.01)
