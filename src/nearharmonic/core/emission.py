@@ -236,8 +236,6 @@ def _halves_of(*points: Sequence[DoubleDouble]) -> list[LLVMValue]:
 # a matrix is two chains of operations, for the first and for the second half of the stages, so that its bits do not
 # depend on the number of lanes.
 
-#: Function of the builder and of the entries of each argument.
-Body = Callable[..., Any]
 Matrix = tuple[Vector, ...]
 
 
@@ -249,11 +247,11 @@ def write_stages(module: ir.Module, rules: Rules, kinds: Kinds, needed: Containe
     both = ir.ArrayType(stages, 2)
     extended, d = rules.extended, len(stages.elements)
 
-    def define(name: str, letters: str, result: ir.Type, body: Body) -> None:
+    def define(name: str, letters: str, result: ir.Type, body: Callable[..., Any]) -> None:
         if name in needed:
             write_function(module, name, [kinds.of(letter) for letter in letters], result, body)
 
-    def of_stages(formula: Callable[[Entries, Entries], Entries]) -> Body:
+    def of_stages(formula: Callable[[Entries, Entries], Entries]) -> Callable[..., Any]:
         """A formula at positions or momenta of the stages; in extended precision low halves follow the high ones."""
 
         def body(builder: ir.IRBuilder, x: Entries, low: Entries, parameters: Entries) -> Any:
@@ -352,10 +350,6 @@ def _constant_pair(builder: ir.IRBuilder, numbers: Vector, kinds: Kinds) -> tupl
     return _constant(builder, numbers, kinds, 0), _constant(builder, numbers, kinds, 1)
 
 
-def _column(matrix: Matrix, j: int) -> Vector:
-    return tuple(row[j] for row in matrix)
-
-
 def _of_every_stage(builder: ir.IRBuilder, x: LLVMValue, kinds: Kinds) -> LLVMValue:
     """A number of each lane in every stage."""
     return LLVMValue(builder, in_every_lane(builder, x.value, kinds.of("S").elements[0]))
@@ -367,13 +361,13 @@ def _from_stage(x: LLVMValue, j: int, kinds: Kinds) -> LLVMValue:
 
 
 def _product(matrix: Matrix, x: LLVMValue, kinds: Kinds) -> LLVMValue:
-    return _combined([_constant(x.builder, _column(matrix, j), kinds) for j in range(kinds.stages)], x, kinds)
+    return _combined([_constant(x.builder, column, kinds) for column in zip(*matrix, strict=True)], x, kinds)
 
 
 def _combined(columns: Sequence[LLVMValue], x: LLVMValue, kinds: Kinds) -> LLVMValue:
     """The sum of columns, each times the number of its stage, in two chains."""
-    chains = []
-    for places in _two_ranges(kinds.stages):
+    chains, middle = [], -(-kinds.stages // 2)
+    for places in filter(None, (range(middle), range(middle, kinds.stages))):
         first, *others = places
         chain = columns[first] * _from_stage(x, first, kinds)
         for j in others:
@@ -382,14 +376,9 @@ def _combined(columns: Sequence[LLVMValue], x: LLVMValue, kinds: Kinds) -> LLVMV
     return chains[0] if len(chains) == 1 else chains[0] + chains[1]
 
 
-def _two_ranges(count: int) -> list[range]:
-    middle = -(-count // 2)
-    return [places for places in (range(middle), range(middle, count)) if places]
-
-
 def _product_of_pairs(matrix: Matrix, x: Sequence[LLVMValue], kinds: Kinds) -> tuple[Any, Any]:
     """A matrix times numbers of the stages, each a pair."""
-    columns = [_constant_pair(x[0].builder, _column(matrix, j), kinds) for j in range(kinds.stages)]
+    columns = [_constant_pair(x[0].builder, column, kinds) for column in zip(*matrix, strict=True)]
     numbers = [(_from_stage(x[0], j, kinds), _from_stage(x[1], j, kinds)) for j in range(kinds.stages)]
     return reduce(dd_add, map(dd_mul, columns, numbers))
 

@@ -152,17 +152,16 @@ class Graph:
     def add(self, a: Value, b: Value) -> Value:
         """Return a + b. If a or b is a sum, it stays a node of its own unless terms cancel or can be collected."""
         (constant_a, terms_a), (constant_b, terms_b) = self.terms(a), self.terms(b)
+        merged = _collected(terms_a, terms_b)
         if a.node is not None and b.node is not None:
             if a.node == b.node:
                 c = exact(a.coefficient + b.coefficient)
                 return Value(c, a.node) if c else ZERO
-            merged = _collected(terms_a, terms_b)
             # Terms are joined only if that takes fewer operations: a sum such as the distance of two coordinates may be
             # small while its terms are large, and (x - y) - (z - x) is more accurate than 2 x - y - z.
             if sum(map(bool, merged.values())) > max(len(terms_a), len(terms_b)):
                 return self.combination(0, {a.node: a.coefficient, b.node: b.coefficient})
-            return self.combination(exact(constant_a + constant_b), merged)
-        return self.combination(exact(constant_a + constant_b), _collected(terms_a, terms_b))
+        return self.combination(exact(constant_a + constant_b), merged)
 
     def times(self, factor: Exact, value: Value) -> Value:
         """Return an exact multiple of ``value``; the factor of a single term becomes part of the coefficient."""
@@ -207,9 +206,7 @@ class Graph:
         merged, more = self.factors(a.node), self.factors(b.node)
         if merged.keys().isdisjoint(more) and not self._is_sign(a.node) and not self._is_sign(b.node):
             merged, more = {a.node: 1}, {b.node: 1}
-        for node, e in more.items():
-            merged[node] = exact(merged.get(node, 0) + e)
-        return self.times(c, self.product_of(merged))
+        return self.times(c, self.product_of(_collected(merged, more)))
 
     def _is_sign(self, node: int) -> bool:
         found = self.nodes[node]

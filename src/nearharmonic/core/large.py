@@ -225,7 +225,8 @@ class Emission:
                 total = self._along(sources)
                 self._keep(total, offset + int(target), self.writer.index(0))
         elif terms <= FEW_TERMS:
-            self._put(totals.targets, offset, self._in_turn([self._loader(column) for column in totals.sources.T]))
+            loaders = [self._loader(column) for column in totals.sources.T]
+            self._put(totals.targets, offset, lambda *at: self._total([self._loaded(load, *at) for load in loaders]))
         else:
             self._put(totals.targets, offset, self._across(totals.sources))
 
@@ -244,10 +245,6 @@ class Emission:
 
     def _loaded(self, load: Loader, first: Index, width: int) -> Any:
         return self._read(*[load(address, first, width) for address in self._planes(0)])
-
-    def _in_turn(self, loaders: Sequence[Loader]) -> Computed:
-        """Sums of few terms, one after the other."""
-        return lambda first, width: self._total([self._loaded(load, first, width) for load in loaders])
 
     def _across(self, sources: Places) -> Computed:
         """Sums of many terms, one sum in each lane of a block."""

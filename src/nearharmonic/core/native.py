@@ -34,7 +34,6 @@ _KINDS: dict[Scalar, tuple[Any, np.dtype[Any]]] = {
 }
 _PERMANENT: set[NativeFunction] = set()
 
-
 Found = TypeVar("Found")
 
 

@@ -140,20 +140,12 @@ def _common_of_one(x: Any) -> Any:
 
 
 for _name, _operator in (("add", operator.add), ("sub", operator.sub), ("mul", operator.mul)):
-
-    @type_callable(_operator)
-    def _typed(context):  # type: ignore[no-untyped-def]
-        return _common_of_two
-
+    type_callable(_operator)(lambda context: _common_of_two)
     for _left, _right in ((Numbers, Numbers), (Numbers, types.Float), (types.Float, Numbers)):
         lower_builtin(_operator, _left, _right)(_operation(_name))
 
 
-@type_callable(operator.neg)
-def _typed_negative(context):  # type: ignore[no-untyped-def]
-    return _common_of_one
-
-
+type_callable(operator.neg)(lambda context: _common_of_one)
 lower_builtin(operator.neg, Numbers)(_operation("neg"))
 
 
@@ -278,12 +270,7 @@ def linked(name: str, result: Any) -> Any:
 
 def linked_number(name: str) -> Any:
     """Return a function without arguments that is linked later and returns an integer."""
-
-    @intrinsic
-    def call(typing):  # type: ignore[no-untyped-def]
-        return types.int64(), lambda context, builder, signature, values: _call(context, builder, name, types.int64, [])
-
-    return call
+    return linked(name, types.int64)
 
 
 def at_address(signature: Signature) -> Any:

@@ -44,9 +44,6 @@ from nearharmonic.core.reals import (
 # The functions below return a ``move(state, row, force, parameters)`` for the formulas of a system:
 # ``row`` holds the coefficients of the move, and ``force`` is the force at the position of the state.
 
-#: A compiled function.
-Move = Any
-
 
 @compiled
 def compensated(y: Any, carry: Any, c: Any, rate: Any) -> Any:
@@ -73,7 +70,7 @@ def update_of(form: Form) -> Any:
     return double_double if form.extended else compensated if form.compensated else plain
 
 
-def ahead_compensated(velocity: Any, acceleration: Any) -> Move:
+def ahead_compensated(velocity: Any, acceleration: Any) -> Any:
     """A move whose position is ready one operation after the force, with compensated sums."""
 
     @compiled
@@ -87,7 +84,7 @@ def ahead_compensated(velocity: Any, acceleration: Any) -> Move:
     return move
 
 
-def ahead_plain(velocity: Any, acceleration: Any) -> Move:
+def ahead_plain(velocity: Any, acceleration: Any) -> Any:
     """A move whose position is ready one operation after the force, with plain sums."""
 
     @compiled
@@ -99,7 +96,7 @@ def ahead_plain(velocity: Any, acceleration: Any) -> Move:
     return move
 
 
-def momentum_first(velocity: Any, update: Any) -> Move:
+def momentum_first(velocity: Any, update: Any) -> Any:
     """A kick and then a drift, by :func:`compensated`, :func:`plain` or :func:`double_double`."""
 
     @compiled
@@ -112,14 +109,14 @@ def momentum_first(velocity: Any, update: Any) -> Move:
     return move
 
 
-def move_of(form: Form, velocity: Any, acceleration: Any) -> Move:
+def move_of(form: Form, velocity: Any, acceleration: Any) -> Any:
     """Return the move of a form: one of the three above."""
     if not form.ahead:
         return momentum_first(velocity, update_of(form))
     return (ahead_compensated if form.compensated else ahead_plain)(velocity, acceleration)
 
 
-def modified(form: Form, move: Move) -> Move:
+def modified(form: Form, move: Any) -> Any:
     """A move with the force k V' + m grad |V'|^2 of a modified potential, in double rounded once per component.
 
     Momentum and position use the same rounded number, so that the map is symplectic up to the rounding of the sums.

@@ -380,19 +380,14 @@ def _pattern(sums: LongSums, term: Term, columns: Sequence[Sequence[Exact]], par
         return parts[0] if isinstance(found, Literal) else graph.total(parts)
 
     # A node has a larger index than its children.
-    for node in sorted(_nodes(sums.graph, term)):
+    inner = {child for entries in term.nodes.values() for _, _, child in entries if child is not None}
+    for node in sorted(inner - set(term.operands)):
         found = sums.graph.nodes[node]
         if isinstance(found, Variable):
             values[node] = given[found.place - sums.dimension]
         else:
             values[node] = made(found, term.nodes[node])
     return graph, made(None, term.nodes[None])
-
-
-def _nodes(graph: Graph, term: Term) -> set[int]:
-    """The nodes of a term, parameters included and operands excluded."""
-    found = {child for entries in term.nodes.values() for _, _, child in entries if child is not None}
-    return found - set(term.operands)
 
 
 # --- An energy and its gradient as loops: their computations, the places of results, and sums of results.
