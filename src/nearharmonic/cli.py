@@ -61,18 +61,17 @@ def _command(name: str) -> Any:
     return getattr(module, "COMMANDS", {}).get(name, module)
 
 
-def _overview() -> str:
-    width = max(map(len, command_names()))
-    lines = [f"  {name:<{width}}  {_command(name).HELP}" for name in command_names()]
-    return "\n".join(["commands:", *lines, "", f"Exit status: 0 yes, 1 no, 2 bad input. See: {PROGRAM} COMMAND --help"])
-
-
 def _top_parser(words: Sequence[str]) -> argparse.ArgumentParser:
+    overview = None
+    if {"-h", "--help"} & set(words[:1]):  # all commands are imported only for the help text
+        names = command_names()
+        lines = [f"  {name:<{max(map(len, names))}}  {_command(name).HELP}" for name in names]
+        end = f"Exit status: 0 yes, 1 no, 2 bad input. See: {PROGRAM} COMMAND --help"
+        overview = "\n".join(["commands:", *lines, "", end])
     top = _Parser(
         prog=PROGRAM,
         description="Near-harmonic symplectic integrators: lists, coefficients, runs and results.",
-        # All commands are imported only for the help text.
-        epilog=_overview() if {"-h", "--help"} & set(words[:1]) else None,
+        epilog=overview,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )

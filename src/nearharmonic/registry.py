@@ -403,7 +403,7 @@ def load_file(place: str | os.PathLike[str], declares: str, error: type[Nearharm
     key = path.resolve()
     if key in _LOADED:
         module, known = _LOADED[key]
-        if _state(known) == known:
+        if known == {file: file.read_bytes() for file in known if is_file(file)}:
             return module
     name, files = f"nearharmonic_user_{path.stem}", Files()
     if key.suffix != ".py":
@@ -435,11 +435,6 @@ def near_miss(module: ModuleType, name: str, kind: type) -> str:
     return f"; did you mean its {nearest[0]!r}?" if nearest else ""
 
 
-def file_of(name: str, value: object) -> Path | None:
-    """Return the loaded file in which ``name`` is ``value``, if there is one."""
-    return next((path for path, (module, _) in _LOADED.items() if getattr(module, name, None) is value), None)
-
-
 def pickled(package: str, name: str, entry: Any) -> tuple[Any, ...] | None:
     """Return the pickled form of an entry that another process can look up, or None.
 
@@ -449,8 +444,10 @@ def pickled(package: str, name: str, entry: Any) -> tuple[Any, ...] | None:
     registry: Any = sys.modules[package]
     if entry.name in registry.registered and registry.get(entry.name) is entry:
         return registry.__getitem__, (entry.name,)
-    place = file_of(name, entry)
-    return None if place is None else (declared_in, (str(place), name, _digest_of(_LOADED[place][1])))
+    for place, (module, files) in _LOADED.items():
+        if getattr(module, name, None) is entry:
+            return declared_in, (str(place), name, _digest_of(files))
+    return None
 
 
 def declared_in(place: str, name: str, digest: str | None = None) -> Any:
@@ -469,11 +466,6 @@ def is_file(path: Path) -> bool:
         return path.is_file()
     except (OSError, ValueError):  # a name that is too long or invalid
         return False
-
-
-def _state(files: Files) -> Files:
-    """Return the present texts of ``files``, without deleted ones."""
-    return {path: path.read_bytes() for path in files if is_file(path)}
 
 
 def _digest_of(files: Files) -> str:
