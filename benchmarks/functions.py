@@ -17,10 +17,9 @@ from lanes import lane_rows, lanes_of
 from timing import asked, compiled, short, shortest, show
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.formulas.number import FUNCTIONS
-from nearharmonic.core.functions import double, extended
-from nearharmonic.core.functions.arrays import ELEMENTWISE, elementwise
-from nearharmonic.core.machine.native import loaded
+from nearharmonic.core.functions import ELEMENTWISE, double, elementwise, extended
+from nearharmonic.core.native import loaded
+from nearharmonic.core.number import FUNCTIONS
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.numbers import moves, parameter_row, start_row
 from nearharmonic.engine.settings import Numerics

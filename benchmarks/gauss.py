@@ -17,8 +17,7 @@ from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Numerics
 from nearharmonic.engine.trajectory import integrate
 from nearharmonic.integrators import integrators as registered
-from nearharmonic.numerics.portable import Floats
-from nearharmonic.numerics.statistics import power_law, quasi_random
+from nearharmonic.numerics.portable import Floats, power_law, quasi_random
 from nearharmonic.plotting.style import house_style, log_scale, new_figure
 from nearharmonic_paper.experiments.stability.run import PERIOD, SYSTEM, kepler_apoapsis
 from nearharmonic_paper.pages.filling import table

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from timing import ROOT, parser_of, show
 
-from nearharmonic.commands.tailor import answer, arguments
+from nearharmonic.commands.choice import tailor_answer, tailor_arguments
 from nearharmonic.output.table import printed
 from nearharmonic.systems import System
 from nearharmonic.systems import systems as known
@@ -45,8 +45,8 @@ def parts():
     examples = {path.stem: str(path) for path in (ROOT / "examples").glob("*.py")}
     subjects = {name: load_system(examples[name]) if name in examples else known[name] for name in TAILORED}
     parser = ArgumentParser()
-    arguments(parser)
-    shown = answer(parser.parse_args(["henon_heiles", "--window", "0.08:0.12", "--trials", "6000"]))
+    tailor_arguments(parser)
+    shown = tailor_answer(parser.parse_args(["henon_heiles", "--window", "0.08:0.12", "--trials", "6000"]))
     heads = ("system", "window", "best registered", "stages", "on the starts of the search", "on others")
     made = (tailored(question(one, stages="6:12", trials=TRIALS)) for one in subjects.values())
     return {

@@ -8,6 +8,7 @@ import pkgutil
 import re
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
@@ -38,35 +39,39 @@ class _Parser(argparse.ArgumentParser):
 
 
 def command_names() -> tuple[str, ...]:
-    """Return the sorted names of the subcommands: the modules in the two packages of commands."""
-    return tuple(sorted(_packages()))
+    """Return the sorted names of the subcommands, which the modules in the two packages of commands have."""
+    return tuple(sorted(_modules()))
 
 
-def _packages() -> dict[str, str]:
-    """Return the package of each subcommand, by its name."""
-    return {
-        info.name.replace("_", "-"): package
-        for package in (OF_THE_LIBRARY, OF_THE_RECORD)
-        for info in pkgutil.iter_modules(import_module(package).__path__)
-    }
+def _modules() -> dict[str, str]:
+    """Return the module of each subcommand, by its name."""
+    found = {}
+    for name in (OF_THE_LIBRARY, OF_THE_RECORD):
+        package: Any = import_module(name)
+        several: dict[str, tuple[str, ...]] = getattr(package, "SEVERAL", {})
+        for info in pkgutil.iter_modules(package.__path__):
+            for command in several.get(info.name, (info.name.replace("_", "-"),)):
+                found[command] = f"{name}.{info.name}"
+    return found
 
 
-def _module_of(command: str) -> Any:
-    return import_module(f"{_packages()[command]}.{command.replace('-', '_')}")
-
-
-def _overview() -> str:
-    width = max(map(len, command_names()))
-    lines = [f"  {name:<{width}}  {_module_of(name).HELP}" for name in command_names()]
-    return "\n".join(["commands:", *lines, "", f"Exit status: 0 yes, 1 no, 2 bad input. See: {PROGRAM} COMMAND --help"])
+def _command(name: str) -> Any:
+    """Return the :class:`nearharmonic.commands.Command` of this name, or the module that is one."""
+    module = import_module(_modules()[name])
+    return getattr(module, "COMMANDS", {}).get(name, module)
 
 
 def _top_parser(words: Sequence[str]) -> argparse.ArgumentParser:
+    overview = None
+    if {"-h", "--help"} & set(words[:1]):  # all commands are imported only for the help text
+        names = command_names()
+        lines = [f"  {name:<{max(map(len, names))}}  {_command(name).HELP}" for name in names]
+        end = f"Exit status: 0 yes, 1 no, 2 bad input. See: {PROGRAM} COMMAND --help"
+        overview = "\n".join(["commands:", *lines, "", end])
     top = _Parser(
         prog=PROGRAM,
         description="Near-harmonic symplectic integrators: lists, coefficients, runs and results.",
-        # All commands are imported only for the help text.
-        epilog=_overview() if {"-h", "--help"} & set(words[:1]) else None,
+        epilog=overview,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
@@ -79,10 +84,10 @@ def _top_parser(words: Sequence[str]) -> argparse.ArgumentParser:
 def _parser_of(command: str) -> argparse.ArgumentParser:
     from nearharmonic.output.table import FORMATS
 
-    module = _module_of(command)
-    help_text = f"{module.HELP[0].upper()}{module.HELP[1:]}."
-    parser = _Parser(prog=f"{PROGRAM} {command}", description=help_text, allow_abbrev=False)
-    module.arguments(parser)
+    chosen = _command(command)
+    description = f"{chosen.HELP[0].upper()}{chosen.HELP[1:]}."
+    parser = _Parser(prog=f"{PROGRAM} {command}", description=description, allow_abbrev=False)
+    chosen.arguments(parser)
     parser.add_argument("--format", default="table", metavar="FORMAT", help=f"{', '.join(FORMATS)} (default table)")
     return parser
 
@@ -143,15 +148,12 @@ def _run(words: Sequence[str]) -> int:
         return int(end.code or 0)
     from nearharmonic.engine.settings import one_of
     from nearharmonic.output.table import FORMATS, printed
-    from nearharmonic.registry.user_module import trusting_only
+    from nearharmonic.registry import trusting_only
 
     form = one_of("format", chosen.format, FORMATS)
-    module = _module_of(top.command)
-    if module.__package__ == OF_THE_RECORD:  # results never run code
-        with trusting_only(getattr(chosen, "trust", ())):
-            answer = module.answer(chosen)
-    else:
-        answer = module.answer(chosen)
+    command, reads_results = _command(top.command), _modules()[top.command].startswith(OF_THE_RECORD)
+    with trusting_only(getattr(chosen, "trust", ())) if reads_results else nullcontext():  # results never run code
+        answer = command.answer(chosen)
     _write(printed(answer, form))
     return int(answer.status)
 

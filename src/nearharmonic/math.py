@@ -18,7 +18,7 @@ from numbers import Rational
 from typing import Any
 
 from nearharmonic.core.arithmetic import sqrt
-from nearharmonic.core.formulas.number import PI, Constant, Number, applied
+from nearharmonic.core.number import PI, Constant, Number, applied
 
 __all__ = [
     "array", "atan2", "cbrt", "cos", "cosh", "erf", "exp", "hypot", "log", "pi", "pow", "sin", "sinh", "sqrt", "sum",
@@ -266,7 +266,7 @@ def _value(name: str, *operands: Any) -> Any:
 
 @cache
 def _of_numbers(name: str) -> Any:
-    from nearharmonic.core.functions.arrays import of_numbers
+    from nearharmonic.core.functions import of_numbers
 
     return of_numbers(name)
 
@@ -283,7 +283,7 @@ def _of_arrays(name: str, operands: tuple[Any, ...]) -> Any:
 
     if any(str(getattr(x, "dtype", "")) == "object" for x in operands):
         return np.frompyfunc(globals()[name], len(operands), 1)(*operands)
-    from nearharmonic.core.functions.arrays import of_arrays
+    from nearharmonic.core.functions import of_arrays
 
     arrays = [np.asarray(float(x) if isinstance(x, Rational) else x) for x in operands]
     if not all(array.dtype.kind in "biuf" for array in arrays):

@@ -65,7 +65,7 @@ def kept(finished, tmp_path_factory):
     done = project.python(str(frozen), TINY[1], f"{FOLDER}/runs/sho/ruth/0.h5", "frozen")
     assert done.returncode == 0, done.stderr
     (project.folder / "kernels").mkdir(mode=0o700)
-    script = "from nearharmonic.core.machine import disk; from pathlib import Path; "
+    script = "from nearharmonic.core import disk; from pathlib import Path; "
     script += "disk.write(Path('kernels/advance.kernel'), 'advance', bytes(range(256)) * 8)"
     assert project.python("-c", script).returncode == 0
     return project

@@ -45,6 +45,9 @@ STOP, PROGRESS = range(2)
 
 #: Doubles in a cache line.
 CACHE_LINE = 8
+#: Numbers of many coordinates in SIMD lanes: the doubles of the widest registers. The order of sums depends on it, so
+#: it is the same on every processor.
+BLOCK = 8
 #: A number of steps that no run reaches.
 FAR = np.iinfo(np.int64).max
 
@@ -91,35 +94,17 @@ def flags(name: str, *lengths: str) -> Argument:
     return Argument(name, "bool", lengths)
 
 
-#: Arguments of ``advance``: see :class:`nearharmonic.core.loops.kernel.Kernel`.
-ADVANCE = Signature(
-    (
-        integers("count"),
-        integers("stages"),
-        flags("kick_first"),
-        floats("moves", "coefficients"),
-        floats("rows", "numbers"),
-    ),
-    result="int64",
-)
+#: Arguments of ``advance``: see :class:`nearharmonic.core.kernel.Kernel`.
+_STEPS = (integers("stages"), flags("kick_first"), floats("moves", "coefficients"))
+ADVANCE = Signature((integers("count"), *_STEPS, floats("rows", "numbers")), result="int64")
 
 #: Arguments of ``begin``: the rows of a kernel. It resets their tallies, with the energies of their states as H0.
 BEGIN = Signature((floats("rows", "numbers"),))
 
 #: Arguments of ``step``, which makes one step on arrays of d doubles, in place. It reads and writes the carries only if
 #: sums are compensated.
-STEP = Signature(
-    (
-        integers("stages"),
-        flags("kick_first"),
-        floats("moves", "coefficients"),
-        floats("parameters", "parameter_columns"),
-        floats("q", "d"),
-        floats("carry_q", "d"),
-        floats("p", "d"),
-        floats("carry_p", "d"),
-    )
-)
+_STATE = tuple(floats(name, "d") for name in ("q", "carry_q", "p", "carry_p"))
+STEP = Signature((*_STEPS, floats("parameters", "parameter_columns"), *_STATE))
 
 #: Arguments that the two functions below share: the queue of runs,
 _QUEUE = (
@@ -208,7 +193,7 @@ def collocation_columns(stages: int, frequencies: int) -> int:
     """Number of doubles in a row for a collocation method: the step size as a pair, and more for each frequency.
 
     For oscillators of a frequency w inside the equations these are w^2 as a pair, ``stages`` factors of q and of v, and
-    the matrix of the other forces, column by column (:mod:`nearharmonic.core.collocation.motion`).
+    the matrix of the other forces, column by column (:mod:`nearharmonic.core.collocation`).
     """
     return COLUMNS + frequencies * (2 + 2 * stages + stages * stages)
 
@@ -321,17 +306,3 @@ class Motion(NamedTuple):
     last: Any
     closed: Any
     save: Any
-
-
-class Measured(NamedTuple):
-    """Energies of an output state, each ``f(seen, parameters)``.
-
-    ``energy`` is H as a pair; ``energies`` are H as a pair, T, and 0; ``rounding`` is the rounding error of H in
-    double, absolute and relative; ``potential`` and ``kinetic`` are V and T in double.
-    """
-
-    energy: Any
-    energies: Any
-    rounding: Any
-    potential: Any
-    kinetic: Any

@@ -1,12 +1,30 @@
-"""The definition of a step, and the rotation of an oscillator that is solved exactly."""
+"""Steps of splitting methods: moves, rotations, and their forces, for states that are points or in memory.
+
+Functions of a system and of its lanes are linked by name: see :mod:`nearharmonic.core.emission`.
+"""
 
 from __future__ import annotations
 
 from typing import Any
 
 from nearharmonic.core.arithmetic import dd_add, dd_mul, fma
-from nearharmonic.core.layout import TURNS, Form
-from nearharmonic.core.machine.reals import POINT, compiled, linked, load_real
+from nearharmonic.core.layout import BLOCK, DRIFT, KICK, PRODUCT, REST, SQUARE, TURNS, Form, Motion
+from nearharmonic.core.reals import (
+    POINT,
+    REAL,
+    all_zero,
+    compiled,
+    largest_modulus,
+    linked,
+    linked_number,
+    load_point,
+    load_real,
+    store,
+    store_rest,
+    types,
+    where_zero,
+    zero_like,
+)
 
 # --- The definition of a step.
 #
@@ -20,14 +38,11 @@ from nearharmonic.core.machine.reals import POINT, compiled, linked, load_real
 # first.
 #
 # A state is (q, q_low, p, p_low, late): positions and momenta, their low parts (carries of compensated sums, low halves
-# of double-doubles), and the rest that the next move adds. All are points (:mod:`nearharmonic.core.machine.reals`).
+# of double-doubles), and the rest that the next move adds. All are points (:mod:`nearharmonic.core.reals`).
 # Coefficients of kicks carry the minus sign of dp/dt = -dV/dq.
 #
-# The functions at the end of this module return a ``move(state, row, force, parameters)`` for the formulas of a system:
+# The functions below return a ``move(state, row, force, parameters)`` for the formulas of a system:
 # ``row`` holds the coefficients of the move, and ``force`` is the force at the position of the state.
-
-#: A compiled function.
-Move = Any
 
 
 @compiled
@@ -55,7 +70,7 @@ def update_of(form: Form) -> Any:
     return double_double if form.extended else compensated if form.compensated else plain
 
 
-def ahead_compensated(velocity: Any, acceleration: Any) -> Move:
+def ahead_compensated(velocity: Any, acceleration: Any) -> Any:
     """A move whose position is ready one operation after the force, with compensated sums."""
 
     @compiled
@@ -69,7 +84,7 @@ def ahead_compensated(velocity: Any, acceleration: Any) -> Move:
     return move
 
 
-def ahead_plain(velocity: Any, acceleration: Any) -> Move:
+def ahead_plain(velocity: Any, acceleration: Any) -> Any:
     """A move whose position is ready one operation after the force, with plain sums."""
 
     @compiled
@@ -81,7 +96,7 @@ def ahead_plain(velocity: Any, acceleration: Any) -> Move:
     return move
 
 
-def momentum_first(velocity: Any, update: Any) -> Move:
+def momentum_first(velocity: Any, update: Any) -> Any:
     """A kick and then a drift, by :func:`compensated`, :func:`plain` or :func:`double_double`."""
 
     @compiled
@@ -94,14 +109,14 @@ def momentum_first(velocity: Any, update: Any) -> Move:
     return move
 
 
-def move_of(form: Form, velocity: Any, acceleration: Any) -> Move:
+def move_of(form: Form, velocity: Any, acceleration: Any) -> Any:
     """Return the move of a form: one of the three above."""
     if not form.ahead:
         return momentum_first(velocity, update_of(form))
     return (ahead_compensated if form.compensated else ahead_plain)(velocity, acceleration)
 
 
-def modified(form: Form, move: Move) -> Move:
+def modified(form: Form, move: Any) -> Any:
     """A move with the force k V' + m grad |V'|^2 of a modified potential, in double rounded once per component.
 
     Momentum and position use the same rounded number, so that the map is symplectic up to the rounding of the sums.
@@ -125,15 +140,14 @@ def modified(form: Form, move: Move) -> Move:
 # of the next move are at the same position. Together they are one kick k f + b q with b = -(T + T'). The move is
 # therefore a kick and a drift again, with a force that has a linear part. Rounded coefficients give a slightly
 # different map. It still consists of shears and is symplectic, so the energy does not drift. The new position is (q +
-# S p + S b q) + (S k) f, as in :mod:`nearharmonic.core.step`. The rounding errors of S k and S b are added one move
-# later.
+# S p + S b q) + (S k) f, as above. The rounding errors of S k and S b are added one move later.
 #
 # Between moves the momentum lacks the shear that is part of the next kick. The first move of a run and the output state
 # at the end of a step have a separate shear.
 
 
 @compiled
-def rotated_compensated(state, row, f):  # type: ignore[no-untyped-def]
+def rotated_compensated(state, row, f, parameters):  # type: ignore[no-untyped-def]
     q, q_low, p, p_low, late = state
     kick, b, S, product, linear_product, rest, linear_rest, _ = row
     ahead = fma(S, p, fma(linear_product, q, late)) + q_low
@@ -144,7 +158,7 @@ def rotated_compensated(state, row, f):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def rotated_plain(state, row, f):  # type: ignore[no-untyped-def]
+def rotated_plain(state, row, f, parameters):  # type: ignore[no-untyped-def]
     q, q_low, p, p_low, late = state
     kick, b, S, product, linear_product, _, _, _ = row
     ahead = fma(S, p, fma(linear_product, q, q))
@@ -153,7 +167,7 @@ def rotated_plain(state, row, f):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def rotated_double_double(state, row, f):  # type: ignore[no-untyped-def]
+def rotated_double_double(state, row, f, parameters):  # type: ignore[no-untyped-def]
     q, q_low, p, p_low, late = state
     kick, b, S, _ = row
     p, p_low = double_double(p, p_low, kick, f)
@@ -183,7 +197,7 @@ def sheared(form: Form) -> Any:
     return shear
 
 
-def row_loader(*, extended: bool) -> Any:
+def rotation_loader(*, extended: bool) -> Any:
     """Return ``load(moves, row)``: the kick (a real), and b, S, S k, S b, the two rests and the shear (points)."""
     columns = tuple(linked(f"turn{column}", POINT) for column in range(6 if extended else TURNS))
     if extended:
@@ -207,3 +221,361 @@ def row_loader(*, extended: bool) -> Any:
         )  # fmt: skip
 
     return load_doubles
+
+
+# --- States that are points: the moves of a step, and the energies, for a form.
+
+#: Indices of rows: of coordinates, of the coefficients of a move, and of the running state.
+_dimension, _columns, _running = (linked_number(name) for name in ("dimension", "columns", "running"))
+#: ``_moved(new, old)``: coordinates that can move are taken from ``new``, the others from ``old``.
+#: ``_timed(time, others)``: a coordinate that is the time is taken from ``time``.
+_moved, _timed = linked("moved", POINT), linked("timed", POINT)
+
+
+def _rates(form: Form) -> Any:
+    return types.UniTuple(POINT, 2) if form.extended else POINT
+
+
+@compiled
+def load_state(rows, at):  # type: ignore[no-untyped-def]
+    d = _dimension()
+    return load_point(rows, at), load_point(rows, at + d), load_point(rows, at + 2 * d), load_point(rows, at + 3 * d)
+
+
+@compiled
+def store_state(rows, at, q, q_low, p, p_low):  # type: ignore[no-untyped-def]
+    d = _dimension()
+    store(rows, at, q)
+    store(rows, at + d, q_low)
+    store(rows, at + 2 * d, p)
+    store(rows, at + 3 * d, p_low)
+
+
+@compiled
+def _pair(moves, at):  # type: ignore[no-untyped-def]
+    return load_real(moves, at), load_real(moves, at + 1)
+
+
+def row_loader(form: Form) -> Any:
+    """Return ``load(moves, row)``, the coefficients of a move for :mod:`nearharmonic.core.step`."""
+    if form.stages:
+        return compiled(lambda moves, at: (load_real(moves, at), load_real(moves, at + 1), moves, at))
+    if form.turning:
+        return rotation_loader(extended=form.extended)
+    load, parts = _pair if form.extended else load_real, form.parts
+    if form.modified:
+        return compiled(lambda moves, at: (load(moves, at), load(moves, at + parts), load(moves, at + SQUARE * parts)))
+    if form.ahead:
+        return compiled(
+            lambda moves, at: (
+                load_real(moves, at + KICK), load_real(moves, at + DRIFT), load_real(moves, at + PRODUCT),
+                load_real(moves, at + REST),
+            )
+        )  # fmt: skip
+    return compiled(lambda moves, at: (load(moves, at), load(moves, at + parts)))
+
+
+@compiled
+def with_time(q, q_low, before, low_before, drift):  # type: ignore[no-untyped-def]
+    """The positions after a drift from those before, with a compensated sum for the one that is the time."""
+    time, low = compensated(before, low_before, drift, zero_like(before) + 1.0)
+    return _timed(time, q), _timed(low, q_low)
+
+
+def _move(form: Form) -> Any:
+    """The move of a form."""
+    if form.turning:
+        return rotated(form)
+    rates = _rates(form)
+    move = move_of(form, linked("velocity", rates), linked("acceleration", rates))
+    if form.modified:
+        move = modified(form, move)
+    resting, timed = form.resting, form.timed
+    if not (resting or timed):
+        return move
+
+    @compiled
+    def move_some(state, row, f, parameters):  # type: ignore[no-untyped-def]
+        q, q_low, p, p_low, late = move(state, row, f, parameters)
+        if timed:
+            q, q_low = with_time(q, q_low, state[0], state[1], row[DRIFT])
+        if resting:
+            q, q_low = _moved(q, state[0]), _moved(q_low, state[1])
+        return q, q_low, p, p_low, late
+
+    return move_some
+
+
+def _closed(form: Form, move: Any) -> Any:
+    """``closed(state, row, f, parameters)``: the state at the end of a step, one move after ``state``."""
+    shear, turning = sheared(form), form.turning
+    late_by = form.compensated and form.ahead
+
+    @compiled
+    def closed(state, row, f, parameters):  # type: ignore[no-untyped-def]
+        state = move(state, row, f, parameters)
+        if turning:
+            state = shear(state, row)
+        q, q_low, p, p_low, late = state
+        if late_by:
+            q_low = q_low + late
+        return q, q_low, p, p_low
+
+    return closed
+
+
+def _without(form: Form) -> Any:
+    """``without(coefficient, rates)``: 0 in the lanes where the coefficient is 0."""
+    if form.extended:
+        return compiled(lambda c, f: (where_zero(c, 0.0, f[0]), where_zero(c, 0.0, f[1])))
+    return compiled(lambda c, f: where_zero(c, 0.0, f))
+
+
+def _forces(form: Form) -> tuple[Any, Any, Any]:
+    """``first(state, moves, parameters)`` and ``behind(state, moves, row, parameters)``: the forces that moves take.
+
+    The third function, ``last``, is ``behind`` with V as a second result. If no kick comes first, the first force has
+    no effect and need not exist. For kicks of a modified potential, the gradient of the square follows the force if a
+    lane needs it.
+    """
+    modified, m = form.modified, SQUARE * form.parts
+    force, square = linked("force", _rates(form)), linked("square", _rates(form))
+    force_and_potential, without = linked("force_and_potential", types.Tuple((POINT, REAL))), _without(form)
+
+    @compiled
+    def squared(state, f, needed, parameters):  # type: ignore[no-untyped-def]
+        g = zero_like(f)
+        if not all_zero(needed):
+            g = without(needed, square(state[0], state[1], parameters))
+        return g
+
+    @compiled
+    def with_square(state, f, moves, row, parameters):  # type: ignore[no-untyped-def]
+        if modified:
+            return f, squared(state, f, load_real(moves, row + _columns() - 1), parameters)
+        return f
+
+    @compiled
+    def first(state, moves, parameters):  # type: ignore[no-untyped-def]
+        c, f = load_real(moves, KICK), force(state[0], state[1], parameters)
+        if modified:
+            return without(c, f), without(c, squared(state, f, load_real(moves, m), parameters))
+        return without(c, f)
+
+    @compiled
+    def behind(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+        return with_square(state, force(state[0], state[1], parameters), moves, row, parameters)
+
+    @compiled
+    def last(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+        f, V = force_and_potential(state[0], state[1], parameters)
+        return with_square(state, f, moves, row, parameters), V
+
+    return first, behind, last
+
+
+def _opened(form: Form, row_of: Any, move: Any) -> Any:
+    """``opened(state, moves)``: the state after a separate first move, in the lanes that have one.
+
+    Such a move has no kick by the force, and ends with a shear. It is complete here: its coefficients are then reset.
+    """
+    if not form.turning:
+        return compiled(lambda state, moves, parameters: state)
+    shear, extended = sheared(form), form.extended
+
+    @compiled
+    def opened(state, moves, parameters):  # type: ignore[no-untyped-def]
+        row = row_of(moves, 0)
+        size = largest_modulus(row[-1][0] if extended else row[-1])
+        nothing = zero_like((state[0], state[0]) if extended else state[0])
+        turned = shear(move(state, row, nothing, parameters), row)
+        for column in range(_columns()):
+            x = load_real(moves, column)
+            store(moves, column, where_zero(size, x, zero_like(x)))
+        q, q_low, p, p_low, late = state
+        return (
+            where_zero(size, q, turned[0]), where_zero(size, q_low, turned[1]), where_zero(size, p, turned[2]),
+            where_zero(size, p_low, turned[3]), where_zero(size, late, turned[4]),
+        )  # fmt: skip
+
+    return opened
+
+
+def motion(form: Form) -> Motion:
+    """Return the functions that :func:`nearharmonic.core.loops.advance` calls."""
+    if form.large:
+        return _motion_in_memory(form)
+    move = _move(form)
+    opened = _opened(form, row_loader(form), move)
+    first, behind, last = _forces(form)
+
+    @compiled
+    def load(rows, moves, parameters):  # type: ignore[no-untyped-def]
+        running = _running()
+        q, q_low, p, p_low = load_state(rows, running)
+        late = load_point(rows, running + 4 * _dimension())
+        return opened((q, q_low, p, p_low, late), moves, parameters), load_state(rows, 0)
+
+    @compiled
+    def save(rows, state, seen):  # type: ignore[no-untyped-def]
+        q, q_low, p, p_low, late = state
+        store_state(rows, _running(), q, q_low, p, p_low)
+        store(rows, _running() + 4 * _dimension(), late)
+        q, q_low, p, p_low = seen
+        store_state(rows, 0, q, q_low, p, p_low)
+
+    return Motion(load, first, move, behind, last, _closed(form, move), save)
+
+
+# --- States of many coordinates in memory, which advance eight coordinates at a time.
+#
+# The state is the address of the rows. If masses are not 1, a move computes the kick, the velocity and the drift one
+# after the other: the number of operations bounds the time of such states, not the longest chain.
+
+_force_at, _force_plane, _velocity_at, _velocity_plane = (
+    linked_number(name) for name in ("force_at", "force_plane", "velocity_at", "velocity_plane")
+)
+
+
+@compiled
+def _put(rows, at, first, value):  # type: ignore[no-untyped-def]
+    """Replace a block of coordinates, or the coordinates behind the last full block."""
+    if first + BLOCK <= _dimension():
+        store(rows, at + first, value)
+    else:
+        store_rest(rows, at + first, value)
+
+
+@compiled
+def _load(rows, first):  # type: ignore[no-untyped-def]
+    """A block of the running state."""
+    at = _running() + first
+    return (*load_state(rows, at), load_point(rows, at + 4 * _dimension()))
+
+
+def _kept(at: Any, plane: Any, *, extended: bool) -> Any:
+    """Return ``load(rows, i)``, which loads a block of rates that are stored from ``at`` on."""
+    if extended:
+        return compiled(lambda rows, i: (load_point(rows, at() + i), load_point(rows, at() + plane() + i)))
+    return compiled(lambda rows, i: load_point(rows, at() + i))
+
+
+def _move_of_unit_masses(form: Form) -> Any:
+    """``moved(rows, row, to)``: a move from the running state to the rows from ``to`` on."""
+    same, extended = compiled(lambda x, parameters: x), form.extended
+    velocity = same if form.ahead else compiled(lambda p, low, parameters: (p, low) if extended else p)
+    move = move_of(form, velocity, same)
+    force = _kept(_force_at, _force_plane, extended=form.extended)
+    late_by = form.compensated and form.ahead
+
+    @compiled
+    def moved(rows, row, to):  # type: ignore[no-untyped-def]
+        d, running = _dimension(), _running()
+        for first in range(0, d, BLOCK):
+            q, q_low, p, p_low, late = move(_load(rows, first), row, force(rows, first), 0)
+            if to == running:
+                _put(rows, to + 4 * d, first, late)
+            elif late_by:
+                q_low = q_low + late
+            _put(rows, to, first, q)
+            _put(rows, to + d, first, q_low)
+            _put(rows, to + 2 * d, first, p)
+            _put(rows, to + 3 * d, first, p_low)
+
+    return moved
+
+
+def _move_of_masses(form: Form) -> Any:
+    """``moved(rows, row, to)`` as above, for velocities that depend on all momenta."""
+    update, timed = update_of(form), form.timed
+    force = _kept(_force_at, _force_plane, extended=form.extended)
+    velocity = _kept(_velocity_at, _velocity_plane, extended=form.extended)
+    velocities = linked("velocities", types.void)
+
+    @compiled
+    def moved(rows, row, to):  # type: ignore[no-untyped-def]
+        d, running, (kick, drift) = _dimension(), _running(), row
+        for first in range(0, d, BLOCK):
+            _, _, p, p_low, _ = _load(rows, first)
+            p, p_low = update(p, p_low, kick, force(rows, first))
+            _put(rows, to + 2 * d, first, p)
+            _put(rows, to + 3 * d, first, p_low)
+        velocities(rows, to)
+        time, low = load_real(rows, running + d - 1), load_real(rows, running + 2 * d - 1)
+        for first in range(0, d, BLOCK):
+            q, q_low, _, _, _ = _load(rows, first)
+            q, q_low = update(q, q_low, drift, velocity(rows, first))
+            _put(rows, to, first, q)
+            _put(rows, to + d, first, q_low)
+        if timed:
+            time, low = compensated(time, low, drift, 1.0)
+            store(rows, to + d - 1, time)
+            store(rows, to + 2 * d - 1, low)
+
+    return moved
+
+
+@compiled
+def load_rows(rows, moves, parameters):  # type: ignore[no-untyped-def]
+    """The running state and the output state, which are both in the rows."""
+    return rows, rows
+
+
+@compiled
+def save_rows(rows, state, seen):  # type: ignore[no-untyped-def]
+    pass
+
+
+def _motion_in_memory(form: Form) -> Motion:
+    """As :func:`motion`, for states in memory."""
+    moved = _move_of_unit_masses(form) if form.unit_masses else _move_of_masses(form)
+    force, force_and_potential = linked("force", types.void), linked("force_and_potential", REAL)
+    parts = form.parts
+
+    @compiled
+    def first(rows, moves, parameters):  # type: ignore[no-untyped-def]
+        force(rows)
+        nothing = load_real(moves, KICK)
+        if all_zero(nothing):
+            for part in range(parts):
+                for i in range(_dimension()):
+                    store(rows, _force_at() + part * _force_plane() + i, zero_like(nothing))
+        return 0
+
+    @compiled
+    def move(rows, row, f, parameters):  # type: ignore[no-untyped-def]
+        moved(rows, row, _running())
+        return rows
+
+    @compiled
+    def behind(rows, moves, row, parameters):  # type: ignore[no-untyped-def]
+        force(rows)
+        return 0
+
+    @compiled
+    def last(rows, moves, row, parameters):  # type: ignore[no-untyped-def]
+        return 0, force_and_potential(rows)
+
+    @compiled
+    def closed(rows, row, f, parameters):  # type: ignore[no-untyped-def]
+        moved(rows, row, 0)
+        return rows
+
+    return Motion(load_rows, first, move, behind, last, closed, save_rows)
+
+
+def measured(name: str, *, large: bool) -> Any:
+    """Return ``f(seen, parameters)``, an energy of an output state that is of points or in memory.
+
+    "energy" is H as a pair; "energies" are H as a pair, T, and 0; "rounding" is the rounding error of H in double,
+    absolute and relative; "potential" and "kinetic" are V and T in double.
+    """
+    numbers = {"potential": 1, "kinetic": 1, "energies": 4}.get(name, 2)
+    function = linked(name, REAL if numbers == 1 else types.UniTuple(REAL, numbers))
+    if large:
+        return compiled(lambda rows, parameters: function(rows))
+    if name == "potential":
+        return compiled(lambda seen, parameters: function(seen[0], seen[1], parameters))
+    if name == "kinetic":
+        return compiled(lambda seen, parameters: function(seen[2], parameters))
+    return compiled(lambda seen, parameters: function(*seen, parameters))

@@ -17,6 +17,7 @@ from numba.core import cgutils, errors
 from numba.core import types as numba_types
 from numba.extending import intrinsic, overload, typeof_impl
 
+from nearharmonic.core import reals  # noqa: F401 (it lets numba compile two_product)
 from nearharmonic.core.arithmetic import fma, two_product, two_sum
 from nearharmonic.core.layout import (
     COLUMNS,
@@ -34,17 +35,8 @@ from nearharmonic.core.layout import (
     running_at,
     running_rows,
 )
-from nearharmonic.core.machine import reals  # noqa: F401 (it lets numba compile two_product)
-from nearharmonic.core.machine.reals import (
-    at_address,
-    jit,
-    linked_number,
-    load_parameters,
-    load_point,
-    store,
-    zero_like,
-)
-from nearharmonic.core.points import motion, row_loader
+from nearharmonic.core.reals import at_address, jit, linked_number, load_parameters, load_point, store, zero_like
+from nearharmonic.core.step import motion, row_loader
 from nearharmonic.errors import bad_setting
 
 # --- Products of exact coefficients and powers of a run-time step size, each rounded once.
@@ -53,9 +45,6 @@ from nearharmonic.errors import bad_setting
 # computed in double-double. If the error of this product leaves two candidates for the nearest double, an exact sum of
 # all doubles decides. This is not rare: 7 tau / 24 is half-way between two doubles for many tau, and for a coefficient
 # with 76 decimals in place of 7/24 the product is very near to half-way.
-#
-# The module is separate from :mod:`nearharmonic.core.stepper` because these functions do not depend on a system and
-# are compiled once.
 
 #: Smallest number of bits that a double of a sum adds.
 BITS = 53
@@ -299,8 +288,7 @@ def recall(slots: Floats, table: Floats, flags: Floats, n: int, tau: float, move
 # --- Functions of numba that advance arrays by one step, for use inside other functions of numba.
 #
 # They call the machine code of kernels by its address. They use the stack or memory of their own, so that threads may
-# call them concurrently. The module is separate because it imports numba, which takes longer to load than most runs
-# take.
+# call them concurrently.
 
 #: What a step takes beside the step size.
 ARRAY = "writable, C-contiguous array of float64 with one dimension"
@@ -519,7 +507,7 @@ def _fixed(address: int, kind: Any) -> Any:
 
 # --- A single step on arrays of the caller, without energy or samples.
 #
-# It makes the moves of :mod:`nearharmonic.core.loops.advance`, and is bitwise identical to a run of one step.
+# It makes the moves of :mod:`nearharmonic.core.loops`, and is bitwise identical to a run of one step.
 
 _columns = linked_number("columns")
 

@@ -42,7 +42,7 @@ from nearharmonic.systems.remembered import remembered
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
-    from nearharmonic.core.machine.native import PreparedCall
+    from nearharmonic.core.native import PreparedCall
 
 
 # --- Interrupt handling and progress bars for long kernel calls.
@@ -369,7 +369,7 @@ def landing_of(system: System, numerics: Numerics, stages: int = 0) -> Callable[
 
     ``stages`` is the number of stages of a collocation method, or 0.
     """
-    from nearharmonic.core.loops.kernel import build_landing
+    from nearharmonic.core.kernel import build_landing
 
     return build_landing(
         physics_of(system, stages=stages),
@@ -393,7 +393,7 @@ def landing_call(
     """Return a call of the runs of a regularised system: with the perturbation, or without it if its strength is 0.
 
     ``parameters`` (R or 1, 2 P) may change from call to call. ``arguments`` are those of the function that
-    :func:`nearharmonic.core.loops.kernel.build_landing` returns.
+    :func:`nearharmonic.core.kernel.build_landing` returns.
     """
     strength = None if system.regularisation is None else system.regularisation.strength
     place = None if strength is None else 2 * list(system.parameters).index(strength)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.core.formulas.number import Constant
+from nearharmonic.core.number import Constant
 from nearharmonic.engine.batch import Trajectories
 from nearharmonic.engine.description import (
     error_variables,

@@ -7,8 +7,8 @@ from dataclasses import fields, replace
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from nearharmonic.core.formulas.number import Constant
-from nearharmonic.core.formulas.tracing import Hamiltonian, Physics
+from nearharmonic.core.number import Constant
+from nearharmonic.core.tracing import Hamiltonian, Physics
 from nearharmonic.engine.settings import WIDTH, Numerics
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.collocation import stage_table
@@ -21,7 +21,7 @@ from nearharmonic.systems.remembered import remembered
 from nearharmonic.systems.system import System
 
 if TYPE_CHECKING:
-    from nearharmonic.core.loops.kernel import Kernel
+    from nearharmonic.core.kernel import Kernel
 
 
 # --- Runs of systems whose V is a function of numba: settings that they refuse, and the floor of their energy errors.
@@ -79,7 +79,7 @@ def kernel_of(system: System, numerics: Numerics = STANDARD, *, modified: bool =
     method, 0 for a splitting method. A formula that fails or uses what formulas cannot, and a gradient that contradicts
     its potential, raise SystemDefinitionError; extended precision or several lanes for a V of numba SettingError.
     """
-    from nearharmonic.core.loops.kernel import build
+    from nearharmonic.core.kernel import build
 
     check_precision(system, [numerics.precision])
     width = 1 if system.formulas().are_loops else numerics.width or WIDTH
@@ -100,7 +100,7 @@ def kernel_of(system: System, numerics: Numerics = STANDARD, *, modified: bool =
 @remembered
 def cost_of(system: System, numerics: Numerics, *, modified: bool = False, stages: int = 0) -> int:
     """Return the time of a force evaluation in units of at most a few nanoseconds."""
-    from nearharmonic.core.loops.kernel import cost
+    from nearharmonic.core.kernel import cost
 
     return cost(
         physics_of(system, numerics, modified=modified, stages=stages), extended=numerics.precision == "extended"
@@ -110,8 +110,8 @@ def cost_of(system: System, numerics: Numerics, *, modified: bool = False, stage
 @remembered
 def formulas_digest(system: System) -> str:
     """Return a digest of the equations of motion: the instructions of the formulas, with parameters as values."""
-    from nearharmonic.core.formulas.emission import fingerprint
-    from nearharmonic.core.formulas.tracing import Rules
+    from nearharmonic.core.emission import fingerprint
+    from nearharmonic.core.tracing import Rules
 
     return fingerprint(Rules(physics_of(system), extended=True, compensated=True))
 

@@ -35,8 +35,7 @@ from nearharmonic.engine.trajectory import Solution
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import log
-from nearharmonic.numerics.portable import Floats, Integers
-from nearharmonic.numerics.statistics import quasi_random, student_975
+from nearharmonic.numerics.portable import Floats, Integers, quasi_random, student_975
 from nearharmonic.numerics.written import is_real
 from nearharmonic.output.store import Variables, assembled, described
 from nearharmonic.systems.quantities import Vector

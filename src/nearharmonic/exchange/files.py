@@ -34,7 +34,7 @@ from nearharmonic.exchange.method import (
     rounded,
 )
 from nearharmonic.integrators.tableau import DECIMAL, QUADRATIC_KINETIC_ENERGY, First, Row, Tableau
-from nearharmonic.registry.registry import split_path
+from nearharmonic.registry import split_path
 
 #: Highest orders for which conditions are examined; the number of words doubles with each order.
 HIGHEST_ORDER = 10

@@ -1,6 +1,6 @@
 """The integrators, one file per source; ``integrators["aba864"]`` is a :class:`~nearharmonic.Tableau`.
 
-This package is the mapping ``integrators`` (``nearharmonic.registry.registry``). A key is the name, the label or
+This package is the mapping ``integrators`` (``nearharmonic.registry``). A key is the name, the label or
 another name of an integrator, or the path of a Python file. Three views select methods: those whose kicks are of V
 alone, those with kicks of a modified potential, and the implicit ones, which have no kicks.
 
@@ -20,8 +20,7 @@ from dataclasses import dataclass
 from nearharmonic.errors import TableauError, unknown_name
 from nearharmonic.integrators.collocation import Collocation
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.registry.registry import Registry, Selection, is_path, split_path
-from nearharmonic.registry.user_module import load, near_miss
+from nearharmonic.registry import Registry, Selection, is_path, load_file, near_miss, split_path
 
 __all__ = [
     "BENCHMARKED", "Collocation", "Tableau", "implicit_integrators", "integrators", "modified_integrators",
@@ -54,7 +53,7 @@ def tableaus_of(place: str | os.PathLike[str], registered: Collection[str]) -> d
     None has the name of another one or of a ``registered`` integrator.
     """
     path = os.fspath(place)
-    module = load(path, DECLARES, TableauError)
+    module = load_file(path, DECLARES, TableauError)
     several = getattr(module, "TABLEAUS", ())
     single = getattr(module, "TABLEAU", None)
     found = [*([] if single is None else [single]), *(several if isinstance(several, list | tuple) else [several])]

@@ -90,12 +90,12 @@ class Collocation(OneStepMethod):
         }  # fmt: skip
 
     def __repr__(self) -> str:
-        from nearharmonic.registry.registry import line
+        from nearharmonic.registry import line
 
         return line("Collocation", self.facts)
 
     def _repr_html_(self) -> str:
-        from nearharmonic.registry.registry import facts_table
+        from nearharmonic.registry import facts_table
 
         return facts_table("Collocation", self.facts)
 

@@ -398,12 +398,12 @@ class Tableau(Composition):
         }
 
     def __repr__(self) -> str:
-        from nearharmonic.registry.registry import line
+        from nearharmonic.registry import line
 
         return line("Tableau", self.facts)
 
     def _repr_html_(self) -> str:
-        from nearharmonic.registry.registry import facts_table
+        from nearharmonic.registry import facts_table
 
         rows = {
             f"{name} coefficients": ", ".join(f"{float(c)!r}" for c in getattr(self, name))

@@ -40,7 +40,7 @@ from nearharmonic.numerics.written import exact_value
 from nearharmonic.output.store import Variables, assembled, described
 from nearharmonic.recommendation.measure import MEASURES, fewest_for_good, of_kind, prepared_calls, read_parts
 from nearharmonic.recommendation.search import REACH, Choice, Question, Search
-from nearharmonic.registry.registry import is_path, split_path
+from nearharmonic.registry import is_path, split_path
 from nearharmonic.systems import System, systems
 from nearharmonic.systems.quantities import is_list
 

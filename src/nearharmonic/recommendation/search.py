@@ -17,8 +17,7 @@ from nearharmonic.engine.settings import Numerics, misfit
 from nearharmonic.engine.setup import checked_scale
 from nearharmonic.integrators import blanes_moan_2002
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.portable import Floats
-from nearharmonic.numerics.statistics import quasi_random
+from nearharmonic.numerics.portable import Floats, quasi_random
 from nearharmonic.output.store import Attributes
 from nearharmonic.recommendation.measure import (
     LOSSLESS,

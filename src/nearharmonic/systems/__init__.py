@@ -1,6 +1,6 @@
 """The Hamiltonian systems, one file each; ``systems["kepler"]`` is a :class:`~nearharmonic.System`.
 
-The mapping stands in the place of this package (``nearharmonic.registry.registry``). A key is the name of a system, or
+The mapping stands in the place of this package (``nearharmonic.registry``). A key is the name of a system, or
 the path of a Python file that defines SYSTEM.
 
 Examples
@@ -10,7 +10,7 @@ Examples
 <System sho: label simple harmonic oscillator, coordinates 1, t_end 500>
 """
 
-from nearharmonic.registry.registry import Registry
+from nearharmonic.registry import Registry
 from nearharmonic.systems.quantities import Observable, Parameter
 from nearharmonic.systems.system import System, system_at
 

@@ -16,16 +16,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from nearharmonic.core import arithmetic
 from nearharmonic.core.arithmetic import sqrt
-from nearharmonic.core.formulas.expression import (
-    Graph,
-    Value,
-    Variable,
-    becomes_loops,
-    check_size,
-    operations,
-    value_of,
-)
-from nearharmonic.core.formulas.number import (
+from nearharmonic.core.expression import Graph, Value, Variable, becomes_loops, check_size, operations, value_of
+from nearharmonic.core.number import (
     NO_SUCH_COMPONENT,
     Constant,
     FormulaError,
@@ -35,14 +27,14 @@ from nearharmonic.core.formulas.number import (
     constant,
     scalar,
 )
-from nearharmonic.core.formulas.tracing import Hamiltonian
+from nearharmonic.core.tracing import Hamiltonian
 from nearharmonic.errors import SystemDefinitionError, shown
 from nearharmonic.numerics.written import decimal, exact_number, exact_value
 from nearharmonic.systems.quantities import is_list
 
 if TYPE_CHECKING:
-    from nearharmonic.core.formulas.program import Program
-    from nearharmonic.core.large.terms import LoopedEnergy
+    from nearharmonic.core.program import Program
+    from nearharmonic.core.terms import LoopedEnergy
 
 
 Components = tuple[Any, ...]
@@ -132,7 +124,7 @@ class Energy:
 
     def looped(self, parameters_at_run_time: bool) -> LoopedEnergy:
         """Return the energy as loops; its parameters are values of a kernel or the constants of the system."""
-        from nearharmonic.core.large.terms import LoopedEnergy  # most systems do not need it
+        from nearharmonic.core.terms import LoopedEnergy
 
         parameters = None if parameters_at_run_time else self.parameters
         with self._lock:
@@ -145,7 +137,7 @@ class Energy:
     @property
     def is_quadratic(self) -> bool:
         """True if the energy is a polynomial of degree at most 2 in its coordinates, in any form."""
-        from nearharmonic.core.formulas.program import is_quadratic
+        from nearharmonic.core.program import is_quadratic
 
         graph, value, coordinates = self._standard
         return is_quadratic(graph, value, frozenset(x.node for x in coordinates if x.node is not None))
@@ -153,7 +145,7 @@ class Energy:
     @property
     def is_half_square(self) -> bool:
         """True if the energy is x.x / 2, in any form."""
-        from nearharmonic.core.formulas.program import polynomial_of
+        from nearharmonic.core.program import polynomial_of
 
         graph, value, coordinates = self._standard
         half = {((x.node, 2),): Fraction(1, 2) for x in coordinates}
@@ -198,8 +190,8 @@ class Energy:
         return evaluate(self._programs[wanted, constants], (*arguments, *vector))
 
     def _program(self, wanted: Any, traced: _Traced) -> Program:
-        from nearharmonic.core.formulas.expression import gradient, hessian_vector
-        from nearharmonic.core.formulas.program import shortest_program
+        from nearharmonic.core.expression import gradient, hessian_vector
+        from nearharmonic.core.program import shortest_program
 
         graph, value, coordinates = traced
         if wanted == "hessian":

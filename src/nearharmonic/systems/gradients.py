@@ -13,11 +13,11 @@ from threading import RLock
 from typing import Any
 
 from nearharmonic.core.arithmetic import sqrt
-from nearharmonic.core.formulas.expression import Expression, Graph, Value, check_size, operations, value_of
-from nearharmonic.core.formulas.expression import gradient as derived
-from nearharmonic.core.formulas.number import FUNCTIONS, Constant, Number, call, in_mpfr, scalar, vector
-from nearharmonic.core.formulas.program import Program, program, shortest_program
-from nearharmonic.core.formulas.tracing import Conditioned
+from nearharmonic.core.expression import Expression, Graph, Value, check_size, operations, value_of
+from nearharmonic.core.expression import gradient as derived
+from nearharmonic.core.number import FUNCTIONS, Constant, Number, call, in_mpfr, scalar, vector
+from nearharmonic.core.program import Program, program, shortest_program
+from nearharmonic.core.tracing import Conditioned
 from nearharmonic.errors import SystemDefinitionError, bad_setting
 from nearharmonic.systems.formulas import (
     DerivedGradient,

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from nearharmonic.core.formulas.number import Constant, Value
+from nearharmonic.core.number import Constant, Number
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.systems.formulas import Components as Vector
 from nearharmonic.systems.formulas import Energy
 
 if TYPE_CHECKING:
-    from nearharmonic.core.machine.numba_functions import NumbaCode
+    from nearharmonic.core.reals import NumbaCode
 
 
 #: Step of a difference of gradients, relative to the coordinates: truncation and rounding errors are then equally
@@ -44,7 +44,7 @@ class NumbaPotential:
     @cached_property
     def code(self) -> NumbaCode:
         """Code of both functions, which numba must be able to compile for doubles, and which return the right types."""
-        from nearharmonic.core.machine.numba_functions import NumbaFunctionError, compiled_code
+        from nearharmonic.core.reals import NumbaFunctionError, compiled_code
 
         try:
             return compiled_code(self.V, self.grad_V, self.dimension, self.parameters)
@@ -62,7 +62,7 @@ class NumbaPotential:
 
     def _evaluated(self, formula: str, count: int, q: Vector, parameters: Vector) -> Vector:
         numbers = (*q, *parameters)
-        if any(isinstance(x, Value) for x in numbers):
+        if any(isinstance(x, Number) for x in numbers):
             emitted = _emitted(formula, count, tuple(q), parameters)
             if emitted is None:
                 raise SystemDefinitionError(
@@ -91,8 +91,8 @@ class NumbaPotential:
 
 def _emitted(formula: str, count: int, q: Vector, parameters: Vector) -> Vector | None:
     """Results of a call in a kernel, in double precision; None if the arguments are not values of a kernel."""
-    from nearharmonic.core.formulas.tracing import Double, DoubleDouble
-    from nearharmonic.core.machine.numba_functions import called
+    from nearharmonic.core.reals import called
+    from nearharmonic.core.tracing import Double, DoubleDouble
 
     like = next((x for x in q if isinstance(x, Double | DoubleDouble)), None)
     if like is None:

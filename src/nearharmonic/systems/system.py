@@ -10,12 +10,11 @@ from inspect import Parameter as Argument
 from inspect import Signature, signature
 from typing import Any, TypeVar
 
-from nearharmonic.core.formulas.expression import Graph
-from nearharmonic.core.formulas.number import Constant, vector
+from nearharmonic.core.expression import Graph
+from nearharmonic.core.number import Constant, vector
 from nearharmonic.errors import SystemDefinitionError, naming_arguments
 from nearharmonic.numerics.written import decimal
-from nearharmonic.registry.registry import split_path
-from nearharmonic.registry.user_module import load, near_miss, pickled
+from nearharmonic.registry import load_file, near_miss, pickled, split_path
 from nearharmonic.systems.formulas import (
     DerivedGradient,
     Energy,
@@ -372,12 +371,12 @@ class System:
         }
 
     def __repr__(self) -> str:
-        from nearharmonic.registry.registry import line
+        from nearharmonic.registry import line
 
         return line("System", self.facts)
 
     def _repr_html_(self) -> str:
-        from nearharmonic.registry.registry import facts_table
+        from nearharmonic.registry import facts_table
 
         return facts_table("System", self.facts)
 
@@ -523,7 +522,7 @@ DECLARES = "A system of your own is a Python file that defines SYSTEM"
 
 def load_system(place: str | os.PathLike[str]) -> System:
     """Return the ``SYSTEM`` that a Python file defines."""
-    module = load(place, DECLARES, SystemDefinitionError)
+    module = load_file(place, DECLARES, SystemDefinitionError)
     found = getattr(module, "SYSTEM", None)
     if not isinstance(found, System):
         why = near_miss(module, "SYSTEM", System)

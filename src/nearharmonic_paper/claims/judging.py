@@ -10,8 +10,7 @@ import numpy as np
 
 from nearharmonic.math import log
 from nearharmonic.numerics import portable
-from nearharmonic.numerics.portable import Bools, Floats
-from nearharmonic.numerics.statistics import PLATEAU, line_slope, mean
+from nearharmonic.numerics.portable import PLATEAU, Bools, Floats, line_slope, mean
 from nearharmonic.output.store import double_runs
 from nearharmonic_paper.claims.claim import Decision, Results, Verdict, combined, label, once, require, short
 

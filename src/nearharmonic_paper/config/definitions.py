@@ -11,8 +11,7 @@ from pathlib import Path
 
 from nearharmonic.errors import NearharmonicError, SettingError, UnknownNameError, bad_setting
 from nearharmonic.integrators import TableauDefinition, integrators, load_tableaus
-from nearharmonic.registry.registry import is_path, split_path
-from nearharmonic.registry.user_module import is_file
+from nearharmonic.registry import is_file, is_path, split_path
 from nearharmonic.systems import System, systems
 from nearharmonic.systems.gradients import check_gradients
 from nearharmonic.systems.user_file import SystemDefinition

@@ -18,7 +18,7 @@ from nearharmonic.errors import ResultFileError, SettingError, bad_setting
 from nearharmonic.output.atomic import opened, replacing
 from nearharmonic.output.store import digest_of_first
 from nearharmonic.output.table import in_one_line
-from nearharmonic.registry.registry import split_path
+from nearharmonic.registry import split_path
 from nearharmonic_paper.record import description, history, manifest
 from nearharmonic_paper.record.description import (
     METADATA,

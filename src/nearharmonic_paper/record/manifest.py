@@ -22,7 +22,7 @@ from nearharmonic.output.atomic import read_bytes, read_text, sealed, write_text
 from nearharmonic.output.atomic import unsealed as opened
 from nearharmonic.output.store import command_for, unusable
 from nearharmonic.output.table import Table, from_csv
-from nearharmonic.registry.user_module import check_trust, is_file, is_trusted
+from nearharmonic.registry import check_trust, is_file, is_trusted
 from nearharmonic_paper.record.history import HISTORY, runs_newest_first
 from nearharmonic_paper.tasks.provenance import files_in, read_definitions
 from nearharmonic_paper.tasks.receipts import BESIDE, measured, receipts_in

@@ -13,9 +13,9 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from nearharmonic.core.machine import disk
+from nearharmonic.core import disk
 from nearharmonic.errors import NearharmonicError, SettingError
-from nearharmonic.registry.user_module import is_file
+from nearharmonic.registry import is_file
 
 Node = TypeVar("Node")
 

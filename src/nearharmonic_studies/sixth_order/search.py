@@ -14,15 +14,15 @@ import numpy as np
 import numpy.typing as npt
 from mpmath import mp, mpf
 
-from nearharmonic.core.machine.reals import jit
+from nearharmonic.core.reals import jit
 from nearharmonic.engine.trajectory import sweep
 from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.exact.words import LETTERS
 from nearharmonic.integrators import integrators as methods_by_name
 from nearharmonic.integrators import zymplectic
 from nearharmonic.integrators.tableau import First, Tableau
+from nearharmonic.numerics.compiled import Damping, RandomStarts, distinct, iteration, levenberg_step
 from nearharmonic.numerics.portable import Bools
-from nearharmonic.numerics.search import Damping, RandomStarts, distinct, iteration, levenberg_step
 from nearharmonic.output.table import Table, progress
 from nearharmonic.systems import henon_heiles, kepler, sho
 from nearharmonic.theory.order_conditions import ConditionedSteps, Equation, alternating

@@ -11,8 +11,7 @@ import numpy as np
 import xarray as xr
 
 from nearharmonic.integrators import integrators
-from nearharmonic.numerics.portable import Floats
-from nearharmonic.numerics.statistics import student_975
+from nearharmonic.numerics.portable import Floats, student_975
 from nearharmonic.output.store import bounds_coordinate, coordinate, described, read
 from nearharmonic.output.table import Table
 from nearharmonic.training.family import TRAINED

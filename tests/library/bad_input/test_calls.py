@@ -87,17 +87,8 @@ SYSTEMS = {
     "units": [None, {}, {"q": 5}, {"q": "m"}, 5],
     "parameters": [{5: 1}, [1], {"a b": 1}, {"a": "1e999999999"}, {"a": None}],
     "masses": [
-        (np.timedelta64(1, "s"),),
-        (np.array(1.0),),
-        ("0",),
-        ("x",),
-        ("1", "2"),
-        ("1e999999999",),
-        (True,),
-        (None,),
-        -5,
-        {"a": 1},
-        (float("nan"),),
+        (np.timedelta64(1, "s"),), (np.array(1.0),), ("0",), ("x",), ("1", "2"), ("1e999999999",), (True,), (None,), -5,
+        {"a": 1}, (float("nan"),),
     ],
     "frequencies": [("x",), ("-1",), (None,), ("1", "2"), ("1e999999999",), (True,), 5],
     "invariants": [{"q": len}, {"x": 5}, [len], {5: len}],
@@ -107,7 +98,7 @@ SYSTEMS = {
     "time_dependent": ["yes", 1, None],
     "label": [5],
     "source": [5],
-}
+}  # fmt: skip
 
 LEAPFROG = {
     "name": "leap", "order": 2, "first": "kick", "kick": ("0.5", "0.5"), "drift": ("1",), "source": "", "digits": 16,
@@ -154,16 +145,6 @@ COEFFICIENTS = {
     "nothing.py": "",
     "words.txt": "kick",
 }
-
-
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    """An empty working directory, which stays empty."""
-    folder = tmp_path / "here"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    yield tmp_path
-    assert not list(folder.iterdir())
 
 
 def shortened(value):

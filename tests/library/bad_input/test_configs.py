@@ -17,6 +17,10 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic_paper.config.config import schema
 from nearharmonic_paper.config.reading import load, read
 from support.bad_input import check_message, refused
+from support.projects.workflow_project import Project
+
+# --- Bad configs: each ends with one sentence that names the key, before any work
+
 
 KIND = "E. bad configs"
 CASES = yaml.safe_load(Path(__file__).with_name("configs.yaml").read_text(encoding="utf-8"))
@@ -90,17 +94,7 @@ def changed(key, value):
     return config
 
 
-@pytest.fixture
-def written(tmp_path, monkeypatch):
-    """An empty working directory, which stays empty."""
-    folder = tmp_path / "here"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    yield tmp_path
-    assert not list(folder.iterdir())
-
-
-def test_a_bad_value_is_named_with_its_key(trials, written):
+def test_a_bad_value_is_named_with_its_key(trials, here):
     bad = trials(KIND)
     load(SMALL)
     for key, value, says in CASES:
@@ -108,7 +102,7 @@ def test_a_bad_value_is_named_with_its_key(trials, written):
             refused(partial(load, changed(key, value)), says)
 
 
-def test_no_key_for_a_number_takes_anything_else(trials, written):
+def test_no_key_for_a_number_takes_anything_else(trials, here):
     bad = trials(KIND)
     for key in NUMBERS:
         for value in NO_NUMBERS:
@@ -116,19 +110,19 @@ def test_no_key_for_a_number_takes_anything_else(trials, written):
                 refused(partial(load, changed(key, value)), key)
 
 
-def test_a_file_that_is_no_config_is_refused(trials, written):
+def test_a_file_that_is_no_config_is_refused(trials, here):
     bad = trials(KIND)
     for name, (content, says) in FILES.items():
-        path = written / name
+        path = here / name
         path.write_bytes(content)
         with bad.case(name):
             refused(partial(read, path), says)
-    for path in (written, written / "missing.yaml", Path("/dev/zero"), written / ("x" * 300)):
+    for path in (here, here / "missing.yaml", Path("/dev/zero"), here / ("x" * 300)):
         with bad.case(path):
             refused(partial(read, path), "cannot be read as a config")
-    os.mkfifo(written / "pipe.yaml")
+    os.mkfifo(here / "pipe.yaml")
     with bad.case("pipe"):
-        refused(partial(read, written / "pipe.yaml"), "not a regular file")
+        refused(partial(read, here / "pipe.yaml"), "not a regular file")
 
 
 def endless():
@@ -141,7 +135,7 @@ def endless():
     return [own, {"name": laughing}, {**SMALL, "integrators": ["ruth"] * 10**5}]
 
 
-def test_mappings_without_end_are_refused(trials, written):
+def test_mappings_without_end_are_refused(trials, here):
     bad = trials(KIND)
     for i, mapping in enumerate(endless()):
         with bad.case(i):
@@ -159,7 +153,7 @@ KEYS = sorted(
 )  # fmt: skip
 
 
-def test_any_value_is_accepted_or_refused_in_one_line(trials, written):
+def test_any_value_is_accepted_or_refused_in_one_line(trials, here):
     bad = trials(KIND)
 
     @settings(max_examples=100, database=None, derandomize=True)
@@ -174,7 +168,7 @@ def test_any_value_is_accepted_or_refused_in_one_line(trials, written):
     check()
 
 
-def test_any_file_is_accepted_or_refused_in_one_line(trials, written):
+def test_any_file_is_accepted_or_refused_in_one_line(trials, here):
     bad = trials(KIND)
     whole = yaml.safe_dump(SMALL).encode()
 
@@ -182,18 +176,67 @@ def test_any_file_is_accepted_or_refused_in_one_line(trials, written):
     @given(st.integers(0, len(whole)), st.integers(0, 20), st.binary(max_size=8) | st.sampled_from(b"{[&*!|:-#\t\"'"))
     def check(begin, length, middle):
         middle = bytes([middle]) if isinstance(middle, int) else middle
-        path = written / "any.yaml"
+        path = here / "any.yaml"
         path.write_bytes(whole[:begin] + middle + whole[begin + length :])
         with bad.case(path.read_bytes()):
             try:
                 read(path)
             except NearharmonicError as error:
-                check_message(str(error).replace(str(written), ""))
+                check_message(str(error).replace(str(here), ""))
 
     check()
 
 
-def test_json_is_read_as_well(written):
-    path = written / "good.json"
+def test_json_is_read_as_well(here):
+    path = here / "good.json"
     path.write_text(json.dumps(SMALL, indent="\t"), encoding="utf-8")
     assert read(path) == load(SMALL)
+
+
+# --- Bad configs of Snakemake: one sentence before any work, exit status 2, and nothing written
+
+
+#: Lines of Snakemake about its options.
+NOTES = (
+    "Using workflow specific profile",
+    "Assuming unrestricted shared filesystem",
+    "Config file config/config.yaml is",
+)
+CONFIGS = {
+    "name: small\nname: large\n": "the key 'name' is in lines 1 and 2",
+    "name: ../x\nintegrators: [ruth]\nsystems: {sho: 5}\n": "name = '../x' is not allowed: letters, digits",
+    "name: small\n": "the config lacks the key 'integrators'",
+}
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    return Project(tmp_path_factory.mktemp("project"))
+
+
+def files(folder):
+    """All files of a project but those that Python and Snakemake keep for themselves."""
+    found = {path.relative_to(folder) for path in folder.rglob("*") if path.is_file()}
+    return {path for path in found if not {"__pycache__", ".snakemake"} & {*path.parts}}
+
+
+def end(project, says, *arguments):
+    before = files(project.folder)
+    done = project.snakemake(*arguments)
+    told = [line for line in done.stdout.splitlines() if not line.startswith(NOTES)]
+    assert done.returncode == 2, done.stdout
+    assert len(told) == 1, done.stdout
+    check_message(told[0].removeprefix("nearharmonic: "), says)
+    assert files(project.folder) == before
+
+
+@pytest.mark.slow
+def test_a_bad_config_ends_the_workflow_with_one_sentence(trials, project):
+    bad = trials("E. bad configs")
+    for i, (text, says) in enumerate(CONFIGS.items()):
+        place = project.folder / "config" / f"bad{i}.yaml"
+        place.write_text(text, encoding="utf-8")
+        with bad.case(text):
+            end(project, says, "-j2", "--configfile", f"config/bad{i}.yaml")
+    with bad.case("a key of the command line"):
+        end(project, "unknown key of the config 'shard'. Did you mean 'shards'?", "-j2", "--config", "shard=5")

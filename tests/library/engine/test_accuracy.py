@@ -15,7 +15,7 @@ import pytest
 from mpmath import mpf
 
 import nearharmonic as nh
-from nearharmonic.core.formulas.number import FUNCTIONS, Constant
+from nearharmonic.core.number import FUNCTIONS, Constant
 from nearharmonic.engine import reference as reference_module
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.description import InvariantWarning, drift_variables

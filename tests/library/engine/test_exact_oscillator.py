@@ -11,7 +11,7 @@ import pytest
 from mpmath import cos, mpf, sin, sqrt
 
 import nearharmonic as nh
-from nearharmonic.core.formulas.number import Constant
+from nearharmonic.core.number import Constant
 from nearharmonic.errors import NearharmonicError, SettingError
 from nearharmonic.systems.gradients import remainder_formulas
 from support.oracles.multiprecision import digits_of

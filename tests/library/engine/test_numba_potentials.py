@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.core.formulas.expression import Graph
+from nearharmonic.core.expression import Graph
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import NearharmonicError, SettingError, SystemDefinitionError
@@ -143,7 +143,7 @@ def test_plots_draw_the_floor_where_errors_come_near_it():
 
 
 def test_a_recommendation_marks_errors_near_the_floor():
-    from nearharmonic.commands.recommend import ranking
+    from nearharmonic.commands.choice import ranking
     from nearharmonic.recommendation.recommend import question, recommendation
 
     for error, near in (("1e-15", True), ("1e-6", False)):

@@ -14,7 +14,7 @@ from numba.core.errors import NumbaWarning, TypingError
 
 import nearharmonic as nh
 from nearharmonic.core.layout import COLUMNS
-from nearharmonic.core.machine.native import NativeFunction
+from nearharmonic.core.native import NativeFunction
 from nearharmonic.core.stepper import fill
 from nearharmonic.engine.trajectory import step_of
 from nearharmonic.errors import SettingError

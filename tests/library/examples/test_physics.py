@@ -15,13 +15,13 @@ from scipy.interpolate import CubicSpline
 from scipy.special import mathieu_a, mathieu_b
 
 import nearharmonic as nh
-from nearharmonic.registry.user_module import load
+from nearharmonic.registry import load_file
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
 def module(name):
-    return load(EXAMPLES / f"{name}.py", "an example", ValueError)
+    return load_file(EXAMPLES / f"{name}.py", "an example", ValueError)
 
 
 def returns(system, period, q0):

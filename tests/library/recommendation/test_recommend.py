@@ -20,7 +20,7 @@ from mpmath import ldexp, mpf
 
 import nearharmonic as nh
 from nearharmonic.cli import main
-from nearharmonic.commands.recommend import ranking
+from nearharmonic.commands.choice import ranking
 from nearharmonic.errors import NearharmonicError, ResultFileError
 from nearharmonic.integrators import integrators
 from nearharmonic.output import store

@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
-from nearharmonic.core.formulas.emission import fingerprint
-from nearharmonic.core.formulas.number import Constant
-from nearharmonic.core.formulas.tracing import Physics, Rules
+from nearharmonic.core.emission import fingerprint
+from nearharmonic.core.number import Constant
+from nearharmonic.core.tracing import Physics, Rules
 from nearharmonic.errors import NearharmonicError, SystemDefinitionError
 from nearharmonic.systems.gradients import velocity_text
 from support.methods.own_systems import spring

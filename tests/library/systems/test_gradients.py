@@ -22,7 +22,7 @@ import nearharmonic as nh
 import nearharmonic.math
 from nearharmonic import math
 from nearharmonic.core.arithmetic import sqrt
-from nearharmonic.core.formulas.number import FUNCTIONS, Constant
+from nearharmonic.core.number import FUNCTIONS, Constant
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.systems import System
 from nearharmonic.systems.formulas import DerivedGradient
@@ -210,7 +210,7 @@ def test_a_gradient_that_contradicts_its_potential_integrates_nothing(monkeypatc
     def none(*_, **__):
         raise AssertionError
 
-    monkeypatch.setattr("nearharmonic.core.loops.kernel.build", none)
+    monkeypatch.setattr("nearharmonic.core.kernel.build", none)
     made = system(half_square, lambda q: (-q[0],))
     for _ in range(2):
         with pytest.raises(SystemDefinitionError, match=r"mine: grad_V\[0\] contradicts V"):

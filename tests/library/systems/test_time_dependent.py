@@ -12,8 +12,8 @@ from mpmath import mpf
 
 import nearharmonic as nh
 from nearharmonic import math
-from nearharmonic.core.formulas import expression as size
-from nearharmonic.core.formulas.number import Constant
+from nearharmonic.core import expression as size
+from nearharmonic.core.number import Constant
 from nearharmonic.engine.reference import reference
 from nearharmonic.engine.settings import check_fit
 from nearharmonic.errors import SystemDefinitionError

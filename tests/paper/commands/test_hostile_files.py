@@ -24,7 +24,7 @@ from nearharmonic.output import store
 from nearharmonic.output.atomic import unsealed as opened
 from nearharmonic.plotting.profile import problem_of
 from nearharmonic.recommendation.measure import read_parts
-from nearharmonic.registry.user_module import trusting_only
+from nearharmonic.registry import trusting_only
 from nearharmonic_paper.config.reading import read as read_config
 from nearharmonic_paper.record import archive as check
 from nearharmonic_paper.record import archive as pack

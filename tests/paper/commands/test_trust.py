@@ -12,7 +12,7 @@ import pytest
 from nearharmonic.cli import main
 from nearharmonic.errors import SettingError, UntrustedFileError
 from nearharmonic.output.store import NAME_KEY
-from nearharmonic.registry.user_module import trusting_only
+from nearharmonic.registry import trusting_only
 from nearharmonic_paper.config.reading import load, read
 from nearharmonic_paper.record.adopt import adopt
 from nearharmonic_paper.record.rerun import rerun
@@ -165,7 +165,7 @@ def test_edit_of_integrators_file_is_found_without_running_it(project, evil, cap
 
 
 def test_inner_block_cannot_allow_more_than_outer_block(evil):
-    from nearharmonic.registry.user_module import load as load_module
+    from nearharmonic.registry import load_file as load_module
 
     with trusting_only([]), trusting_only([evil]), pytest.raises(UntrustedFileError):
         load_module(evil, "", UntrustedFileError)
@@ -174,7 +174,7 @@ def test_inner_block_cannot_allow_more_than_outer_block(evil):
 
 
 def test_file_with_the_name_of_a_trusted_one_is_not_run(evil, tmp_path):
-    from nearharmonic.registry.user_module import load as load_module
+    from nearharmonic.registry import load_file as load_module
 
     with trusting_only([tmp_path / "elsewhere" / evil.name]), pytest.raises(UntrustedFileError, match="is not run"):
         load_module(evil, "", UntrustedFileError)

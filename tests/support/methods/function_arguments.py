@@ -7,9 +7,8 @@ from functools import cache
 import gmpy2
 import numpy as np
 
-from nearharmonic.core.functions import double, extended
-from nearharmonic.core.functions.arrays import ELEMENTWISE, elementwise
-from nearharmonic.core.machine.native import loaded, processor
+from nearharmonic.core.functions import ELEMENTWISE, double, elementwise, extended
+from nearharmonic.core.native import loaded, processor
 
 #: Where functions change their form or leave the range of doubles.
 SPECIAL = np.array([

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mpmath import mpf, sqrt
 
-from nearharmonic.core.formulas.number import Constant, Number, constant
+from nearharmonic.core.number import Constant, Number, constant
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.systems import System
 from support.oracles.random_formulas import mpmaths

@@ -16,7 +16,7 @@ from mpmath import mp, mpf
 
 import nearharmonic.math
 from nearharmonic.core import arithmetic
-from nearharmonic.core.formulas.number import FUNCTIONS, Constant
+from nearharmonic.core.number import FUNCTIONS, Constant
 
 LITERALS = [("0.1", 0.1), ("-2.5", -2.5), ("0.3333333333333333", 1 / 3), ("3", 3), ("0", 0), ("1", 1), ("4", 4)]
 LITERALS += [("-2", -2), ("0.7", np.float64(0.7)), ("2", np.int64(2))]

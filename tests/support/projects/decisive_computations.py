@@ -10,10 +10,11 @@ import numpy as np
 import xarray as xr
 
 from nearharmonic.engine.setup import observable_values
-from nearharmonic.numerics.portable import log10, norms
-from nearharmonic.numerics.statistics import (
+from nearharmonic.numerics.portable import (
     line_fit,
     linear_trend,
+    log10,
+    norms,
     observed_order,
     power_law,
     quasi_random,

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import nearharmonic as nh
 from nearharmonic import cli
-from nearharmonic.core.machine import disk
+from nearharmonic.core import disk
 from nearharmonic.output import store
 from nearharmonic.output import store as files
 from nearharmonic_paper import commands

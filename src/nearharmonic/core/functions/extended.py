@@ -16,38 +16,115 @@ from nearharmonic.core.arithmetic import (
     dd_sqrt,
     distilled,
     quick_two_sum,
+    rounded_pair,
     two_product,
     two_sum,
 )
 from nearharmonic.core.functions import coefficients as table
 from nearharmonic.core.functions import double
-from nearharmonic.core.functions.pairs import (
+from nearharmonic.core.functions.double import (
     ROUNDER,
     ROUNDER_BITS,
     Pair,
-    Triple,
-    as_pair,
     called,
-    cbrt_extended,
-    choose,
     clamped,
-    constant_pair,
+    cube_parts,
+    cube_root,
     exponent_and_mantissa,
-    extended_quarter_turns,
-    finite,
-    hypot_extended,
-    inverses,
+    is_large,
+    large_lanes,
     nearest_whole,
-    negative,
+    polynomial,
     power_of_two,
-    quotient,
     scaled,
-    scaled_pair,
-    series,
-    times,
     unit_scale,
+    where_needed,
 )
-from nearharmonic.core.machine.values import LLVMBits, LLVMMask, LLVMValue
+from nearharmonic.core.values import LLVMBits, LLVMMask, LLVMValue
+
+# --- Series, constants, choices and scaling of pairs.
+
+Triple = tuple[LLVMValue, LLVMValue, LLVMValue]
+Coefficients = Sequence[tuple[float, float]]
+
+
+def inverses(numbers: Sequence[int]) -> Coefficients:
+    return [rounded_pair(1 if n > 0 else -1, abs(n)) for n in numbers]
+
+
+def series(x: Pair, coefficients: Coefficients, in_double: int, largest: float) -> Pair:
+    """Return the sum of coefficients[k] x^k for |x| up to ``largest``.
+
+    The terms from ``in_double`` on are small enough for double precision. A coefficient that is more than twice the
+    next term is added by the shorter sum, whose operands must be in the order of their sizes and must not cancel.
+    """
+    high = polynomial(x[0], [c[0] for c in coefficients[in_double:]])
+    result: Pair = (high, high.constant(0.0))
+    for k in range(in_double - 1, -1, -1):
+        product = _mul_double(x, result[0]) if k == in_double - 1 else dd_mul(x, result)
+        c = constant_pair(high, coefficients[k])
+        orderly = abs(coefficients[k][0]) > 2 * largest * abs(coefficients[k + 1][0])
+        result = _orderly_sum(c, product) if orderly else dd_add(c, product)
+    return result
+
+
+def _orderly_sum(a: Pair, b: Pair) -> Pair:
+    """Sum of a and the smaller b, relative error below 4 u^2 if they do not cancel."""
+    high, low = quick_two_sum(a[0], b[0])
+    return quick_two_sum(high, low + (a[1] + b[1]))
+
+
+def _mul_double(a: Pair, b: LLVMValue) -> Pair:
+    product, error = two_product(a[0], b)
+    return quick_two_sum(product, a[1].fma(b, error))
+
+
+def constant_pair(like: LLVMValue, pair: Sequence[float]) -> Pair:
+    return like.constant(pair[0]), like.constant(pair[1])
+
+
+def choose(where: LLVMMask, yes: Sequence[LLVMValue | float], no: Sequence[LLVMValue | float]) -> Pair:
+    return where.choose(yes[0], no[0]), where.choose(yes[1], no[1])
+
+
+def negative(a: Pair) -> Pair:
+    return -a[0], -a[1]
+
+
+def times(a: Pair, factor: LLVMValue | float) -> Pair:
+    """Product with a power of two."""
+    return a[0] * factor, a[1] * factor
+
+
+def scaled_pair(a: Pair, n: LLVMBits) -> Pair:
+    high = scaled(a[0], n)
+    return quick_two_sum(high, high.absolute().less(inf).choose(scaled(a[1], n), 0.0))
+
+
+def finite(value: Sequence[LLVMValue]) -> Pair:
+    """The pair; if it is not finite its low half is 0, in place of the NaN that renormalisation gives."""
+    regular = value[0].absolute().less(inf)
+    return value[0], regular.choose(value[1], 0.0)
+
+
+def as_pair(value: LLVMValue) -> Pair:
+    return value, value.constant(0.0)
+
+
+def quotient(a: Triple, b: Triple) -> Triple:
+    """Return a / b in three parts, each a digit of long division."""
+    rest: Sequence[LLVMValue] = a
+    digits = []
+    for _ in range(3):
+        digit = rest[0] / b[0]
+        digits.append(digit)
+        first, second = two_product(-digit, b[0]), two_product(-digit, b[1])
+        # the difference is exact: its terms agree in their leading digits
+        rest = distilled([rest[0] + first[0], rest[1], first[1], second[0], rest[2], second[1], -digit * b[2]], 3)
+    return distilled(digits, 3)
+
+
+# --- Functions of pairs.
 
 #: (sin(r) - r) / r^3 and (cos(r) - 1) / r^2 in powers of r^2, (exp(r) - 1 - r) / r^2 in powers of r,
 #: (sinh(r) - r) / r^3, (artanh(s) - s) / s^3.
@@ -79,6 +156,21 @@ def sincos(high: LLVMValue, low: LLVMValue) -> list[LLVMValue]:
     tiny = high.absolute().less(2.0**-60)
     s = _with_bit(s, (bits & 2) << 62)
     return [*choose(tiny, (high, low), s), *_with_bit(c, ((bits + 1) & 2) << 62)]
+
+
+def extended_quarter_turns(x: LLVMValue, x_low: LLVMValue) -> list[LLVMValue]:
+    """Return a number whose last bits are those of the number of quarter turns, and the rest as a pair."""
+    shifted = x.fma(table.TWO_OVER_PI, ROUNDER)
+    n = ROUNDER - shifted
+    terms = [n.fma(table.HALF_PI[0], x), x_low]  # exact
+    for part in table.HALF_PI[1:4]:
+        terms += two_product(n, x.constant(part))
+    terms.append(n * table.HALF_PI[4])
+    for _ in range(3):
+        terms = list(distilled(terms, len(terms)))
+    high, low = distilled(terms, 2)
+    high, low = quick_two_sum(high, low)
+    return where_needed(is_large(x), (shifted, high, low), lambda: called("large_pairs", large_lanes, x, x_low))
 
 
 def _with_bit(value: Pair, sign: LLVMBits) -> Pair:
@@ -270,6 +362,27 @@ def erf(high: LLVMValue, low: LLVMValue) -> Pair:
     return choose(high.equals(0.0), (high, low), value)
 
 
+def cbrt(high: LLVMValue, low: LLVMValue) -> Pair:
+    m, guess, k = cube_parts(high)
+    rest = scaled(low.times_sign(high), k * -3)
+    root = cube_root(m, guess)
+    cube = dd_mul(two_product(root, root), as_pair(root))
+    defect = (cube[0] - m) + (cube[1] - rest)
+    value = quick_two_sum(root, defect / (root * root * -3.0))
+    value = times(value, power_of_two(k))
+    special = high.equals(0.0) | high.absolute().equals(inf) | high.undefined()
+    return special.choose(high, value[0].times_sign(high)), special.choose(0.0, value[1].times_sign(high))
+
+
+def hypot(x: LLVMValue, x_low: LLVMValue, y: LLVMValue, y_low: LLVMValue) -> Pair:
+    scale, back = unit_scale(x.absolute().larger(y.absolute()))
+    a, b = times((x, x_low), scale), times((y, y_low), scale)
+    root = dd_sqrt(dd_add(dd_mul(a, a), dd_mul(b, b)))
+    high, low = times(root, back)
+    zero, endless = x.equals(0.0) & y.equals(0.0), x.absolute().equals(inf) | y.absolute().equals(inf)
+    return endless.choose(inf, zero.choose(0.0, high)), (endless | zero).choose(0.0, low)
+
+
 def _as_call(name: str, body: Callable[..., Pair]) -> Callable[..., Pair]:
     def function(*pairs: Pair) -> Pair:
         high, low = called(
@@ -283,7 +396,5 @@ def _as_call(name: str, body: Callable[..., Pair]) -> Callable[..., Pair]:
 FUNCTIONS: dict[str, Callable[..., Pair]] = {
     "sin": lambda x: finite(called("sincos_extended", sincos, *x)[:2]),
     "cos": lambda x: finite(called("sincos_extended", sincos, *x)[2:]),
-    **{f.__name__: _as_call(f.__name__, f) for f in (tan, exp, log, pow, sinh, cosh, tanh, atan2, erf)},
-    "cbrt": _as_call("cbrt", cbrt_extended),
-    "hypot": _as_call("hypot", hypot_extended),
+    **{f.__name__: _as_call(f.__name__, f) for f in (tan, exp, log, pow, sinh, cosh, tanh, atan2, erf, cbrt, hypot)},
 }

@@ -13,7 +13,7 @@ from nearharmonic.exact.polynomials import Proof, as_mpf, fixed_point, prove, ra
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.nielsen_2015 import TABLEAUS
 from nearharmonic.integrators.tableau import Tableau
-from nearharmonic.numerics.search import RandomStarts
+from nearharmonic.numerics.compiled import RandomStarts
 from nearharmonic.output.table import progress
 from nearharmonic_paper.experiments.derivation.search import (
     Equations,

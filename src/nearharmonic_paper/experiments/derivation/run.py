@@ -14,7 +14,7 @@ from mpmath import mp, mpf, nstr
 from nearharmonic.engine.trajectory import sweep
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import First
-from nearharmonic.numerics.search import RandomStarts
+from nearharmonic.numerics.compiled import RandomStarts
 from nearharmonic.output.table import Table, progress
 from nearharmonic.systems.henon_heiles import SYSTEM
 from nearharmonic.theory.oscillator import harmonic_energy_error, table_4

@@ -15,8 +15,8 @@ import numpy as np
 from gmpy2 import mpz
 from mpmath import mp, mpf
 
-from nearharmonic.core.machine.reals import jit
-from nearharmonic.exact import step as exact_step
+from nearharmonic.core.reals import jit
+from nearharmonic.exact import words
 from nearharmonic.exact.polynomials import (
     GUARD,
     BigFloat,
@@ -41,8 +41,8 @@ from nearharmonic.exact.polynomials import (
 )
 from nearharmonic.exact.polynomials import multivariate_product as product
 from nearharmonic.integrators.tableau import First, Tableau
+from nearharmonic.numerics.compiled import Damping, RandomStarts, distinct, iteration, marquardt_step
 from nearharmonic.numerics.portable import Bools, Floats
-from nearharmonic.numerics.search import Damping, RandomStarts, distinct, iteration, marquardt_step
 from nearharmonic.output.table import progress
 from nearharmonic.theory.order_conditions import SymmetricSteps
 
@@ -90,13 +90,13 @@ class Equations(SymmetricSteps):
 
     def errors(self, x: Sequence[BigFloat], highest: int) -> Numbers:
         """Return signed kappa_1, ..., kappa_highest; the conditions make them vanish up to the harmonic order."""
-        zeta = exact_step.states(self.step(x), highest)[-1][0]
+        zeta = words.states(self.step(x), highest)[-1][0]
         return [DERIVATIVES[n % 4] - factorial(n) * zeta[n] for n in range(1, highest + 1)]
 
     def jacobian(self, x: Sequence[BigFloat]) -> list[Numbers]:
         """Return the derivatives of the residuals: one row per condition, one column per unknown."""
         powers = range(LOWEST_CONDITION, self.harmonic_order + 1)
-        by_factor = exact_step.slopes(self.step(x), self.harmonic_order, exact_step.POSITION)
+        by_factor = words.slopes(self.step(x), self.harmonic_order, words.POSITION)
         gradients = [[-factorial(n) * row[n] for n in powers] for row in by_factor]
         columns = [*_folded(gradients[0::2]), *_folded(gradients[1::2])]
         return [list(row) for row in zip(*columns, strict=True)]

@@ -13,8 +13,7 @@ from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Nu
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import cos, sin
-from nearharmonic.numerics.portable import Floats
-from nearharmonic.numerics.statistics import quasi_random
+from nearharmonic.numerics.portable import Floats, quasi_random
 from nearharmonic.output.store import Contents, coordinate, variable
 from nearharmonic.systems.henon_heiles import SYSTEM
 from nearharmonic_paper.experiments.exact_oscillator import CHARGES, ExactOscillatorSettings

@@ -18,8 +18,7 @@ from nearharmonic.engine.trajectory import Problem
 from nearharmonic.integrators import integrators, nielsen_2015, yoshida_1990
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import log
-from nearharmonic.numerics.portable import Bools, Floats, dot
-from nearharmonic.numerics.statistics import mean, student_975
+from nearharmonic.numerics.portable import Bools, Floats, dot, mean, student_975
 from nearharmonic.output.store import Contents, Variables, coordinate, double_runs, variable
 from nearharmonic.plotting.profile import Line, lines
 from nearharmonic.systems import System, henon_heiles, sho

@@ -21,8 +21,8 @@ from nearharmonic.engine.description import SINCE, drift_variables
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.engine.setup import energy_at_start
 from nearharmonic.integrators import integrators
-from nearharmonic.numerics.statistics import linear_trend, trend_linearity
-from nearharmonic.numerics.statistics import observed_order as order_of_curve
+from nearharmonic.numerics.portable import linear_trend, trend_linearity
+from nearharmonic.numerics.portable import observed_order as order_of_curve
 from nearharmonic.output import store
 from nearharmonic.output.store import Contents, Variables, assembled, described, variables_of
 from nearharmonic.systems import systems

@@ -18,8 +18,7 @@ from nearharmonic.exact.polynomials import significant
 from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import exp, log
-from nearharmonic.numerics.portable import Floats, dot, norms
-from nearharmonic.numerics.statistics import jackknife_interval, line_fit, mean
+from nearharmonic.numerics.portable import Floats, dot, jackknife_interval, line_fit, mean, norms
 from nearharmonic.output.store import coordinate, described, method_coordinates, read, variable
 from nearharmonic.output.table import Table
 from nearharmonic.systems.kepler import perihelion_angle

@@ -20,8 +20,15 @@ from nearharmonic.engine.settings import Numerics, tau_grid
 from nearharmonic.integrators import integrators as registry
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.math import cos, sin
-from nearharmonic.numerics.portable import Floats, Integers, decades, geometric, log10, nearest_power_of_two
-from nearharmonic.numerics.statistics import quasi_random
+from nearharmonic.numerics.portable import (
+    Floats,
+    Integers,
+    decades,
+    geometric,
+    log10,
+    nearest_power_of_two,
+    quasi_random,
+)
 from nearharmonic.output.store import Contents, Variables, coordinate, method_coordinates, variable
 from nearharmonic.systems import systems
 from nearharmonic.systems.henon_heiles import SYSTEM as HENON_HEILES

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nearharmonic.core.formulas.number import Constant, vector
+from nearharmonic.core.number import Constant, vector
 from nearharmonic.engine.batch import unperturbed
 from nearharmonic.integrators import blanes_2013, nielsen_2015
 from nearharmonic.integrators.tableau import Tableau

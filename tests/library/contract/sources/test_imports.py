@@ -20,7 +20,7 @@ import pytest
 
 import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError, UnknownNameError
-from nearharmonic.registry.registry import Registry
+from nearharmonic.registry import Registry
 from nearharmonic_paper.tasks.experiment import folders
 from nearharmonic_paper.tasks.reduction import Reductions
 from nearharmonic_paper.tasks.sources import closure, path_of

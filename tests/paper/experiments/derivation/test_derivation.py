@@ -18,7 +18,7 @@ from mpmath import cbrt, mp, mpf
 from nearharmonic.engine.trajectory import sweep
 from nearharmonic.exact.polynomials import Proof
 from nearharmonic.integrators import integrators
-from nearharmonic.numerics.search import RandomStarts
+from nearharmonic.numerics.compiled import RandomStarts
 from nearharmonic.theory.oscillator import harmonic_energy_error
 from nearharmonic_paper.experiments.derivation import families as isolated
 from nearharmonic_paper.experiments.derivation.experiment import DerivationSettings

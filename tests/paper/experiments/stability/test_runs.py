@@ -19,7 +19,7 @@ from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import BENCHMARKED, integrators
-from nearharmonic.numerics.statistics import quasi_random
+from nearharmonic.numerics.portable import quasi_random
 from nearharmonic.output.store import assembled
 from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.stability import run

@@ -6,7 +6,7 @@ import atexit
 
 import pytest
 
-from nearharmonic.core.machine import disk
+from nearharmonic.core import disk
 from nearharmonic_paper.tasks import sources
 
 TEXT = b'"""A docstring."""\nimport nearharmonic.errors\nx = 1\n'

@@ -1,0 +1,337 @@
+"""The kernel for all tableaus, systems and precisions, and for one trajectory or many in SIMD lanes.
+
+:func:`build` turns a system's formulas into compiled code for one choice of ``precision``, ``summation`` and lane
+``width``. The tableau is data (coefficient arrays), so one compilation serves all methods.
+
+The row block of the lanes has ``width`` doubles in a row. Its rows are: d positions, their d carries, d momenta, their
+d carries; then the tally: maximum and sum of |H - H0| over the block, the carry of the sum, the latest H - H0, H0 as a
+pair, the largest |H - H0| allowed, and two bounds of the rounding error of H
+(:func:`nearharmonic.core.tracing.rounding_of`); then each parameter as a pair; then the running state, laid out as the
+first 4 d rows, and the d rests that its next move adds (:mod:`nearharmonic.core.step`). In extended precision the
+carries are the low halves of double-doubles.
+
+Formulas of many coordinates are compiled as loops, for one lane (:mod:`nearharmonic.core.large`).
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from llvmlite import binding, ir
+from numpy.typing import NDArray
+
+from nearharmonic.core.emission import clocks, fingerprint, kinds_of, maps_module, module_of, moving
+from nearharmonic.core.layout import ADVANCE, BEGIN, LAND, RUN, STEP, Form, Signature, workspace
+from nearharmonic.core.native import (
+    NativeFunction,
+    PreparedCall,
+    code_key,
+    join,
+    kept,
+    native,
+    object_code,
+    run_passes,
+    source_key,
+)
+from nearharmonic.core.tracing import Physics, Rules
+from nearharmonic.core.values import (
+    INDEX,
+    PLACEHOLDERS,
+    PREFIX,
+    Kinds,
+    argument_types,
+    define,
+    result_type,
+    write_numbers,
+)
+from nearharmonic.errors import CompiledCodeError
+
+#: Instructions of a function of numba per unit of cost; loops in it are counted once.
+INSTRUCTIONS = 8
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """Compiled code for one system, precision and number of lanes ``width``, with the layout of its arrays.
+
+    ``advance`` is the inner kernel alone, for benchmarks and ensembles that schedule their own lanes:
+    ``advance(count, stages, kick_first, moves, rows) -> steps done``: ``moves`` is float64 (stages + 2, columns,
+    width), the rows of coefficients; the kernel replaces the first row by the second. ``rows`` is float64 (4 d +
+    TALLY + parameter_rows + 5 d, width) with names of :mod:`nearharmonic.core.layout`, changed in place, with
+    :func:`room` more doubles behind them. It returns before ``count`` steps if the energy error of a lane exceeds its
+    limit.
+
+    ``workspace(stages)`` returns the arrays that a queue of runs works in.
+
+    ``prepared`` returns a call that passes a queue of runs through the lanes and can be repeated. Its arguments are
+    :data:`nearharmonic.core.layout.RUN` without the addresses at the beginning and without the workspace at the end,
+    which belongs to the returned call.
+    """
+
+    width: int
+    advance: NativeFunction
+    workspace: Callable[[int], tuple[NDArray[Any], ...]]
+    prepared: Callable[..., PreparedCall]
+
+
+def build(physics: Physics, *, extended: bool, compensated: bool, width: int, energy: str = "every") -> Kernel:
+    """Load the kernel of ``width`` SIMD lanes from the cache, or compile it into the cache.
+
+    ``extended``: states are double-doubles; ``compensated``: sums are compensated. The energy is measured at "every"
+    step, at the "samples", which are the ends of stretches of steps, or never ("none").
+    """
+    rules = Rules(physics, extended, compensated)
+
+    def make() -> tuple[str, bytes]:
+        return linked_code(*_loops("run"), ir.Module(), Kinds(1, 1, 1))
+
+    def space(stages: int) -> tuple[NDArray[Any], ...]:
+        more = room(physics, extended=extended)
+        return workspace(
+            physics.dimension, stages, parameters=physics.parameters, width=width, room=more, columns=rules.columns,
+            stages=physics.stage_count,
+        )  # fmt: skip
+
+    advance, begin = _advance(rules, width, energy), _begin(rules, width, energy)
+    run, place = native(f"run-{code_key()}", RUN, make), _place_of_stages(RUN)
+
+    def prepared(*given: Any) -> PreparedCall:
+        return run.prepared(advance, begin, *given, *space(given[place - 2]))
+
+    return Kernel(width, advance, space, prepared)
+
+
+def build_landing(
+    physics: Physics, maps: Any, *, extended: bool, compensated: bool, energy: str
+) -> Callable[..., PreparedCall]:
+    """Load the function that integrates runs of a regularised system, like :func:`build`; ``maps`` are to its states.
+
+    It returns a prepared call for the arguments of :data:`nearharmonic.core.layout.LAND` but for the three addresses at
+    the beginning and the arrays of one state at the end.
+    """
+    rules = Rules(physics, extended, compensated)
+    main, look = _advance(rules, 1, energy), _advance(rules, 1, "none" if energy == "none" else "samples")
+    begin, place = _begin(rules, 1, energy), _place_of_stages(LAND)
+    module = maps_module(rules, maps)
+
+    def make() -> tuple[str, bytes]:
+        return linked_code(*_loops("land", extended=extended, compensated=compensated), module, kinds_of(rules, 1))
+
+    # The formulas of the steps do not determine the maps, so the key covers the code of the maps.
+    land = native(f"land-{code_key(str(module), f'{extended} {compensated}')}", LAND, make)
+
+    def prepared(*given: Any) -> PreparedCall:
+        rows, trial, lanes, *_ = workspace(
+            physics.dimension, given[place - 3], parameters=physics.parameters, width=1, stages=physics.stage_count
+        )
+        return land.prepared(main, look, begin, *given, rows, lanes, trial, lanes.copy())
+
+    return prepared
+
+
+def build_step(physics: Physics, *, compensated: bool) -> NativeFunction:
+    """Load the function of a single step in double precision, without loops over coordinates, or compile it."""
+    rules = Rules(physics, False, compensated)
+    return native(f"step-{_key(rules, 1)}", STEP, lambda: _linked("step", {"form": _form(rules, "none")}, rules, 1))
+
+
+def _place_of_stages(signature: Signature) -> int:
+    return [argument.name for argument in signature.arguments].index("stages")
+
+
+def room(physics: Physics, *, extended: bool) -> int:
+    """Return the number of doubles of working memory behind the rows of a kernel of ``physics``."""
+    if physics.loops is None:
+        return 0
+    from nearharmonic.core import large
+
+    return large.room(physics, extended=extended)
+
+
+def cost(physics: Physics, *, extended: bool) -> int:
+    """Return the time of a force in units of at most a few nanoseconds; without loops, that of all pairs."""
+    if physics.loops is None:
+        force = physics.dimension * (physics.dimension + 4) // 2
+        if physics.numba is not None:
+            return force + physics.numba.instructions // INSTRUCTIONS
+        return force if physics.modified is None else 2 * force
+    # A double-double operation takes about 16 operations on doubles.
+    return 1 + sum(energy.work_of_loops for energy in physics.loops) * (16 if extended else 1) // 50
+
+
+def _key(rules: Rules, width: int, *more: str) -> str:
+    return code_key(fingerprint(rules), f"{rules.extended} {rules.compensated} {width} {rules.physics.stages}", *more)
+
+
+def _advance(rules: Rules, width: int, energy: str) -> NativeFunction:
+    def make() -> tuple[str, bytes]:
+        return _linked("advance", {"form": _form(rules, energy)}, rules, width, energy)
+
+    return native(f"advance-{_key(rules, width, energy)}", ADVANCE, make)
+
+
+def _begin(rules: Rules, width: int, energy: str) -> NativeFunction | int:
+    """The function that resets tallies, 0 if the energy is never measured."""
+    if energy == "none":
+        return 0
+    choice = {"large": rules.physics.loops is not None, "quick": rules.quick_energy}
+    return native(f"begin-{_key(rules, width)}", BEGIN, lambda: _linked("begin", choice, rules, width))
+
+
+def _form(rules: Rules, energy: str) -> Form:
+    plain = not (rules.extended or rules.compensated)
+    physics, large = rules.physics, rules.physics.loops is not None
+    return Form(
+        extended=rules.extended, compensated=rules.compensated,
+        ahead=rules.looks_ahead and (physics.unit_masses or not large), modified=physics.modified is not None,
+        turning=physics.turning is not None, resting=not large and not all(moving(rules)),
+        quick=rules.quick_energy and energy == "every", large=large,
+        unit_masses=large and physics.unit_masses, stages=physics.stages is not None,
+        timed=plain and physics.timed if large else any(clocks(rules)),
+    )  # fmt: skip
+
+
+def _linked(entry: str, choice: dict[str, Any], rules: Rules, width: int, energy: str = "every") -> tuple[str, bytes]:
+    """Name and object code of a function of loops with the formulas of a system."""
+    name, text = _loops(entry, **choice)
+    given = "" if rules.physics.numba is None else rules.physics.numba.text
+    needed = frozenset(_FORMULA.findall(text.decode()))  # functions that loops call and do not define
+    if rules.physics.loops is None:
+        write = module_of
+    else:
+        from nearharmonic.core.large import module_of as write
+    kinds = kinds_of(rules, width)
+    written = write(rules, kinds, needed - {"energy"} if energy == "none" else needed)
+    write_numbers(written, {"measuring": energy != "none", "at_every_step": energy == "every"})
+    return linked_code(name, text, written, kinds, given)
+
+
+# --- Loops that numba compiled for a form, linked with the formulas of a system and optimised together.
+#
+# The loops of a form are cached as LLVM text, so that a new system of a known form does not need numba.
+
+#: Letters of the placeholder types in the LLVM text of loops.
+_LETTERS = {f"ptr addrspace({space})": letter for letter, space in PLACEHOLDERS.items()}
+#: A placeholder type with or without null, a phi instruction of one, and declarations of operations and of formulas.
+_TYPE = re.compile(rf"({'|'.join(map(re.escape, _LETTERS))})( null)?")
+_CHOICE = re.compile(rf"= phi ({'|'.join(map(re.escape, _LETTERS))}) .*")
+_OPERATION = re.compile(rf"^declare (.+) @({re.escape(PREFIX)}\w+\.\w+)\(", re.MULTILINE)
+_FORMULA = re.compile(rf"^declare .* @{re.escape(PREFIX)}(\w+)\(", re.MULTILINE)
+_MADE: dict[str, tuple[str, bytes]] = {}
+
+
+def _loops(entry: str, **choice: Any) -> tuple[str, bytes]:
+    """Name and text of a function that numba compiles for some options, from the cache or compiled into it.
+
+    If nothing can be kept on disk, each process compiles it once.
+    """
+    key = f"loops-{source_key(entry, repr(choice))}"
+
+    def once() -> tuple[str, bytes]:
+        from nearharmonic.core import loops, stepper
+
+        made: dict[str, tuple[Signature, Callable[..., Any]]] = {
+            "advance": (ADVANCE, loops.advance), "begin": (BEGIN, loops.begin), "land": (LAND, loops.land),
+            "run": (RUN, lambda: loops.run), "step": (STEP, stepper.step),
+        }  # fmt: skip
+        if key not in _MADE:
+            signature, function = made[entry]
+            _MADE[key] = compiled_loops(function(**choice), signature)
+        return _MADE[key]
+
+    return kept(key, once, lambda *found: found)
+
+
+def compiled_loops(function: Callable[..., Any], signature: Signature) -> tuple[str, bytes]:
+    """Return the name and the LLVM text of a function compiled by numba.
+
+    The function takes those arguments of the signature that it names: numbers, addresses of arrays, and lengths of
+    arrays. The code is not optimised, because the size of a number is not known yet.
+    """
+    from numba.core import config, registry
+    from numba.core.compiler_lock import global_compiler_lock
+
+    from nearharmonic.core.reals import SCALARS, compiled, types
+
+    kinds, taken = [], [*inspect.signature(function).parameters]
+    by_name = {argument.name: argument for argument in signature.arguments}
+    for name in taken:
+        argument = by_name.get(name)
+        scalar = SCALARS[argument.scalar] if argument else types.int64
+        kinds.append(types.CPointer(scalar) if argument and argument.dimensions else scalar)
+    # At its first use, numba fixes the optimisation level of all other code of the process.
+    registry.cpu_target.target_context.refresh()
+    with global_compiler_lock:
+        config.reload_config()  # or the compiler reloads it after a change of the environment
+        if config.DISABLE_JIT:
+            raise CompiledCodeError("NUMBA_DISABLE_JIT is set, so that kernels cannot be compiled: unset it")
+        level, config.OPT = config.OPT, config._OptLevel(0)
+        try:
+            jitted = compiled(function)
+            jitted.compile(tuple(kinds))
+        finally:
+            config.OPT = level
+    (made,) = jitted.overloads.values()
+    entry = _entry(made.fndesc.llvm_func_name, function.__name__, signature, taken)
+    module = join(binding.parse_assembly(made.library.get_llvm_str()), str(entry))
+    _make_one(module, function.__name__)
+    run_passes(module, "sroa", "simplify_cfg", "aggressive_dce", "simplify_cfg")  # once, not each time loops are linked
+    return function.__name__, str(module).encode()
+
+
+def _make_one(module: Any, name: str) -> None:
+    """Inline the functions that ``name`` calls, except those that are only declared or marked noinline."""
+    for function in module.functions:
+        if not function.is_declaration and function.name != name:
+            function.linkage = "internal"
+            if not any(b"noinline" in attribute for attribute in function.attributes):
+                function.add_function_attribute("alwaysinline")
+    run_passes(module, "always_inliner", "global_dead_code_eliminate")
+
+
+def linked_code(name: str, loops: bytes, written: ir.Module, kinds: Kinds, given: str = "") -> tuple[str, bytes]:
+    """Name and object code of loops linked with the module ``written`` of a system, for a number of lanes.
+
+    ``given`` is the LLVM text of functions that the formulas call; LLVM may inline them.
+    """
+    zero = "zeroinitializer"
+    text = _CHOICE.sub(lambda found: found[0].replace("[ null,", f"[ {zero},"), loops.decode())
+    text = _TYPE.sub(lambda found: f"{kinds.of(_LETTERS[found[1]])} {zero if found[2] else ''}", text)
+    for result, symbol in _OPERATION.findall(loops.decode()):
+        define(written, symbol, kinds, _LETTERS.get(result) or {"i1": "B", "void": "V"}[result])
+    module = join(binding.parse_assembly(text), str(written))
+    _make_one(module, name)
+    if given:
+        names = [function.name for function in binding.parse_assembly(given).functions if not function.is_declaration]
+        join(module, given)
+        for own in names:
+            module.get_function(own).linkage = "internal"
+    return name, object_code(module)
+
+
+def _entry(name: str, entry: str, signature: Signature, taken: Sequence[str]) -> ir.Module:
+    """A module with a C function that calls numba's function, which returns a status, and its result by an address."""
+    module = ir.Module()
+    names = [name for argument in signature.arguments for name in (argument.name, *argument.lengths)]
+    kinds, result = argument_types(signature), result_type(signature)
+    outer = ir.Function(module, ir.FunctionType(result, [INDEX.as_pointer()] if signature.packed else kinds), entry)
+    builder = ir.IRBuilder(outer.append_basic_block())
+    given = dict(zip(names, outer.args, strict=False))
+    if signature.packed:
+        slots = (builder.gep(outer.args[0], [INDEX(i)]) for i in range(len(names)))  # of 8 bytes each
+        pointers = (builder.bitcast(slot, kind.as_pointer()) for slot, kind in zip(slots, kinds, strict=True))
+        given = dict(zip(names, map(builder.load, pointers), strict=True))
+    address = ir.IntType(8).as_pointer()
+    returned = builder.alloca(result if signature.result else address)
+    arguments = [returned, builder.alloca(address), *(given[name] for name in taken)]
+    callee = ir.Function(module, ir.FunctionType(ir.IntType(32), [value.type for value in arguments]), name)
+    builder.call(callee, arguments)
+    if signature.result:
+        builder.ret(builder.load(returned))
+    else:
+        builder.ret_void()
+    return module

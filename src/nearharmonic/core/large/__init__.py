@@ -1,1 +1,0 @@
-"""Systems of many coordinates in memory: blocks of eight coordinates, and long sums as loops."""

@@ -1,1 +1,0 @@
-"""Registries of systems and methods, files of users, and display of objects in notebooks."""
