@@ -64,8 +64,8 @@ _PAGES = {
         {"cube": CUBE("exact_oscillator")},
         {},
     ),
-    "results/crystals": ("nearharmonic_studies.crystals.page:page", _EVERY, {"cube": CUBE("crystals")}, {}),
-    "results/samplers": ("nearharmonic_studies.samplers.page:page", _EVERY, {"cube": CUBE("samplers")}, {}),
+    "results/crystals": ("nearharmonic_studies.crystals.results:page", _EVERY, {"cube": CUBE("crystals")}, {}),
+    "results/samplers": ("nearharmonic_studies.samplers.results:page", _EVERY, {"cube": CUBE("samplers")}, {}),
     "results/stability": (
         "nearharmonic_paper.pages.targets:stability",
         _METHODS,

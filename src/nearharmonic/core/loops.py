@@ -356,7 +356,7 @@ def begin(*, large: bool, quick: bool) -> Callable[..., Any]:
 
 # --- Sequential runs in a fictitious time, with samples at given physical times.
 #
-# A regularised system (:mod:`nearharmonic.systems.regularisation`) is integrated in equal steps of a fictitious
+# A regularised system (:mod:`nearharmonic.systems.formulas`) is integrated in equal steps of a fictitious
 # time s. A sample at the time t is the end of one shorter step from the last state before t. Newton's method finds the
 # length of this step from dt/ds = r. The run itself does not take this step, except for the last sample.
 #

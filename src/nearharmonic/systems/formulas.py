@@ -68,7 +68,7 @@ class Energy:
     ) -> None:
         self.name, self.formula, self.function = name, formula, function
         self.dimension, self.parameters = dimension, parameters
-        setattr(self, formula, function)  # for :mod:`nearharmonic.core.formulas.number`
+        setattr(self, formula, function)  # for :mod:`nearharmonic.core.number`
         self._traced: dict[Any, _Traced] = {}
         self._programs: dict[Any, Program] = {}
         self._loops: dict[Any, LoopedEnergy] = {}

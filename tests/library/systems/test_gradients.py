@@ -424,8 +424,8 @@ def test_a_formula_of_exploding_size_is_refused_before_any_work(monkeypatch, gra
             x, y = x * y, x + y
         return x
 
-    monkeypatch.setattr("nearharmonic.core.formulas.expression.MOST_NODES", 9000)
-    monkeypatch.setattr("nearharmonic.core.loops.kernel.build", None)
+    monkeypatch.setattr("nearharmonic.core.expression.MOST_NODES", 9000)
+    monkeypatch.setattr("nearharmonic.core.kernel.build", None)
     with pytest.raises(SystemDefinitionError, match=r"^mine: V takes more than 9000 different operations$"):
         nh.integrate(spring(V=V, grad_V=grad_V, name="mine"), "ruth", 0.1)
 
@@ -437,7 +437,7 @@ def test_large_formula_is_refused_by_number_of_operations(monkeypatch):
             x = math.sin(x - k)
         return x
 
-    monkeypatch.setattr("nearharmonic.core.loops.kernel.build", None)
+    monkeypatch.setattr("nearharmonic.core.kernel.build", None)
     words = r"^mine: V takes 1\d{4} operations, a function counted as 10 and terms of one form once: at most 4000 are "
     with pytest.raises(SystemDefinitionError, match=words):
         nh.integrate(spring(V=V, grad_V=None, name="mine"), "ruth", 0.1)

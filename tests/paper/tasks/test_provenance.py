@@ -41,7 +41,7 @@ def digests(root):
     return {
         **of_runs,
         "cubes": code_digest(f"{folder}.reductions", root=root),
-        "fig1": code_digest("nearharmonic.plotting.energy_error", root=root),
+        "fig1": code_digest("nearharmonic.plotting.style", root=root),
     }
 
 
@@ -53,7 +53,7 @@ def digests(root):
         pytest.param(
             "nearharmonic/systems/relativistic_oscillator.py", {"relativistic_oscillator"}, marks=pytest.mark.slow
         ),
-        ("nearharmonic/core/loops/kernel.py", {*systems, "cubes"}),  # reductions take logarithms, which are compiled
+        ("nearharmonic/core/kernel.py", {*systems, "cubes"}),  # reductions take logarithms, which are compiled
         pytest.param(
             "nearharmonic/integrators/nielsen_2015.py", set(), marks=pytest.mark.slow
         ),  # coefficients have a digest of their own
@@ -72,7 +72,7 @@ def test_edit_changes_only_digests_of_dependents(package, module, changes):
 
 def test_a_comment_or_a_docstring_is_no_edit(package):
     before = digests(package)
-    path = package / "nearharmonic/core/loops/kernel.py"
+    path = package / "nearharmonic/core/kernel.py"
     text = path.read_text(encoding="utf-8")
     assert '"""' in text
     path.write_text("# a comment\n" + text.replace('"""', '"""Reworded. ', 1) + "\n# and another\n", encoding="utf-8")
@@ -194,7 +194,7 @@ def test_task_looks_up_only_what_it_names_or_imports():
 
 
 def test_task_covers_modified_methods_that_it_names():
-    one = task("nearharmonic_paper.experiments.paper.reductions:reduce_decomposition", integrators=["chin_4a", "ruth"])
+    one = task("nearharmonic_paper.experiments.paper.tableaus:decompose", integrators=["chin_4a", "ruth"])
     assert one["integrators"] == ["chin_4a", "ruth"]
     assert one["coefficients"] == coefficients_digest([modified_integrators["chin_4a"], integrators["ruth"]])
     with covered(one):

@@ -104,7 +104,7 @@ class Equations(SymmetricSteps):
 
 @dataclass(frozen=True)
 class PolishedSolution:
-    """A solution, or the last state of Newton's method: the fields of :class:`~nearharmonic.exact.newton.Limit`.
+    """A solution, or the last state of Newton's method: the fields of :class:`~nearharmonic.exact.polynomials.Limit`.
 
     ``unknowns`` (mpf), and the decimal strings of the ``outer`` and ``inner`` rows, are empty unless ``converged``.
     """

@@ -141,7 +141,7 @@ class SystemSettings:
 
 
 #: A figure of energy errors.
-_PROFILE: Any = {"draw": "nearharmonic.plotting.energy_error:draw_profile", "profile": True}
+_PROFILE: Any = {"draw": "nearharmonic.plotting.style:draw_profile", "profile": True}
 
 FIGURES = {
     "fig1_sho": Figure(

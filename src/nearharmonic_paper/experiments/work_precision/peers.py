@@ -173,7 +173,7 @@ def _compiled_rhs(system: System, arguments: str) -> Callable[..., States]:
 #
 # Where a regularisation is known, the regularised equations are the best that users of heyoka can do. With the
 # fictitious time s as the variable: u' = v, v' = -dV/du with V of
-# :class:`nearharmonic.systems.regularisation.RegularisedFormulas`, and t' = |u|^2. heyoka's tolerance is relative to
+# :class:`nearharmonic.systems.formulas.RegularisedFormulas`, and t' = |u|^2. heyoka's tolerance is relative to
 # the largest component of the state, so t is scaled by ``t_end``. w = -H is a constant, not a component. Two choices
 # favour heyoka. The fictitious time at which t = ``t_end`` is computed before the timing, by dense output and Newton's
 # method. The timed run ends with (u, v, t), without the map to q and p. Errors are those of q and p.
