@@ -8,7 +8,7 @@ import threading
 import warnings
 
 from nearharmonic_paper.experiments.paper.earlier import forget, keep
-from nearharmonic_paper.record.adopt import check_tasks
+from nearharmonic_paper.record.verify import check_tasks
 
 CLAIMS = "tables/claims.json"
 #: Former names of targets, which warn, and their present names.

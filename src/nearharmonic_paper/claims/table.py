@@ -19,8 +19,7 @@ from nearharmonic_paper.claims.statements.figures import henon_heiles, kepler, o
 from nearharmonic_paper.claims.statements.performance import comparisons, discussion
 from nearharmonic_paper.claims.statements.tableaus import coefficients, methods, roles, sizes, splitting, trained
 from nearharmonic_paper.tasks.experiment import folders
-from nearharmonic_paper.tasks.provenance import code_digest
-from nearharmonic_paper.tasks.sources import ROOT, path_of
+from nearharmonic_paper.tasks.provenance import ROOT, code_digest, path_of
 
 
 # --- Statements of experiments, found in the modules ``claims`` of their folders.

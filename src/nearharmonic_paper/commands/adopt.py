@@ -22,8 +22,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return the number of adopted files; the status is 1 if the results are refused."""
     from nearharmonic.errors import RefusedError
-    from nearharmonic_paper.record.adopt import adopt
     from nearharmonic_paper.record.manifest import check_trusted, folder_of
+    from nearharmonic_paper.record.verify import adopt
 
     folder = folder_of(chosen.result)
     check_trusted(folder, chosen.trust)

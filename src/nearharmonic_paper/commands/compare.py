@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 from nearharmonic.output.answers import Answer
 
 if TYPE_CHECKING:
-    from nearharmonic_paper.record.comparison import Comparison
-    from nearharmonic_paper.record.differences import Difference
+    from nearharmonic_paper.record.compare import Comparison, Difference
 
 HELP = "compare two results: claims, settings, code, and every number"
 HEADER = ("kind", "where", "a", "b", "unit", "relative", "at", "differ", "of")
@@ -27,14 +26,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def answer(chosen: argparse.Namespace) -> Answer:
     """Return a row for each difference; the status is 1 if there is one."""
-    from nearharmonic_paper.record.comparison import compared
+    from nearharmonic_paper.record.compare import compared
     from nearharmonic_paper.record.history import doubts_in
     from nearharmonic_paper.record.manifest import folder_of
 
     a, b = folder_of(chosen.a), folder_of(chosen.b)
     figure = None
     if chosen.figure is not None:
-        from nearharmonic_paper.record.overlay import save_overlay
+        from nearharmonic_paper.record.compare import save_overlay
 
         second = chosen.b if chosen.b != chosen.a else f"{chosen.b} (again)"  # names in a legend differ
         figure = save_overlay({chosen.a: a, second: b}, chosen.figure)
@@ -73,7 +72,7 @@ def _summary(found: Comparison) -> str:
 
 
 def _row(difference: Difference) -> tuple[Any, ...]:
-    from nearharmonic_paper.record.differences import short
+    from nearharmonic_paper.record.compare import short
 
     at = difference.at
     places = [f"{name} {short(value)} {difference.at_units.get(name, '')}".rstrip() for name, value in at.items()]

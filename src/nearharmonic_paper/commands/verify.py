@@ -57,7 +57,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
 def _run_again(folder: Path, number: int, seed: int) -> tuple[list[dict[str, Any]], str]:
     from nearharmonic.output.store import command_for
-    from nearharmonic_paper.record.rerun import rerun
+    from nearharmonic_paper.record.query import rerun
 
     runs = rerun(folder, number, seed)
     found = [

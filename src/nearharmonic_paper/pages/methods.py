@@ -22,7 +22,7 @@ from nearharmonic.systems import systems as known
 from nearharmonic.theory.order import harmonic_order, order_of
 from nearharmonic.training.published import published_names
 from nearharmonic_paper.pages.filling import fills, table
-from nearharmonic_paper.tasks.receipts import measures_time
+from nearharmonic_paper.tasks.provenance import measures_time
 
 # --- docs/reference/methods.md ----------------------------------------------------------------------------------------
 

@@ -33,7 +33,7 @@ from nearharmonic_paper.record.description import (
     opened as opened_source,
 )
 from nearharmonic_paper.record.manifest import is_edited, recorded_digests
-from nearharmonic_paper.tasks.sources import files_of
+from nearharmonic_paper.tasks.provenance import files_of
 
 # --- Check of an archive: its seal, then each file against the digest in the metadata of the crate.
 #

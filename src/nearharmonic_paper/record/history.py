@@ -20,7 +20,7 @@ from typing import Any
 
 from nearharmonic.errors import SettingError, unknown_name
 from nearharmonic.output.atomic import digest_of, read_bytes, sealed, write_text
-from nearharmonic_paper.tasks.receipts import MARKED, names_made_by
+from nearharmonic_paper.tasks.provenance import MARKED, names_made_by
 
 # --- Lines of a history: each one is sealed and holds the digest of the line before.
 #

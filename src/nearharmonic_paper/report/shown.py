@@ -28,8 +28,7 @@ from nearharmonic_paper.experiments.paper.orbits import paper_panels
 from nearharmonic_paper.experiments.paper.plan import Totals, totals_in
 from nearharmonic_paper.experiments.paper.settings import PAPER as SYSTEMS_OF_THE_PAPER
 from nearharmonic_paper.record.manifest import Texts
-from nearharmonic_paper.report.panels import MARKERS, Panel
-from nearharmonic_paper.report.plots import decomposition, energy_error, perihelion, phase_space
+from nearharmonic_paper.report.plots import MARKERS, Panel, decomposition, energy_error, perihelion, phase_space
 from nearharmonic_paper.tasks.experiment import Figure, figures_of
 
 if TYPE_CHECKING:

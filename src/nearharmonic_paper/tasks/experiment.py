@@ -15,7 +15,7 @@ from importlib import import_module
 from itertools import product
 from typing import Any
 
-from nearharmonic_paper.tasks.sources import ROOT
+from nearharmonic_paper.tasks.provenance import ROOT
 
 # --- Figures that the workflow draws of cubes, as experiments declare them.
 

@@ -22,7 +22,7 @@ from nearharmonic.numerics.portable import Floats
 from nearharmonic.output.store import read
 from nearharmonic.output.table import Table
 from nearharmonic.training.population import LANES, Ensemble
-from nearharmonic_paper.tasks.receipts import measures_time
+from nearharmonic_paper.tasks.provenance import measures_time
 from nearharmonic_studies.trained.contestants import kind_of
 from nearharmonic_studies.trained.proof_settings import ProofSettings
 from nearharmonic_studies.trained.run import Trial, log_errors, proof_ensembles

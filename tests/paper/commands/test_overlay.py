@@ -9,7 +9,7 @@ import pytest
 
 from nearharmonic.cli import main
 from nearharmonic.output import store
-from nearharmonic_paper.record.overlay import overlay
+from nearharmonic_paper.record.compare import overlay
 from support.cubes.artists import NO_LINE, SOLID, dashes, lines_of
 
 pytestmark = pytest.mark.slow

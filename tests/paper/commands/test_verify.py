@@ -9,9 +9,8 @@ import pytest
 from nearharmonic.cli import main
 from nearharmonic.errors import RefusedError
 from nearharmonic_paper.record import manifest
-from nearharmonic_paper.record.adopt import check_tasks
-from nearharmonic_paper.tasks.provenance import settings_digest, task
-from nearharmonic_paper.tasks.receipts import Receipt
+from nearharmonic_paper.record.verify import check_tasks
+from nearharmonic_paper.tasks.provenance import Receipt, settings_digest, task
 
 TASK = task("nearharmonic_paper.experiments.paper.decompose:decompose", integrators=["ruth"])
 CUBE = "results/paper/cubes/sho_terms.h5"

@@ -11,9 +11,9 @@ import pytest
 import yaml
 
 from nearharmonic_paper.config.reading import load
-from nearharmonic_paper.record import fingerprint
-from nearharmonic_paper.record.fingerprint import package_digest, revision
-from nearharmonic_paper.tasks.sources import PACKAGES, ROOT
+from nearharmonic_paper.record import workflow_run as fingerprint
+from nearharmonic_paper.record.workflow_run import package_digest, revision
+from nearharmonic_paper.tasks.provenance import PACKAGES, ROOT
 
 SMOKE = Path(__file__).parents[3] / "config/smoke.yaml"
 

@@ -12,8 +12,7 @@ import pytest
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output.atomic import sealed
 from nearharmonic_paper.record import manifest
-from nearharmonic_paper.tasks.provenance import task
-from nearharmonic_paper.tasks.receipts import Receipt, damaged_receipts, names_made_by
+from nearharmonic_paper.tasks.provenance import Receipt, damaged_receipts, names_made_by, task
 
 TASK = task("nearharmonic_paper.experiments.paper.decompose:decompose", integrators=["ruth"])
 

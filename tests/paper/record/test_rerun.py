@@ -12,10 +12,9 @@ from nearharmonic.engine.settings import Sweep
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output import store
 from nearharmonic_paper.record import manifest
-from nearharmonic_paper.record.rerun import rerun
+from nearharmonic_paper.record.query import rerun
 from nearharmonic_paper.tasks.job import write
-from nearharmonic_paper.tasks.provenance import function_of, provenance, task
-from nearharmonic_paper.tasks.receipts import Receipt
+from nearharmonic_paper.tasks.provenance import Receipt, function_of, provenance, task
 from support.hostile.mutations import ODD_SETTINGS
 from support.results.result_folder import edited
 

@@ -10,8 +10,7 @@ import pytest
 from nearharmonic.output.atomic import sealed
 from nearharmonic_paper.record import history, manifest, verify
 from nearharmonic_paper.record.verify import faults
-from nearharmonic_paper.tasks.provenance import task
-from nearharmonic_paper.tasks.receipts import Receipt
+from nearharmonic_paper.tasks.provenance import Receipt, task
 
 TASK = task("nearharmonic_paper.experiments.paper.run:integrate", system="sho", integrator="ruth")
 FILES = {

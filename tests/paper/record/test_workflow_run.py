@@ -10,11 +10,12 @@ import pytest
 import yaml
 
 from nearharmonic_paper.config.reading import load
-from nearharmonic_paper.record import fingerprint, history, manifest, state
+from nearharmonic_paper.record import history, manifest
+from nearharmonic_paper.record import workflow_run as fingerprint
+from nearharmonic_paper.record import workflow_run as state
 from nearharmonic_paper.record.verify import faults
 from nearharmonic_paper.record.workflow_run import WorkflowRun
-from nearharmonic_paper.tasks.provenance import task
-from nearharmonic_paper.tasks.receipts import Receipt
+from nearharmonic_paper.tasks.provenance import Receipt, task
 
 SMOKE = Path(__file__).parents[3] / "config/smoke.yaml"
 MADE = ("cubes/a.h5", "cubes/b.h5", "tables/skipped.csv")

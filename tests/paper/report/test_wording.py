@@ -9,9 +9,9 @@ import pytest
 from nearharmonic.integrators import integrators
 from nearharmonic.plotting.palette import style_of
 from nearharmonic_paper.claims.results import power_of_ten, short
-from nearharmonic_paper.report import assets
+from nearharmonic_paper.report import page as assets
 from nearharmonic_paper.report import shown as wording
-from nearharmonic_paper.report.panels import MARKERS, span
+from nearharmonic_paper.report.plots import MARKERS, span
 from nearharmonic_paper.report.shown import Places, ShownFigure, ShownTable
 
 

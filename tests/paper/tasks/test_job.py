@@ -13,9 +13,8 @@ import xarray as xr
 
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output.store import read
-from nearharmonic_paper.tasks.job import draw, logged, write
+from nearharmonic_paper.tasks.job import Files, FrozenJob, draw, logged, write
 from nearharmonic_paper.tasks.provenance import task
-from nearharmonic_paper.tasks.remote import Files, FrozenJob
 
 
 def test_what_a_job_prints_goes_to_its_log(tmp_path, capsys):

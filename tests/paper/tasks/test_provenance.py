@@ -11,10 +11,17 @@ import pytest
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators, modified_integrators
 from nearharmonic.systems import systems
-from nearharmonic_paper.tasks import provenance, sources
+from nearharmonic_paper.tasks import provenance
+from nearharmonic_paper.tasks import provenance as sources
 from nearharmonic_paper.tasks.job import covered
-from nearharmonic_paper.tasks.provenance import code_digest, coefficients_digest, library_version, task
-from nearharmonic_paper.tasks.sources import closure, module_digest
+from nearharmonic_paper.tasks.provenance import (
+    closure,
+    code_digest,
+    coefficients_digest,
+    library_version,
+    module_digest,
+    task,
+)
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import sys
 
 from planned_jobs import planned
 
-from nearharmonic_paper.tasks.remote import frozen
+from nearharmonic_paper.tasks.job import frozen
 
 if __name__ == "__main__":
     config, target, folder = sys.argv[1:]

@@ -23,7 +23,7 @@ from nearharmonic.core.machine import disk
 from nearharmonic.output import store
 from nearharmonic.output import store as files
 from nearharmonic_paper import commands
-from nearharmonic_paper.tasks import remote as plan
+from nearharmonic_paper.tasks import job as plan
 
 #: Seconds for all questions of a request; the slowest takes one.
 LIMIT = 60

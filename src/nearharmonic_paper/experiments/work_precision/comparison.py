@@ -12,7 +12,7 @@ from nearharmonic.output.table import Table
 from nearharmonic.recommendation.measure import Crossing, crossing, of_kind, ranking, read_parts
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
-from nearharmonic_paper.tasks.receipts import measures_time
+from nearharmonic_paper.tasks.provenance import measures_time
 
 #: Reference library of the ratios, with its default settings.
 STANDARD = "heyoka"

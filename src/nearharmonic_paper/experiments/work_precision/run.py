@@ -37,7 +37,7 @@ from nearharmonic.systems.system import System
 from nearharmonic_paper.experiments.work_precision.measure import POINTS_PER_DECADE, measured_peer, version_of
 from nearharmonic_paper.experiments.work_precision.peers import PEERS
 from nearharmonic_paper.experiments.work_precision.settings import WorkPrecisionSettings
-from nearharmonic_paper.tasks.receipts import measures_time
+from nearharmonic_paper.tasks.provenance import measures_time
 
 #: Number of methods per error whose ensembles are timed.
 FRONT = 3

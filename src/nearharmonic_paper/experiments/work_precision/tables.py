@@ -20,7 +20,7 @@ from nearharmonic.recommendation.measure import (
     read_parts,
 )
 from nearharmonic.systems import systems
-from nearharmonic_paper.tasks.receipts import measures_time
+from nearharmonic_paper.tasks.provenance import measures_time
 
 HOW = (
     "Read off each curve of least wall time against error: between the last step size or tolerance above the target "

@@ -9,8 +9,8 @@ from importlib import import_module
 import pytest
 
 from nearharmonic_paper.tasks.experiment import folders
+from nearharmonic_paper.tasks.provenance import ROOT, closure, path_of
 from nearharmonic_paper.tasks.reduction import Reductions
-from nearharmonic_paper.tasks.sources import ROOT, closure, path_of
 
 #: Dotted names of all modules that declare reductions, with the folder of each.
 MODULES = {

@@ -7,7 +7,7 @@ import atexit
 import pytest
 
 from nearharmonic.core.machine import disk
-from nearharmonic_paper.tasks import sources
+from nearharmonic_paper.tasks import provenance as sources
 
 TEXT = b'"""A docstring."""\nimport nearharmonic.errors\nx = 1\n'
 

@@ -11,9 +11,8 @@ from types import SimpleNamespace
 import pytest
 
 from nearharmonic.errors import NearharmonicError
+from nearharmonic_paper.tasks.job import PYTHON, SUFFIX, Files, FrozenJob, command_of, is_in_array, main, read
 from nearharmonic_paper.tasks.provenance import task
-from nearharmonic_paper.tasks.remote import PYTHON, SUFFIX, Files, FrozenJob, command_of, is_in_array, read
-from nearharmonic_paper.tasks.remote.__main__ import main
 from snakemake_executor_plugin_nearharmonic import has_accounting
 
 
@@ -103,7 +102,7 @@ def _job(**changes):
 def test_the_command_of_a_job_names_its_file(tmp_path):
     environment, _, command = command_of(_job(), tmp_path).partition(f" {sys.executable} ")
     assert environment == "env -u NEARHARMONIC_LEADER"
-    frozen = read(command.removeprefix("-m nearharmonic_paper.tasks.remote "))
+    frozen = read(command.removeprefix("-m nearharmonic_paper.tasks.job "))
     assert vars(frozen.params) == {"task": {"definitions": {}}}
     assert [*frozen.output.items()] == [("a", "x"), ("b", ["y", "z"])]
 
