@@ -9,8 +9,8 @@ import re
 
 from snakemake_interface_common.exceptions import WorkflowError
 
-from nearharmonic_paper.config.files import refuse, warn_of_name
-from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config import refuse, warn_of_name
+from nearharmonic_paper.config import load
 from nearharmonic.errors import NearharmonicError
 from nearharmonic_paper.record.verify import ADOPTING, noting
 from nearharmonic_paper.experiments.paper.plan import REDUCED_AT_ONCE, shards_of

@@ -83,7 +83,7 @@ def _configured(system: str, place: Path) -> tuple[str | None, str]:
 
     The definitions of the config are then in the registries.
     """
-    from nearharmonic_paper.config.reading import read
+    from nearharmonic_paper.config import read
 
     config = read(place)
     ends = {sweep.system: sweep.t_end for sweep in config.sweeps}

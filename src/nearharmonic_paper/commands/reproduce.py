@@ -29,7 +29,7 @@ def answer(chosen: argparse.Namespace) -> Answer:
 
     from nearharmonic.engine.settings import whole_number
     from nearharmonic.errors import bad_setting
-    from nearharmonic_paper.config.files import read_mapping
+    from nearharmonic_paper.config import read_mapping
     from nearharmonic_paper.record.description import workflow_root
 
     jobs = whole_number(chosen.jobs, "-j")

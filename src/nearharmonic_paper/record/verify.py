@@ -20,7 +20,7 @@ from typing import Any
 from nearharmonic.errors import NearharmonicError, RefusedError, ResultFileError, SettingError
 from nearharmonic.output.atomic import parts_in
 from nearharmonic.output.store import DEFAULT_CONFIG, command_for, foreign_in, usable_configs, workflow_command
-from nearharmonic_paper.config.files import read_mapping
+from nearharmonic_paper.config import read_mapping
 from nearharmonic_paper.record import history, manifest
 from nearharmonic_paper.record.manifest import check_files_of, integrator_files_not_run, is_edited, recorded_digests
 from nearharmonic_paper.record.workflow_run import lost_line

@@ -31,7 +31,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.output.atomic import digest_of, plain, read_bytes, remove_parts, sealed, write_text
 from nearharmonic.output.atomic import unsealed as opened
 from nearharmonic.systems import systems
-from nearharmonic_paper.config.config import Config
+from nearharmonic_paper.config import Config
 from nearharmonic_paper.experiments.paper.plan import totals_in
 from nearharmonic_paper.record import history, manifest
 from nearharmonic_paper.record.history import dead_in

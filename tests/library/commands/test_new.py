@@ -15,7 +15,7 @@ from nearharmonic.commands import new
 from nearharmonic.errors import SystemDefinitionError
 from nearharmonic.integrators import integrators
 from nearharmonic.systems import systems
-from nearharmonic_paper.config.reading import read
+from nearharmonic_paper.config import read
 
 #: A line of a template that is an argument of the entry in a comment.
 OPTION = re.compile(r"^    # (?=(\w+)=.*,$)", re.MULTILINE)

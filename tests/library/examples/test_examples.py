@@ -15,7 +15,7 @@ from matplotlib.image import imread
 
 import nearharmonic as nh
 from nearharmonic.systems.user_file import load_system
-from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config import load
 
 ROOT = Path(__file__).parents[3]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))

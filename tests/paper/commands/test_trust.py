@@ -13,7 +13,7 @@ from nearharmonic.cli import main
 from nearharmonic.errors import SettingError, UntrustedFileError
 from nearharmonic.output.store import NAME_KEY
 from nearharmonic.registry.user_module import trusting_only
-from nearharmonic_paper.config.reading import load, read
+from nearharmonic_paper.config import load, read
 from nearharmonic_paper.record.query import rerun
 from nearharmonic_paper.record.verify import adopt
 from nearharmonic_paper.tasks.provenance import digest_of_file as digest_of

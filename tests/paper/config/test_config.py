@@ -13,9 +13,7 @@ from jsonschema import Draft202012Validator
 from snakemake.cli import parse_config
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic_paper.config.config import key_table, schema
-from nearharmonic_paper.config.files import warn_of_name
-from nearharmonic_paper.config.reading import load, read
+from nearharmonic_paper.config import key_table, load, read, schema, warn_of_name
 
 ROOT = Path(__file__).parents[3]
 SCHEMA = schema()

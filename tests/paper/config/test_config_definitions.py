@@ -19,7 +19,7 @@ from mpmath import mpf
 import nearharmonic as nh
 from nearharmonic.integrators import plain_integrators
 from nearharmonic.systems.user_file import load_system
-from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config import load
 from nearharmonic_paper.experiments.paper.plan import runs_of
 from nearharmonic_paper.experiments.paper.run import integrate_run
 from nearharmonic_paper.tasks.job import covered

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import nearharmonic as nh
-from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config import load
 from nearharmonic_paper.tasks.experiment import experiments
 from support.projects.configs_by_file import CONFIG, METHOD, WELL, changed, enter, refused, under
 

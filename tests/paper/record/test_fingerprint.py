@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config import load
 from nearharmonic_paper.record import workflow_run as fingerprint
 from nearharmonic_paper.record.workflow_run import package_digest, revision
 from nearharmonic_paper.tasks.provenance import PACKAGES, ROOT

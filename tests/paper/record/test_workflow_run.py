@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config import load
 from nearharmonic_paper.record import history, manifest
 from nearharmonic_paper.record import workflow_run as fingerprint
 from nearharmonic_paper.record import workflow_run as state

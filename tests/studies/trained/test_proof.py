@@ -13,7 +13,7 @@ import yaml
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import integrators, plain_integrators
-from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config import load
 from nearharmonic_paper.tasks import job
 from nearharmonic_studies.trained.contestants import contestants, exact_contestants, idea_of, kind_of
 from nearharmonic_studies.trained.problems import NAMED, named_ensemble

@@ -9,7 +9,7 @@ import pytest
 import nearharmonic as nh
 from nearharmonic.errors import SettingError
 from nearharmonic.output.store import write
-from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config import load
 from nearharmonic_paper.experiments.paper.decompose import decompose
 from nearharmonic_paper.experiments.paper.figures import fig2_decomposition
 from nearharmonic_paper.experiments.paper.plan import shards_of
