@@ -36,7 +36,7 @@ DOCUMENTED = {
 }
 #: Sources whose ``job`` and ``self`` are Snakemake's.
 OF_JOBS = (
-    "src/snakemake_executor_plugin_nearharmonic.py",
+    "src/snakemake_executor_plugin_nearharmonic/__init__.py",
     "src/nearharmonic_paper/tasks/job.py",
 )
 
