@@ -1,15 +1,4 @@
-"""Provenance of results: digests of sources, tasks of rules, and receipts of the files that jobs wrote.
-
-Provenance of a result: digests of its code, settings, coefficients, versions; no timestamps.
-
-Source files of the packages: imports of each module, and digests that do not depend on docstrings and comments.
-
-Receipts: lists of the files that each job of a workflow wrote, stored beside its log; the manifest combines them.
-
-A receipt holds the size and the SHA-256 of each file as the job left it, so that a file that was edited later can be
-distinguished from a file that was made again. It is not a result file, so it may contain timestamps. A receipt is
-sealed; one whose seal does not match is not believed.
-"""
+"""Provenance of results: digests of sources, tasks of rules, and receipts of the files that jobs wrote."""
 
 from __future__ import annotations
 
@@ -32,13 +21,15 @@ from nearharmonic.errors import NearharmonicError, SettingError
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.output import atomic as reading
-from nearharmonic.output.atomic import sealed, write_text
-from nearharmonic.output.atomic import unsealed as opened
+from nearharmonic.output.atomic import sealed, unsealed, write_text
 from nearharmonic.output.store import sealed_digest
 from nearharmonic.registry.user_module import is_file
 from nearharmonic.systems import systems
 
 Node = TypeVar("Node")
+Measuring = TypeVar("Measuring", bound=Callable[..., Any])
+
+# --- Source files of the packages: imports of each module, and digests without docstrings and comments.
 
 #: Packages whose sources count, and their common folder.
 PACKAGES = ("nearharmonic", "nearharmonic_paper", "nearharmonic_studies")
@@ -60,7 +51,23 @@ def closure(*modules: str, root: Path | None = None) -> tuple[str, ...]:
 
     The ``__init__`` of the package is excluded: it imports all layers for their names, and computes nothing.
     """
-    return _files(root).closure(modules)
+    return _modules(root).closure(modules)
+
+
+def module_digest(module: str, root: Path | None = None) -> str:
+    """Return the SHA-256 of the syntax tree of ``module`` without docstrings and comments."""
+    return _modules(root).source(module).digest
+
+
+def module_of(name: str) -> str | None:
+    """Return the module of the running package that a dotted name denotes or belongs to; None if there is none."""
+    return next((module for module in (name, _above(name)) if module and path_of(module, ROOT).is_file()), None)
+
+
+def path_of(module: str, root: Path) -> Path:
+    """Return the file of the dotted name ``module`` of a package in the folder ``root``."""
+    path = root.joinpath(*module.split("."))
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 
 def reached(starts: Iterable[Node], following: Callable[[Node], Iterable[Node]]) -> set[Node]:
@@ -75,32 +82,8 @@ def reached(starts: Iterable[Node], following: Callable[[Node], Iterable[Node]])
     return found
 
 
-def module_digest(module: str, root: Path | None = None) -> str:
-    """Return the SHA-256 of the syntax tree of ``module`` without docstrings and comments."""
-    return _files(root).source(module).digest
-
-
-def read_source(path: Path) -> Source:
-    """Return digest and imports of any Python file in its present state."""
-    return _running().parse(path.read_bytes())
-
-
-def module_of(name: str) -> str | None:
-    """Return the module of the running package that a dotted name denotes or belongs to; None if there is none."""
-    for module in (name, above(name)):
-        if module and path_of(module, ROOT).is_file():
-            return module
-    return None
-
-
-def path_of(module: str, root: Path) -> Path:
-    """Return the file of the dotted name ``module`` of a package in the folder ``root``."""
-    path = root.joinpath(*module.split("."))
-    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
-
-
-class _Files:
-    """The modules of a package, each read once: thousands of jobs ask for the same."""
+class _Modules:
+    """The modules of the packages in one folder, each read once: thousands of jobs ask for the same."""
 
     def __init__(self, root: Path, parse: Callable[[bytes], Source]) -> None:
         self._root, self.parse = root, parse
@@ -108,20 +91,19 @@ class _Files:
         self._is_module = cache(lambda name: path_of(name, root).is_file())
 
     def _closure(self, modules: tuple[str, ...]) -> tuple[str, ...]:
-        found = reached(modules, lambda name: [] if name in PACKAGES else [above(name), *self._imported(name)])
+        found = reached(modules, lambda name: [] if name in PACKAGES else [_above(name), *self._imported(name)])
         return tuple(sorted(found - {*PACKAGES}))
 
     def _source(self, module: str) -> Source:
         path = path_of(module, self._root)
         if not path.is_file():
-            message = f"no module {module!r} in {self._root}"
-            raise NearharmonicError(message)
+            raise NearharmonicError(f"no module {module!r} in {self._root}")
         return self.parse(path.read_bytes())
 
     def _imports(self, module: str) -> list[str]:
         """Return the modules of the package that ``module`` imports; an imported name may be that of a function."""
         is_package = path_of(module, self._root).name == "__init__.py"
-        folders = (module if is_package else above(module)).split(".")
+        folders = (module if is_package else _above(module)).split(".")
         found = []
         for written in self.source(module).imports:
             name = written.lstrip(".")
@@ -129,28 +111,29 @@ class _Files:
             if level:
                 name = ".".join([*folders[: len(folders) - level + 1], *([name] if name else [])])
             if name.split(".")[0] in PACKAGES:
-                found += [place for place in (name, above(name)) if place and self._is_module(place)]
+                found += [place for place in (name, _above(name)) if place and self._is_module(place)]
         return found
 
 
-def above(name: str) -> str:
+def _above(name: str) -> str:
     """Return a dotted name without its last part."""
     return name.rpartition(".")[0]
 
 
-def _files(root: Path | None) -> _Files:
-    return _running() if root is None else _Files(root, parsed)
+def _modules(root: Path | None) -> _Modules:
+    return _running() if root is None else _Modules(root, parsed)
 
 
 @cache
-def _running() -> _Files:
-    return _Files(ROOT, SourceCache().parsed)
+def _running() -> _Modules:
+    """Return the modules that run, whose parsed sources are kept on disk."""
+    return _Modules(ROOT, SourceCache().parsed)
 
 
 class SourceCache:
     """On-disk cache of parsed sources, by the SHA-256 of their text.
 
-    Parsing the package takes 0.3 s, reading the cache 10 ms. The file is in the folder of compiled code, which is
+    Parsing the packages takes 2 s, reading the cache 10 ms. The file is in the folder of compiled code, which is
     writable only for the user. Its name depends on the text of this module and on the version of Python. It is written
     at the end of the process.
     """
@@ -181,32 +164,24 @@ class SourceCache:
 
 @cache
 def parsed(text: bytes) -> Source:
-    """Return digest and imports of a source file."""
+    """Return digest and imports of a source file; imports under TYPE_CHECKING are left out."""
     tree = ast.parse(text)
-    imports = tuple(sorted(_imported_names(tree)))
-    return Source(_tree_digest(tree), imports)
+    imports: set[str] = set()
+    for node in _statements(tree, skip=_is_for_type_checker):
+        if isinstance(node, ast.Import):
+            imports.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):  # a relative name keeps its dots
+            base, joint = "." * node.level + (node.module or ""), "." if node.module else ""
+            imports.update([base, *(f"{base}{joint}{alias.name}" for alias in node.names)])
+    return Source(_tree_digest(tree), tuple(sorted(imports)))
 
 
 def _tree_digest(tree: ast.Module) -> str:
+    documented = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
     for node in [*_statements(tree)]:
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef) and ast.get_docstring(
-            node, clean=False
-        ):
+        if isinstance(node, documented) and ast.get_docstring(node, clean=False):
             del node.body[0]
     return sha256(ast.dump(tree).encode()).hexdigest()
-
-
-def _imported_names(tree: ast.AST) -> set[str]:
-    """Yield imported names, except those under TYPE_CHECKING; a relative name keeps its dots."""
-    names: set[str] = set()
-    for node in _statements(tree, skip=_is_for_type_checker):
-        if isinstance(node, ast.Import):
-            names.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            base = "." * node.level + (node.module or "")
-            joint = "." if node.module else ""
-            names.update([base, *(f"{base}{joint}{alias.name}" for alias in node.names)])
-    return names
 
 
 def _is_for_type_checker(node: ast.AST) -> bool:
@@ -225,6 +200,8 @@ def _statements(tree: ast.AST, skip: Callable[[ast.AST], bool] = lambda _: False
 
 
 # --- Digests of users' Python files, and of the modules that they import from their folder.
+
+
 def files_of(place: str | os.PathLike[str]) -> tuple[Path, ...]:
     """Return a user's file, followed by the sorted files in its folder that it imports, directly or indirectly.
 
@@ -252,12 +229,9 @@ def _beside(folder: Path, path: Path) -> Iterator[Path]:
 
 
 def package_modules_of(place: str | os.PathLike[str]) -> set[str]:
-    """Return the dotted names of this package that a user's file and its imported files import.
-
-    A name may also be that of a function or class.
-    """
-    written = (name for path in files_of(place) for name in _source(path).imports)
-    return {name for name in written if name.split(".")[0] in PACKAGES}
+    """Return the modules of this package that a user's file and its imported files import."""
+    written = {name for path in files_of(place) for name in _source(path).imports if name.split(".")[0] in PACKAGES}
+    return {module for name in written if (module := module_of(name))}
 
 
 def digest_of_file(place: str | os.PathLike[str]) -> str:
@@ -270,13 +244,13 @@ def digest_of_file(place: str | os.PathLike[str]) -> str:
 
 
 def _source(path: Path) -> Source:
+    """Return digest and imports of a user's file in its present state."""
     if not is_file(path):
         raise SettingError(f"{path} is no file")
     try:
-        return read_source(path)
+        return _running().parse(path.read_bytes())
     except (OSError, SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        message = f"{path} cannot be read: {error}"
-        raise SettingError(message) from error
+        raise SettingError(f"{path} cannot be read: {error}") from error
 
 
 # --- Users' definitions of systems and integrators, passed from the planning process to the jobs.
@@ -319,13 +293,14 @@ def read_definitions(document: Mapping[str, Mapping[str, Mapping[str, Any]]]) ->
             for kind, members in document.items()
         }
     except (AttributeError, KeyError, TypeError) as error:
-        message = f"no definition of a system or an integrator: {document!r}"
-        raise NearharmonicError(message) from error
+        raise NearharmonicError(f"no definition of a system or an integrator: {document!r}") from error
 
 
 def _frozen(value: Any) -> Any:
     return tuple(map(_frozen, value)) if isinstance(value, list) else value
 
+
+# --- Tasks of rules, and the provenance of their results: digests and versions, no timestamps.
 
 #: Libraries whose version may change the last bit of a result or the bytes of its file.
 LIBRARIES = ("numpy", "numba", "llvmlite", "h5py")
@@ -357,7 +332,7 @@ def task(function: str, **settings: Any) -> Task:
     return {
         "function": function,
         "settings": settings,
-        "modules": closure(_module_of(function)),
+        "modules": closure(function.partition(":")[0]),
         **digests(function, problems, methods),
         "systems": problems,
         "integrators": methods,
@@ -371,13 +346,12 @@ def digests(function: str, problems: Iterable[str], methods: Iterable[str]) -> d
     coefficients = coefficients_digest(integrators[name] for name in methods)
     files = {name: one.file for name, one in systems.definitions.items() if name in names and one.file is not None}
     declared = [module for name in names if (module := systems.module_of(name)) is not None]
-    if not files:
-        return {"code": code_digest(_module_of(function), *declared), "coefficients": coefficients}
-
-    imported = {module for place in files.values() for name in package_modules_of(place) if (module := module_of(name))}
-    code = code_digest(_module_of(function), *declared, *imported)
-    told = [code, *(f"{name} {digest_of_file(place)}" for name, place in sorted(files.items()))]
-    return {"code": sha256("\n".join(told).encode()).hexdigest(), "coefficients": coefficients}
+    imported = {module for place in files.values() for module in package_modules_of(place)}
+    code = code_digest(function.partition(":")[0], *declared, *imported)
+    if files:
+        told = [code, *(f"{name} {digest_of_file(place)}" for name, place in sorted(files.items()))]
+        code = sha256("\n".join(told).encode()).hexdigest()
+    return {"code": code, "coefficients": coefficients}
 
 
 def settings_text(task: Mapping[str, Any]) -> str:
@@ -391,35 +365,23 @@ def settings_digest(task: Mapping[str, Any]) -> str:
     return sha256(settings_text(task).encode()).hexdigest()
 
 
-def _module_of(function: str) -> str:
-    return function.partition(":")[0]
-
-
 def function_of(task: Mapping[str, Any]) -> Any:
     """Return the package function that ``task`` names."""
     module, _, name = task["function"].partition(":")
     return getattr(import_module(module), name)
 
 
-def named_in(settings: Mapping[str, Any]) -> set[str]:
+def named_in(settings: Any) -> set[str]:
     """Return every string in ``settings``, at any depth; names of systems and methods are among them."""
-    return set(_texts(settings))
-
-
-def _texts(value: Any) -> Iterator[str]:
-    """Yield every string in a value of settings, at any depth."""
-    if isinstance(value, str):
-        yield value
-    elif is_dataclass(value) and not isinstance(value, type):
-        for member in fields(value):
-            yield from _texts(getattr(value, member.name))
-    elif isinstance(value, Mapping):
-        for key, member in value.items():
-            yield from _texts(key)
-            yield from _texts(member)
-    elif isinstance(value, Iterable):
-        for member in value:
-            yield from _texts(member)
+    if isinstance(settings, str):
+        return {settings}
+    if is_dataclass(settings):
+        members: Iterable[Any] = [getattr(settings, member.name) for member in fields(settings)]
+    elif isinstance(settings, Mapping):
+        members = [*settings, *settings.values()]
+    else:
+        members = settings if isinstance(settings, Iterable) else ()
+    return {name for member in members for name in named_in(member)}
 
 
 def code_digest(*modules: str, root: Path | None = None) -> str:
@@ -462,10 +424,7 @@ def provenance(task: Mapping[str, Any]) -> dict[str, str]:
 
 @cache
 def library_version(library: str) -> str:
-    """Return the version of an installed library, from the module if it is loaded.
-
-    Reading the metadata of a library takes 25 ms.
-    """
+    """Return the version of an installed library, from the module if it is loaded: its metadata take 25 ms."""
     loaded = sys.modules.get(library)
     if loaded is not None:
         return str(loaded.__version__)
@@ -474,7 +433,11 @@ def library_version(library: str) -> str:
     return version(library)
 
 
-Measuring = TypeVar("Measuring", bound=Callable[..., Any])
+# --- Receipts: lists of the files that each job of a workflow wrote, stored beside its log; the manifest combines them.
+#
+# A receipt holds the size and the SHA-256 of each file as the job left it, so that a file that was edited later can be
+# distinguished from a file that was made again. It is not a result file, so it may contain timestamps. A receipt is
+# sealed; one whose seal does not match is not believed.
 
 #: Environment variable with the id of the workflow run of a job.
 RUN = "NEARHARMONIC_RUN"
@@ -499,24 +462,19 @@ class Receipt:
         self._place = Path(log).with_suffix(".json")
         self._folder = folder_of(log)
         self._files: dict[str, dict[str, Any]] = {}
-        self._inputs = {
-            name: identity(self._folder / name) for name in sorted(map(self._name, filter(self._is_result, inputs)))
-        }
+        self._inputs = {name: identity(self._folder / name) for name in sorted(self._results(inputs))}
 
-    def _name(self, place: str) -> str:
-        """Return the name of a file in the folder of results."""
-        return Path(os.path.relpath(place, self._folder)).as_posix()
-
-    def _is_result(self, place: str) -> bool:
-        """Return True if a file is a result: in the folder, and in none of BESIDE."""
-        return self._name(place).partition("/")[0] not in {*BESIDE, ".."}
+    def _results(self, places: Iterable[str]) -> dict[str, str]:
+        """Return files by their names in the folder of results, without those outside and in :data:`BESIDE`."""
+        names = {Path(os.path.relpath(place, self._folder)).as_posix(): place for place in places}
+        return {name: place for name, place in names.items() if name.partition("/")[0] not in {*BESIDE, ".."}}
 
     def add(
         self, places: Sequence[str], task: Mapping[str, Any], *, volatile: Sequence[str] = (), evaluations: int = 0
     ) -> None:
         """Add results that a task has written."""
-        for place in filter(self._is_result, places):
-            self._files[self._name(place)] = {
+        for name, place in self._results(places).items():
+            self._files[name] = {
                 **measured(place),
                 "modified": Path(place).stat().st_mtime_ns,
                 "function": task["function"],
@@ -581,7 +539,7 @@ def _receipts(folder: Path) -> Iterator[tuple[Path, dict[str, dict[str, Any]] | 
     for place in sorted((folder / "logs").rglob("*.json")):
         if place.parent != folder / "logs" / MARKED:
             try:
-                files = (opened(reading.read_bytes(place)) or {}).get("files")
+                files = (unsealed(reading.read_bytes(place)) or {}).get("files")
             except FileNotFoundError:  # removed in between
                 continue
             except OSError:
@@ -594,22 +552,3 @@ def forget(folder: Path, entries: Mapping[str, Mapping[str, Any]]) -> None:
     for place, receipt in receipts_in(folder):
         if any(name in entries and entry["sha256"] != entries[name]["sha256"] for name, entry in receipt.items()):
             place.unlink(missing_ok=True)
-
-
-# --- Receipts of jobs, and the schema of the record that is assembled from them.
-
-__all__ = [
-    "BESIDE",
-    "MARKED",
-    "RUN",
-    "WHOLE",
-    "Receipt",
-    "damaged_receipts",
-    "folder_of",
-    "forget",
-    "identity",
-    "measured",
-    "measures_time",
-    "names_made_by",
-    "receipts_in",
-]

@@ -72,7 +72,6 @@ def test_job_draws_svg_file_with_background_that_its_rule_asks(tmp_path, backgro
     log.parent.mkdir(parents=True)
     draw(
         FrozenJob(
-            function="draw",
             input=Files([], {}),
             output=Files([place], {"fig6": [place]}),
             params=SimpleNamespace(tasks={"fig6": task(function)}, captions={"fig6": "Six. Two."}, **background),

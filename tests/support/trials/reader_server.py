@@ -59,7 +59,7 @@ def vanishing(place):
 
 ASKED = {
     "numbers": numbers, "kernel": of_kernel, "integrate": integrated, "vanish": vanishing,
-    "job": lambda place: repr(plan.read(place)),
+    "job": lambda place: repr(plan.read_job(place)),
 }  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import pytest
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic_paper.tasks.job import PYTHON, SUFFIX, Files, FrozenJob, command_of, is_in_array, main, read
+from nearharmonic_paper.tasks.job import PYTHON, SUFFIX, Files, FrozenJob, command_of, is_in_array, main, read_job
 from nearharmonic_paper.tasks.provenance import task
 from snakemake_executor_plugin_nearharmonic import has_accounting
 
@@ -35,7 +35,7 @@ def warming(tmp_path):
 
 def test_a_frozen_job_is_read_as_it_was(warming, tmp_path):
     warming = replace(warming, output=Files(["a", "b", "c"], {"table": ["a", "b"], "cube": "c"}))
-    found = read(warming.write(tmp_path))
+    found = read_job(warming.write(tmp_path))
     assert (found, found.output.cube) == (warming, "c")
     assert [*found.output.items()] == [("table", ["a", "b"]), ("cube", "c")]
 
@@ -47,7 +47,7 @@ def test_each_flipped_bit_of_a_frozen_job_is_found(warming, tmp_path):
         content[bit // 8] ^= 1 << bit % 8
         place.write_bytes(content)
         with pytest.raises(NearharmonicError, match="is damaged"):
-            read(place)
+            read_job(place)
         content[bit // 8] ^= 1 << bit % 8
 
 
@@ -79,8 +79,7 @@ def test_a_job_removes_its_earlier_output_first(warming, tmp_path):
 
 
 def test_a_job_costs_less_than_a_second_and_no_snakemake(warming, tmp_path):
-    room = main.__module__.rpartition(".")[0]
-    command = [sys.executable, "-X", "importtime", "-m", room, str(warming.write(tmp_path))]
+    command = [sys.executable, "-X", "importtime", "-m", main.__module__, str(warming.write(tmp_path))]
     with (tmp_path / "imports").open("w") as imports:
         started = subprocess.Popen(command, stderr=imports)
     _, status, used = os.wait4(started.pid, 0)
@@ -102,7 +101,7 @@ def _job(**changes):
 def test_the_command_of_a_job_names_its_file(tmp_path):
     environment, _, command = command_of(_job(), tmp_path).partition(f" {sys.executable} ")
     assert environment == "env -u NEARHARMONIC_LEADER"
-    frozen = read(command.removeprefix("-m nearharmonic_paper.tasks.job "))
+    frozen = read_job(command.removeprefix("-m nearharmonic_paper.tasks.job "))
     assert vars(frozen.params) == {"task": {"definitions": {}}}
     assert [*frozen.output.items()] == [("a", "x"), ("b", ["y", "z"])]
 
