@@ -18,7 +18,7 @@ from nearharmonic.errors import FileWriteError, NearharmonicError, SettingError,
 from nearharmonic.output.table import printable
 
 PROGRAM = "nearharmonic"
-#: Packages whose modules are subcommands: of the library, and of the record, which the pipeline adds by name.
+#: The package whose modules are subcommands of the library, and the module with those of the record, added by name.
 OF_THE_LIBRARY, OF_THE_RECORD = "nearharmonic.commands", "nearharmonic_paper.commands"
 #: Exit status of a process that the user has interrupted: 128 plus the number of the signal.
 INTERRUPTED = 130
@@ -38,21 +38,20 @@ class _Parser(argparse.ArgumentParser):
 
 
 def command_names() -> tuple[str, ...]:
-    """Return the sorted names of the subcommands: the modules in the two packages of commands."""
-    return tuple(sorted(_packages()))
+    """Return the sorted names of the subcommands: the modules of the library's package, and those of the record."""
+    modules = pkgutil.iter_modules(import_module(OF_THE_LIBRARY).__path__)
+    return tuple(sorted([*(info.name.replace("_", "-") for info in modules), *_of_the_record()]))
 
 
-def _packages() -> dict[str, str]:
-    """Return the package of each subcommand, by its name."""
-    return {
-        info.name.replace("_", "-"): package
-        for package in (OF_THE_LIBRARY, OF_THE_RECORD)
-        for info in pkgutil.iter_modules(import_module(package).__path__)
-    }
+def _of_the_record() -> dict[str, Any]:
+    """Return the subcommands for results, which have the members of the modules of the others."""
+    found: dict[str, Any] = import_module(OF_THE_RECORD).COMMANDS
+    return found
 
 
 def _module_of(command: str) -> Any:
-    return import_module(f"{_packages()[command]}.{command.replace('-', '_')}")
+    """Return what has ``HELP``, ``arguments`` and ``answer`` of a subcommand."""
+    return _of_the_record().get(command) or import_module(f"{OF_THE_LIBRARY}.{command.replace('-', '_')}")
 
 
 def _overview() -> str:
@@ -147,7 +146,7 @@ def _run(words: Sequence[str]) -> int:
 
     form = one_of("format", chosen.format, FORMATS)
     module = _module_of(top.command)
-    if module.__package__ == OF_THE_RECORD:  # results never run code
+    if top.command in _of_the_record():  # results never run code
         with trusting_only(getattr(chosen, "trust", ())):
             answer = module.answer(chosen)
     else:

@@ -1,11 +1,4 @@
-"""Comparison of two results: differences of claims, settings and numbers, and energy errors in one figure.
-
-Differences between two arrays of numbers or texts, two datasets on their common coordinates, and two tables.
-
-Comparison of two results: claims, provenance, and all numbers of cubes and tables.
-
-Energy errors of two results in one figure: solid lines for the first, dashed ones for the second.
-"""
+"""Comparison of two results: differences of claims, settings and numbers, and energy errors in one figure."""
 
 from __future__ import annotations
 
@@ -19,12 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.lines import Line2D
 
 from nearharmonic.errors import SettingError, bad_setting
 from nearharmonic.output import store
-from nearharmonic.output.dataset import double_runs
-from nearharmonic.plotting import style
 from nearharmonic_paper.record import manifest
 from nearharmonic_paper.record.history import flattened, newest_finished
 from nearharmonic_paper.record.manifest import Texts
@@ -36,6 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+# --- Differences between arrays of numbers or texts, datasets on their common coordinates, and tables.
 
 #: Maximum number of values of a coordinate that are listed one by one.
 NAMED = 6
@@ -45,22 +36,12 @@ NAMED = 6
 class Difference:
     """One difference of two results.
 
-    Attributes
-    ----------
-    kind : str
-        "claim", "setting", "code", "coefficients", "version", "status", "number", "text" or "missing".
-    where : str
-        Name of the object that differs; a file name is relative to the result, followed by the variable or column.
-    a, b : object
-        Values in the two results; for arrays the values at ``at``.
-    relative : float or None
-        Largest |a - b| / max(|a|, |b|), infinite if one is no finite number; None unless the values are numbers.
-    at, at_units : dict
-        Coordinates of the largest difference, or of the first difference of texts, and their units.
-    differ, compared : int or None
-        Numbers of differing and of compared values; None for single values.
-    unit : str
-        Unit of ``a`` and ``b``; empty if they have none.
+    ``kind`` is "claim", "setting", "code", "coefficients", "version", "status", "number", "text" or "missing";
+    ``where`` names the object that differs: a file name is relative to the result, followed by the variable or column.
+    ``a`` and ``b`` are the values in the two results with their ``unit``, "" if they have none; for arrays those at the
+    coordinates ``at`` of the largest difference, or of the first one of texts, whose units are ``at_units``.
+    ``relative`` is the largest |a - b| / max(|a|, |b|) of numbers, infinite if one is not finite. ``differ`` of
+    ``compared`` values differ; both are None for single values.
     """
 
     kind: str
@@ -266,6 +247,8 @@ def _cell(text: str) -> Any:
     return number if not isfinite(number) or Decimal(repr(number)) == Decimal(text) else text
 
 
+# --- Comparison of two folders: claims first, then the provenance, then cubes and tables.
+
 CLAIMS = Path("tables/claims.json")
 #: Kinds of differences that concern the provenance of the results, not their content.
 ORIGIN = ("setting", "code", "coefficients", "version")
@@ -437,6 +420,8 @@ def _short_digest(digest: Any) -> Any:
     return digest[:10] if isinstance(digest, str) else digest
 
 
+# --- Energy errors of two results in one figure: broad pale lines for the first, thin dashes on them for the second.
+
 FIGURES = (".pdf", ".png", ".svg")
 #: Columns of panels: variable and title.
 MEASURES = (("max_energy_error", "maximum over all steps"), ("mean_energy_error", "mean over all steps"))
@@ -450,6 +435,9 @@ def save_overlay(results: Mapping[str, Path], place: str) -> Path:
 
     Another ending of the file than :data:`FIGURES`, or no system of which both have a cube, is a SettingError.
     """
+    from nearharmonic.output.dataset import double_runs
+    from nearharmonic.plotting import style
+
     path = Path(place)
     if path.suffix not in FIGURES:
         raise bad_setting("figure", place, f"a file that ends in {', '.join(FIGURES)}")
@@ -458,16 +446,19 @@ def save_overlay(results: Mapping[str, Path], place: str) -> Path:
     if not common:
         raise SettingError(f"no figure: {' and '.join(results)} have no system in common")
     pairs = {name: [double_runs(system_cube(found[name])) for found in cubes] for name in common}
-    (written,) = style.save(overlay(list(results), pairs), [path])
+    (written,) = style.save(style.house_style(overlay)(list(results), pairs), [path])
     return written
 
 
-@style.house_style
 def overlay(results: Sequence[str], pairs: Mapping[str, Sequence[xr.Dataset]]) -> Figure:
     """Draw a row of panels for each system, maximum on the left and mean on the right.
 
     ``pairs[system]`` are the cubes of both results, over (integrator, tau_per_stage).
     """
+    from matplotlib.lines import Line2D
+
+    from nearharmonic.plotting import style
+
     labels: dict[str, str] = {}
     for cube in (cube for pair in pairs.values() for cube in pair):
         labels |= dict(zip(map(str, cube["integrator"].values), map(str, cube["label"].values), strict=True))
@@ -490,16 +481,16 @@ def overlay(results: Sequence[str], pairs: Mapping[str, Sequence[xr.Dataset]]) -
         if row[0].get_ylim()[1] > LARGEST_ERROR:
             row[0].set_ylim(top=LARGEST_ERROR)
     handles = style.method_handles(labels, labels.values())
-    lines: list[dict[str, Any]] = [{"linewidth": 2.4, "alpha": 0.4}, {"linewidth": 1.0, "linestyle": DASHES}]
-    handles += [
-        Line2D([], [], color="#404040", label=result, **line) for result, line in zip(results, lines, strict=True)
-    ]
+    looks: list[dict[str, Any]] = [{"linewidth": 2.4, "alpha": 0.4}, {"linewidth": 1.0, "linestyle": DASHES}]
+    handles += [Line2D([], [], color="#404040", label=name, **look) for name, look in zip(results, looks, strict=True)]
     drawn.legend(handles=handles, loc="upper center", ncols=4, columnspacing=1.8)
     return drawn
 
 
 def _draw(axes: Axes, pair: Sequence[xr.Dataset], variable: str, methods: Sequence[str]) -> None:
     """Draw the first as a pale, broad line with markers, the second as thin dashes that are visible on it."""
+    from nearharmonic.plotting import style
+
     for cube, second in zip(pair, (False, True), strict=True):
         tau: Any = cube["tau_per_stage"].values
         for position, name in enumerate(methods):

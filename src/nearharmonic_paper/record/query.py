@@ -1,7 +1,4 @@
-"""Single runs of a result: conditions on columns, a table, and one run with code that repeats it.
-
-Repetition of recorded runs: equal settings give bitwise identical results.
-"""
+"""Single runs of a result: conditions on columns, a table, one run with code that repeats it, and repetitions."""
 
 from __future__ import annotations
 
@@ -32,8 +29,6 @@ from nearharmonic.output.dataset import Variables
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
 from nearharmonic_paper.experiments.paper.plan import runs_of
-from nearharmonic_paper.experiments.paper.reduced_run import reduced_run
-from nearharmonic_paper.experiments.paper.run import integrate_run
 from nearharmonic_paper.record import manifest
 from nearharmonic_paper.record.history import makers_in
 from nearharmonic_paper.record.manifest import check_files_of
@@ -425,6 +420,8 @@ def _files(folder: Path, paths: Mapping[str, Path | None]) -> dict[str, dict[str
     return files
 
 
+# --- Repetition of recorded runs: equal settings give bitwise identical results.
+
 #: Tasks that write run files.
 REPEATED = (
     "nearharmonic_paper.experiments.paper.run:integrate",
@@ -434,18 +431,9 @@ REPEATED = (
 
 @dataclass(frozen=True, kw_only=True)
 class Rerun:
-    """One repeated run.
+    """One repeated run: its run file in the folder of results, its arithmetic, and its step size per stage.
 
-    Attributes
-    ----------
-    file : str
-        Name of its run file in the folder of results.
-    precision : str
-        Arithmetic of the run.
-    tau_per_stage : float
-        Step size per stage, in the unit of time of the system.
-    differs : tuple of str
-        Sorted names of the variables that are not bitwise identical.
+    ``differs`` are the sorted names of the variables that are not bitwise identical.
     """
 
     file: str
@@ -479,6 +467,9 @@ def _again(folder: Path, name: str, precision: str, index: int) -> Rerun:
 
 def _compared(name: str, precision: str, index: int, kept: Any, settings: Mapping[str, Any]) -> Rerun:
     """Repeat run ``index`` of the ``kept`` runs of a file."""
+    from nearharmonic_paper.experiments.paper.reduced_run import reduced_run
+    from nearharmonic_paper.experiments.paper.run import integrate_run
+
     sweep = Sweep(**settings["sweep"] | {"precision": tuple(settings["sweep"]["precision"])})
     planned = runs_of(sweep, settings["integrator"], settings["shard"])
     (run,) = (run for run in planned if run.precision == precision)

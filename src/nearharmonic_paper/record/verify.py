@@ -1,7 +1,4 @@
-"""Check of a folder of results against its record: every file, and the code and coefficients that made it.
-
-Adoption of results from another machine as up to date, after a check of all files, the code and the settings.
-"""
+"""Check of a folder of results against its record, and adoption of results from another machine after such a check."""
 
 from __future__ import annotations
 
@@ -35,6 +32,8 @@ from nearharmonic_paper.tasks.provenance import (
     read_definitions,
     settings_digest,
 )
+
+# --- Check of every file, and of the code and coefficients that made it.
 
 EntriesByName = Mapping[str, Mapping[str, Any]]
 
@@ -199,6 +198,8 @@ def of_other_configs(folder: Path) -> int:
     runs = [makers.get(name, entry.get("run")) for name, entry in manifest.read(folder)["files"].items()]
     return sum(configs.get(run) != newest.get("config_digest") for run in runs) if newest else 0
 
+
+# --- Adoption as up to date, after a check of all files, the code and the settings.
 
 #: Environment variable that tells the workflow to compare its tasks with the manifest before it touches a file.
 ADOPTING = "NEARHARMONIC_ADOPTING"

@@ -2,10 +2,6 @@
 
 A *receipt* lists the files that one job wrote, with their digests; the *manifest* lists all files of a folder of
 results, assembled from the receipts; the *history* has a line for each run.
-
-Fingerprint of a run of the workflow: its config, code, coefficients and versions, and its machine.
-
-State of a folder of results between runs: its files, damage set aside, and a lock.
 """
 
 from __future__ import annotations
@@ -49,6 +45,8 @@ from nearharmonic_paper.tasks.provenance import (
     names_made_by,
     receipts_in,
 )
+
+# --- Fingerprint of a run: its config, code, coefficients and versions, and its machine.
 
 #: Libraries that affect a number or a picture.
 LIBRARIES = (
@@ -276,6 +274,8 @@ def lock(folder: Path) -> None:
 def _warn(place: Path, reason: str) -> None:
     print(f"nearharmonic: warning: two runs at once are not prevented: {place}: {reason}", file=sys.stderr)
 
+
+# --- One run of the workflow.
 
 #: What the history tells of a run as soon as it starts, in this order; None if it is not known.
 FIELDS = (

@@ -1,7 +1,4 @@
-"""The page of results, ``report.html``, and a page of each interactive figure alone; they need no network.
-
-Assets of the page: its template, style and script.
-"""
+"""The page of results, ``report.html``, and a page of each interactive figure alone; they need no network."""
 
 from __future__ import annotations
 
@@ -18,7 +15,6 @@ from typing import Any, NamedTuple
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic_paper.claims.claim import OPEN
 from nearharmonic_paper.claims.summary import failures, of_the_paper, sums
-from nearharmonic_paper.report import plots as panels
 from nearharmonic_paper.report.shown import (
     Places,
     ShownFigure,
@@ -31,6 +27,8 @@ from nearharmonic_paper.report.shown import (
     static,
 )
 from nearharmonic_paper.tasks.experiment import Experiment, beside_the_paper
+
+# --- Assets of the page: its template, style and script.
 
 FOLDER = Path(__file__).parent / "template"
 NAMES = ("page.html", "figure.html", "parts.html", "page.css", "page.js", "alive.js")
@@ -52,9 +50,9 @@ def packed(text: str) -> str:
 
 @cache
 def _packed_script() -> str:
-    from nearharmonic_paper.report import plots as panels
+    from nearharmonic_paper.report import plots
 
-    return packed(panels.script())
+    return packed(plots.script())
 
 
 def filled(name: str, values: Mapping[str, Any]) -> str:
@@ -82,6 +80,8 @@ def filled(name: str, values: Mapping[str, Any]) -> str:
     }  # fmt: skip
     return environment.get_template(name).render(values)
 
+
+# --- Content of the page.
 
 #: Maximum size of the page in bytes.
 LARGEST = 4_000_000
@@ -175,7 +175,9 @@ def _alone(results: ShownResults, figures: Sequence[ShownFigure]) -> dict[str, s
 
 def _packed(plots: Mapping[str, Any]) -> str:
     """Return the compressed document of plots, "" without plots."""
-    return packed(panels.document(list(plots.values()))) if plots else ""
+    from nearharmonic_paper.report.plots import document
+
+    return packed(document(list(plots.values()))) if plots else ""
 
 
 def _small_enough(values: Mapping[str, Any]) -> str:

@@ -1,7 +1,5 @@
 """The interactive figures: those of the paper, drawn by bokeh from what the static ones show too.
 
-Panels of the interactive figures: axes, zoom, hover, and the lines and markers of the static figures.
-
 Every renderer has the name of its method as a tag; the legend of the page uses it to show and hide the method. A page
 holds the plots as a document of bokeh, and the script that shows them.
 """
@@ -47,6 +45,8 @@ from nearharmonic_paper.experiments.paper.shown import (
 if TYPE_CHECKING:
     import xarray as xr
 
+
+# --- Panels: axes, zoom, hover, and the lines and markers of the static figures.
 
 #: Width in pixels: a hover finds curves within half of it.
 _REACH = 12
@@ -292,6 +292,8 @@ def document(roots: Sequence[Plot]) -> str:
     ids: dict[str, str] = {}
     return re.sub(r'"id":"(\w+)"', lambda found: f'"id":"{ids.setdefault(found[1], f"m{len(ids)}")}"', text)
 
+
+# --- Figures of the paper.
 
 #: Height of the crosses of diverged runs, relative to the upper end of the axis.
 _EDGE = 0.8

@@ -6,7 +6,7 @@ import json
 import re
 from base64 import b64encode
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
 from functools import cache, cached_property
@@ -28,19 +28,24 @@ from nearharmonic_paper.experiments.paper.orbits import paper_panels
 from nearharmonic_paper.experiments.paper.plan import Totals, totals_in
 from nearharmonic_paper.experiments.paper.settings import PAPER as SYSTEMS_OF_THE_PAPER
 from nearharmonic_paper.record.manifest import Texts
-from nearharmonic_paper.report.plots import MARKERS, Panel, decomposition, energy_error, perihelion, phase_space
 from nearharmonic_paper.tasks.experiment import Figure, figures_of
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from nearharmonic_paper.report.plots import Panel
 
 
 # --- Declared figures on the page: their order, ids and pages of their own; read while the workflow is parsed.
 
 #: Experiment of the figures that may have interactive panels.
 PAPER = "paper"
-#: Interactive figures of other quantities than energy errors.
-OTHERS = ("fig2_decomposition", "fig4_perihelion", "fig6_substeps")
+#: Interactive figures of other quantities than energy errors, by their file names: drawing function and hint.
+OTHERS = {
+    "fig2_decomposition": ("decomposition", ""),
+    "fig4_perihelion": ("perihelion", "The interactive figure has arcseconds per century at each point."),
+    "fig6_substeps": ("phase_space", ""),
+}
 
 
 def number_of(figure: Figure) -> int | None:
@@ -390,6 +395,8 @@ class ShownFigure:
 
 def interactive(results: ShownResults) -> Iterator[ShownFigure]:
     """Yield the existing figures of the paper, and the existing energy-error figures of other systems."""
+    from nearharmonic_paper.report import plots
+
     cubes = cache(lambda name: read(results.cube(name)))
     for one in results.figures:
         if one.experiment == PAPER:
@@ -399,11 +406,11 @@ def interactive(results: ShownResults) -> Iterator[ShownFigure]:
             if one.profile and data is not None:
                 title = f"Energy error against step size: {data.attrs['system_label']}"
                 caption = _caption(caption, data)
-                more = {"panels": energy_error(data), "hint": _HINT}
-            elif one.stem in _DRAWN:
-                draw, hint = _DRAWN[one.stem]
+                more = {"panels": plots.energy_error(data), "hint": _HINT}
+            elif one.stem in OTHERS:
+                draw, hint = OTHERS[one.stem]
                 data = paper_panels() if data is None else data
-                more = {"panels": draw(data), "hint": hint}
+                more = {"panels": getattr(plots, draw)(data), "hint": hint}
             if more:
                 more["methods"] = _methods(data)
             title = f"Figure {number}. {title}" if number else title
@@ -441,14 +448,6 @@ def _caption(caption: str, cube: xr.Dataset) -> str:
     return f"{caption} The energy at the start is H₀ = {H0}." if (H0 := energy_of(cube.attrs)) else caption
 
 
-#: Interactive figures of other quantities than energy errors, by their file names: drawing function and hint.
-_DRAWN: dict[str, tuple[Callable[[Any], list[Panel]], str]] = {
-    "fig2_decomposition": (decomposition, ""),
-    "fig4_perihelion": (perihelion, "The interactive figure has arcseconds per century at each point."),
-    "fig6_substeps": (phase_space, ""),
-}
-
-
 def _methods(cube: Any) -> dict[str, str]:
     if isinstance(cube, dict):  # paths of substeps
         return {path.attrs["integrator"]: path.attrs["label"] for path in cube.values()}
@@ -478,6 +477,8 @@ class Entry(NamedTuple):
 
 def entries(figures: Iterable[ShownFigure]) -> list[Entry]:
     """Return an entry for each method that a figure draws, in the order of the figure with the most methods."""
+    from nearharmonic_paper.report.plots import MARKERS
+
     drawn = sorted(figures, key=lambda figure: -len(figure.methods))
     methods = {method: label for figure in reversed(drawn) for method, label in figure.methods.items()}
     ordered = dict.fromkeys(method for figure in drawn for method in figure.methods)
