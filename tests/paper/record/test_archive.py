@@ -29,7 +29,7 @@ from nearharmonic_paper.record.archive import faults_of_archive
 from support.results import finished_results
 from support.results.finished_results import FILES, HISTORY, KILLED, NEWER, OLDER
 
-ROOT = Path(__file__).parents[4]
+ROOT = Path(__file__).parents[3]
 METADATA, PREVIEW = "ro-crate-metadata.json", "ro-crate-preview.html"
 WORKFLOW = {
     str(path.relative_to(ROOT))
@@ -285,7 +285,7 @@ def test_people_are_creators_and_articles_have_their_address():
 
 SAVE = (
     "import sys\n"
-    "from nearharmonic_paper.record.archive import pack\n"
+    "from nearharmonic_paper.record import archive as pack\n"
     "pack.save(sys.argv[1], sys.argv[2], with_runs=True)\n"
 )  # fmt: skip
 
