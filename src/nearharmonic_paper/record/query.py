@@ -459,29 +459,20 @@ def _cells(folder: Path, name: str) -> Iterator[tuple[str, str, int]]:
 
 
 def _again(folder: Path, name: str, precision: str, index: int) -> Rerun:
-    kept = store.read(folder / name, None if precision == "double" else precision)
-    settings = settings_of(folder / name, kept.attrs)
-    with store.as_written(folder / name), defined(read_definitions(settings.get("definitions", {}))):
-        return _compared(name, precision, index, kept, settings)
-
-
-def _compared(name: str, precision: str, index: int, kept: Any, settings: Mapping[str, Any]) -> Rerun:
-    """Repeat run ``index`` of the ``kept`` runs of a file."""
+    """Repeat the run ``index`` with this precision of a file."""
     from nearharmonic_paper.experiments.paper.reduced_run import reduced_run
     from nearharmonic_paper.experiments.paper.run import integrate_run
 
-    sweep = Sweep(**settings["sweep"] | {"precision": tuple(settings["sweep"]["precision"])})
-    planned = runs_of(sweep, settings["integrator"], settings["shard"])
-    (run,) = (run for run in planned if run.precision == precision)
-    repeated = integrate_run if sweep.samples else reduced_run
-    place = run.tau_per_stage.index(float(kept.tau_per_stage[index]))
-    one = replace(run, tau_per_stage=run.tau_per_stage[place : place + 1], steps=run.steps[place : place + 1])
-    return Rerun(
-        file=name,
-        precision=precision,
-        tau_per_stage=one.tau_per_stage[0],
-        differs=tuple(sorted(_differing(repeated(one), kept, index))),
-    )
+    kept = store.read(folder / name, None if precision == "double" else precision)
+    settings = settings_of(folder / name, kept.attrs)
+    with store.as_written(folder / name), defined(read_definitions(settings.get("definitions", {}))):
+        sweep = Sweep(**settings["sweep"] | {"precision": tuple(settings["sweep"]["precision"])})
+        planned = runs_of(sweep, settings["integrator"], settings["shard"])
+        (run,) = (run for run in planned if run.precision == precision)
+        place = run.tau_per_stage.index(float(kept.tau_per_stage[index]))
+        one = replace(run, tau_per_stage=run.tau_per_stage[place : place + 1], steps=run.steps[place : place + 1])
+        differs = tuple(sorted(_differing((integrate_run if sweep.samples else reduced_run)(one), kept, index)))
+        return Rerun(file=name, precision=precision, tau_per_stage=one.tau_per_stage[0], differs=differs)
 
 
 def _differing(made: Variables, kept: Any, index: int) -> Iterator[str]:

@@ -24,8 +24,7 @@ from typing import Any
 
 from nearharmonic.errors import RefusedError
 from nearharmonic.integrators import integrators
-from nearharmonic.output.atomic import digest_of, plain, read_bytes, remove_parts, sealed, write_text
-from nearharmonic.output.atomic import unsealed as opened
+from nearharmonic.output.atomic import digest_of, plain, read_bytes, remove_parts, sealed, unsealed, write_text
 from nearharmonic.systems import systems
 from nearharmonic_paper.config import Config
 from nearharmonic_paper.experiments.paper.plan import totals_in
@@ -101,15 +100,12 @@ def machine() -> dict[str, Any]:
     from llvmlite import binding
 
     features = sorted(name for name, there in binding.get_host_cpu_features().items() if there)
-    return {"platform": platform.platform(), "cpu": {"model": _cpu_model(), "features": features}}
-
-
-def _cpu_model() -> str:
     try:
         with Path("/proc/cpuinfo").open(encoding="utf-8") as lines:
-            return next(line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+            model = next(line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
     except (OSError, StopIteration):
-        return platform.processor() or platform.machine()
+        model = platform.processor() or platform.machine()
+    return {"platform": platform.platform(), "cpu": {"model": model, "features": features}}
 
 
 def revision(folder: Path) -> dict[str, Any]:
@@ -171,18 +167,16 @@ def differing(folder: Path) -> set[str] | None:
     return {name for name, before in files.items() if _observed(folder, name) != before or _is_broken(folder, name)}
 
 
-def files_to_remake(folder: Path, makeable: Collection[str], different: Collection[str] | None) -> list[str]:
-    """Return the sorted names of the present files that jobs make, and that are not as their job wrote them."""
+def damaged_files(folder: Path, makeable: Collection[str], different: Collection[str] | None) -> list[str]:
+    """Return the present files that are not as their job wrote them, and those made from them, directly or not, sorted.
+
+    They are files of ``makeable``, which jobs make; among the ``different`` ones alone, if these are known.
+    """
     names = set(makeable) if different is None else set(makeable).intersection(different)
     there = [name for name in sorted(names) if os.path.lexists(folder / name)]
     entries = manifest.entries_of(folder) if there else {}
-    return [name for name in there if name not in entries or manifest.is_changed(folder / name, entries[name])]
-
-
-def with_results_of(folder: Path, makeable: Collection[str], damaged: Collection[str]) -> list[str]:
-    """Return ``damaged`` files and all present files that jobs have made from them, directly or not, sorted."""
-    inputs = {name: set(entry.get("inputs", ())) for name, entry in manifest.entries_of(folder).items()}
-    found = set(damaged)
+    found = {name for name in there if name not in entries or manifest.is_changed(folder / name, entries[name])}
+    inputs = {name: set(entry.get("inputs", ())) for name, entry in entries.items()}
     while more := {name for name in makeable if found & inputs.get(name, set())} - found:
         found |= more
     return sorted(name for name in found if os.path.lexists(folder / name))
@@ -191,17 +185,9 @@ def with_results_of(folder: Path, makeable: Collection[str], damaged: Collection
 def _saved(folder: Path) -> dict[str, Any]:
     """Return the saved state; empty if there is none or it is damaged."""
     try:
-        return opened(read_bytes(folder / STATE)) or {}
+        return unsealed(read_bytes(folder / STATE)) or {}
     except OSError:
         return {}
-
-
-def _is_broken(folder: Path, name: str) -> bool:
-    """Return True for a receipt whose seal does not match; a flipped bit leaves size and time as they were."""
-    try:
-        return name.startswith("logs/") and opened(read_bytes(folder / name)) is None
-    except OSError:
-        return True
 
 
 def _observed(folder: Path, name: str) -> Observed:
@@ -213,21 +199,20 @@ def _observed(folder: Path, name: str) -> Observed:
     return [found.st_size, found.st_mtime_ns]
 
 
+def _is_broken(folder: Path, name: str) -> bool:
+    """Return True for a receipt whose seal does not match; a flipped bit leaves size and time as they were."""
+    try:
+        return name.startswith("logs/") and unsealed(read_bytes(folder / name)) is None
+    except OSError:
+        return True
+
+
 # --- Damaged results, set aside while Snakemake plans a run, so that it makes them again.
 #
 # Files that no job has made again by the end of the process return to their places, where ``verify`` names them.
 
 #: Folder of these files, in the folder of results.
 ASIDE = Path("logs", "aside")
-
-
-def set_aside(folder: Path, names: Iterable[str]) -> None:
-    """Move results out of their places until the end of the process."""
-    atexit.register(restore, folder)
-    for name in names:
-        kept = folder / ASIDE / name
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).rename(kept)
 
 
 def restore(folder: Path) -> None:
@@ -244,6 +229,7 @@ def restore(folder: Path) -> None:
 
 #: File with the host and the number of the process that holds the lock, or held it last.
 LOCK = Path("logs", "lock")
+UNLOCKED = "nearharmonic: warning: two runs at once are not prevented"
 
 
 def lock(folder: Path) -> None:
@@ -258,21 +244,17 @@ def lock(folder: Path) -> None:
         fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # unlike flock, no child process holds it too
     except (BlockingIOError, PermissionError):
         if not os.access(place, os.R_OK | os.W_OK):
-            _warn(place, "Permission denied")
+            print(f"{UNLOCKED}: {place}: Permission denied", file=sys.stderr)
             return
         host, _, number = place.read_text(errors="replace").strip().rpartition(" ")
         holder = f"process {number} on {host}" if host else "another process"
         message = f"{folder} is in use: the workflow runs there as {holder}; wait for its end, or stop it"
         raise RefusedError(message) from None
     except OSError as error:
-        _warn(place, str(error.strerror))
+        print(f"{UNLOCKED}: {place}: {error.strerror}", file=sys.stderr)
     else:
         os.ftruncate(file, 0)
         os.pwrite(file, f"{platform.node()} {os.getpid()}\n".encode(), 0)
-
-
-def _warn(place: Path, reason: str) -> None:
-    print(f"nearharmonic: warning: two runs at once are not prevented: {place}: {reason}", file=sys.stderr)
 
 
 # --- One run of the workflow.
@@ -322,21 +304,19 @@ class WorkflowRun:
             return
         restore(self._folder)
         if not is_dry:
-            self._recover()
+            with self._warning("killed runs are not closed"):
+                history.close_killed(self._folder)
+            with self._warning("temporary files are not removed"):
+                remove_parts(self._folder)
+            with self._warning("damaged receipts are not removed"):
+                self._remove_damaged_receipts()
+            self._complete()
         with self._warning("damaged files are not made again"):
-            damaged = files_to_remake(self._folder, self._makeable, different)
-            if damaged:
-                set_aside(self._folder, with_results_of(self._folder, self._makeable, damaged))
-
-    def _recover(self) -> None:
-        """Bring the record up to date with what killed runs and changes of files have left."""
-        with self._warning("killed runs are not closed"):
-            history.close_killed(self._folder)
-        with self._warning("temporary files are not removed"):
-            remove_parts(self._folder)
-        with self._warning("damaged receipts are not removed"):
-            self._remove_damaged_receipts()
-        self._complete()
+            atexit.register(restore, self._folder)
+            for name in damaged_files(self._folder, self._makeable, different):
+                kept = self._folder / ASIDE / name
+                kept.parent.mkdir(parents=True, exist_ok=True)
+                (self._folder / name).rename(kept)
 
     def begin(self, command: Sequence[str], targets: Sequence[str], cores: int | None) -> None:
         """Record the start: write a marker, and pass the ids of run and process to the jobs."""
@@ -366,14 +346,13 @@ class WorkflowRun:
         """Write manifest and history at the end of a run, whose ``exit_status`` is that of Snakemake."""
         restore(self._folder)
         ended = datetime.now(UTC)
-        made = names_made_by(self._folder, self.id)
         self._told |= {
             "status": "failed" if exit_status else "ok",
             "exit_status": exit_status,
             "end": _stamp(ended),
             "duration": round((ended - self._began).total_seconds(), 3),
             "cpu_seconds": round(sum(os.times()[:4]), 2),
-            "made": made,
+            "made": names_made_by(self._folder, self.id),
         }
         with self._warning("the evaluations are not recorded"):
             self._told |= self._counts()

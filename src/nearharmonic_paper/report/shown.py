@@ -67,14 +67,10 @@ def in_order(figures: Iterable[Figure]) -> list[Figure]:
     return sorted(distinct, key=lambda one: (number_of(one) or (0 if one.profile else inf), one.stem))
 
 
-def is_interactive(figure: Figure) -> bool:
-    """Return True if a figure has interactive panels."""
-    return figure.experiment == PAPER and (figure.profile or figure.stem in OTHERS)
-
-
 def pages_alone(figures: Iterable[Figure]) -> dict[str, str]:
     """Return the files of the pages that hold one interactive figure each, by the names of their outputs."""
-    anchors = [anchor_of(one) for one in in_order(figures) if is_interactive(one)]
+    drawn = (one for one in in_order(figures) if one.experiment == PAPER and (one.profile or one.stem in OTHERS))
+    anchors = map(anchor_of, drawn)
     return {anchor.replace("-", "_").replace(".", "_"): f"{anchor}.html" for anchor in anchors}
 
 
