@@ -196,23 +196,6 @@ def test_a_damaged_file_is_named(copy, capsys):
     assert "cubes/sho.h5 is truncated or no result file. Make it again" in capsys.readouterr().err
 
 
-def test_results_of_other_configs_compare_on_common_parts(other, capsys):
-    found = differences(capsys, "paper", "other")
-    where = {d["where"]: d for d in found}
-    assert where["cubes/sho.h5: integrator"]["a"] == "also ruth"
-    assert where["cubes/sho.h5: integrator"]["b"] == "also aba104"
-    assert where["cubes/sho.h5: precision"]["a"] == "also extended"
-    assert where["cubes/kepler.h5"]["b"] == "missing"
-    assert where["cubes/henon_heiles.h5: sweep.t_end"]["b"] == "20"
-    number = where["cubes/sho.h5: steps"]
-    assert number["at"]["integrator"] == "babps9o7h"
-    assert number["at"]["precision"] == "double"
-    assert number["a"] > number["b"]  # 50 and 20 units of time
-    back = differences(capsys, "other", "paper")
-    assert len(back) == len(found)
-    assert {d["where"]: d["relative"] for d in back} == {name: d["relative"] for name, d in where.items()}
-
-
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

@@ -168,14 +168,6 @@ def test_root_and_descriptor_tell_what_the_profiles_ask_for(whole):
     assert whole.graph["README.md"]["about"] == {"@id": "./"}
 
 
-def test_main_entity_is_the_snakefile(whole):
-    assert whole.graph["./"]["mainEntity"] == {"@id": "Snakefile"}
-    workflow = whole.graph["Snakefile"]
-    assert workflow["@type"] == ["File", "SoftwareSourceCode", "ComputationalWorkflow"]
-    assert whole.graph[workflow["programmingLanguage"]["@id"]]["name"] == "Snakemake"
-    assert set(references(workflow["hasPart"])) == {name for name in whole.held if name.startswith("workflow/")}
-
-
 def test_each_run_is_an_action_with_its_times_files_and_software(whole):
     actions = {one["@id"].removeprefix("#run-"): one for one in typed(whole, "CreateAction")}
     assert actions.keys() == {run["id"] for run in (*HISTORY, FAILED)}

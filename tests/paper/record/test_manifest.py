@@ -132,14 +132,6 @@ def test_receipt_records_sealed_digest_or_digest_of_all_bytes(results):
     }
 
 
-def test_history_manifest_logs_and_partial_files_are_excluded(results):
-    make(results, "cubes/a.h5", b"numbers")
-    manifest.write(results)
-    (results / "history.jsonl").write_text("{}\n")
-    (results / "cubes/.a.h5.host.1.part").write_bytes(b"nu")
-    assert list(manifest.names_in(results)) == ["cubes/a.h5"]
-
-
 @pytest.mark.parametrize(
     "damage", ["", "{}", "[1]", '{"format": "x", "files": {}}', '{"format": "nearharmonic manifest 1"}']
 )

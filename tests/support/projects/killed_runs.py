@@ -20,10 +20,10 @@ from support.projects.workflow_project import Project
 RECORD = "nearharmonic_paper.record"
 #: Moments between the last job and the end of the record: the process kills itself where this function is called.
 MOMENTS = (
-    f"{RECORD}.files.manifest:write",
+    f"{RECORD}.manifest:write",
     f"{RECORD}.history:append",
     f"{RECORD}.history:unmark",
-    f"{RECORD}.running.state:save",
+    f"{RECORD}.workflow_run:save",
 )
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 
