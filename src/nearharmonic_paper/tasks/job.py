@@ -352,19 +352,19 @@ def read_job(place: str | Path) -> FrozenJob:
 def main(place: str) -> None:
     """Run the frozen job in the file ``place``; this node has the code of the job, and sees its inputs."""
     try:
-        job = read_job(place)
-        for task in job.tasks:
+        thawed = read_job(place)
+        for task in thawed.tasks:
             if not task["definitions"] and _is_stale(task):  # the job checks users' files
                 says = "this node has another version of the package, of numpy, numba or llvmlite"
                 raise NearharmonicError(f"{task['function']}: {says}")  # noqa: TRY301 - told as all others
-        wait_for(job.input, job.patience)
+        wait_for(thawed.input, thawed.patience)
     except NearharmonicError as error:
         raise SystemExit(str(error)) from None
-    for file in map(Path, [*job.output, *job.log]):
+    for file in map(Path, [*thawed.output, *thawed.log]):
         if "docs" not in file.parts:  # pages are updated
             file.unlink(missing_ok=True)
         file.parent.mkdir(parents=True, exist_ok=True)
-    (draw if hasattr(job.params, "tasks") else run)(job)
+    (draw if hasattr(thawed.params, "tasks") else run)(thawed)
 
 
 def wait_for(files: Iterable[str], patience: float) -> None:
