@@ -7,7 +7,7 @@ import sys
 
 from snakemake.utils import min_version
 
-from nearharmonic_paper.config.files import CONFIGS, checked_configs
+from nearharmonic_paper.config import CONFIGS, checked_configs
 from nearharmonic_paper.experiments.paper.run import summary_line
 from nearharmonic_paper.record.workflow_run import WorkflowRun
 

@@ -5,7 +5,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import nearharmonic
-from nearharmonic_paper.record.fingerprint import package_digest
+from nearharmonic_paper.record.workflow_run import package_digest
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_extensions"))

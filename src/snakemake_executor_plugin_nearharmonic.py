@@ -43,7 +43,7 @@ class Executor(_Slurm):  # type: ignore[misc,valid-type]
 
     def format_job_exec(self, job: Any) -> str:
         """Return the shell command of a job on a node."""
-        from nearharmonic_paper.tasks.remote import ENVIRONMENT, command_of, is_in_array
+        from nearharmonic_paper.tasks.job import ENVIRONMENT, command_of, is_in_array
 
         if job.is_group() or is_in_array(job, self.workflow.executor_settings.array_jobs):
             return f"{ENVIRONMENT} {super().format_job_exec(job)}"

@@ -19,7 +19,7 @@ from nearharmonic.errors import FileWriteError, NearharmonicError, SettingError,
 from nearharmonic.output.table import printable
 
 PROGRAM = "nearharmonic"
-#: Packages whose modules are subcommands: of the library, and of the record, which the pipeline adds by name.
+#: The package whose modules are subcommands of the library, and the module with those of the record, added by name.
 OF_THE_LIBRARY, OF_THE_RECORD = "nearharmonic.commands", "nearharmonic_paper.commands"
 #: Exit status of a process that the user has interrupted: 128 plus the number of the signal.
 INTERRUPTED = 130

@@ -1,8 +1,8 @@
 """Entries of a config: declarations of members, and readers of values.
 
 The settings of a config are frozen dataclasses. :func:`setting` declares a member once: description, unit, limits and
-default. They are plain dataclasses so that jobs with settings start quickly;
-:mod:`nearharmonic_paper.config.reading` reads them with pydantic.
+default. They are plain dataclasses so that jobs with settings start quickly; :mod:`nearharmonic_paper.config` reads
+them with pydantic.
 """
 
 from __future__ import annotations
@@ -29,32 +29,24 @@ class Reading:
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         from pydantic_core import core_schema
 
-        return core_schema.no_info_plain_validator_function(self._accept)
+        def accepted(value: Any) -> Any:
+            try:
+                return self.accept(value)
+            except TypeError:  # pydantic takes ValueError alone for a fault of the value
+                raise ValueError from None
 
-    def _accept(self, value: Any) -> Any:
-        try:
-            return self.accept(value)
-        except TypeError:  # pydantic reports it as a validation error
-            raise ValueError from None
+        return core_schema.no_info_plain_validator_function(accepted)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         return {key: list(value) if isinstance(value, tuple) else value for key, value in self.schema}
 
 
-def _positive_number(value: object) -> float:
-    return float(positive("", value))
-
-
-def _decimal_text(value: object) -> str:
-    return format(positive("", value).normalize(ALL_DIGITS), "f")
-
-
 _NUMBER = (("type", ("number", "string")),)
 
 #: A finite number above 0, or the decimal string of one (YAML 1.1 reads 1e-4 as a string), as a float.
-PositiveNumber = Annotated[float, Reading(_positive_number, _NUMBER)]
+PositiveNumber = Annotated[float, Reading(lambda value: float(positive("", value)), _NUMBER)]
 #: As above, as a plain decimal string with all digits.
-PositiveDecimal = Annotated[str, Reading(_decimal_text, _NUMBER)]
+PositiveDecimal = Annotated[str, Reading(lambda value: format(positive("", value).normalize(ALL_DIGITS), "f"), _NUMBER)]
 
 #: Pydantic's configuration of dataclasses of settings: unknown keys are errors.
 STRICT: Any = {"extra": "forbid"}
@@ -72,11 +64,11 @@ def setting(
 
     The ``description`` and the ``unit`` are for the documentation. Errors say what is ``allowed``, and for ``each``
     entry of a list; a section needs neither, because errors name its keys. The ``default`` is the value of a missing
-    key, a class for a section whose keys all have defaults. Limits are ``ge``, ``le``, ``gt``, ``lt``, ``min_length``
-    and ``max_length`` of ``pydantic.Field``.
+    key, a class for a section whose keys all have defaults. Limits are ``ge``, ``le``, ``gt``, ``lt``, ``min_length``,
+    ``max_length`` and ``pattern`` of ``pydantic.Field``.
     """
-    told = {"allowed": allowed, "unit": unit, "each": each}
-    metadata = {"description": description, "json_schema_extra": {k: v for k, v in told.items() if v}, **limits}
+    told = {key: words for key, words in (("allowed", allowed), ("unit", unit), ("each", each)) if words}
+    metadata = {"description": description, "json_schema_extra": told, **limits}
     if isinstance(default, type):
         return field(default_factory=default, metadata=metadata)
     return field(default=default, metadata=metadata)

@@ -9,7 +9,7 @@ from zipfile import ZipFile
 import pytest
 
 from nearharmonic_paper.tasks.experiment import experiments
-from nearharmonic_paper.tasks.receipts import receipts_in
+from nearharmonic_paper.tasks.provenance import receipts_in
 from support.projects.targets import MADE, MADE_BY, SYSTEMS, TARGETS
 from support.projects.workflow_project import TINY, Project
 

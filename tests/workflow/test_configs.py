@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from nearharmonic.integrators import BENCHMARKED
-from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config import load
 from support.projects.plans import planned_runs
 
 ROOT = Path(__file__).parents[2]

@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from nearharmonic_paper.config.config import LONGEST_NAME
+from nearharmonic_paper.config import LONGEST_NAME
 from support.projects.killed_runs import clear, files_in
 from support.projects.workflow_project import TINY, Project
 

@@ -158,7 +158,7 @@ def test_an_experiment_has_its_place_everywhere_by_its_declaration(tmp_path):
     folders = ("src/nearharmonic_paper/experiments/added/", "tests/paper/experiments/added/")
     touched = {name for name in after if after[name] != before.get(name)}
     assert {name for name in touched if not name.startswith(folders)} == {"Snakefile"}
-    assert project.python("-m", "nearharmonic_paper.config.config").returncode == 0
+    assert project.python("-m", "nearharmonic_paper.config").returncode == 0
     generated = {name for name, text in files_of(project.folder).items() if text != after.get(name)}
     assert generated == {
         "docs/index.md",

@@ -30,7 +30,7 @@ def _run_again(project, job):
     """Run a frozen job, and return what its files held before and hold now."""
     outputs = [project.folder / name for name in job["output"]]
     before = [path.read_bytes() for path in outputs]
-    done = project.python("-m", "nearharmonic_paper.tasks.remote", job["place"])
+    done = project.python("-m", "nearharmonic_paper.tasks.job", job["place"])
     assert done.returncode == 0, done.stderr
     return before, [path.read_bytes() for path in outputs]
 

@@ -87,7 +87,7 @@ def test_second_run_in_a_folder_names_the_first(project):
 HOLDER = """
 import platform, sys
 from pathlib import Path
-from nearharmonic_paper.record.state import lock
+from nearharmonic_paper.record.workflow_run import lock
 
 lock(Path(sys.argv[1]))
 print(platform.node(), flush=True)

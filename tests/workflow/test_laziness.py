@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from nearharmonic.output.store import read_precisions
-from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config import load
 from support.projects.plans import planned_runs
 from support.projects.targets import METHODS, RECORD, figures
 

@@ -12,7 +12,7 @@ import pytest
 
 from nearharmonic.cli import main
 from nearharmonic.errors import SettingError
-from nearharmonic_paper.commands.reproduce import put_into
+from nearharmonic_paper.commands import put_into
 from nearharmonic_paper.record.description import workflow_root
 
 ROOT = Path(__file__).parents[2]

@@ -13,10 +13,9 @@ from pathlib import Path
 import pytest
 
 from nearharmonic.systems import systems
-from nearharmonic_paper.tasks import sources
+from nearharmonic_paper.tasks import provenance as sources
 from nearharmonic_paper.tasks.experiment import experiments, figures_of
-from nearharmonic_paper.tasks.provenance import code_digest
-from nearharmonic_paper.tasks.sources import closure
+from nearharmonic_paper.tasks.provenance import closure, code_digest
 
 RULES = Path(__file__).parents[2] / "workflow/rules"
 ENSEMBLES = ("henon_heiles", "kepler", "rounding")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from nearharmonic_paper.report import assets
-from nearharmonic_paper.tasks import sources
+from nearharmonic_paper.report import page as assets
+from nearharmonic_paper.tasks import provenance as sources
 from nearharmonic_paper.tasks.provenance import function_of
 from support.projects.opened_files import read_by_jobs
 from support.projects.planned_jobs import CORES

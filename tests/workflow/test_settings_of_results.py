@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from nearharmonic.output.store import read
-from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config import load
 from nearharmonic_paper.tasks.experiment import beside_the_paper
 from nearharmonic_studies.trained.settings import contestants, exact_contestants, kind_of
 from support.projects.targets import DECOMPOSED, MADE, METHODS, RUNS_OF, STRUCTURE_T_END, TARGETS

@@ -37,7 +37,7 @@ DOCUMENTED = {
 #: Sources whose ``job`` and ``self`` are Snakemake's.
 OF_JOBS = (
     "src/snakemake_executor_plugin_nearharmonic.py",
-    "src/nearharmonic_paper/tasks/remote/__init__.py",
+    "src/nearharmonic_paper/tasks/job.py",
 )
 
 

@@ -9,16 +9,16 @@ import re
 
 from snakemake_interface_common.exceptions import WorkflowError
 
-from nearharmonic_paper.config.files import refuse, warn_of_name
-from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config import refuse, warn_of_name
+from nearharmonic_paper.config import load
 from nearharmonic.errors import NearharmonicError
-from nearharmonic_paper.record.adopt import ADOPTING, noting
+from nearharmonic_paper.record.verify import ADOPTING, noting
 from nearharmonic_paper.experiments.paper.run import REDUCED_AT_ONCE, shards_of
 from nearharmonic_paper.experiments.paper.experiment import ORBITS
 from nearharmonic_paper.tasks.experiment import figures_of
 from nearharmonic_paper.tasks.experiment import experiments
 from nearharmonic_paper.tasks.provenance import task
-from nearharmonic_paper.tasks.receipts import RUN as RUN_ID
+from nearharmonic_paper.tasks.provenance import RUN as RUN_ID
 
 if ADOPTING in os.environ:
     task, TASKS = noting(task)

@@ -6,7 +6,7 @@ Pages are updated in place: their text stays, and so does the page if a job fail
 from nearharmonic.integrators import integrators
 from nearharmonic.systems import systems
 from nearharmonic_paper.tasks.provenance import code_digest
-from nearharmonic_paper.tasks.sources import digest_of, module_of, package_modules_of
+from nearharmonic_paper.tasks.provenance import digest_of, module_of, package_modules_of
 
 #: Registries whose names a page may show.
 _METHODS = {"integrators": integrators}

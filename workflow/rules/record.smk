@@ -4,11 +4,10 @@ import functools
 import itertools
 import os
 import sys
-import threading
 import warnings
 
 from nearharmonic_paper.experiments.paper.earlier import forget, keep
-from nearharmonic_paper.record.adopt import check_tasks
+from nearharmonic_paper.record.verify import check_tasks
 
 CLAIMS = "tables/claims.json"
 #: Former names of targets, which warn, and their present names.
@@ -86,9 +85,6 @@ def record_start():
 
 def record_end(exit_status):
     """Write the manifest and the line of the history."""
-    for thread in threading.enumerate():
-        if isinstance(thread, threading.Timer):
-            thread.cancel()  # of the limit to the rate of jobs: the process would wait a second for it
     if not IS_TOUCHED:
         if not exit_status:
             forget(Path(RESULTS))

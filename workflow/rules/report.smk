@@ -1,6 +1,6 @@
 """The page of results, one file that needs no network, and a page of each interactive figure alone."""
 
-from nearharmonic_paper.report.assets import digest
+from nearharmonic_paper.report.page import digest
 from nearharmonic_paper.report.shown import pages_alone
 
 

@@ -65,7 +65,7 @@ def recommend_answer(chosen: argparse.Namespace) -> Answer:
     ends: dict[str, str] = {}
     results: str | None = str(RESULTS / "paper")
     if chosen.config is not None:  # its definitions are in the registries after this
-        from nearharmonic_paper.config.reading import read
+        from nearharmonic_paper.config import read
 
         config = read(Path(chosen.config))
         ends, results = {sweep.system: sweep.t_end for sweep in config.sweeps}, str(RESULTS / config.name)

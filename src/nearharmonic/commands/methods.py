@@ -137,7 +137,7 @@ def _check_name(kind: str, name: str, place: Path) -> None:
     """Refuse a name that is not valid in Python and in a config, is registered, or hides a module of Python."""
     from nearharmonic.integrators import integrators
     from nearharmonic.systems import systems
-    from nearharmonic_paper.config.definitions import check_name
+    from nearharmonic_paper.config import check_name
 
     check_name(PLACEHOLDER, name)
     registered = {"system": systems.registered, "integrator": integrators.registered}[kind]

@@ -15,8 +15,7 @@ from nearharmonic.output.table import Table
 from nearharmonic_paper.claims import equations, figures, performance, splitting, tableaus
 from nearharmonic_paper.claims.claim import Claim, Results
 from nearharmonic_paper.tasks.experiment import folders
-from nearharmonic_paper.tasks.provenance import code_digest
-from nearharmonic_paper.tasks.sources import ROOT, path_of
+from nearharmonic_paper.tasks.provenance import ROOT, code_digest, path_of
 
 
 # --- Statements of experiments, found in the modules ``claims`` of their folders.

@@ -33,7 +33,7 @@ from nearharmonic_paper.pages.filling import (
     table,
     tables_of,
 )
-from nearharmonic_paper.tasks.receipts import measures_time
+from nearharmonic_paper.tasks.provenance import measures_time
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -33,7 +33,7 @@ from nearharmonic_paper.record.description import (
     opened as opened_source,
 )
 from nearharmonic_paper.record.manifest import is_edited, recorded_digests
-from nearharmonic_paper.tasks.sources import files_of
+from nearharmonic_paper.tasks.provenance import files_of
 
 # --- Check of an archive: its seal, then each file against the digest in the metadata of the crate.
 #
@@ -340,20 +340,14 @@ class UserFiles:
         self._systems: dict[str, Path] = {}
         self._integrators: dict[str, Path] = {}
         for defined in (entry.get("definitions", {}) for entry in entries):
-            for name, system in defined.get("systems", {}).items():
-                if system["file"] is not None:
-                    self._systems[name] = Path(system["file"])
-            self._integrators |= {
-                method["written"]: Path(method["file"]) for method in defined.get("integrators", {}).values()
-            }
-        parents = sorted({path.parent for path in self._paths()})
-        self._folders = {
-            parent: USER_FILES if len(parents) == 1 else f"{USER_FILES}/{number}"
-            for number, parent in enumerate(parents, 1)
-        }
-
-    def _paths(self) -> Iterable[Path]:
-        return (*self._systems.values(), *self._integrators.values())
+            systems = defined.get("systems", {})
+            self._systems |= {name: Path(one["file"]) for name, one in systems.items() if one["file"] is not None}
+            methods = defined.get("integrators", {}).values()
+            self._integrators |= {method["written"]: Path(method["file"]) for method in methods}
+        self._paths = (*self._systems.values(), *self._integrators.values())
+        parents = sorted({path.parent for path in self._paths})
+        folders = [USER_FILES] if len(parents) == 1 else [f"{USER_FILES}/{i}" for i in range(1, len(parents) + 1)]
+        self._folders = dict(zip(parents, folders, strict=True))
 
     def members(self) -> list[Member]:
         """Return the members of an archive for these files and the files that they import.
@@ -361,7 +355,7 @@ class UserFiles:
         A manifest may name any file: one whose code is not that of the recorded digest is a ResultFileError.
         """
         members = {}
-        for path in self._paths():
+        for path in self._paths:
             if is_edited(path, self._recorded):
                 raise ResultFileError(f"{path} is not archived: its code has no digest in the history, or another one")
             for file in files_of(path):
@@ -375,17 +369,13 @@ class UserFiles:
 
     def _placed(self, key: str, value: Any) -> Any:
         if key == "systems" and isinstance(value, Mapping):
-            return {name: self._system(name, system) for name, system in value.items()}
+            own = {n: s for n, s in value.items() if n in self._systems and s.get("file") is not None}
+            return {**value, **{n: {**s, "file": self._place(self._systems[n])} for n, s in own.items()}}
         if isinstance(value, Mapping):
             return self.config(value)
         if key in {"integrators", "decomposition", "overview"} and isinstance(value, list):
             return [self._integrator(entry) for entry in value]
         return value
-
-    def _system(self, name: str, system: Mapping[str, Any]) -> Mapping[str, Any]:
-        if name not in self._systems or system.get("file") is None:
-            return system
-        return {**system, "file": self._place(self._systems[name])}
 
     def _integrator(self, entry: str) -> str:
         path, name = split_path(entry)

@@ -277,27 +277,19 @@ def _describe_root(crate: Any, about: Archive) -> None:
         _add(crate, address, "CreativeWork", name=name, version=version)
         for address, (name, version) in PROFILES.items()
     ]
-    root["author"] = _add(
-        crate, "#operator", "Person", name="Operator of the workflow",
-        description="Who started the runs; the history does not keep the name.",
-    )  # fmt: skip
-    root["license"] = _add(
-        crate, f"https://spdx.org/licenses/{licence}", "CreativeWork", name=f"{licence} license",
-        description="The text of the licence is the file LICENSE of this archive.",
-    )  # fmt: skip
+    says = "Who started the runs; the history does not keep the name."
+    root["author"] = _add(crate, "#operator", "Person", name="Operator of the workflow", description=says)
+    place, says = f"https://spdx.org/licenses/{licence}", "The text of the licence is the file LICENSE of this archive."
+    root["license"] = _add(crate, place, "CreativeWork", name=f"{licence} license", description=says)
     root["citation"] = [_publication(crate, reference) for reference in about.cited["references"]]
-    _add(
-        crate, PREVIEW, "CreativeWork", name="Preview of this archive", about=root, encodingFormat="text/html",
-    )  # fmt: skip
+    _add(crate, PREVIEW, "CreativeWork", name="Preview of this archive", about=root, encodingFormat="text/html")
 
 
 def _publication(crate: Any, reference: Mapping[str, Any]) -> Any:
     names = [f"{author['given-names']} {author['family-names']}" for author in reference["authors"]]
     authors = [_add(crate, f"#{name.lower().replace(' ', '-')}", "Person", name=name) for name in names]
-    return _add(
-        crate, reference["url"], "ScholarlyArticle", name=reference["title"], datePublished=str(reference["year"]),
-        author=authors,
-    )  # fmt: skip
+    told = {"name": reference["title"], "datePublished": str(reference["year"]), "author": authors}
+    return _add(crate, reference["url"], "ScholarlyArticle", **told)
 
 
 def _add_file(crate: Any, member: Member, about: Archive) -> Any:
@@ -323,26 +315,22 @@ def _add_file(crate: Any, member: Member, about: Archive) -> Any:
 
 def _add_action(crate: Any, run: Run, about: Archive, config: Any, made: Sequence[Any]) -> None:
     done = run["status"] == "ok"
-    action = _add(
-        crate,
-        f"#run-{run['id']}",
-        "CreateAction",
-        name=f"Run {run['id']} of the workflow",
-        description=_run_in_words(run),
-        startTime=_moment(run["start"]),
-        actionStatus={"@id": f"http://schema.org/{'Completed' if done else 'Failed'}ActionStatus"},
-        instrument=[crate.root_dataset["mainEntity"], _instrument(crate, run, about)],
-        object=config,
-        agent=crate.get("#operator"),
-    )
+    told = {
+        "name": f"Run {run['id']} of the workflow",
+        "description": _run_in_words(run),
+        "startTime": _moment(run["start"]),
+        "actionStatus": {"@id": f"http://schema.org/{'Completed' if done else 'Failed'}ActionStatus"},
+        "instrument": [crate.root_dataset["mainEntity"], _instrument(crate, run, about)],
+        "object": config,
+        "agent": crate.get("#operator"),
+    }
     if run["end"]:
-        action["endTime"] = _moment(run["end"])
+        told["endTime"] = _moment(run["end"])
     if not done:
-        killed = run["status"] == "killed"
-        action["error"] = "killed before its end" if killed else f"exit status {run['exit_status']}"
+        told["error"] = "killed before its end" if run["status"] == "killed" else f"exit status {run['exit_status']}"
     if made:
-        action["result"] = list(made)
-    crate.root_dataset.append_to("mentions", action)
+        told["result"] = list(made)
+    crate.root_dataset.append_to("mentions", _add(crate, f"#run-{run['id']}", "CreateAction", **told))
 
 
 def _moment(utc: str) -> str:
@@ -363,24 +351,20 @@ def _instrument(crate: Any, run: Run, about: Archive) -> Any:
     versions, commit, dirty = run["versions"], run["commit"], run["dirty"]
     version = versions["nearharmonic"] + (f"+{commit}" + (".dirty" if dirty else "") if commit else "")
     same = json.dumps([version, run["code_digest"], versions], sort_keys=True)
-    libraries = [
-        _add(
-            crate, f"#{name}-{versions[name]}", "SoftwareApplication", name=name, version=versions[name],
-            url=HOMES[name],
-        )
-        for name in sorted(HOMES.keys() & versions.keys())
-    ]  # fmt: skip
     changed = ", with changes that are not committed" if dirty else ""
-    return _add(
-        crate,
-        f"#nearharmonic-{hashlib.sha256(same.encode()).hexdigest()[:12]}",
-        "SoftwareApplication",
-        name="nearharmonic",
-        version=version,
-        url=about.homepage,
-        description=f"{about.cited['title']}; commit {commit or 'unknown'}{changed}, code {run['code_digest']}",
-        softwareRequirements=libraries,
-    )
+    told = {
+        "name": "nearharmonic",
+        "version": version,
+        "url": about.homepage,
+        "description": f"{about.cited['title']}; commit {commit or 'unknown'}{changed}, code {run['code_digest']}",
+        "softwareRequirements": [
+            _add(crate, f"#{name}-{one}", "SoftwareApplication", name=name, version=one, url=HOMES[name])
+            for name, one in sorted(versions.items())
+            if name in HOMES
+        ],
+    }
+    digest = hashlib.sha256(same.encode()).hexdigest()[:12]
+    return _add(crate, f"#nearharmonic-{digest}", "SoftwareApplication", **told)
 
 
 def _sorted_json(generated: Mapping[str, Any]) -> bytes:

@@ -20,7 +20,7 @@ from typing import Any
 
 from nearharmonic.errors import SettingError, unknown_name
 from nearharmonic.output.atomic import digest_of, read_bytes, sealed, write_text
-from nearharmonic_paper.tasks.receipts import MARKED, names_made_by
+from nearharmonic_paper.tasks.provenance import MARKED, names_made_by
 
 # --- Lines of a history: each one is sealed and holds the digest of the line before.
 #
@@ -50,9 +50,9 @@ class Line:
     number: int
     digest: str
     run: Run
-    is_sealed: bool
-    fault: str
-    known: tuple[str, ...]
+    is_sealed: bool = False
+    fault: str = ""
+    known: tuple[str, ...] = ()
 
 
 def lines_of(place: Path) -> list[Line]:
@@ -105,7 +105,7 @@ def _line(number: int, text: bytes, previous: Line | None) -> Line:
     digest = sha256(text).hexdigest()
     document, fault = _document(text)
     if document is None:
-        return _damaged(number, digest, text, fault)
+        return Line(number=number, digest=digest, run=_damaged_run(number, text), fault=fault)
     given = {key: document.pop(key, None) for key in ("sha256", "before", "faults")}
     is_sealed = given["sha256"] is not None
     if is_sealed and not _follows(given["before"], previous):
@@ -129,24 +129,23 @@ def _document(text: bytes) -> tuple[Run | None, str]:
 
     try:
         found: Any = json.loads(text)
-        if not isinstance(found, dict):
-            return None, DAMAGED
         rest = {key: value for key, value in found.items() if key != "sha256"}
         if digest_of(rest) != found.get("sha256") and ("sha256" in found or "before" in found):
             return None, DAMAGED
-    except (ValueError, RecursionError):
+    except (AttributeError, ValueError, RecursionError):
         return None, DAMAGED
     fault = complaint("run", found)
     return (None, f"is no run: it {fault}") if fault else (found, "")
 
 
-def _damaged(number: int, digest: str, text: bytes, fault: str) -> Line:
+def _damaged_run(number: int, text: bytes) -> Run:
+    """Return what is known of a run whose line is damaged: its id and its start, if that is legible."""
     name = _ID.search(text[:60])
     run: Run = {"id": f"line-{number}", "start": "", "config": {}, "status": "damaged"}
     if name:
         year, month, day, *clock = (part.decode() for part in name.groups())
         run |= {"id": name[0].decode(), "start": f"{year}-{month}-{day}T{':'.join(clock)}.000Z"}
-    return Line(number=number, digest=digest, run=run, is_sealed=False, fault=fault, known=())
+    return run
 
 
 # --- Markers of unfinished runs: ``logs/running/ID.json``, with the process of the run.
@@ -226,6 +225,8 @@ def is_alive(process: Mapping[str, Any]) -> bool:
 
 
 # --- Queries of the history: the runs of one folder of results or of several.
+
+
 def runs_of(folder: Path) -> list[Run]:
     """Return the runs in the history of ``folder``, oldest first; a damaged line is a run with the status "damaged"."""
     return [line.run for line in lines_of(folder / HISTORY)]
@@ -281,25 +282,3 @@ def flattened(value: Any, above: str = "") -> Iterator[tuple[str, Any]]:
             yield from flattened(member, f"{above}.{i}")
     else:
         yield above, " ".join(map(str, value)) if isinstance(value, list | Mapping) else value
-
-
-__all__ = [
-    "HISTORY",
-    "MARKERS",
-    "Line",
-    "Run",
-    "append",
-    "close_killed",
-    "doubts_in",
-    "faulty_lines",
-    "flattened",
-    "lines_of",
-    "makers_in",
-    "mark",
-    "newest_finished",
-    "run_named",
-    "running_in",
-    "runs_newest_first",
-    "runs_of",
-    "unmark",
-]

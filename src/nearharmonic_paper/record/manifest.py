@@ -24,9 +24,8 @@ from nearharmonic.output.store import command_for, unusable
 from nearharmonic.output.table import Table, from_csv
 from nearharmonic.registry import check_trust, is_file, is_trusted
 from nearharmonic_paper.record.history import HISTORY, runs_newest_first
-from nearharmonic_paper.tasks.provenance import files_in, read_definitions
-from nearharmonic_paper.tasks.receipts import BESIDE, measured, receipts_in
-from nearharmonic_paper.tasks.sources import digest_of
+from nearharmonic_paper.tasks.provenance import BESIDE, files_in, measured, read_definitions, receipts_in
+from nearharmonic_paper.tasks.provenance import digest_of_file as digest_of
 
 # --- The manifest of a folder of results: size, digest and origin of every file, as written by its job.
 

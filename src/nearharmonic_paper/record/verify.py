@@ -1,25 +1,38 @@
-"""Check of a folder of results against its record: every file, and the code and coefficients that made it."""
+"""Check of a folder of results against its record, and adoption of results from another machine after such a check."""
 
 from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
 from shlex import quote
-from typing import Any
+from typing import Any, NamedTuple
 
-from nearharmonic.errors import NearharmonicError, ResultFileError
+from nearharmonic.errors import NearharmonicError, RefusedError, ResultFileError, SettingError
 from nearharmonic.output.atomic import parts_in
-from nearharmonic.output.store import command_for, foreign_in, workflow_command
+from nearharmonic.output.store import DEFAULT_CONFIG, command_for, foreign_in, usable_configs, workflow_command
+from nearharmonic_paper.config import read_mapping
 from nearharmonic_paper.record import history, manifest
-from nearharmonic_paper.record.manifest import integrator_files_not_run, is_edited, recorded_digests
-from nearharmonic_paper.record.state import lost_line
+from nearharmonic_paper.record.manifest import check_files_of, integrator_files_not_run, is_edited, recorded_digests
+from nearharmonic_paper.record.workflow_run import lost_line
 from nearharmonic_paper.tasks.experiment import beside_the_paper, experiments
-from nearharmonic_paper.tasks.provenance import defined, digests, read_definitions
-from nearharmonic_paper.tasks.receipts import damaged_receipts, identity, measured
+from nearharmonic_paper.tasks.provenance import (
+    damaged_receipts,
+    defined,
+    digests,
+    forget,
+    identity,
+    measured,
+    read_definitions,
+    settings_digest,
+)
+
+# --- Check of every file, and of the code and coefficients that made it.
 
 EntriesByName = Mapping[str, Mapping[str, Any]]
 
@@ -27,8 +40,7 @@ EntriesByName = Mapping[str, Mapping[str, Any]]
 ORDER = ("runs/", "cubes/", "derived/", "figures/", "tables/", "report.html")
 
 
-@dataclass(frozen=True, order=True, kw_only=True)
-class Fault:
+class Fault(NamedTuple):
     """A deviation from the record: the file in the folder of results, what it is, and what repairs it."""
 
     file: str
@@ -51,7 +63,7 @@ def faults(folder: Path) -> list[Fault]:
     except ResultFileError as error:
         says, _, mend = str(error).partition(". ")
         says = says.removeprefix(f"{folder / manifest.MANIFEST} ")
-        return [*_of_record(folder), Fault(file=manifest.MANIFEST, says=says, mend=mend)]
+        return [*_of_record(folder), Fault(manifest.MANIFEST, says, mend)]
     found = [*_of_record(folder), *_of_files(folder, recorded)]
     damaged = {fault.file for fault in found}
     whole = {name: entry for name, entry in recorded["files"].items() if name not in damaged}
@@ -64,22 +76,18 @@ def _of_record(folder: Path) -> Iterator[Fault]:
     """Yield a fault for each line of the history and each receipt that has changed since it was written."""
     again, place = command_for(folder / "report.html"), folder / history.HISTORY
     if os.path.lexists(place) and not place.is_file():
-        yield Fault(file=history.HISTORY, says="is not a regular file", mend="Move it elsewhere")
+        yield Fault(history.HISTORY, "is not a regular file", "Move it elsewhere")
     lines = history.lines_of(place)
-    faults = [f"line {line.number} {line.fault}" for line in history.faulty_lines(lines)]
-    if lost_line(folder):
-        faults.append(f"has lost the last line that was written, or more; it has {len(lines)}")
-    for says in faults:
-        yield Fault(file=history.HISTORY, says=says, mend=f"The next run with jobs records this, for example: {again}")
+    told = [f"line {line.number} {line.fault}" for line in history.faulty_lines(lines)]
+    told += [f"has lost the last line that was written, or more; it has {len(lines)}"] if lost_line(folder) else []
+    for says in told:
+        yield Fault(history.HISTORY, says, f"The next run with jobs records this, for example: {again}")
     for place in damaged_receipts(folder):
-        name, mend = (
-            place.relative_to(folder).as_posix(),
-            f"The next run replaces or removes it: {workflow_command(place)}",
-        )
-        yield Fault(file=name, says="is no receipt as its job wrote it", mend=mend)
+        name, mend = place.relative_to(folder).as_posix(), "The next run replaces or removes it"
+        yield Fault(name, "is no receipt as its job wrote it", f"{mend}: {workflow_command(place)}")
     for place in parts_in(folder):
-        name, mend = place.relative_to(folder).as_posix(), f"The next run with jobs removes it, for example: {again}"
-        yield Fault(file=name, says="is a temporary file of an unfinished job", mend=mend)
+        name, mend = place.relative_to(folder).as_posix(), "The next run with jobs removes it, for example"
+        yield Fault(name, "is a temporary file of an unfinished job", f"{mend}: {again}")
 
 
 def _of_files(folder: Path, recorded: Mapping[str, Any]) -> Iterator[Fault]:
@@ -88,21 +96,21 @@ def _of_files(folder: Path, recorded: Mapping[str, Any]) -> Iterator[Fault]:
     for name in sorted((there | entries.keys()) - (former - there)):
         again = f"Make it again: {command_for(folder / name)}"
         if name in former:
-            yield Fault(file=name, says="is of a former config: no job makes it now", mend="Move it elsewhere")
+            yield Fault(name, "is of a former config: no job makes it now", "Move it elsewhere")
         elif name not in there:
-            yield Fault(file=name, says="is missing", mend=again)
+            yield Fault(name, "is missing", again)
         elif (digest := measured(folder / name)["sha256"]) != entries.get(name, {}).get("sha256"):
             if digest == by_now.get(name, {}).get("sha256"):
                 mend = f"Wait for it, or run the workflow again: {workflow_command(folder / name)}"
-                yield Fault(file=name, says="was made by a run that has not ended, or was killed", mend=mend)
+                yield Fault(name, "was made by a run that has not ended, or was killed", mend)
             elif name in recorded["unrecorded"]:
-                yield Fault(file=name, says="has lost its record", mend=again)
+                yield Fault(name, "has lost its record", again)
             elif name not in entries:
-                yield Fault(file=name, says="is extra: no job made it", mend="Move it elsewhere")
+                yield Fault(name, "is extra: no job made it", "Move it elsewhere")
             else:
-                yield Fault(file=name, says="is damaged: its bytes are not those that its job wrote", mend=again)
+                yield Fault(name, "is damaged: its bytes are not those that its job wrote", again)
         elif name.endswith(".h5") and (says := foreign_in(folder / name)):
-            yield Fault(file=name, says=says, mend=again)
+            yield Fault(name, says, again)
 
 
 def _of_inputs(folder: Path, entries: EntriesByName) -> Iterator[Fault]:
@@ -114,7 +122,7 @@ def _of_inputs(folder: Path, entries: EntriesByName) -> Iterator[Fault]:
                 now[source] = identity(folder / source)
             if now.get(source, before) != before:
                 mend = f"Bring it up to date: {workflow_command(folder / name)} -- {quote(str(folder / name))}"
-                yield Fault(file=name, says=f"was made from another {source}", mend=mend)
+                yield Fault(name, f"was made from another {source}", mend)
                 break
 
 
@@ -130,11 +138,8 @@ def _of_origins(folder: Path, entries: EntriesByName) -> Iterator[Fault]:
             made_otherwise.setdefault((entry["function"], differs), []).append(name)
     for (function, differs), names in made_otherwise.items():
         others = f" (and {len(names) - 1} more)" if len(names) > 1 else ""
-        says, mend = (
-            f"was made with other {differs}{others}, by {function}",
-            f"Make it again: {workflow_command(folder / names[0])}",
-        )
-        yield Fault(file=names[0], says=says, mend=f"{mend}{_target_of(function)}")
+        mend = f"Make it again: {workflow_command(folder / names[0])}{_target_of(function)}"
+        yield Fault(names[0], f"was made with other {differs}{others}, by {function}", mend)
 
 
 def _difference(
@@ -163,23 +168,112 @@ def _target_of(function: str) -> str:
     return f" -- {found.target}" if found in beside_the_paper() else ""
 
 
-def extent(folder: Path) -> tuple[int, int]:
-    """Return the number of files in the manifest of ``folder``, and their total size in bytes."""
-    sizes = [entry["size"] for entry in manifest.read(folder)["files"].values()]
-    return len(sizes), sum(sizes)
+class Extent(NamedTuple):
+    """What a folder of results without a fault holds.
 
-
-def files_not_run(folder: Path) -> list[str]:
-    """Return the sorted files with users' integrators whose coefficients :func:`faults` does not compute."""
-    return integrator_files_not_run(manifest.read(folder)["files"].values())
-
-
-def of_other_configs(folder: Path) -> int:
-    """Return the number of files from runs with a different config than that of the newest successful run.
-
-    They may be up to date: the section of one system does not affect other systems.
+    These are the number of its files and their size in bytes; the sorted files with users' integrators whose
+    coefficients :func:`faults` does not compute; and the number of files from runs with a different config than that of
+    the newest successful run, which may be up to date: the section of one system does not affect other systems.
     """
+
+    files: int
+    size: int
+    not_run: list[str]
+    of_other_configs: int
+
+
+def extent(folder: Path) -> Extent:
+    """Return what the manifest and the history of ``folder`` tell of its files."""
+    entries = manifest.read(folder)["files"]
     configs = {run["id"]: run.get("config_digest") for run in history.runs_of(folder)}
-    newest, makers = history.newest_finished(folder), history.makers_in(folder)
-    runs = [makers.get(name, entry.get("run")) for name, entry in manifest.read(folder)["files"].items()]
-    return sum(configs.get(run) != newest.get("config_digest") for run in runs) if newest else 0
+    newest, makers = history.newest_finished(folder) or {}, history.makers_in(folder)
+    made = [configs.get(makers.get(name, entry.get("run"))) for name, entry in entries.items()]
+    others = sum(config != newest.get("config_digest") for config in made) if newest else 0
+    size = sum(entry["size"] for entry in entries.values())
+    return Extent(len(entries), size, integrator_files_not_run(entries.values()), others)
+
+
+# --- Adoption as up to date, after a check of all files, the code and the settings.
+
+#: Environment variable that tells the workflow to compare its tasks with the manifest before it touches a file.
+ADOPTING = "NEARHARMONIC_ADOPTING"
+
+
+def adopt(folder: Path, configfile: str | None = None) -> int:
+    """Mark the results in ``folder``, ``results/<name>`` of this working directory, as up to date.
+
+    Snakemake then considers all files as made by the jobs of this workflow with these settings, and runs no job.
+
+    ``configfile`` is the config of the results; by default the recorded one, or the one in ``config/`` with their name.
+    The number of files is returned.
+    """
+    if folder.absolute().parent != Path("results").absolute() or not Path("Snakefile").is_file():
+        says = "is not in results/ of the folder of the workflow: copy it there, and adopt it from there"
+        raise RefusedError(f"{folder} {says}")
+    if found := faults(folder):
+        more = f" ({len(found)} faults in all: nearharmonic verify {folder})" if len(found) > 1 else ""
+        raise RefusedError(f"{folder} is not adopted: {found[0]}{more}")
+    recorded = manifest.read(folder)
+    names = recorded["files"]
+    check_files_of(names.values())
+    option = _config_option(folder.name, recorded["configfiles"], configfile)
+    for place in option[1:] or [DEFAULT_CONFIG]:
+        read_mapping(place)
+    command = [sys.executable, "-m", "snakemake", "--touch", "--forceall", "-j1", "--quiet", "rules"]
+    files = [f"results/{folder.name}/{name}" for name in names]
+    command += [*option, "--", *files]
+    done = subprocess.run(command, env={**os.environ, ADOPTING: "1"}, capture_output=True, text=True, check=False)
+    if done.returncode:
+        reason = re.search(r"(?:RefusedError in .*|MissingRuleException:|WorkflowError in .*)\n(.*)", done.stderr)
+        raise RefusedError(f"{folder} is not adopted: {reason[1] if reason else done.stderr.strip()[-1000:]}")
+    forget(folder, names)  # receipts of previous results in this folder
+    return len(files)
+
+
+def _config_option(name: str, recorded: Sequence[str], given: str | None) -> list[str]:
+    """Return the option of Snakemake for the config that writes to ``results/<name>``; none for the default config."""
+    if given is not None:
+        return ["--configfile", given]
+    found = usable_configs(recorded, Path("results", name))
+    if not found or not all(Path(place).is_file() for place in found):
+        found = [str(place) for place in sorted(Path("config").glob("*.yaml")) if _name_in(place) == name]
+        if len(found) != 1:
+            says = f"{' and '.join(found)} have" if found else "no file in config/ has"
+            says = f"results/{name} is not adopted: {says} the name {name!r}; name its config: --configfile FILE"
+            raise RefusedError(says)
+    return [] if found == [DEFAULT_CONFIG] else ["--configfile", *found]
+
+
+def _name_in(place: Path) -> object:
+    """Return the name of the results of a config; None if the file is no config."""
+    try:
+        return read_mapping(place).get("name")
+    except SettingError:
+        return None
+
+
+def noting(describe: Callable[..., dict[str, Any]]) -> tuple[Callable[..., dict[str, Any]], list[dict[str, Any]]]:
+    """Return a function that describes tasks as ``describe`` does, and the list that it adds each of them to."""
+    noted: list[dict[str, Any]] = []
+
+    def described(function: str, **settings: Any) -> dict[str, Any]:
+        noted.append(describe(function, **settings))
+        return noted[-1]
+
+    return described, noted
+
+
+def check_tasks(folder: Path, tasks: Iterable[Mapping[str, Any]]) -> None:
+    """Compare the manifest of ``folder`` with the tasks of the workflow, before files are touched.
+
+    Snakemake has described the tasks of all requested files by then.
+    """
+    keys = ("settings", "code", "coefficients")
+    here = {(one["function"], settings_digest(one), one["code"], one["coefficients"]) for one in tasks}
+    for name, entry in manifest.read(folder)["files"].items():
+        if (entry["function"], *(entry[key] for key in keys)) in here:
+            continue
+        alike = [one[1:] for one in here if one[0] == entry["function"]]
+        differs = [key for i, key in enumerate(keys) if all(one[i] != entry[key] for one in alike)] or ["settings"]
+        message = f"{folder / name} was made with other {' and '.join(differs)}"
+        raise RefusedError(f"{message}; a run of the workflow brings it up to date")

@@ -6,26 +6,258 @@ results, assembled from the receipts; the *history* has a line for each run.
 
 from __future__ import annotations
 
+import atexit
+import fcntl
+import json
 import os
 import platform
 import secrets
+import shutil
+import subprocess
 import sys
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from nearharmonic.errors import RefusedError
-from nearharmonic.output.atomic import remove_parts
-from nearharmonic_paper.config.config import Config
+from nearharmonic.integrators import integrators
+from nearharmonic.output.atomic import digest_of, plain, read_bytes, remove_parts, sealed, unsealed, write_text
+from nearharmonic.systems import systems
+from nearharmonic_paper.config import Config
 from nearharmonic_paper.experiments.paper.run import totals_in
-from nearharmonic_paper.record import history, manifest, state
-from nearharmonic_paper.record.fingerprint import fingerprint, machine, revision
+from nearharmonic_paper.record import history, manifest
 from nearharmonic_paper.record.history import dead_in
-from nearharmonic_paper.record.state import ASIDE, lock, restore, set_aside
 from nearharmonic_paper.tasks.job import LEADER
-from nearharmonic_paper.tasks.receipts import RUN, damaged_receipts, names_made_by, receipts_in
+from nearharmonic_paper.tasks.provenance import (
+    PACKAGE,
+    PACKAGES,
+    ROOT,
+    RUN,
+    coefficients_digest,
+    damaged_receipts,
+    digest_of_file,
+    files_in,
+    module_digest,
+    names_made_by,
+    receipts_in,
+)
+
+# --- Fingerprint of a run: its config, code, coefficients and versions, and its machine.
+
+#: Libraries that affect a number or a picture.
+LIBRARIES = (
+    "numpy", "numba", "llvmlite", "mpmath", "gmpy2", "xarray", "h5py", "h5netcdf", "matplotlib", "bokeh", "snakemake",
+)  # fmt: skip
+
+
+def fingerprint(config: Config) -> dict[str, Any]:
+    """Return the data that identify the work of a run.
+
+    They are ``config`` as resolved, ``config_digest``, ``code_digest``, ``coefficients_digest``, ``versions``; if users
+    define systems or integrators, ``user_files`` with the digest of each file; and ``work``, the SHA-256 over these,
+    which is equal for equal work.
+    """
+    # Keys stay in their order, which determines the order of tables and legends.
+    resolved = json.loads(json.dumps(config, default=plain))
+    methods = dict.fromkeys((*config.methods, *config.decomposed, *config.compared))
+    told = {
+        "config": resolved,
+        "config_digest": digest_of(resolved),
+        "code_digest": package_digest(),
+        "coefficients_digest": coefficients_digest(integrators[name] for name in methods),
+        "versions": versions(),
+    }
+    files = files_in({"systems": systems.definitions, "integrators": integrators.definitions})
+    if files:
+        told["user_files"] = {file: digest_of_file(file) for file in files}
+    return {"work": digest_of(told), **told}
+
+
+def package_digest(root: Path = ROOT) -> str:
+    """Return the SHA-256 of the code of all modules of the packages, without docstrings and comments."""
+    files = [path for package in PACKAGES for path in root.joinpath(package).rglob("*.py")]
+    places = [path.relative_to(root).with_suffix("") for path in files]
+    modules = sorted(".".join(p.parts[:-1] if p.name == "__init__" else p.parts) for p in places)
+    return digest_of({name: module_digest(name, None if root == ROOT else root) for name in modules})
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python, of this package and of the installed :data:`LIBRARIES`."""
+    found = {"python": platform.python_version()}
+    for name in (PACKAGE, *LIBRARIES):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def machine() -> dict[str, Any]:
+    """Return ``platform`` and ``cpu``: model and instruction-set features for compiled code."""
+    from llvmlite import binding
+
+    features = sorted(name for name, there in binding.get_host_cpu_features().items() if there)
+    try:
+        with Path("/proc/cpuinfo").open(encoding="utf-8") as lines:
+            model = next(line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        model = platform.processor() or platform.machine()
+    return {"platform": platform.platform(), "cpu": {"model": model, "features": features}}
+
+
+def revision(folder: Path) -> dict[str, Any]:
+    """Return ``commit`` and ``dirty`` of the working tree at ``folder``; both are None without a repository.
+
+    Without git this is an OSError.
+    """
+    commit = _git(folder, "rev-parse", "HEAD")
+    status = None if commit is None else _git(folder, "status", "--porcelain")
+    return {"commit": commit, "dirty": None if status is None else bool(status)}
+
+
+def _git(folder: Path, *arguments: str) -> str | None:
+    done = subprocess.run(
+        ["git", "-C", str(folder), *arguments], capture_output=True, text=True, check=False, timeout=20
+    )
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+# --- State of a folder of results at the end of a run: sizes and times of all its files, and the end of its history.
+#
+# A start compares it with the present state, which takes milliseconds, and computes digests only of what differs.
+
+STATE = Path("logs", "state")
+#: Files of the record, which are compared too.
+RECORD = (history.HISTORY, manifest.MANIFEST)
+
+Observed = list[int] | None
+
+
+def save(folder: Path, makeable: Iterable[str]) -> None:
+    """Write the state of ``folder`` after a run; files that are not as their job wrote them count as unknown."""
+    told = manifest.read(folder)
+    unknown = {*told["changed"], *told["unrecorded"]}
+    receipts = (place.relative_to(folder).as_posix() for place, _ in receipts_in(folder))
+    names = sorted({*makeable, *told["files"], *RECORD, *receipts} - unknown)
+    files = {name: _observed(folder, name) for name in names} | {name: [] for name in sorted(unknown)}
+    lines = history.lines_of(folder / history.HISTORY)
+    head = lost_line(folder) or (lines[-1].digest if lines else None)
+    write_text(folder / STATE, json.dumps(sealed({"files": files, "head": head})) + "\n")
+
+
+def lost_line(folder: Path) -> str | None:
+    """Return the digest of the last line of the history at the last :func:`save`, if it is neither there nor recorded.
+
+    The chain of digests in the history shows every other loss.
+    """
+    head = _saved(folder).get("head")
+    lines = history.lines_of(folder / history.HISTORY)
+    known = {digest for line in lines for digest in (line.digest, *line.known)}
+    return head if isinstance(head, str) and head not in known else None
+
+
+def differing(folder: Path) -> set[str] | None:
+    """Return the names of the files that differ from the state of ``folder``; None if that is not known."""
+    files = _saved(folder).get("files")
+    if not isinstance(files, dict):
+        return None
+    return {name for name, before in files.items() if _observed(folder, name) != before or _is_broken(folder, name)}
+
+
+def damaged_files(folder: Path, makeable: Collection[str], different: Collection[str] | None) -> list[str]:
+    """Return the present files that are not as their job wrote them, and those made from them, directly or not, sorted.
+
+    They are files of ``makeable``, which jobs make; among the ``different`` ones alone, if these are known.
+    """
+    names = set(makeable) if different is None else set(makeable).intersection(different)
+    there = [name for name in sorted(names) if os.path.lexists(folder / name)]
+    entries = manifest.entries_of(folder) if there else {}
+    found = {name for name in there if name not in entries or manifest.is_changed(folder / name, entries[name])}
+    inputs = {name: set(entry.get("inputs", ())) for name, entry in entries.items()}
+    while more := {name for name in makeable if found & inputs.get(name, set())} - found:
+        found |= more
+    return sorted(name for name in found if os.path.lexists(folder / name))
+
+
+def _saved(folder: Path) -> dict[str, Any]:
+    """Return the saved state; empty if there is none or it is damaged."""
+    try:
+        return unsealed(read_bytes(folder / STATE)) or {}
+    except OSError:
+        return {}
+
+
+def _observed(folder: Path, name: str) -> Observed:
+    """Return size and time of a file; None if there is none."""
+    try:
+        found = os.stat(f"{folder}/{name}")  # noqa: PTH116 - pathlib takes longer than the system
+    except OSError:
+        return None
+    return [found.st_size, found.st_mtime_ns]
+
+
+def _is_broken(folder: Path, name: str) -> bool:
+    """Return True for a receipt whose seal does not match; a flipped bit leaves size and time as they were."""
+    try:
+        return name.startswith("logs/") and unsealed(read_bytes(folder / name)) is None
+    except OSError:
+        return True
+
+
+# --- Damaged results, set aside while Snakemake plans a run, so that it makes them again.
+#
+# Files that no job has made again by the end of the process return to their places, where ``verify`` names them.
+
+#: Folder of these files, in the folder of results.
+ASIDE = Path("logs", "aside")
+
+
+def restore(folder: Path) -> None:
+    """Move results back to those places that no job has filled, also after an earlier process was killed."""
+    for kept in sorted((folder / ASIDE).rglob("*")):
+        place = folder / kept.relative_to(folder / ASIDE)
+        if not os.path.lexists(place) and not (kept.is_dir() and not kept.is_symlink()):
+            place.parent.mkdir(parents=True, exist_ok=True)
+            kept.rename(place)
+    shutil.rmtree(folder / ASIDE, ignore_errors=True)
+
+
+# --- Lock of a folder of results: one run of the workflow at a time. It ends with its process, also with a killed one.
+
+#: File with the host and the number of the process that holds the lock, or held it last.
+LOCK = Path("logs", "lock")
+UNLOCKED = "nearharmonic: warning: two runs at once are not prevented"
+
+
+def lock(folder: Path) -> None:
+    """Hold the lock of ``folder`` until this process ends.
+
+    In a folder without locks, for example a read-only one, there is a warning and no lock.
+    """
+    place = folder / LOCK
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        file = os.open(place, os.O_RDWR | os.O_CREAT, 0o666)
+        fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # unlike flock, no child process holds it too
+    except (BlockingIOError, PermissionError):
+        if not os.access(place, os.R_OK | os.W_OK):
+            print(f"{UNLOCKED}: {place}: Permission denied", file=sys.stderr)
+            return
+        host, _, number = place.read_text(errors="replace").strip().rpartition(" ")
+        holder = f"process {number} on {host}" if host else "another process"
+        message = f"{folder} is in use: the workflow runs there as {holder}; wait for its end, or stop it"
+        raise RefusedError(message) from None
+    except OSError as error:
+        print(f"{UNLOCKED}: {place}: {error.strerror}", file=sys.stderr)
+    else:
+        os.ftruncate(file, 0)
+        os.pwrite(file, f"{platform.node()} {os.getpid()}\n".encode(), 0)
+
+
+# --- One run of the workflow.
 
 #: What the history tells of a run as soon as it starts, in this order; None if it is not known.
 FIELDS = (
@@ -63,7 +295,7 @@ class WorkflowRun:
         """
         if not os.access(self._folder, os.W_OK):
             return
-        different = state.differing(self._folder)
+        different = differing(self._folder)
         if different == set() and not dead_in(self._folder) and not (self._folder / ASIDE).exists():
             return
         try:
@@ -72,21 +304,19 @@ class WorkflowRun:
             return
         restore(self._folder)
         if not is_dry:
-            self._recover()
+            with self._warning("killed runs are not closed"):
+                history.close_killed(self._folder)
+            with self._warning("temporary files are not removed"):
+                remove_parts(self._folder)
+            with self._warning("damaged receipts are not removed"):
+                self._remove_damaged_receipts()
+            self._complete()
         with self._warning("damaged files are not made again"):
-            damaged = state.files_to_remake(self._folder, self._makeable, different)
-            if damaged:
-                set_aside(self._folder, state.with_results_of(self._folder, self._makeable, damaged))
-
-    def _recover(self) -> None:
-        """Bring the record up to date with what killed runs and changes of files have left."""
-        with self._warning("killed runs are not closed"):
-            history.close_killed(self._folder)
-        with self._warning("temporary files are not removed"):
-            remove_parts(self._folder)
-        with self._warning("damaged receipts are not removed"):
-            self._remove_damaged_receipts()
-        self._complete()
+            atexit.register(restore, self._folder)
+            for name in damaged_files(self._folder, self._makeable, different):
+                kept = self._folder / ASIDE / name
+                kept.parent.mkdir(parents=True, exist_ok=True)
+                (self._folder / name).rename(kept)
 
     def begin(self, command: Sequence[str], targets: Sequence[str], cores: int | None) -> None:
         """Record the start: write a marker, and pass the ids of run and process to the jobs."""
@@ -116,14 +346,13 @@ class WorkflowRun:
         """Write manifest and history at the end of a run, whose ``exit_status`` is that of Snakemake."""
         restore(self._folder)
         ended = datetime.now(UTC)
-        made = names_made_by(self._folder, self.id)
         self._told |= {
             "status": "failed" if exit_status else "ok",
             "exit_status": exit_status,
             "end": _stamp(ended),
             "duration": round((ended - self._began).total_seconds(), 3),
             "cpu_seconds": round(sum(os.times()[:4]), 2),
-            "made": made,
+            "made": names_made_by(self._folder, self.id),
         }
         with self._warning("the evaluations are not recorded"):
             self._told |= self._counts()
@@ -138,11 +367,11 @@ class WorkflowRun:
         if ends:
             with self._warning("the history is not written"):
                 try:
-                    history.append(self._folder, self._told, state.lost_line(self._folder))
+                    history.append(self._folder, self._told, lost_line(self._folder))
                 finally:
                     history.unmark(self._folder, self.id)
         with self._warning("the next start looks at all files"):
-            state.save(self._folder, self._makeable)
+            save(self._folder, self._makeable)
 
     def _remove_damaged_receipts(self) -> None:
         """Remove damaged receipts: the manifest has the entries of their files, or their jobs run again."""

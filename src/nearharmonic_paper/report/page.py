@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import gzip
 import os
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
+from functools import cache
+from hashlib import sha256
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic_paper.claims.claim import OPEN, failures, of_the_paper, sums
-from nearharmonic_paper.report import assets, panels
 from nearharmonic_paper.report.shown import (
     Places,
     ShownFigure,
@@ -22,6 +26,61 @@ from nearharmonic_paper.report.shown import (
     static,
 )
 from nearharmonic_paper.tasks.experiment import Experiment, beside_the_paper
+
+# --- Assets of the page: its template, style and script.
+
+FOLDER = Path(__file__).parent / "template"
+NAMES = ("page.html", "figure.html", "parts.html", "page.css", "page.js", "alive.js")
+
+
+def digest() -> str:
+    """Return the SHA-256 of the parts of the page that the code digest of the package does not cover.
+
+    These are the assets, the version of bokeh, and the declarations of experiments.
+    """
+    told = [version("bokeh").encode(), repr(beside_the_paper()).encode()]
+    return sha256(b"\0".join([*told, *((FOLDER / name).read_bytes() for name in NAMES)])).hexdigest()
+
+
+def packed(text: str) -> str:
+    """Return a text compressed with gzip, in base64: a third of the size of a document of plots."""
+    return b64encode(gzip.compress(text.encode(), mtime=0)).decode()
+
+
+@cache
+def _packed_script() -> str:
+    from nearharmonic_paper.report import plots
+
+    return packed(plots.script())
+
+
+def filled(name: str, values: Mapping[str, Any]) -> str:
+    """Return a template filled with ``values``; text is escaped, style and scripts are inserted unchanged."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+    from markupsafe import Markup
+
+    from nearharmonic.output.table import short
+    from nearharmonic_paper.report import shown as wording
+    from nearharmonic_paper.report.shown import VERDICTS
+
+    environment = Environment(
+        loader=FileSystemLoader(FOLDER),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    inserted = (Markup((FOLDER / asset).read_text(encoding="utf-8")) for asset in ("page.css", "page.js", "alive.js"))
+    style, script, alive = inserted
+    environment.globals |= {
+        "wording": wording, "short": short, "looks": VERDICTS, "style": style, "script": script,
+        "alive_script": alive,
+        "bokeh": _packed_script(),
+    }  # fmt: skip
+    return environment.get_template(name).render(values)
+
+
+# --- Content of the page.
 
 #: Maximum size of the page in bytes.
 LARGEST = 4_000_000
@@ -99,14 +158,14 @@ def page(folder: str | os.PathLike[str], leftovers: Sequence[str] = (), **_: Any
 
 def figure_6_alive() -> str:
     """Return a page with Figure 6 in motion alone, for the methods of the paper's figures."""
-    return assets.filled("alive.html", {"methods": coefficients(BENCHMARKED)})
+    return filled("alive.html", {"methods": coefficients(BENCHMARKED)})
 
 
 def _alone(results: ShownResults, figures: Sequence[ShownFigure]) -> dict[str, str]:
     """Return the page of each interactive figure, by the names of their outputs."""
     live = [one for one in figures if one.panels]
     return {
-        name: assets.filled(
+        name: filled(
             "figure.html", {"results": results, "figure": one, "legend": entries([one]), "document": _packed(one.plots)}
         )
         for name, one in zip(pages_alone(results.figures), live, strict=True)
@@ -115,15 +174,17 @@ def _alone(results: ShownResults, figures: Sequence[ShownFigure]) -> dict[str, s
 
 def _packed(plots: Mapping[str, Any]) -> str:
     """Return the compressed document of plots, "" without plots."""
-    return assets.packed(panels.document(list(plots.values()))) if plots else ""
+    from nearharmonic_paper.report.plots import document
+
+    return packed(document(list(plots.values()))) if plots else ""
 
 
 def _small_enough(values: Mapping[str, Any]) -> str:
     """Return the text of the page; the largest optional pictures are removed until it is small enough."""
     pictures = [figure for section in values["sections"] for figure in section.figures]
     pictures.sort(key=lambda figure: len(figure.picture))
-    text = assets.filled("page.html", values)
+    text = filled("page.html", values)
     while pictures and len(text.encode()) > LARGEST:
         pictures.pop().picture = ""
-        text = assets.filled("page.html", values)
+        text = filled("page.html", values)
     return text

@@ -1,13 +1,24 @@
-"""The interactive figures: those of the paper, drawn by bokeh from what the static ones show too."""
+"""The interactive figures: those of the paper, drawn by bokeh from what the static ones show too.
+
+Every renderer has the name of its method as a tag; the legend of the page uses it to show and hide the method. A page
+holds the plots as a document of bokeh, and the script that shows them.
+"""
 
 from __future__ import annotations
 
+import json
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite, log10, pi
+from pathlib import Path
 from string import ascii_uppercase
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import bokeh as library
 import numpy as np
 from bokeh import models as bokeh
+from bokeh.core.serialization import Serializer
+from bokeh.document import Document
 from bokeh.models import ColumnDataSource as Source
 from bokeh.models import GlyphRenderer as Renderer
 from bokeh.models import Plot
@@ -31,11 +42,259 @@ from nearharmonic_paper.experiments.paper.orbits import (
     advances,
     arcseconds_per_century,
 )
-from nearharmonic_paper.report import panels
-from nearharmonic_paper.report.panels import Panel
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+# --- Panels: axes, zoom, hover, and the lines and markers of the static figures.
+
+#: Width in pixels: a hover finds curves within half of it.
+_REACH = 12
+#: Columns of a curve of more points than a page can hold.
+COLUMNS = 120
+#: Number of markers on a curve, interleaved with those of other methods.
+_MARKS = 14
+#: In pixels.
+_MARKER_SIZE = 7
+#: Column of 1 for points with a marker and 0 for others.
+MARKED = "marked"
+FONT = "system-ui, sans-serif"
+_LOGARITHMIC = "log"
+#: Labels of axes and their ticks.
+_AXIS = {
+    "axis_label_text_font": FONT,
+    "axis_label_text_font_style": "normal",
+    "axis_label_text_font_size": "13px",
+    "axis_label_text_color": "#222222",
+    "major_label_text_font": FONT,
+    "major_label_text_font_size": "12px",
+    "major_label_text_color": "#333333",
+}
+
+
+class Marker(NamedTuple):
+    """A marker of the house style: bokeh's name, rotation in radians, and SVG path within [-1, 1] for the legend."""
+
+    shape: str
+    angle: float
+    outline: str
+
+
+_HEXAGON = "M0-1L.87-.5V.5L0 1-.87 .5V-.5z"
+_CIRCLE = "M-.9 0a.9.9 0 1 0 1.8 0a.9.9 0 1 0-1.8 0z"
+_STAR = "M0-1L.25-.3H.95L.38.14.59.8 0 .4-.59.8-.38.14-.95-.3H-.25z"
+_PLUS = "M-.35-1h.7v.65h.65v.7h-.65v.65h-.7v-.65h-.65v-.7h.65z"
+_CROSS = "M-.95-.45L-.45-.95 0-.5 .45-.95 .95-.45 .5 0 .95 .45 .45 .95 0 .5-.45 .95-.95 .45-.5 0z"
+
+#: Markers by their matplotlib names. Bokeh has no pentagon and no octagon; they become a hexagon, and a circle with a
+#: dot.
+MARKERS = {
+    "o": Marker("circle", 0.0, _CIRCLE),
+    "s": Marker("square", 0.0, "M-.85-.85h1.7v1.7h-1.7z"),
+    "^": Marker("triangle", 0.0, "M0-.95L.95 .8H-.95z"),
+    "v": Marker("inverted_triangle", 0.0, "M0 .95L.95-.8H-.95z"),
+    "<": Marker("triangle", pi / 2, "M-.95 0L.8-.95V.95z"),
+    ">": Marker("triangle", -pi / 2, "M.95 0L-.8-.95V.95z"),
+    "D": Marker("diamond", 0.0, "M0-1L1 0 0 1-1 0z"),
+    "d": Marker("diamond_dot", 0.0, "M0-1L.6 0 0 1-.6 0z"),
+    "p": Marker("hex", 0.0, _HEXAGON),
+    "h": Marker("hex_dot", 0.0, _HEXAGON),
+    "8": Marker("circle_dot", 0.0, _CIRCLE),
+    "*": Marker("star", 0.0, _STAR),
+    "P": Marker("plus", 0.0, _PLUS),
+    "X": Marker("plus", pi / 4, _CROSS),
+}
+
+
+class Panel(NamedTuple):
+    """A panel of a figure: its title, which HTML wraps where it is long, its plot, and a text below the plot."""
+
+    title: str
+    plot: Plot
+    note: str = ""
+
+
+def span(values: Iterable[Any], logarithmic: bool, highest: float = np.inf) -> bokeh.Range1d:
+    """Return a range of an axis, for one or more panels, with all numbers and a margin, up to ``highest`` at most.
+
+    NaN and infinities are ignored, and on a logarithmic axis also zeros and negative numbers.
+    """
+    numbers = np.concatenate([np.ravel(np.asarray(value, dtype=float)) for value in values] or [np.empty(0)])
+    numbers = numbers[np.isfinite(numbers) & ((numbers > 0) | (not logarithmic))]
+    low, high = (numbers.min(), numbers.max()) if numbers.size else (1e-16, 1.0)
+    if logarithmic:
+        margin = max(0.03 * np.log10(high / low), 0.05)
+        low, high = low / 10**margin, high * 10**margin
+    else:
+        margin = 0.03 * (high - low) or 0.5
+        low, high = low - margin, high + margin
+    return exactly(float(low), float(min(high, highest)), logarithmic)
+
+
+def exactly(low: float, high: float, logarithmic: bool = False) -> bokeh.Range1d:
+    """Return a range of an axis from ``low`` to ``high``."""
+    return bokeh.Range1d(start=low, end=high, tags=[_LOGARITHMIC] if logarithmic else [])
+
+
+def new_plot(ranges: tuple[bokeh.Range1d, bokeh.Range1d], labels: tuple[str, str], height: int = 460) -> Plot:
+    """Return an empty plot with these ranges (linear or logarithmic) and labels of x and y."""
+    tools = [bokeh.BoxZoomTool(), bokeh.PanTool(), bokeh.WheelZoomTool(), bokeh.SaveTool(), bokeh.ResetTool()]
+    axes = [_axis(one, label) for one, label in zip(ranges, labels, strict=True)]
+    scales = [bokeh.LogScale() if _LOGARITHMIC in one.tags else bokeh.LinearScale() for one in ranges]
+    return Plot(
+        title=None,
+        x_range=ranges[0],
+        y_range=ranges[1],
+        x_scale=scales[0],
+        y_scale=scales[1],
+        height=height,
+        sizing_mode="stretch_width",
+        output_backend="canvas",
+        toolbar=bokeh.Toolbar(logo=None, tools=tools, active_drag=tools[0], active_scroll=None),
+        min_border=4,
+        min_border_right=14,
+        outline_line_color="#444444",
+        below=[axes[0]],
+        left=[axes[1]],
+        center=[bokeh.Grid(axis=axis, dimension=i, grid_line_color="#e3e3e3") for i, axis in enumerate(axes)],
+    )
+
+
+def _axis(one: bokeh.Range1d, label: str) -> bokeh.LinearAxis | bokeh.LogAxis:
+    if _LOGARITHMIC in one.tags:
+        ticks = {"ticker": bokeh.LogTicker(mantissas=[1, 5]), "formatter": bokeh.LogTickFormatter()}
+        return bokeh.LogAxis(axis_label=label, major_label_policy=bokeh.NoOverlap(), **ticks, **_AXIS)
+    return bokeh.LinearAxis(axis_label=label, ticker=bokeh.BasicTicker(mantissas=[1, 2, 5]), **_AXIS)
+
+
+def use_categories(plot: Plot, labels: Sequence[str]) -> None:
+    """Replace the y axis of ``plot`` by one of categories, from top to bottom."""
+    plot.y_range, plot.y_scale = bokeh.FactorRange(factors=list(reversed(labels))), bokeh.CategoricalScale()
+    plot.left = [bokeh.CategoricalAxis(**_AXIS)]
+    plot.center[1].axis = plot.left[0]
+
+
+def source_of(**columns: Any) -> Source:
+    """Return a source of columns of equal length; numbers are exact doubles, or small integers."""
+    arrays = {name: np.asarray(values) for name, values in columns.items()}
+    kept = {name: array if array.dtype.kind in "UO" or array.dtype == np.uint8 else array.astype(np.float64)
+            for name, array in arrays.items()}  # fmt: skip
+    return Source(data=kept)
+
+
+def drawable(values: Any) -> np.ndarray:
+    """Return ``values`` with NaN for values that a logarithmic axis cannot show."""
+    numbers = np.array(values, dtype=float)
+    numbers[~(np.isfinite(numbers) & (numbers > 0))] = np.nan
+    return numbers
+
+
+def marked(columns: Mapping[str, Any], at: tuple[str, str], turn: tuple[int, int]) -> dict[str, Any]:
+    """Return ``columns`` with a mask of the points ``at`` (x and y) with a marker: one of every few points.
+
+    ``turn`` is the index of the method and the number of methods.
+    """
+    there = np.flatnonzero(np.isfinite(columns[at[0]]) & np.isfinite(columns[at[1]]))
+    step = max(1, there.size // _MARKS)
+    chosen = np.zeros(len(columns[at[0]]), dtype=np.uint8)
+    chosen[there[turn[0] * step // max(1, turn[1]) :: step]] = 1
+    return {**columns, MARKED: chosen}
+
+
+def add(plot: Plot, source: Source, glyph: bokeh.Glyph, method: str = "", name: str = "") -> Renderer:
+    """Draw a glyph; return the renderer, with ``method`` as its tag and ``name`` as its name in a hover."""
+    tags = [method] if method else []
+    return plot.add_glyph(source, glyph, tags=tags, name=name or None)
+
+
+def add_line(plot: Plot, source: Source, at: tuple[str, str], method: str, **changes: Any) -> Renderer:
+    """Draw a line along the columns ``at``, x and y, in the colour of ``method``."""
+    look = {"line_color": style_of(method).colour, "line_width": 1.4} | changes
+    return add(plot, source, bokeh.Line(x=at[0], y=at[1], **look), method)
+
+
+def add_markers(
+    plot: Plot, source: Source, at: tuple[str, str], method: str, name: str = "", **changes: Any
+) -> Renderer:
+    """Draw the marker of ``method`` at the columns ``at``, x and y; only at marked points if the source has a mask."""
+    style = style_of(method)
+    marker = MARKERS[style.marker]
+    seen = {f"{part}_alpha": MARKED for part in ("line", "fill") if MARKED in source.data}
+    look = {
+        "marker": marker.shape,
+        "angle": marker.angle,
+        "size": _MARKER_SIZE,
+        "line_color": style.colour,
+        "line_width": 1.3,
+        "fill_color": style.colour if style.filled else "#ffffff",
+    }
+    return add(plot, source, bokeh.Scatter(x=at[0], y=at[1], **(look | seen | changes)), method, name)
+
+
+def add_level(plot: Plot, level: float, text: str) -> None:
+    """Add a horizontal line with its name at the right end."""
+    plot.add_layout(bokeh.Span(location=level, dimension="width", line_color="#404040", line_dash=[6, 3]))
+    at = {"x": plot.x_range.end, "y": level, "x_offset": -8, "y_offset": 4}
+    look = {"text_align": "right", "text_font_size": "12px", "text_color": "#404040", "text_font": FONT}
+    plot.add_layout(bokeh.Label(text=text, background_fill_color="#ffffff", **at, **look))
+
+
+def add_hits(plot: Plot, source: Source, at: tuple[str, str], method: str, name: str) -> list[Renderer]:
+    """Draw invisible glyphs at the points ``at``, x and y, for a hover; return the renderers.
+
+    A broad invisible line gives the nearest point, while markers would give the first point within reach. Isolated
+    points between gaps get invisible markers.
+    """
+    columns = source.data
+    x, y = (np.asarray(columns[one], dtype=float) for one in at)
+    there = np.pad(np.isfinite(x) & np.isfinite(y), 1)
+    alone = there[1:-1] & ~there[:-2] & ~there[2:]
+    unseen = {"line_alpha": 0.0, "line_width": _REACH}
+    line = bokeh.Line(x=at[0], y=at[1], **unseen)
+    found = [add(plot, source, line, method, name)]
+    if alone.any():
+        points = source_of(**{one: np.asarray(values)[alone] for one, values in columns.items() if one != MARKED})
+        found.append(add_markers(plot, points, at, method, name, line_alpha=0.0, fill_alpha=0.0))
+    return found
+
+
+def add_hover(plot: Plot, renderers: Sequence[Renderer], rows: Sequence[tuple[str, str]]) -> None:
+    """Show ``rows`` of (text, field) at points of ``renderers``; fields have bokeh's notation, with printf formats."""
+    formatters = {f"@{name}": "printf" for _, field in rows for name in re.findall(r"@(\w+)\{%", field)}
+    plot.add_tools(
+        bokeh.HoverTool(
+            renderers=list(renderers),
+            tooltips=[list(row) for row in rows],
+            formatters=formatters,
+            sort_by=None,
+            limit=1,
+            line_policy="nearest",
+            point_policy="snap_to_data",
+            attachment="horizontal",
+        )
+    )
+
+
+def script() -> str:
+    """Return the installed script of bokeh: the core without extensions."""
+    return Path(library.__file__).parent.joinpath("server/static/js/bokeh.min.js").read_text(encoding="utf-8")
+
+
+def document(roots: Sequence[Plot]) -> str:
+    """Return a document with the plots ``roots`` as JSON.
+
+    Models are numbered in the order of writing, so that equal plots give equal texts.
+    """
+    # Document.add_root searches all plots again at each call, which would double the total time.
+    told = Document(title="nearharmonic").to_json(deferred=False)
+    told["roots"] = Serializer(deferred=False).serialize(list(roots)).content
+    text = json.dumps(told, separators=(",", ":"), allow_nan=False)
+    ids: dict[str, str] = {}
+    return re.sub(r'"id":"(\w+)"', lambda found: f'"id":"{ids.setdefault(found[1], f"m{len(ids)}")}"', text)
+
+
+# --- Figures of the paper.
 
 #: Height of the crosses of diverged runs, relative to the upper end of the axis.
 _EDGE = 0.8
@@ -75,36 +334,36 @@ def energy_error(cube: xr.Dataset) -> list[Panel]:
     floors = {name: floor for name in PANELS if (floor := floor_near([cube], name))}
     errors = [*(cube[name].values for name in PANELS), [*floors.values()]]
     ranges = (
-        panels.span([cube["tau_per_stage"].values], logarithmic=True),
-        panels.span(errors, logarithmic=True, highest=LARGEST_ERROR),
+        span([cube["tau_per_stage"].values], logarithmic=True),
+        span(errors, logarithmic=True, highest=LARGEST_ERROR),
     )
     curves = []
-    for line in lines(cube, columns=panels.COLUMNS):
-        source = panels.source_of(**panels.marked(_columns(line.runs), ("x", "max_energy_error"), line.turn))
+    for line in lines(cube, columns=COLUMNS):
+        source = source_of(**marked(_columns(line.runs), ("x", "max_energy_error"), line.turn))
         curves.append((line, source, _lost(line.runs, ranges[1].end * _EDGE)))
     symbols = energy_error_label(cube["max_energy_error"].attrs, "|ΔH|", "|ΔH/H₀|")
     found = []
     for letter, (name, statistic) in zip(ascii_uppercase, PANELS.items(), strict=False):
         label = f"{'max' if statistic == 'maximum' else statistic} {symbols}"
-        plot = panels.new_plot(ranges, ("step size per stage, τ/s" + _unit(unit, " ({})"), label))
+        plot = new_plot(ranges, ("step size per stage, τ/s" + _unit(unit, " ({})"), label))
         _add_slopes(plot)
         if name in floors:
-            panels.add_level(plot, floors[name], floor_name(floors[name]))
+            add_level(plot, floors[name], floor_name(floors[name]))
         hits: list[Renderer] = []
         crosses: list[Renderer] = []
         for line, source, lost in curves:
             says = line.label + (", extended precision" if line.extended else "")
             look = {"line_dash": [5, 3], "line_width": 1.1} if line.extended else {}
-            panels.add_line(plot, source, ("x", name), line.integrator, **look)
+            add_line(plot, source, ("x", name), line.integrator, **look)
             if not line.extended:
-                panels.add_markers(plot, source, ("x", name), line.integrator)
-            hits += panels.add_hits(plot, source, ("x", name), line.integrator, says)
+                add_markers(plot, source, ("x", name), line.integrator)
+            hits += add_hits(plot, source, ("x", name), line.integrator, says)
             if lost is not None:
                 cross = {"marker": "x", "angle": 0.0}
-                crosses.append(panels.add_markers(plot, lost, ("x", "edge"), line.integrator, says, **cross))
+                crosses.append(add_markers(plot, lost, ("x", "edge"), line.integrator, says, **cross))
         for renderers, field in ((hits, f"@{name}{{%.4e}}"), (crosses, "∞")):
             rows = [("method", "$name"), ("τ/s", f"@x{{%.6g}}{_unit(unit)}"), (label, field)]
-            panels.add_hover(plot, renderers, [*rows, ("evaluations", "@evaluations{0,0}"), ("status", "@status")])
+            add_hover(plot, renderers, [*rows, ("evaluations", "@evaluations{0,0}"), ("status", "@status")])
         found.append(Panel(f"{letter}. {statistic.capitalize()} over all steps", plot))
     return found
 
@@ -115,7 +374,7 @@ def _unit(unit: str, form: str = " {}") -> str:
 
 def _columns(runs: xr.Dataset) -> dict[str, Any]:
     """Return the runs of one method from the first to the last with a drawable error."""
-    columns = {name: panels.drawable(runs[name].values) for name in PANELS}
+    columns = {name: drawable(runs[name].values) for name in PANELS}
     there = np.flatnonzero(np.any([np.isfinite(values) for values in columns.values()], axis=0))
     kept = slice(there[0], there[-1] + 1) if there.size else slice(0)
     columns |= {"x": runs["tau_per_stage"].values, "evaluations": runs["evaluations"].values}
@@ -128,10 +387,10 @@ def _lost(runs: xr.Dataset, edge: float) -> Source | None:
     gone = np.flatnonzero(runs["status"].values == "diverged")
     if not gone.size:
         return None
-    return panels.source_of(
+    return source_of(
         x=runs["tau_per_stage"].values[gone],
         edge=np.full(gone.size, edge),
-        **{panels.MARKED: (np.arange(gone.size) == 0).astype(np.uint8)},
+        **{MARKED: (np.arange(gone.size) == 0).astype(np.uint8)},
         evaluations=runs["evaluations"].values[gone],
         status=[f"diverged at step {step}" for step in runs["diverged_at"].values[gone]],
     )
@@ -142,8 +401,8 @@ def _add_slopes(plot: Plot) -> None:
     x, y = plot.x_range.end / 6, plot.y_range.start * 30
     ends = [(4 * x, y * 4.0**order) for order in (4, 6)]
     guides = Source(data={"x": [np.array([x, a]) for a, _ in ends], "y": [np.array([y, b]) for _, b in ends]})
-    panels.add(plot, guides, bokeh.MultiLine(xs="x", ys="y", line_color="#8a8a8a", line_width=1.0))
-    words = {"text_color": "#595959", "text_font": panels.FONT, "text_font_size": "11px"}
+    add(plot, guides, bokeh.MultiLine(xs="x", ys="y", line_color="#8a8a8a", line_width=1.0))
+    words = {"text_color": "#595959", "text_font": FONT, "text_font_size": "11px"}
     # Above the steeper line and below the other one: a narrow window has no room on the right of their ends.
     plot.add_layout(bokeh.Label(text="order 6", x=4 * x, y=y * 4.0**6, x_offset=-6, text_align="right", **words))
     plot.add_layout(bokeh.Label(text="order 4", x=4 * x, y=y, text_align="right", text_baseline="top", **words))
@@ -157,11 +416,11 @@ def decomposition(terms: xr.Dataset) -> list[Panel]:
     """
     order, kappa = terms["order"].values, np.array(terms["kappa"].values, dtype=float)
     labels = [str(label) for label in terms["label"].values]
-    along = panels.span([order], logarithmic=False)
-    remain = panels.span([kappa[kappa >= SATISFIED_BELOW]], logarithmic=True)
-    upper = panels.new_plot((along, remain), ("order, λ", "κ"))
-    lower = panels.new_plot((along, panels.span([[0, 1]], logarithmic=False)), ("order, λ", ""))
-    panels.use_categories(lower, labels)
+    along = span([order], logarithmic=False)
+    remain = span([kappa[kappa >= SATISFIED_BELOW]], logarithmic=True)
+    upper = new_plot((along, remain), ("order, λ", "κ"))
+    lower = new_plot((along, span([[0, 1]], logarithmic=False)), ("order, λ", ""))
+    use_categories(lower, labels)
     for plot in (upper, lower):
         plot.below[0].ticker = bokeh.SingleIntervalTicker(interval=2, num_minor_ticks=2)
     dots: list[Renderer] = []
@@ -171,17 +430,17 @@ def decomposition(terms: xr.Dataset) -> list[Panel]:
         for first, composition in _COMPOSITIONS.items():
             values = one[terms["first"].values.tolist().index(first)]
             gone, name = values < SATISFIED_BELOW, f"{label} as {composition}"
-            remaining = panels.source_of(order=order, shown=np.where(values >= SATISFIED_BELOW, values, np.nan))
-            vanishing = panels.source_of(order=order[gone], row=np.full(gone.sum(), label), shown=values[gone])
+            remaining = source_of(order=order, shown=np.where(values >= SATISFIED_BELOW, values, np.nan))
+            vanishing = source_of(order=order[gone], row=np.full(gone.sum(), label), shown=values[gone])
             if composition == "ABA":
                 dots.append(_circle(upper, remaining, "shown", method, name))
                 bars.append(_circle(lower, vanishing, "row", method, name))
             else:
-                panels.add_line(upper, remaining, ("order", "shown"), method)
-                dots.append(panels.add_markers(upper, remaining, ("order", "shown"), method, name, **unseen))
-                bars.append(panels.add_markers(lower, vanishing, ("order", "row"), method, name, **bar))
+                add_line(upper, remaining, ("order", "shown"), method)
+                dots.append(add_markers(upper, remaining, ("order", "shown"), method, name, **unseen))
+                bars.append(add_markers(lower, vanishing, ("order", "row"), method, name, **bar))
     for plot, renderers in ((upper, dots), (lower, bars)):
-        panels.add_hover(plot, renderers, [("method", "$name"), ("order λ", "@order"), ("|κ|", "@shown{%.4e}")])
+        add_hover(plot, renderers, [("method", "$name"), ("order λ", "@order"), ("|κ|", "@shown{%.4e}")])
     limit = power_of_ten(round(log10(SATISFIED_BELOW)))
     return [
         Panel("A. Error terms that remain: line BAB, circles ABA", upper),
@@ -191,9 +450,9 @@ def decomposition(terms: xr.Dataset) -> list[Panel]:
 
 def _circle(plot: Plot, source: Source, y: str, method: str, name: str) -> Renderer:
     """Draw circles around the marker of the method, which identifies it without colour."""
-    panels.add_markers(plot, source, ("order", y), method, size=5, line_width=1)
+    add_markers(plot, source, ("order", y), method, size=5, line_width=1)
     circle = {"marker": "circle", "angle": 0.0, "size": 12, "fill_alpha": 0.0, "line_width": 1.1}
-    return panels.add_markers(plot, source, ("order", y), method, name, **circle)
+    return add_markers(plot, source, ("order", y), method, name, **circle)
 
 
 def perihelion(cube: xr.Dataset) -> list[Panel]:
@@ -205,14 +464,14 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
     runs, x, y = double_runs(cube), "per_orbit", "advance"
     told = abs(runs["perihelion_advance"].values)[np.isfinite(runs["perihelion_advance_interval"].values)]
     ranges = (
-        panels.span([runs["evaluations_per_orbit"].values], logarithmic=True),
-        panels.span([told], logarithmic=True),
+        span([runs["evaluations_per_orbit"].values], logarithmic=True),
+        span([told], logarithmic=True),
     )
-    plot = panels.new_plot(ranges, ("force evaluations per orbit", "|perihelion advance| (rad per orbit)"), height=460)
+    plot = new_plot(ranges, ("force evaluations per orbit", "|perihelion advance| (rad per orbit)"), height=460)
     relativity = f"general relativity: {MERCURY_RELATIVISTIC_ADVANCE}″ per century"
-    panels.add_level(plot, MERCURY_RELATIVISTIC_ADVANCE / century, relativity)
+    add_level(plot, MERCURY_RELATIVISTIC_ADVANCE / century, relativity)
     dots: list[Renderer] = []
-    for line, evaluations, size, interval, known, unknown in advances(cube, panels.COLUMNS // 2):
+    for line, evaluations, size, interval, known, unknown in advances(cube, COLUMNS // 2):
         runs, method = line.runs, line.integrator
         columns: dict[str, Any] = {
             x: evaluations,
@@ -223,16 +482,16 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
             "evaluations": runs["evaluations"].values if "evaluations" in runs else np.full(size.size, np.nan),
             "status": runs["status"].values.astype(str) if "status" in runs else np.full(size.size, "ok"),
         }
-        source = panels.source_of(**panels.marked(columns | {y: np.where(known, size, np.nan)}, (x, y), line.turn))
-        panels.add_line(plot, source, (x, y), method, line_width=1.0)
+        source = source_of(**marked(columns | {y: np.where(known, size, np.nan)}, (x, y), line.turn))
+        add_line(plot, source, (x, y), method, line_width=1.0)
         bars = {x: evaluations[known], "low": (size - interval)[known], "high": (size + interval)[known]}
         ends = bokeh.Segment(x0=x, x1=x, y0="low", y1="high", line_color=style_of(method).colour)
-        panels.add(plot, panels.source_of(**bars), ends, method)
-        panels.add_markers(plot, source, (x, y), method)
-        zero = panels.source_of(**{name: values[unknown] for name, values in columns.items()})
+        add(plot, source_of(**bars), ends, method)
+        add_markers(plot, source, (x, y), method)
+        zero = source_of(**{name: values[unknown] for name, values in columns.items()})
         cross = {"marker": "x", "angle": 0.0, "size": 5, "line_alpha": 0.5}
-        crosses = panels.add_markers(plot, zero, (x, y), method, line.label, **cross)
-        dots += [*panels.add_hits(plot, source, (x, y), method, line.label), crosses]
+        crosses = add_markers(plot, zero, (x, y), method, line.label, **cross)
+        dots += [*add_hits(plot, source, (x, y), method, line.label), crosses]
     rows = [
         ("method", "$name"),
         ("evaluations per orbit", f"@{x}{{%.5g}}"),
@@ -242,7 +501,7 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
         ("evaluations", "@evaluations{0,0}"),
         ("status", "@status"),
     ]
-    panels.add_hover(plot, dots, rows)
+    add_hover(plot, dots, rows)
     return [Panel("", plot)]
 
 
@@ -258,10 +517,10 @@ def phase_space(paths: dict[str, xr.Dataset]) -> list[Panel]:
         system = path.attrs["system"]
         if system not in ranges:
             edges = [path[name].values[[0, -1]].tolist() for name in ("q_grid", "p_grid")]
-            ranges[system] = (panels.exactly(*edges[0]), panels.exactly(*edges[1]))
+            ranges[system] = (exactly(*edges[0]), exactly(*edges[1]))
             around[system] = _hamiltonian(path)
         title = f"{letter}. {path.attrs['label']}, {path.attrs['system_label']}"
-        plot = panels.new_plot(ranges[system], ("q", "p"), height=400)
+        plot = new_plot(ranges[system], ("q", "p"), height=400)
         _add_hamiltonian(plot, around[system])
         _add_path(plot, path)
         drawn.append(Panel(title, plot, _energy_statement(path)))
@@ -289,8 +548,8 @@ def _lines(path: xr.Dataset, levels: Any) -> Any:
 def _add_hamiltonian(plot: Plot, around: tuple[Source, Source]) -> None:
     bands, edges = around
     mapper = bokeh.LinearColorMapper(palette=list(_SHADES), low=-0.5, high=len(_SHADES) - 0.5)
-    panels.add(plot, bands, bokeh.Image(image="bands", color_mapper=mapper, x="x", y="y", dw="dw", dh="dh"))
-    panels.add(plot, edges, _contours("#8795a5", line_width=0.6))
+    add(plot, bands, bokeh.Image(image="bands", color_mapper=mapper, x="x", y="y", dw="dw", dh="dh"))
+    add(plot, edges, _contours("#8795a5", line_width=0.6))
 
 
 def _contours(colour: str, **look: Any) -> bokeh.MultiLine:
@@ -301,27 +560,27 @@ def _add_path(plot: Plot, path: xr.Dataset) -> None:
     """Draw the path, its dots and ends, and the energy surface through its start, tagged with the method."""
     method, label = path.attrs["integrator"], path.attrs["label"]
     surface = _lines(path, path["H"].values[:1, 0])
-    panels.add(plot, surface, _contours("#1f2d3d", line_width=1.3, line_dash=[5, 3]), method)
+    add(plot, surface, _contours("#1f2d3d", line_width=1.3, line_dash=[5, 3]), method)
     q, p, error = (path[name].values for name in ("q", "p", "energy_error"))
     legs = [_legs(*one, drift_first=path.attrs["first"] == "drift") for one in zip(q, p, strict=True)]
     lines = Source(data={"q": [leg[0] for leg in legs], "p": [leg[1] for leg in legs]})
-    panels.add(plot, lines, _contours("#4d5661", line_width=1.0), method)
+    add(plot, lines, _contours("#4d5661", line_width=1.0), method)
     for end, at in (("initial", 0), ("final", -1)):
-        place = panels.source_of(q=q[:, at], p=p[:, at])
-        panels.add_markers(plot, place, ("q", "p"), method, **({"angle": 0.0} | _ENDS[end]))
+        place = source_of(q=q[:, at], p=p[:, at])
+        add_markers(plot, place, ("q", "p"), method, **({"angle": 0.0} | _ENDS[end]))
     signs = np.column_stack([path["next_drift_sign"].values, path["next_kick_sign"].values]) < 0
     hit = []
     for kind, (says, layers) in _DOTS.items():
         chosen = np.flatnonzero((path["kind"].values == "substep") & np.all(signs == kind, axis=1))
-        dots = panels.source_of(**{
+        dots = source_of(**{
             name: values[:, chosen].ravel() for name, values in (("q", q), ("p", p), ("error", abs(error)))
         })  # fmt: skip
         for layer in layers:
             look = {"marker": "circle", "angle": 0.0, "line_color": None, "line_width": 1.2} | layer
-            renderer = panels.add_markers(plot, dots, ("q", "p"), method, f"{label}: {says}", **look)
+            renderer = add_markers(plot, dots, ("q", "p"), method, f"{label}: {says}", **look)
         hit.append(renderer)
     rows = [("method", "$name"), ("q, p", "@q{%.4f}, @p{%.4f}"), ("|ΔH/H₀|", "@error{%.2e}")]
-    panels.add_hover(plot, hit, rows)
+    add_hover(plot, hit, rows)
 
 
 def _legs(q: Any, p: Any, *, drift_first: bool) -> tuple[Any, Any]:

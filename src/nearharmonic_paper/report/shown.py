@@ -6,7 +6,7 @@ import json
 import re
 from base64 import b64encode
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatch
 from functools import cache, cached_property
@@ -26,20 +26,24 @@ from nearharmonic_paper.experiments.paper.orbits import paper_panels
 from nearharmonic_paper.experiments.paper.run import PAPER as SYSTEMS_OF_THE_PAPER
 from nearharmonic_paper.experiments.paper.run import Totals, totals_in
 from nearharmonic_paper.record.manifest import Texts
-from nearharmonic_paper.report.panels import MARKERS, Panel
-from nearharmonic_paper.report.plots import decomposition, energy_error, perihelion, phase_space
 from nearharmonic_paper.tasks.experiment import Figure, figures_of
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from nearharmonic_paper.report.plots import Panel
 
 
 # --- Declared figures on the page: their order, ids and pages of their own; read while the workflow is parsed.
 
 #: Experiment of the figures that may have interactive panels.
 PAPER = "paper"
-#: Interactive figures of other quantities than energy errors.
-OTHERS = ("fig2_decomposition", "fig4_perihelion", "fig6_substeps")
+#: Interactive figures of other quantities than energy errors, by their file names: drawing function and hint.
+OTHERS = {
+    "fig2_decomposition": ("decomposition", ""),
+    "fig4_perihelion": ("perihelion", "The interactive figure has arcseconds per century at each point."),
+    "fig6_substeps": ("phase_space", ""),
+}
 
 
 def number_of(figure: Figure) -> int | None:
@@ -61,14 +65,10 @@ def in_order(figures: Iterable[Figure]) -> list[Figure]:
     return sorted(distinct, key=lambda one: (number_of(one) or (0 if one.profile else inf), one.stem))
 
 
-def is_interactive(figure: Figure) -> bool:
-    """Return True if a figure has interactive panels."""
-    return figure.experiment == PAPER and (figure.profile or figure.stem in OTHERS)
-
-
 def pages_alone(figures: Iterable[Figure]) -> dict[str, str]:
     """Return the files of the pages that hold one interactive figure each, by the names of their outputs."""
-    anchors = [anchor_of(one) for one in in_order(figures) if is_interactive(one)]
+    drawn = (one for one in in_order(figures) if one.experiment == PAPER and (one.profile or one.stem in OTHERS))
+    anchors = map(anchor_of, drawn)
     return {anchor.replace("-", "_").replace(".", "_"): f"{anchor}.html" for anchor in anchors}
 
 
@@ -389,6 +389,8 @@ class ShownFigure:
 
 def interactive(results: ShownResults) -> Iterator[ShownFigure]:
     """Yield the existing figures of the paper, and the existing energy-error figures of other systems."""
+    from nearharmonic_paper.report import plots
+
     cubes = cache(lambda name: read(results.cube(name)))
     for one in results.figures:
         if one.experiment == PAPER:
@@ -398,11 +400,11 @@ def interactive(results: ShownResults) -> Iterator[ShownFigure]:
             if one.profile and data is not None:
                 title = f"Energy error against step size: {data.attrs['system_label']}"
                 caption = _caption(caption, data)
-                more = {"panels": energy_error(data), "hint": _HINT}
-            elif one.stem in _DRAWN:
-                draw, hint = _DRAWN[one.stem]
+                more = {"panels": plots.energy_error(data), "hint": _HINT}
+            elif one.stem in OTHERS:
+                draw, hint = OTHERS[one.stem]
                 data = paper_panels() if data is None else data
-                more = {"panels": draw(data), "hint": hint}
+                more = {"panels": getattr(plots, draw)(data), "hint": hint}
             if more:
                 more["methods"] = _methods(data)
             title = f"Figure {number}. {title}" if number else title
@@ -440,14 +442,6 @@ def _caption(caption: str, cube: xr.Dataset) -> str:
     return f"{caption} The energy at the start is H₀ = {H0}." if (H0 := energy_of(cube.attrs)) else caption
 
 
-#: Interactive figures of other quantities than energy errors, by their file names: drawing function and hint.
-_DRAWN: dict[str, tuple[Callable[[Any], list[Panel]], str]] = {
-    "fig2_decomposition": (decomposition, ""),
-    "fig4_perihelion": (perihelion, "The interactive figure has arcseconds per century at each point."),
-    "fig6_substeps": (phase_space, ""),
-}
-
-
 def _methods(cube: Any) -> dict[str, str]:
     if isinstance(cube, dict):  # paths of substeps
         return {path.attrs["integrator"]: path.attrs["label"] for path in cube.values()}
@@ -477,6 +471,8 @@ class Entry(NamedTuple):
 
 def entries(figures: Iterable[ShownFigure]) -> list[Entry]:
     """Return an entry for each method that a figure draws, in the order of the figure with the most methods."""
+    from nearharmonic_paper.report.plots import MARKERS
+
     drawn = sorted(figures, key=lambda figure: -len(figure.methods))
     methods = {method: label for figure in reversed(drawn) for method, label in figure.methods.items()}
     ordered = dict.fromkeys(method for figure in drawn for method in figure.methods)

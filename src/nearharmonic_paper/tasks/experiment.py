@@ -15,7 +15,7 @@ from importlib import import_module
 from itertools import product
 from typing import Any
 
-from nearharmonic_paper.tasks.sources import ROOT
+from nearharmonic_paper.tasks.provenance import ROOT
 
 # --- Figures that the workflow draws of cubes, as experiments declare them.
 
@@ -156,11 +156,6 @@ class Experiment:
         ):  # fmt: skip
             object.__setattr__(self, member, getattr(self, member) or getattr(self, default))
 
-    @property
-    def room(self) -> str:
-        """Dotted name of its folder."""
-        return next(folder for folder in folders() if folder.endswith(f".{self.name}"))
-
     def files(self, **values: Iterable[str]) -> list[str]:
         """Return the names of the files of its target, relative to the folder of results."""
         return [name for file in self._unfilled() for name in _filled(file, values)]
@@ -229,17 +224,14 @@ def folders() -> tuple[str, ...]:
 @cache
 def experiments() -> dict[str, Experiment]:
     """Return all experiments by name, in the order of their positions."""
-    found = [_declared_in(folder) for folder in folders()]
+    found: list[Experiment] = []
+    for folder in folders():
+        declared = import_module(f"{folder}.experiment")
+        found.append(declared.EXPERIMENT)
+        if found[-1].name != folder.rpartition(".")[2]:
+            message = f"{declared.__file__} declares the experiment {found[-1].name!r}"
+            raise LookupError(message)
     return {one.name: one for one in sorted(found, key=lambda one: (one.place, one.name))}
-
-
-def _declared_in(folder: str) -> Experiment:
-    module: Any = import_module(f"{folder}.experiment")
-    declared: Experiment = module.EXPERIMENT
-    if declared.name != folder.rpartition(".")[2]:
-        message = f"{module.__file__} declares the experiment {declared.name!r}"
-        raise LookupError(message)
-    return declared
 
 
 def beside_the_paper() -> list[Experiment]:

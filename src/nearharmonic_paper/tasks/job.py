@@ -1,14 +1,21 @@
-"""A job of the workflow: calls the package function of a rule, writes its results, and logs its messages."""
+"""A job of the workflow, here or on another computer: calls the package function of a rule, and writes its results."""
 
 from __future__ import annotations
 
 import gc
 import os
+import pickle
 import platform
+import re
+import shlex
 import sys
+import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stderr, redirect_stdout, suppress
+from dataclasses import dataclass
+from hashlib import sha256
+from importlib import import_module
 from inspect import signature
 from io import BufferedWriter, FileIO, TextIOWrapper
 from pathlib import Path
@@ -20,19 +27,23 @@ from typing import Any
 
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators
-from nearharmonic.output.atomic import write_bytes, write_text
+from nearharmonic.output.atomic import read_bytes, write_bytes, write_text
 from nearharmonic.output.store import Contents
-from nearharmonic.output.table import Table, save_document
-from nearharmonic.output.table import save as save_table
+from nearharmonic.output.table import Table, save, save_document
 from nearharmonic.systems import systems
-from nearharmonic_paper.tasks.provenance import defined, digests, files_in, function_of, named_in, provenance
-from nearharmonic_paper.tasks.receipts import WHOLE, Receipt, folder_of
-from nearharmonic_paper.tasks.remote import Files
+from nearharmonic_paper.tasks.provenance import (
+    WHOLE,
+    Receipt,
+    defined,
+    digests,
+    files_in,
+    folder_of,
+    function_of,
+    named_in,
+    provenance,
+)
 
-Places = Sequence[str]
-
-#: Environment variable with the host and the number of the process of Snakemake: a job ends with it.
-LEADER = "NEARHARMONIC_LEADER"
+# --- Jobs of rules: their functions are called, and what these return is written.
 
 
 def run(snakemake: Any) -> None:
@@ -42,18 +53,18 @@ def run(snakemake: Any) -> None:
     optional parameter ``threads`` is the number of threads of the job; ``earlier`` is made by the class in
     ``params.earlier``. It returns a mapping with a result for each named output, of the types of :func:`write`.
     """
-    with logged(snakemake.log[0]), rarely_collected():
+    with _logged_job(snakemake.log[0]):
         task = snakemake.params.task
         function, origin = function_of(task), provenance(task)
-        offered: dict[str, Callable[[], Any]] = {
-            "threads": lambda: snakemake.threads,
-            "earlier": lambda: _earlier(snakemake, origin),
-        }
-        extra = {name: value() for name, value in offered.items() if name in signature(function).parameters}
-        inputs = {name: _plain(value) for name, value in snakemake.input.items()}
+        inputs = {name: _paths(value) for name, value in snakemake.input.items()}
+        if "threads" in signature(function).parameters:
+            inputs["threads"] = snakemake.threads
+        if "earlier" in signature(function).parameters:
+            search = function_of({"function": snakemake.params.earlier})
+            inputs["earlier"] = search(folder_of(snakemake.log[0]), snakemake.output[0], origin)
         receipt = Receipt(snakemake.log[0], map(str, snakemake.input))
         with covered(task):
-            results = function(**task["settings"], **inputs, **extra)
+            results = function(**task["settings"], **inputs)
             for name, made in snakemake.output.items():
                 places = [made] if isinstance(made, str) else list(made)
                 write(results[name], places, origin, transparent=_is_transparent(snakemake))
@@ -69,7 +80,7 @@ def draw(snakemake: Any) -> None:
     """
     from nearharmonic.output.store import read
 
-    with logged(snakemake.log[0]), rarely_collected():
+    with _logged_job(snakemake.log[0]):
         shown = [read(snakemake.input.cube)] if hasattr(snakemake.input, "cube") else []
         receipt = Receipt(snakemake.log[0], map(str, snakemake.input))
         drawn: dict[str, list[str]] = {}
@@ -120,44 +131,33 @@ def _remarks(function: Any, result: Any) -> dict[str, Any]:
 
 
 @contextmanager
-def rarely_collected() -> Iterator[None]:
-    """Run the garbage collector rarely inside the block, and never after the block.
-
-    In a process of one second the collections take a tenth of the time, and the last one, at exit, another tenth.
-    """
-    gc.set_threshold(200_000)
-    yield
-    gc.freeze()
-
-
-@contextmanager
 def covered(task: Mapping[str, Any]) -> Iterator[None]:
-    """Restrict registries to entries that the digests of ``task`` cover: edits of others would not be detected."""
-    named, reached = named_in(task["settings"]), task["modules"]
-    with defined(task["definitions"]):
-        if task["definitions"]:
-            _check_files(task)
-        with ExitStack() as stack:
-            for registry in (systems, integrators):
-                stack.enter_context(registry.restricted(named, reached))
-            yield
+    """Restrict registries to entries that the digests of ``task`` cover: edits of others would not be detected.
+
+    Users' systems and integrators are created; a file that has changed since the planning is an error.
+    """
+    with defined(task["definitions"]), ExitStack() as stack:
+        for name in task["definitions"].get("systems", ()):
+            systems[name]
+        if task["definitions"] and _is_stale(task):
+            files = " or ".join(files_in(task["definitions"]))
+            raise NearharmonicError(f"{files} has changed since the run began: start the run again")
+        for registry in (systems, integrators):
+            stack.enter_context(registry.restricted(named_in(task["settings"]), task["modules"]))
+        yield
 
 
-def _check_files(task: Mapping[str, Any]) -> None:
-    """Create users' systems and integrators; raise an error for a file that has changed since the planning."""
-    for name in task["definitions"].get("systems", ()):
-        systems[name]
+def _is_stale(task: Mapping[str, Any]) -> bool:
+    """Return True if code or coefficients here are not those of a task."""
     here = digests(task["function"], task["systems"], task["integrators"])
-    if any(here[what] != task[what] for what in here):
-        message = f"{' or '.join(files_in(task['definitions']))} has changed since the run began: start the run again"
-        raise NearharmonicError(message)
+    return any(here[what] != task[what] for what in here)
 
 
 def _is_transparent(snakemake: Any) -> bool:
     return bool(getattr(snakemake.params, "transparent", False))
 
 
-def write(result: Any, places: Places, origin: Mapping[str, str], *, transparent: bool = False) -> None:
+def write(result: Any, places: Sequence[str], origin: Mapping[str, str], *, transparent: bool = False) -> None:
     """Write one result of a task to its files, with its ``origin``, the provenance, if they can hold it.
 
     A :class:`~nearharmonic.output.store.Contents` or an ``xarray.Dataset`` goes to an HDF5 file, a
@@ -170,7 +170,7 @@ def write(result: Any, places: Places, origin: Mapping[str, str], *, transparent
         attributes = {**result.attributes, **origin}
         store.write(places[0], result.variables, attributes, result.groups, coordinates=result.coordinates)
     elif isinstance(result, Table):
-        save_table(result, places)
+        save(result, places)
     elif isinstance(result, str):
         write_text(places[0], result)
     elif isinstance(result, bytes):
@@ -178,11 +178,22 @@ def write(result: Any, places: Places, origin: Mapping[str, str], *, transparent
     elif hasattr(result, "data_vars"):  # a Dataset is a mapping too
         store.write_dataset(places[0], result, origin)
     elif hasattr(result, "savefig"):
-        from nearharmonic.plotting.style import save
+        from nearharmonic.plotting.style import save as save_figure
 
-        save(result, places, transparent=transparent)
+        save_figure(result, places, transparent=transparent)
     else:
         save_document({"provenance": dict(origin), **result}, places[0])
+
+
+def _paths(files: Any) -> str | list[str]:
+    """Return files of Snakemake as a path or a list of paths."""
+    return str(files) if isinstance(files, str) else [*map(str, files)]
+
+
+# --- Logs of jobs, and their end with the process of Snakemake.
+
+#: Environment variable with the host and the number of the process of Snakemake: a job ends with it.
+LEADER = "NEARHARMONIC_LEADER"
 
 
 class _Log(FileIO):
@@ -196,9 +207,23 @@ class _Log(FileIO):
 
 
 @contextmanager
+def _logged_job(path: str) -> Iterator[None]:
+    """Log a job as :func:`logged` does, and collect garbage rarely.
+
+    In a process of one second the collections take a tenth of the time, and the last one, at exit, another tenth.
+    """
+    gc.set_threshold(200_000)
+    with logged(path):
+        yield
+    gc.freeze()
+
+
+@contextmanager
 def logged(path: str | os.PathLike[str]) -> Iterator[None]:
     """Write printed text and tracebacks to the file ``path``; the terminal shows an error in one sentence."""
-    _end_with_leader()
+    host, _, number = os.environ.get(LEADER, "").rpartition(":")
+    if host == platform.node() and int(number) != os.getpid():  # a job on another computer has no such process
+        Thread(target=_end_with, args=(int(number),), daemon=True).start()
     try:
         file = _Log(os.fspath(path), "w")
     except OSError as error:
@@ -216,14 +241,7 @@ def logged(path: str | os.PathLike[str]) -> Iterator[None]:
             raise SystemExit(message) from None
 
 
-def _end_with_leader() -> None:
-    """End this process when that of Snakemake ends, however it does; a job on another computer has no such process."""
-    host, _, number = os.environ.get(LEADER, "").rpartition(":")
-    if host == platform.node() and int(number) != os.getpid():
-        Thread(target=_watch, args=(int(number),), daemon=True).start()
-
-
-def _watch(leader: int) -> None:
+def _end_with(leader: int) -> None:
     """Wait for the end of the process ``leader``, then kill this process and those that it has started."""
     if hasattr(os, "pidfd_open"):
         with suppress(ProcessLookupError):
@@ -239,12 +257,125 @@ def _watch(leader: int) -> None:
     os.kill(os.getpid(), SIGKILL)
 
 
-def _earlier(snakemake: Any, origin: Mapping[str, str]) -> Any:
-    """Return what may take results over from an earlier version of the first output."""
-    search = function_of({"function": snakemake.params.earlier})
-    return search(folder_of(snakemake.log[0]), snakemake.output[0], origin)
+# --- Frozen jobs for other computers: a node reads neither the workflow nor the config, and nothing of Snakemake.
+#
+# A frozen job has all that a job of the workflow needs, in a file that is named after its digest. Its command is
+# ``python -m nearharmonic_paper.tasks.job FILE``.
+
+SUFFIX = ".job"
+#: Command that runs Python on the nodes, for example in a container; by default the present interpreter.
+PYTHON = "NEARHARMONIC_NODE_PYTHON"
+#: The process that ends the jobs of this computer with itself has no meaning on another.
+ENVIRONMENT = f"env -u {LEADER}"
+#: Parameters of rules that jobs read.
+PARAMS = ("task", "tasks", "captions", "transparent", "earlier", "documents")
+#: Seconds for which a job waits for inputs that another node wrote.
+PATIENCE = 60.0
 
 
-def _plain(value: Any) -> str | list[str]:
-    """Convert an input of Snakemake to a path or a list of paths."""
-    return str(value) if isinstance(value, str) else [str(path) for path in value]
+class Files(list[str]):
+    """Files of a job in their order; the named ones, single or several, are attributes too."""
+
+    def __init__(self, files: Iterable[str], named: Mapping[str, str | list[str]]) -> None:
+        super().__init__(files)
+        self.__dict__.update(named)
+
+    def items(self) -> Iterator[tuple[str, str | list[str]]]:
+        """Yield the names with their files."""
+        yield from self.__dict__.items()
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrozenJob:
+    """A job with those members of Snakemake's object that :func:`run` and :func:`draw` use.
+
+    Paths are relative to the working folder; ``params`` are those of the rule among :data:`PARAMS`. ``patience`` are
+    the seconds to wait for inputs that another node wrote.
+    """
+
+    input: Files
+    output: Files
+    params: SimpleNamespace
+    log: list[str]
+    threads: int
+    patience: float = PATIENCE
+
+    @property
+    def tasks(self) -> list[dict[str, Any]]:
+        """Its tasks, as :func:`nearharmonic_paper.tasks.provenance.task` describes them."""
+        several = getattr(self.params, "tasks", None)
+        return [self.params.task] if several is None else [*several.values()]
+
+    def write(self, folder: str | Path) -> Path:
+        """Write the job to a file in ``folder`` and return its path."""
+        content = pickle.dumps(self)
+        place = Path(folder, sha256(content).hexdigest()).with_suffix(SUFFIX)
+        write_bytes(place, content)
+        return place
+
+
+def frozen(job: Any) -> FrozenJob:
+    """Return the frozen form of a job of Snakemake."""
+    return FrozenJob(
+        input=Files(map(str, job.input), {name: _paths(files) for name, files in job.input.items()}),
+        output=Files(map(str, job.output), {name: _paths(files) for name, files in job.output.items()}),
+        params=SimpleNamespace(**{name: value for name, value in job.params.items() if name in PARAMS}),
+        log=[str(file) for file in job.log],
+        threads=int(job.threads),
+    )
+
+
+def command_of(job: Any, folder: str | Path) -> str:
+    """Return the shell command that runs a job of Snakemake on a node; its frozen form is a file in ``folder``."""
+    python = os.environ.get(PYTHON) or shlex.quote(sys.executable)
+    return f"{ENVIRONMENT} {python} -m {__name__} {shlex.quote(str(frozen(job).write(folder)))}"
+
+
+def is_in_array(job: Any, arrays: str | None) -> bool:
+    """Return True if a job is submitted in an array, by the setting ``array_jobs`` of the plugin for SLURM."""
+    return not {"all", job.name}.isdisjoint(re.split(r"[,;\s]+", arrays or ""))
+
+
+def read_job(place: str | Path) -> FrozenJob:
+    """Return the job in a file of :meth:`FrozenJob.write`."""
+    path = Path(place)
+    try:
+        content = read_bytes(path)
+    except OSError as error:
+        raise NearharmonicError(f"the job {path} cannot be read: {error.strerror}") from None
+    if sha256(content).hexdigest() != path.stem:
+        raise NearharmonicError(f"the job {path} is damaged: its digest is not its name")
+    job: FrozenJob = pickle.loads(content)
+    return job
+
+
+def main(place: str) -> None:
+    """Run the frozen job in the file ``place``; this node has the code of the job, and sees its inputs."""
+    try:
+        thawed = read_job(place)
+        for task in thawed.tasks:
+            if not task["definitions"] and _is_stale(task):  # the job checks users' files
+                says = "this node has another version of the package, of numpy, numba or llvmlite"
+                raise NearharmonicError(f"{task['function']}: {says}")  # noqa: TRY301 - told as all others
+        wait_for(thawed.input, thawed.patience)
+    except NearharmonicError as error:
+        raise SystemExit(str(error)) from None
+    for file in map(Path, [*thawed.output, *thawed.log]):
+        if "docs" not in file.parts:  # pages are updated
+            file.unlink(missing_ok=True)
+        file.parent.mkdir(parents=True, exist_ok=True)
+    (draw if hasattr(thawed.params, "tasks") else run)(thawed)
+
+
+def wait_for(files: Iterable[str], patience: float) -> None:
+    """Wait until files exist: a shared folder may show files of another node late."""
+    end = time.monotonic() + patience
+    for file in files:
+        while not Path(file).exists():
+            if time.monotonic() > end:
+                raise NearharmonicError(f"the input {file} is not visible on this node after {patience:g} s")
+            time.sleep(0.5)
+
+
+if __name__ == "__main__":
+    import_module("nearharmonic_paper.tasks.job").main(sys.argv[1])  # the module that pickle knows

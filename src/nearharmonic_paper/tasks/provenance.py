@@ -1,23 +1,257 @@
-"""Provenance of a result: digests of its code, settings, coefficients, versions; no timestamps."""
+"""Provenance of results: digests of sources, tasks of rules, and receipts of the files that jobs wrote."""
 
 from __future__ import annotations
 
+import ast
+import atexit
 import json
+import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, fields, is_dataclass
-from functools import cache
-from hashlib import sha256
+from functools import cache, partial
+from hashlib import file_digest, sha256
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
-from nearharmonic.errors import NearharmonicError
+from nearharmonic.core import disk
+from nearharmonic.errors import NearharmonicError, SettingError
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.output import atomic as reading
+from nearharmonic.output.atomic import sealed, unsealed, write_text
+from nearharmonic.output.store import sealed_digest
+from nearharmonic.registry import is_file
 from nearharmonic.systems import systems
-from nearharmonic_paper.tasks.sources import PACKAGE, closure, module_digest, module_of
+
+Node = TypeVar("Node")
+Measuring = TypeVar("Measuring", bound=Callable[..., Any])
+
+# --- Source files of the packages: imports of each module, and digests without docstrings and comments.
+
+#: Packages whose sources count, and their common folder.
+PACKAGES = ("nearharmonic", "nearharmonic_paper", "nearharmonic_studies")
+PACKAGE = PACKAGES[0]
+ROOT = Path(__file__).parents[2]
+#: Maximum number of entries of the cache on disk, 150 bytes each. A larger cache is cleared.
+MOST_CACHED = 3000
+
+
+class Source(NamedTuple):
+    """One source file: ``digest`` of its syntax tree, and the dotted names that it ``imports`` from the package."""
+
+    digest: str
+    imports: tuple[str, ...]
+
+
+def closure(*modules: str, root: Path | None = None) -> tuple[str, ...]:
+    """Return ``modules`` and every module of the package that they import, directly or not, sorted.
+
+    The ``__init__`` of the package is excluded: it imports all layers for their names, and computes nothing.
+    """
+    return _modules(root).closure(modules)
+
+
+def module_digest(module: str, root: Path | None = None) -> str:
+    """Return the SHA-256 of the syntax tree of ``module`` without docstrings and comments."""
+    return _modules(root).source(module).digest
+
+
+def module_of(name: str) -> str | None:
+    """Return the module of the running package that a dotted name denotes or belongs to; None if there is none."""
+    return next((module for module in (name, _above(name)) if module and path_of(module, ROOT).is_file()), None)
+
+
+def path_of(module: str, root: Path) -> Path:
+    """Return the file of the dotted name ``module`` of a package in the folder ``root``."""
+    path = root.joinpath(*module.split("."))
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
+def reached(starts: Iterable[Node], following: Callable[[Node], Iterable[Node]]) -> set[Node]:
+    """Return ``starts`` and all that follows from them, directly or not."""
+    found: set[Node] = set()
+    waiting = list(starts)
+    while waiting:
+        one = waiting.pop()
+        if one not in found:
+            found.add(one)
+            waiting += following(one)
+    return found
+
+
+class _Modules:
+    """The modules of the packages in one folder, each read once: thousands of jobs ask for the same."""
+
+    def __init__(self, root: Path, parse: Callable[[bytes], Source]) -> None:
+        self._root, self.parse = root, parse
+        self.source, self.closure, self._imported = cache(self._source), cache(self._closure), cache(self._imports)
+        self._is_module = cache(lambda name: path_of(name, root).is_file())
+
+    def _closure(self, modules: tuple[str, ...]) -> tuple[str, ...]:
+        found = reached(modules, lambda name: [] if name in PACKAGES else [_above(name), *self._imported(name)])
+        return tuple(sorted(found - {*PACKAGES}))
+
+    def _source(self, module: str) -> Source:
+        path = path_of(module, self._root)
+        if not path.is_file():
+            raise NearharmonicError(f"no module {module!r} in {self._root}")
+        return self.parse(path.read_bytes())
+
+    def _imports(self, module: str) -> list[str]:
+        """Return the modules of the package that ``module`` imports; an imported name may be that of a function."""
+        is_package = path_of(module, self._root).name == "__init__.py"
+        folders = (module if is_package else _above(module)).split(".")
+        found = []
+        for written in self.source(module).imports:
+            name = written.lstrip(".")
+            level = len(written) - len(name)
+            if level:
+                name = ".".join([*folders[: len(folders) - level + 1], *([name] if name else [])])
+            if name.split(".")[0] in PACKAGES:
+                found += [place for place in (name, _above(name)) if place and self._is_module(place)]
+        return found
+
+
+def _above(name: str) -> str:
+    """Return a dotted name without its last part."""
+    return name.rpartition(".")[0]
+
+
+def _modules(root: Path | None) -> _Modules:
+    return _running() if root is None else _Modules(root, parsed)
+
+
+@cache
+def _running() -> _Modules:
+    """Return the modules that run, whose parsed sources are kept on disk."""
+    return _Modules(ROOT, SourceCache().parsed)
+
+
+class SourceCache:
+    """On-disk cache of parsed sources, by the SHA-256 of their text.
+
+    Parsing the packages takes 2 s, reading the cache 10 ms. The file is in the folder of compiled code, which is
+    writable only for the user. Its name depends on the text of this module and on the version of Python. It is written
+    at the end of the process.
+    """
+
+    def __init__(self) -> None:
+        version = sha256(Path(__file__).read_bytes() + sys.version.encode()).hexdigest()
+        self._place = disk.place_of(f"sources-{version[:32]}")
+        kept = disk.read(self._place) if self._place else None
+        self._known: dict[str, list[Any]] = json.loads(kept[1]) if kept else {}
+        self._met: dict[str, Source] = {}
+
+    def parsed(self, text: bytes) -> Source:
+        """Return the result of the function :func:`parsed`, from the cache if possible."""
+        key = sha256(text).hexdigest()
+        if key in self._known:
+            digest, imports = self._known[key]
+            return Source(digest, tuple(imports))
+        if not self._met:
+            atexit.register(self.keep)
+        return self._met.setdefault(key, parsed(text))
+
+    def keep(self) -> None:
+        """Write the cache: all entries, or only the new ones if there are more than :data:`MOST_CACHED`."""
+        if self._place:
+            known = self._known if len(self._known) < MOST_CACHED else {}
+            disk.write(self._place, "sources", json.dumps({**known, **self._met}).encode())
+
+
+@cache
+def parsed(text: bytes) -> Source:
+    """Return digest and imports of a source file; imports under TYPE_CHECKING are left out."""
+    tree = ast.parse(text)
+    imports: set[str] = set()
+    for node in _statements(tree, skip=_is_for_type_checker):
+        if isinstance(node, ast.Import):
+            imports.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):  # a relative name keeps its dots
+            base, joint = "." * node.level + (node.module or ""), "." if node.module else ""
+            imports.update([base, *(f"{base}{joint}{alias.name}" for alias in node.names)])
+    return Source(_tree_digest(tree), tuple(sorted(imports)))
+
+
+def _tree_digest(tree: ast.Module) -> str:
+    documented = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+    for node in [*_statements(tree)]:
+        if isinstance(node, documented) and ast.get_docstring(node, clean=False):
+            del node.body[0]
+    return sha256(ast.dump(tree).encode()).hexdigest()
+
+
+def _is_for_type_checker(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+
+
+def _statements(tree: ast.AST, skip: Callable[[ast.AST], bool] = lambda _: False) -> Iterator[ast.AST]:
+    """Yield ``tree`` and all its statements, at any depth. Expressions, which are most nodes, are not visited."""
+    waiting = [tree]
+    while waiting:
+        node = waiting.pop()
+        if not skip(node):
+            yield node
+            for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+                waiting += getattr(node, part, ())
+
+
+# --- Digests of users' Python files, and of the modules that they import from their folder.
+
+
+def files_of(place: str | os.PathLike[str]) -> tuple[Path, ...]:
+    """Return a user's file, followed by the sorted files in its folder that it imports, directly or indirectly.
+
+    Files that it reads in another way, for example with ``open``, are not included.
+    """
+    first = Path(place)
+    return first, *sorted(reached([first], partial(_beside, first.parent)) - {first})
+
+
+def _beside(folder: Path, path: Path) -> Iterator[Path]:
+    """Return the files below ``folder`` that a file there imports."""
+    package = path.parent if path.parent != folder else folder
+    for written in _source(path).imports:
+        name = written.lstrip(".")
+        level = len(written) - len(name) - 1
+        if level > len(package.parents):
+            continue
+        above = package.parents[level - 1] if level > 0 else package
+        start = above if written.startswith(".") else folder
+        parts = name.split(".") if name else []
+        for end in range(1, len(parts) + 1):
+            stem = start.joinpath(*parts[:end])
+            beside = (stem.with_suffix(".py"), stem / "__init__.py")
+            yield from (one for one in beside if one.is_relative_to(folder) and is_file(one))
+
+
+def package_modules_of(place: str | os.PathLike[str]) -> set[str]:
+    """Return the modules of this package that a user's file and its imported files import."""
+    written = {name for path in files_of(place) for name in _source(path).imports if name.split(".")[0] in PACKAGES}
+    return {module for name in written if (module := module_of(name))}
+
+
+def digest_of_file(place: str | os.PathLike[str]) -> str:
+    """Return the SHA-256 of the syntax trees of the files of :func:`files_of` without docstrings and comments."""
+    first, *others = files_of(place)
+    digest = sha256(_source(first).digest.encode())
+    for path in others:
+        digest.update(f"{path.relative_to(first.parent).as_posix()} {_source(path).digest}\n".encode())
+    return digest.hexdigest()
+
+
+def _source(path: Path) -> Source:
+    """Return digest and imports of a user's file in its present state."""
+    if not is_file(path):
+        raise SettingError(f"{path} is no file")
+    try:
+        return _running().parse(path.read_bytes())
+    except (OSError, SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        raise SettingError(f"{path} cannot be read: {error}") from error
+
 
 # --- Users' definitions of systems and integrators, passed from the planning process to the jobs.
 
@@ -59,13 +293,14 @@ def read_definitions(document: Mapping[str, Mapping[str, Mapping[str, Any]]]) ->
             for kind, members in document.items()
         }
     except (AttributeError, KeyError, TypeError) as error:
-        message = f"no definition of a system or an integrator: {document!r}"
-        raise NearharmonicError(message) from error
+        raise NearharmonicError(f"no definition of a system or an integrator: {document!r}") from error
 
 
 def _frozen(value: Any) -> Any:
     return tuple(map(_frozen, value)) if isinstance(value, list) else value
 
+
+# --- Tasks of rules, and the provenance of their results: digests and versions, no timestamps.
 
 #: Libraries whose version may change the last bit of a result or the bytes of its file.
 LIBRARIES = ("numpy", "numba", "llvmlite", "h5py")
@@ -97,7 +332,7 @@ def task(function: str, **settings: Any) -> Task:
     return {
         "function": function,
         "settings": settings,
-        "modules": closure(_module_of(function)),
+        "modules": closure(function.partition(":")[0]),
         **digests(function, problems, methods),
         "systems": problems,
         "integrators": methods,
@@ -111,14 +346,12 @@ def digests(function: str, problems: Iterable[str], methods: Iterable[str]) -> d
     coefficients = coefficients_digest(integrators[name] for name in methods)
     files = {name: one.file for name, one in systems.definitions.items() if name in names and one.file is not None}
     declared = [module for name in names if (module := systems.module_of(name)) is not None]
-    if not files:
-        return {"code": code_digest(_module_of(function), *declared), "coefficients": coefficients}
-    from nearharmonic_paper.tasks.sources import digest_of, package_modules_of
-
-    imported = {module for place in files.values() for name in package_modules_of(place) if (module := module_of(name))}
-    code = code_digest(_module_of(function), *declared, *imported)
-    told = [code, *(f"{name} {digest_of(place)}" for name, place in sorted(files.items()))]
-    return {"code": sha256("\n".join(told).encode()).hexdigest(), "coefficients": coefficients}
+    imported = {module for place in files.values() for module in package_modules_of(place)}
+    code = code_digest(function.partition(":")[0], *declared, *imported)
+    if files:
+        told = [code, *(f"{name} {digest_of_file(place)}" for name, place in sorted(files.items()))]
+        code = sha256("\n".join(told).encode()).hexdigest()
+    return {"code": code, "coefficients": coefficients}
 
 
 def settings_text(task: Mapping[str, Any]) -> str:
@@ -132,35 +365,23 @@ def settings_digest(task: Mapping[str, Any]) -> str:
     return sha256(settings_text(task).encode()).hexdigest()
 
 
-def _module_of(function: str) -> str:
-    return function.partition(":")[0]
-
-
 def function_of(task: Mapping[str, Any]) -> Any:
     """Return the package function that ``task`` names."""
     module, _, name = task["function"].partition(":")
     return getattr(import_module(module), name)
 
 
-def named_in(settings: Mapping[str, Any]) -> set[str]:
+def named_in(settings: Any) -> set[str]:
     """Return every string in ``settings``, at any depth; names of systems and methods are among them."""
-    return set(_texts(settings))
-
-
-def _texts(value: Any) -> Iterator[str]:
-    """Yield every string in a value of settings, at any depth."""
-    if isinstance(value, str):
-        yield value
-    elif is_dataclass(value) and not isinstance(value, type):
-        for member in fields(value):
-            yield from _texts(getattr(value, member.name))
-    elif isinstance(value, Mapping):
-        for key, member in value.items():
-            yield from _texts(key)
-            yield from _texts(member)
-    elif isinstance(value, Iterable):
-        for member in value:
-            yield from _texts(member)
+    if isinstance(settings, str):
+        return {settings}
+    if is_dataclass(settings):
+        members: Iterable[Any] = [getattr(settings, member.name) for member in fields(settings)]
+    elif isinstance(settings, Mapping):
+        members = [*settings, *settings.values()]
+    else:
+        members = settings if isinstance(settings, Iterable) else ()
+    return {name for member in members for name in named_in(member)}
 
 
 def code_digest(*modules: str, root: Path | None = None) -> str:
@@ -203,13 +424,131 @@ def provenance(task: Mapping[str, Any]) -> dict[str, str]:
 
 @cache
 def library_version(library: str) -> str:
-    """Return the version of an installed library, from the module if it is loaded.
-
-    Reading the metadata of a library takes 25 ms.
-    """
+    """Return the version of an installed library, from the module if it is loaded: its metadata take 25 ms."""
     loaded = sys.modules.get(library)
     if loaded is not None:
         return str(loaded.__version__)
     from importlib.metadata import version
 
     return version(library)
+
+
+# --- Receipts: lists of the files that each job of a workflow wrote, stored beside its log; the manifest combines them.
+#
+# A receipt holds the size and the SHA-256 of each file as the job left it, so that a file that was edited later can be
+# distinguished from a file that was made again. It is not a result file, so it may contain timestamps. A receipt is
+# sealed; one whose seal does not match is not believed.
+
+#: Environment variable with the id of the workflow run of a job.
+RUN = "NEARHARMONIC_RUN"
+#: Folders of files that are no results: logs, the marks of jobs among them, and copies of pages of the documentation.
+BESIDE = ("logs", "docs")
+#: Folder below ``logs`` with the markers of unfinished runs, which are no receipts.
+MARKED = "running"
+#: Marks a whole file as volatile, in place of columns.
+WHOLE = "*"
+
+
+def measures_time(function: Measuring) -> Measuring:
+    """Declare that all files from the results of ``function`` contain measured times, which differ from run to run."""
+    function.measures_time = True  # type: ignore[attr-defined]
+    return function
+
+
+class Receipt:
+    """Files that one job wrote."""
+
+    def __init__(self, log: str | os.PathLike[str], inputs: Iterable[str] = ()) -> None:
+        self._place = Path(log).with_suffix(".json")
+        self._folder = folder_of(log)
+        self._files: dict[str, dict[str, Any]] = {}
+        self._inputs = {name: identity(self._folder / name) for name in sorted(self._results(inputs))}
+
+    def _results(self, places: Iterable[str]) -> dict[str, str]:
+        """Return files by their names in the folder of results, without those outside and in :data:`BESIDE`."""
+        names = {Path(os.path.relpath(place, self._folder)).as_posix(): place for place in places}
+        return {name: place for name, place in names.items() if name.partition("/")[0] not in {*BESIDE, ".."}}
+
+    def add(
+        self, places: Sequence[str], task: Mapping[str, Any], *, volatile: Sequence[str] = (), evaluations: int = 0
+    ) -> None:
+        """Add results that a task has written."""
+        for name, place in self._results(places).items():
+            self._files[name] = {
+                **measured(place),
+                "modified": Path(place).stat().st_mtime_ns,
+                "function": task["function"],
+                "code": task["code"],
+                "coefficients": task["coefficients"],
+                "settings": settings_digest(task),
+                "systems": list(task["systems"]),
+                "integrators": list(task["integrators"]),
+                "volatile": list(volatile),
+                "evaluations": evaluations,
+                "inputs": self._inputs,
+                "run": os.environ.get(RUN),
+                **({"definitions": json.loads(settings_text(task))["definitions"]} if task.get("definitions") else {}),
+            }
+
+    def write(self) -> None:
+        """Write the receipt beside the log; a failure is a warning in the log."""
+        try:
+            write_text(self._place, json.dumps(sealed({"files": self._files}), indent=1) + "\n")
+        except OSError as error:
+            print(f"warning: no receipt: {error}")
+
+
+def measured(place: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return ``size`` (bytes) and ``sha256`` (hex) of a regular file."""
+    with reading.opened(place) as file:
+        digest = file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]  # it has readinto
+        return {"size": file.tell(), "sha256": digest}
+
+
+def identity(place: Path) -> str:
+    """Return a digest that identifies the content of a file: the one in its last line, or else that of its bytes."""
+    return sealed_digest(place) or str(measured(place)["sha256"])
+
+
+def folder_of(log: str | os.PathLike[str]) -> Path:
+    """Return the folder of results that a log file belongs to: ``results/<name>`` of ``results/<name>/logs/...``."""
+    parts = Path(log).parts
+    end = parts.index("results") + 2 if "results" in parts[:-3] else len(parts) - 1 - parts[::-1].index("logs")
+    return Path(*parts[:end])
+
+
+def receipts_in(folder: Path) -> Iterator[tuple[Path, dict[str, dict[str, Any]]]]:
+    """Yield place and files by name of each receipt in a folder of results; damaged receipts are skipped."""
+    yield from ((place, files) for place, files in _receipts(folder) if files is not None)
+
+
+def damaged_receipts(folder: Path) -> list[Path]:
+    """Return the receipts in a folder of results that cannot be read, or whose seal is missing or does not match."""
+    return [place for place, files in _receipts(folder) if files is None]
+
+
+def names_made_by(folder: Path, run: str) -> list[str]:
+    """Return the sorted names of the files that jobs of the workflow run with this id made."""
+    made = (name for _, files in receipts_in(folder) for name, entry in files.items() if entry["run"] == run)
+    return sorted(made)
+
+
+def _receipts(folder: Path) -> Iterator[tuple[Path, dict[str, dict[str, Any]] | None]]:
+    from nearharmonic_paper.tasks.schema import complaint
+
+    for place in sorted((folder / "logs").rglob("*.json")):
+        if place.parent != folder / "logs" / MARKED:
+            try:
+                files = (unsealed(reading.read_bytes(place)) or {}).get("files")
+            except FileNotFoundError:  # removed in between
+                continue
+            except OSError:
+                files = None
+            yield place, None if complaint("receipt", files) else files
+
+
+def forget(folder: Path, entries: Mapping[str, Mapping[str, Any]]) -> None:
+    """Delete the receipts of ``folder`` that say another digest of a file than ``entries`` do."""
+    for place, receipt in receipts_in(folder):
+        if any(name in entries and entry["sha256"] != entries[name]["sha256"] for name, entry in receipt.items()):
+            place.unlink(missing_ok=True)

@@ -203,11 +203,8 @@ def _is_deep(document: object) -> bool:
     """Return True if a document has too many levels for functions that call themselves."""
     level = [document]
     for _ in range(DEEPEST):
-        level = [member for one in level for member in _members(one)]
+        within = (one.values() if isinstance(one, dict) else one for one in level if isinstance(one, dict | list))
+        level = [member for members in within for member in members]
         if not level:
             return False
     return True
-
-
-def _members(value: object) -> list[Any]:
-    return list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else []

@@ -20,7 +20,7 @@ from nearharmonic.numerics.portable import Floats, geometric, log10
 from nearharmonic.output.store import Contents, Variables, coordinate, method_coordinates, read, variable
 from nearharmonic.output.table import Table
 from nearharmonic.training.objective import LANES, LEAST, Ensemble, errors_of
-from nearharmonic_paper.tasks.receipts import measures_time
+from nearharmonic_paper.tasks.provenance import measures_time
 from nearharmonic_studies.trained.problems import (
     NAMED,
     anharmonicities,

@@ -14,8 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic_paper.config.config import schema
-from nearharmonic_paper.config.reading import load, read
+from nearharmonic_paper.config import load, read, schema
 from support.bad_input import check_message, refused
 from support.projects.workflow_project import Project
 

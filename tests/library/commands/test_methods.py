@@ -17,7 +17,7 @@ from nearharmonic.exchange import TARGETS
 from nearharmonic.exchange.files import export
 from nearharmonic.integrators import integrators
 from nearharmonic.systems import systems
-from nearharmonic_paper.config.reading import read
+from nearharmonic_paper.config import read
 from support.methods.tableau_files import path
 
 # --- nearharmonic export: texts for other programs, and errors for unsupported input

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import yaml
 
-from nearharmonic_paper.config.config import cube_rows, target_rows
+from nearharmonic_paper.config import cube_rows, target_rows
 from nearharmonic_paper.tasks.experiment import Experiment, beside_the_paper, experiments
 from support.projects.targets import TARGETS
 
@@ -43,7 +43,7 @@ def test_no_two_experiments_share_target_key_or_file():
 
 
 def test_documents_have_the_cubes_and_targets_of_all_experiments():
-    """As ``python -m nearharmonic_paper.config.config`` writes them."""
+    """As ``python -m nearharmonic_paper.config`` writes them."""
     assert cube_rows() in text_of("docs/how_to/files.md")
     assert target_rows() in text_of("docs/index.md")
     assert all(f"snakemake -j2 {one.target}`" in target_rows() for one in beside_the_paper())

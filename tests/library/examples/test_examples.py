@@ -17,7 +17,7 @@ from matplotlib.image import imread
 
 import nearharmonic as nh
 from nearharmonic.systems.user_file import load_system
-from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config import load
 from support.results.page_inputs import benchmark
 
 # --- every file of examples runs as printed, draws its picture, fits on a screen, and is in the gallery and the config

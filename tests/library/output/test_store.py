@@ -241,7 +241,7 @@ from pathlib import Path
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output import store
 from nearharmonic_paper.record import history
-from nearharmonic_paper.record.state import lock
+from nearharmonic_paper.record.workflow_run import lock
 folder = Path("results/paper")
 lock(folder)
 history.append(folder, {"id": "a", "start": "", "config": {}})

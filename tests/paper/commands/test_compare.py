@@ -14,6 +14,8 @@ import pytest
 from nearharmonic.cli import main
 from nearharmonic.engine.description import STATUSES
 from nearharmonic.output import store
+from nearharmonic_paper.record.compare import overlay
+from support.cubes.artists import NO_LINE, SOLID, dashes, lines_of
 from support.results.finished_results import VERSIONS, write_history
 from support.results.result_folder import CLAIMS, config, edited, history_line, write_claims, write_manifest
 
@@ -44,20 +46,6 @@ def test_a_copy_is_identical(copy, capsys):
     assert main(["compare", "paper", "copy"]) == 0
     assert capsys.readouterr().out.splitlines()[0].endswith(": identical")
     assert compared(capsys, "paper", "paper")[1]["differences"] == []
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("cube", ["cubes/kepler.h5", "cubes/sho.h5"])
-def test_a_changed_number_is_found_with_its_place_and_size(copy, cube, capsys):
-    before = change(copy / cube, "max_energy_error", (0, 0, 2), 0.75)
-    (found,) = differences(capsys)
-    assert (found["kind"], found["where"]) == ("number", f"{cube}: max_energy_error")
-    assert (found["a"], found["b"], found["differ"]) == (before, 0.75, 1)
-    assert found["relative"] == pytest.approx((0.75 - before) / 0.75, rel=1e-12)
-    with h5py.File(copy / cube) as file:
-        assert found["at"]["tau_per_stage"] == file["tau_per_stage"][2]
-        assert found["compared"] == file["max_energy_error"].size
-    assert found["at"]["integrator"] == "ruth"
 
 
 def test_the_least_change_of_a_number_is_found(copy, capsys):
@@ -208,23 +196,6 @@ def test_a_damaged_file_is_named(copy, capsys):
     assert "cubes/sho.h5 is truncated or no result file. Make it again" in capsys.readouterr().err
 
 
-def test_results_of_other_configs_compare_on_common_parts(other, capsys):
-    found = differences(capsys, "paper", "other")
-    where = {d["where"]: d for d in found}
-    assert where["cubes/sho.h5: integrator"]["a"] == "also ruth"
-    assert where["cubes/sho.h5: integrator"]["b"] == "also aba104"
-    assert where["cubes/sho.h5: precision"]["a"] == "also extended"
-    assert where["cubes/kepler.h5"]["b"] == "missing"
-    assert where["cubes/henon_heiles.h5: sweep.t_end"]["b"] == "20"
-    number = where["cubes/sho.h5: steps"]
-    assert number["at"]["integrator"] == "babps9o7h"
-    assert number["at"]["precision"] == "double"
-    assert number["a"] > number["b"]  # 50 and 20 units of time
-    back = differences(capsys, "other", "paper")
-    assert len(back) == len(found)
-    assert {d["where"]: d["relative"] for d in back} == {name: d["relative"] for name, d in where.items()}
-
-
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
@@ -242,7 +213,42 @@ def test_a_bad_question_is_refused(copy, arguments, says, capsys):
     assert err.count("\n") == 1
 
 
+# --- ``nearharmonic compare --figure``: both results in one figure.
+
+
 @pytest.mark.slow
-def test_the_name_of_a_config_is_no_setting(copy, capsys):
-    write_history(copy, [history_line(8, config=config("copy"))])
-    assert compared(capsys)[0] == 0
+def test_the_figure_shows_the_first_solid_and_the_second_dashed(other, project):
+    pairs = {}
+    for system in ("henon_heiles", "sho"):
+        cubes = [store.read(folder / f"cubes/{system}.h5") for folder in (project, other)]
+        pairs[system] = [cube.sel(precision="double") for cube in cubes]
+    panels = overlay(["paper", "other"], pairs).axes
+    assert len(panels) == 4
+    for i, (system, cubes) in enumerate(pairs.items()):
+        for j, variable in enumerate(("max_energy_error", "mean_energy_error")):
+            axes = panels[2 * i + j]
+            assert axes.get_title(loc="left").startswith(cubes[0].attrs["system_label"]), system
+            seen = 0
+            for cube, expected in zip(cubes, ([SOLID, NO_LINE], [(4.0, 2.0)]), strict=True):
+                for name in cube.integrator.values:
+                    lines = lines_of(axes, cube.tau_per_stage.values, cube[variable].sel(integrator=name).values)
+                    looks = [d if d in (SOLID, NO_LINE) else tuple(x / line.get_linewidth() for x in d)
+                             for line in lines for d in [dashes(line)]]  # fmt: skip
+                    assert looks == expected, name
+                    seen += len(lines)
+            assert seen == len(axes.get_lines())
+
+
+@pytest.mark.slow
+def test_results_without_a_system_in_common_have_no_figure(copy, capsys):
+    shutil.rmtree(copy / "cubes")
+    assert main(["compare", "paper", "copy", "--figure", "both.png"]) == 2
+    assert "no figure: paper and copy have no system in common" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_figure_is_written(copy, tmp_path, capsys):
+    place = tmp_path / "sub/both.png"
+    assert main(["compare", "paper", "copy", "--figure", str(place), "--format", "json"]) == 0
+    assert json.loads(capsys.readouterr().out)["figure"] == str(place)
+    assert place.stat().st_size > 1000

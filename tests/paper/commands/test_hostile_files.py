@@ -25,7 +25,7 @@ from nearharmonic.output.atomic import unsealed as opened
 from nearharmonic.plotting.profile import problem_of
 from nearharmonic.recommendation.measure import read_parts
 from nearharmonic.registry import trusting_only
-from nearharmonic_paper.config.reading import read as read_config
+from nearharmonic_paper.config import read as read_config
 from nearharmonic_paper.record import archive as check
 from nearharmonic_paper.record import archive as pack
 from support.hostile.mutations import FOREIGN, ODD_SETTINGS, change_file, make_foreign, mutated, mutated_bytes, resealed

@@ -13,10 +13,10 @@ from nearharmonic.cli import main
 from nearharmonic.errors import SettingError, UntrustedFileError
 from nearharmonic.output.store import NAME_KEY
 from nearharmonic.registry import trusting_only
-from nearharmonic_paper.config.reading import load, read
-from nearharmonic_paper.record.adopt import adopt
-from nearharmonic_paper.record.rerun import rerun
-from nearharmonic_paper.tasks.sources import digest_of
+from nearharmonic_paper.config import load, read
+from nearharmonic_paper.record.query import rerun
+from nearharmonic_paper.record.verify import adopt
+from nearharmonic_paper.tasks.provenance import digest_of_file as digest_of
 from support.results.finished_results import write_history
 from support.results.result_folder import edited, history_line, write_manifest
 
@@ -112,7 +112,7 @@ def test_config_of_result_runs_no_file(evil):
 
 
 def test_adopt_refuses_before_snakemake_and_names_file_digest_and_option(project, evil, capsys, monkeypatch):
-    monkeypatch.setattr("nearharmonic_paper.record.adopt.faults", lambda folder: [])
+    monkeypatch.setattr("nearharmonic_paper.record.verify.faults", lambda folder: [])
     monkeypatch.setattr("subprocess.run", lambda *_, **__: pytest.fail("Snakemake was started"))
     Path("Snakefile").write_text("")
     resealed(project, definitions={"systems": {"mine": {"file": str(evil)}}})
@@ -207,7 +207,7 @@ TEMPLATE = '__use_yte__: true\nname: ?__import__("pathlib").Path("ran").write_te
     "text", [TEMPLATE, '{"__use_yte__": true, "name": "paper",}', 'a: &a {"\\x5f_use_yte__": true}\n<<: *a\n']
 )
 def test_template_in_place_of_config_is_refused_before_snakemake(project, text, monkeypatch):
-    monkeypatch.setattr("nearharmonic_paper.record.adopt.faults", lambda folder: [])
+    monkeypatch.setattr("nearharmonic_paper.record.verify.faults", lambda folder: [])
     monkeypatch.setattr("subprocess.run", lambda *_, **__: pytest.fail("Snakemake was started"))
     Path("Snakefile").write_text("")
     Path("own.yaml").write_text(text)

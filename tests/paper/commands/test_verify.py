@@ -9,9 +9,8 @@ import pytest
 from nearharmonic.cli import main
 from nearharmonic.errors import RefusedError
 from nearharmonic_paper.record import manifest
-from nearharmonic_paper.record.adopt import check_tasks
-from nearharmonic_paper.tasks.provenance import settings_digest, task
-from nearharmonic_paper.tasks.receipts import Receipt
+from nearharmonic_paper.record.verify import check_tasks
+from nearharmonic_paper.tasks.provenance import Receipt, task
 
 TASK = task("nearharmonic_paper.experiments.paper.tableaus:decompose", integrators=["ruth"])
 CUBE = "results/paper/cubes/sho_terms.h5"
@@ -114,9 +113,3 @@ def test_results_of_the_described_tasks_are_adopted(results):
 def test_results_of_other_tasks_are_not(results, changes, says):
     with pytest.raises(RefusedError, match=says):
         check_tasks(results, [{**TASK, **changes}])
-
-
-def test_settings_that_are_written_otherwise_are_the_same():
-    assert settings_digest(TASK) == settings_digest(
-        task("nearharmonic_paper.experiments.paper.tableaus:decompose", integrators=("ruth",))
-    )

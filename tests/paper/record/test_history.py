@@ -13,7 +13,6 @@ import psutil
 import pytest
 
 from nearharmonic_paper.record import history
-from nearharmonic_paper.record import history as markers
 
 #: What every run has.
 RUN = {"start": "2026-01-01T00:00:00.000Z", "config": {}}
@@ -81,10 +80,8 @@ def test_the_next_start_closes_a_killed_run(tmp_path):
 def test_a_run_whose_process_has_ended_is_listed_as_killed(tmp_path):
     leave_marker(tmp_path, "old", a_dead_process())
     history.mark(tmp_path, {**RUN, "id": "beside", "status": "running"})
-    assert {run["id"]: run["status"] for _, run in history.runs_newest_first([tmp_path])} == {
-        "old": "killed",
-        "beside": "running",
-    }
+    told = {run["id"]: run["status"] for _, run in history.runs_newest_first([tmp_path])}
+    assert told == {"old": "killed", "beside": "running"}
 
 
 def test_a_run_beside_this_one_is_left_alone(tmp_path):
@@ -106,15 +103,6 @@ def test_a_run_on_another_machine_is_left_alone(tmp_path):
     leave_marker(tmp_path, "far", {**a_dead_process(), "host": "elsewhere"})
     assert history.close_killed(tmp_path) == []
     assert [run["id"] for run in history.running_in(tmp_path)] == ["far"]
-
-
-def test_a_marker_that_another_start_has_claimed_is_closed_once(tmp_path, monkeypatch):
-    leave_marker(tmp_path, "old", a_dead_process())
-    dead = markers.dead_in(tmp_path)
-    assert history.close_killed(tmp_path) == ["old"]
-    monkeypatch.setattr(markers, "dead_in", lambda folder: dead)
-    assert history.close_killed(tmp_path) == []
-    assert len(history.runs_of(tmp_path)) == 1
 
 
 @pytest.mark.parametrize(

@@ -6,14 +6,15 @@ import json
 import os
 import shutil
 from hashlib import sha256
+from pathlib import Path
 
 import pytest
 
-from nearharmonic.errors import ResultFileError
+from nearharmonic.errors import ResultFileError, UnknownNameError
 from nearharmonic.output.atomic import sealed
 from nearharmonic_paper.record import manifest
-from nearharmonic_paper.tasks.provenance import task
-from nearharmonic_paper.tasks.receipts import Receipt, damaged_receipts, names_made_by
+from nearharmonic_paper.record.manifest import folder_of, result_names
+from nearharmonic_paper.tasks.provenance import Receipt, damaged_receipts, names_made_by, task
 
 TASK = task("nearharmonic_paper.experiments.paper.tableaus:decompose", integrators=["ruth"])
 
@@ -131,14 +132,6 @@ def test_receipt_records_sealed_digest_or_digest_of_all_bytes(results):
     }
 
 
-def test_history_manifest_logs_and_partial_files_are_excluded(results):
-    make(results, "cubes/a.h5", b"numbers")
-    manifest.write(results)
-    (results / "history.jsonl").write_text("{}\n")
-    (results / "cubes/.a.h5.host.1.part").write_bytes(b"nu")
-    assert list(manifest.names_in(results)) == ["cubes/a.h5"]
-
-
 @pytest.mark.parametrize(
     "damage", ["", "{}", "[1]", '{"format": "x", "files": {}}', '{"format": "nearharmonic manifest 1"}']
 )
@@ -216,3 +209,24 @@ def test_what_is_no_regular_file_counts_as_changed(results, replace):
     (results / "cubes/a.h5").unlink()
     replace(results / "cubes/a.h5")
     assert manifest.is_changed(results / "cubes/a.h5", entry)
+
+
+# --- Results by folder or by name, and errors for unknown names.
+
+
+def test_result_is_named_by_its_folder_or_below_results(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UnknownNameError, match=r"no folder below results/ holds a result\. Make the first: snakemake"):
+        folder_of("paper")
+    for place in ("results/paper/cubes", "results/smoke", "results/empty", "elsewhere/mine", "paper"):
+        Path(place).mkdir(parents=True)
+    Path("results/smoke/history.jsonl").touch()
+    Path("elsewhere/mine/manifest.json").touch()
+    assert [folder_of(name) for name in ("paper", "smoke")] == [Path("results/paper"), Path("results/smoke")]
+    for name in ("results/paper", "elsewhere/mine", tmp_path / "elsewhere/mine"):
+        assert folder_of(str(name)) == Path(name)
+    assert result_names() == ["paper", "smoke"]
+    with pytest.raises(UnknownNameError, match=r"^unknown result 'papr'\. Did you mean 'paper'\? Known: paper, smoke$"):
+        folder_of("papr")
+    with pytest.raises(UnknownNameError, match="unknown result 'empty'"):
+        folder_of("empty")

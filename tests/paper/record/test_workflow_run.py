@@ -1,20 +1,23 @@
-"""The record of a run: failures are warnings, and damaged files are set aside."""
+"""The record of a run: its fingerprint; failures are warnings, and damaged files are set aside."""
 
 from __future__ import annotations
 
 import os
+import shutil
+import subprocess
 from hashlib import sha256
 from pathlib import Path
 
 import pytest
 import yaml
 
-from nearharmonic_paper.config.reading import load
-from nearharmonic_paper.record import fingerprint, history, manifest, state
+from nearharmonic_paper.config import load
+from nearharmonic_paper.record import history, manifest
+from nearharmonic_paper.record import workflow_run as fingerprint
+from nearharmonic_paper.record import workflow_run as state
 from nearharmonic_paper.record.verify import faults
-from nearharmonic_paper.record.workflow_run import WorkflowRun
-from nearharmonic_paper.tasks.provenance import task
-from nearharmonic_paper.tasks.receipts import Receipt
+from nearharmonic_paper.record.workflow_run import WorkflowRun, package_digest, revision
+from nearharmonic_paper.tasks.provenance import PACKAGES, ROOT, Receipt, task
 
 SMOKE = Path(__file__).parents[3] / "config/smoke.yaml"
 MADE = ("cubes/a.h5", "cubes/b.h5", "tables/skipped.csv")
@@ -116,25 +119,6 @@ def test_a_table_that_cannot_be_read_is_a_warning(run, capsys):
     assert line["evaluations"] is None
 
 
-def test_unknown_machine_is_one_warning_and_rest_is_kept(tmp_path, monkeypatch, capsys):
-    def fail(config):
-        raise OSError("no such machine")
-
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("NEARHARMONIC_RUN", "another")
-    monkeypatch.setenv("NEARHARMONIC_LEADER", "elsewhere:1")
-    monkeypatch.setattr("nearharmonic_paper.record.workflow_run.fingerprint", fail)
-    begun = WorkflowRun("results/smoke", load(yaml.safe_load(SMOKE.read_text(encoding="utf-8"))), MADE)
-    begun.begin(["snakemake"], ["all"], cores=None)
-    begun.end(0)
-    assert capsys.readouterr().err == (
-        "nearharmonic: warning: the run is not recorded in full: OSError: no such machine\n"
-    )
-    (line,) = history.runs_of(Path("results/smoke"))
-    assert (line["work"], line["status"]) == (None, "ok")
-    assert fingerprint.fingerprint is not fail
-
-
 def test_changed_files_are_told(run, capsys):
     make("cubes/a.h5", "a").write_text("something else")
     run.end(0)
@@ -163,3 +147,70 @@ def test_damaged_file_and_what_is_made_from_it_are_aside_until_the_end(run):
     assert (folder / "cubes/a.h5").read_text() == "damaged"
     assert (folder / "cubes/b.h5").read_text() == "made again"
     assert not (folder / "logs/aside").exists()
+
+
+# --- Fingerprint that distinguishes one piece of work from another.
+
+
+def resolved(**changes):
+    return load({**yaml.safe_load(SMOKE.read_text(encoding="utf-8")), **changes})
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A copy of the packages."""
+    for name in PACKAGES:
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    return tmp_path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("changes", "moved"),
+    [
+        ({"samples": 101}, {"config", "config_digest", "work"}),
+        ({"integrators": ["ruth", "srkn_b6"]}, {"config", "config_digest", "coefficients_digest", "work"}),
+        ({"overview": ["leapfrog"]}, {"config", "config_digest", "coefficients_digest", "work"}),
+    ],
+)
+def test_a_setting_moves_its_digest_and_no_other(changes, moved):
+    before, after = fingerprint.fingerprint(resolved()), fingerprint.fingerprint(resolved(**changes))
+    assert {key for key in before if before[key] != after[key]} == moved
+
+
+@pytest.mark.slow
+def test_code_anywhere_in_the_package_counts_and_comments_do_not(package):
+    before = package_digest(package)
+    for name in ("nearharmonic_paper/record/history.py", "nearharmonic/systems/kepler.py", "nearharmonic/__init__.py"):
+        place = package / name
+        text = place.read_text(encoding="utf-8") if place.is_file() else ""
+        place.write_text(text + "\n# a comment\n", encoding="utf-8")
+        if text:
+            assert package_digest(package) == before, name
+        place.write_text(text + "\n_EDITED = 1\n", encoding="utf-8")
+        assert package_digest(package) != before, name
+        before = package_digest(package)
+
+
+def git(folder, *words):
+    author = ("-c", "user.name=a", "-c", "user.email=a@example.org")
+    return subprocess.run(["git", *author, *words], cwd=folder, check=True, capture_output=True, text=True).stdout
+
+
+def test_a_working_tree_is_clean_until_something_changes(tmp_path):
+    git(tmp_path, "init", "-q")
+    (tmp_path / "a").write_text("1")
+    git(tmp_path, "add", ".")
+    git(tmp_path, "commit", "-qm", "a")
+    head = git(tmp_path, "rev-parse", "HEAD").strip()
+    assert revision(tmp_path) == {"commit": head, "dirty": False}
+    (tmp_path / "b").write_text("a file that is not under version control")
+    assert revision(tmp_path) == {"commit": head, "dirty": True}
+    (tmp_path / "b").unlink()
+    (tmp_path / "a").write_text("2")
+    assert revision(tmp_path) == {"commit": head, "dirty": True}
+
+
+def test_a_folder_without_version_control_has_no_commit(tmp_path, monkeypatch):
+    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
+    assert revision(tmp_path) == {"commit": None, "dirty": None}

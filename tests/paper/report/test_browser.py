@@ -1,4 +1,4 @@
-"""The page in chromium: no network, no error, and legend, hover and zoom that do what they say."""
+"""The page in a browser: plots, legend, hover, zoom, filters, motion; without scripts, in the dark, and in a frame."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 import nearharmonic as nh
+from nearharmonic_paper.report.page import page
 from support.cubes.page_results import CLAIMS, DRAWN, PLOTS
+from support.projects.workflow_project import ROOT
 
 pytestmark = pytest.mark.browser
 ALL_FIGURES = [f"figure-{number}" for number in PLOTS]
@@ -183,3 +185,110 @@ def test_panel_c_is_seen_to_leave_its_energy_surface(wide):
     section.locator("canvas").first.click(position={"x": 300, "y": 200})
     section.locator("button[name=step]").click()
     assert section.locator("output").inner_text().endswith("after 1 iterations")
+
+
+# --- Other ways to read the page: by keyboard, in a narrow window, in dark mode, on paper, or without scripts.
+
+
+def test_tab_reaches_legend_and_space_toggles_it_with_visible_focus(opened):
+    page = opened()
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.className") == "skip"
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.matches('button.method')"):
+            break
+    focused = page.locator("button.method").first
+    assert page.evaluate("document.activeElement.dataset.method") == focused.get_attribute("data-method") == "ruth"
+    assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
+    page.keyboard.press("Space")
+    assert focused.get_attribute("aria-pressed") == "false"
+    assert not any(any(visible) for _, visible in page.evaluate("drawnBy('ruth')"))
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_narrow_window_does_not_scroll_sideways(opened, scheme):
+    page = opened(viewport={"width": 400, "height": 800}, color_scheme=scheme)
+    for details in page.locator("details").all():
+        details.evaluate("(one) => { one.open = true; }")
+    page.settle()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 400
+    paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (sum(map(int, re.findall(r"\d+", paper))) < 200) == (scheme == "dark")
+
+
+def shown(page, selector):
+    return [one.is_visible() for one in page.locator(selector).all()]
+
+
+def test_the_static_pictures_stand_in_where_scripts_are_off(opened):
+    page = opened(java_script_enabled=False)
+    assert shown(page, "section.figure img.static") == [True] * len(PLOTS)
+    assert not any(shown(page, ".panels"))
+    assert not any(shown(page, "button"))
+    drawn = page.locator("#figure-4 img")
+    assert drawn.bounding_box()["width"] > 300
+
+
+def test_the_static_pictures_are_printed_and_the_plots_are_not(wide):
+    assert not any(shown(wide, ".figure.live img.static"))
+    assert all(shown(wide, ".panels"))
+    wide.emulate_media(media="print")
+    assert all(shown(wide, ".figure.live img.static"))
+    assert not any(shown(wide, ".panels"))
+    wide.emulate_media(media="screen")
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_plots_and_pictures_are_dark_in_the_dark(opened, scheme):
+    import io
+
+    from PIL import Image
+
+    page = opened(color_scheme=scheme)
+    for selector in ("#figure-3-panel-1", ".hero img"):
+        with Image.open(io.BytesIO(page.locator(selector).first.screenshot())) as shot:
+            pixels = np.asarray(shot.convert("L"))
+        assert (np.median(pixels) < 60) == (scheme == "dark")
+
+
+# --- docs/how_to/figure_in_a_page.md: the names of figures, and a page with its iframe in chromium.
+
+TEXT = (ROOT / "docs/how_to/figure_in_a_page.md").read_text(encoding="utf-8")
+(HTML,) = re.findall(r"```html\n(.*?)```", TEXT, flags=re.DOTALL)
+
+
+@pytest.fixture
+def embedded(results, tmp_path):
+    """A page with two frames of the page of how to, beside one file."""
+    (tmp_path / "figure-3.html").write_text(page(folder=results)["figure_3"], encoding="utf-8")
+    outer = tmp_path / "mine.html"
+    outer.write_text(f'<!doctype html><html lang="en"><title>mine</title><h1>Mine</h1>{HTML}{HTML}', encoding="utf-8")
+    return outer
+
+
+def test_figure_is_drawn_in_a_sandboxed_frame_without_requests(browser, embedded):
+    context = browser.new_context(viewport={"width": 1280, "height": 2400})
+    shown = context.new_page()
+    requests, errors = [], []
+    shown.on("request", lambda request: requests.append(request.url))
+    shown.on("pageerror", lambda error: errors.append(str(error)))
+    shown.on("console", lambda said: said.type in {"error", "warning"} and errors.append(said.text))
+    shown.goto(embedded.as_uri())
+    first, second = shown.frames[1:]
+    for frame in (first, second):
+        frame.wait_for_selector("html[data-ready]", state="attached")
+        names = frame.evaluate("Bokeh.documents[0].roots().map((plot) => plot.name)")
+        assert len(names) == PLOTS["3"]
+        for name in names:
+            assert frame.locator(f"#{name} canvas").first.bounding_box()["width"] > 300
+    visible = "Bokeh.documents[0].roots()[0].renderers.filter((one) => one.visible).length"
+    before = second.evaluate(visible)
+    first.locator("button.method").first.click()
+    assert first.evaluate(visible) < before == second.evaluate(visible)
+    own = {embedded.as_uri(), embedded.with_name("figure-3.html").as_uri()}
+    assert {url for url in requests if not url.startswith("data:")} == own
+    assert errors == []
+    with pytest.raises(Exception, match=r"cross-origin|Blocked|SecurityError"):
+        first.evaluate("parent.document.title")
+    context.close()

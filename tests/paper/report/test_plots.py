@@ -16,7 +16,6 @@ from nearharmonic_paper.experiments.paper.orbits import paper_panels
 from nearharmonic_paper.report.plots import energy_error
 from support.cubes import figure_cubes as made
 from support.cubes.page_reader import written
-from support.cubes.page_results import PLOTS
 from support.methods.numba_potentials import springs
 
 pytestmark = pytest.mark.slow
@@ -42,12 +41,6 @@ def test_document_loads_without_complaint_and_numbers_its_models_from_0(text, ca
     assert not caplog.records
     numbered = re.findall(r'"id":"(\w+)"', json.dumps(found, separators=(",", ":")))
     assert list(dict.fromkeys(numbered)) == [f"m{i}" for i in range(len({*numbered}))]
-
-
-def test_panels_of_six_figures_exist(plots):
-    names = {f"figure-{n}-panel-{i}" for n, count in PLOTS.items() for i in range(1, count + 1)}
-    assert set(plots) == names
-    assert all(plot.name == name for name, plot in plots.items())
 
 
 @pytest.mark.parametrize(("panel", "variable"), [(1, "max_energy_error"), (2, "mean_energy_error")])
@@ -114,18 +107,6 @@ def test_path_of_figure_6_follows_q_in_drifts_and_p_in_kicks(plots):
         assert all(not np.diff(line)[::2].any() for line in way["p" if path.attrs["first"] == "drift" else "q"])
 
 
-def test_panels_of_figure_share_their_axes_and_figures_do_not(plots):
-    for figure in (1, 3, 5):
-        upper, lower = (plots[f"figure-{figure}-panel-{i}"] for i in (1, 2))
-        assert upper.x_range is lower.x_range
-        assert upper.y_range is lower.y_range
-    assert plots["figure-1-panel-1"].x_range is not plots["figure-3-panel-1"].x_range
-    assert plots["figure-2-panel-1"].x_range is plots["figure-2-panel-2"].x_range
-    A, B, C, D = (plots[f"figure-6-panel-{i}"] for i in range(1, 5))
-    assert A.x_range is B.x_range is not C.x_range
-    assert C.y_range is D.y_range
-
-
 def test_the_guides_have_the_slopes_of_their_orders(plots):
     for name in ("figure-1-panel-1", "figure-5-panel-2"):
         (guide,) = [one.data_source.data for one in plots[name].renderers if not one.tags]
@@ -133,10 +114,3 @@ def test_the_guides_have_the_slopes_of_their_orders(plots):
         np.testing.assert_allclose(np.ravel(slopes), [4, 6])
         labels = {one.text: (one.x, one.y) for one in plots[name].center if type(one).__name__ == "Label"}
         assert labels["order 6"] == (guide["x"][1][1], guide["y"][1][1])
-
-
-def test_everything_a_method_draws_carries_its_name(plots):
-    named = [one.tags for plot in plots.values() for one in plot.renderers if type(one.glyph).__name__ != "VBar"]
-    assert all(len(tags) <= 1 for tags in named)
-    # Shades and contours of the Hamiltonian in four panels, slopes of orders 4 and 6 in six.
-    assert sum(not tags for tags in named) == 2 * 4 + 6

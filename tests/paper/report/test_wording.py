@@ -8,32 +8,10 @@ import pytest
 
 from nearharmonic.integrators import integrators
 from nearharmonic.plotting.profile import style_of
-from nearharmonic_paper.claims.claim import power_of_ten, short
-from nearharmonic_paper.report import assets
+from nearharmonic_paper.report import page as assets
 from nearharmonic_paper.report import shown as wording
-from nearharmonic_paper.report.panels import MARKERS, span
+from nearharmonic_paper.report.plots import MARKERS, span
 from nearharmonic_paper.report.shown import Places, ShownFigure, ShownTable
-
-
-@pytest.mark.parametrize(
-    ("said", "text"),
-    [
-        (short(4158365311), "4.16 × 10⁹"),
-        (short(1.5e-7, 2), "1.5 × 10⁻⁷"),
-        (short(0.25), "0.25"),
-        (power_of_ten(-30), "10⁻³⁰"),
-        (wording.percent(0.4928), "49 %"),
-        (wording.percent(0), "0 %"),
-        (wording.percent(2.7e-5), "below 0.01 %"),
-        (wording.counted(1, "row"), "1 row"),
-        (wording.counted(0, "row"), "0 rows"),
-        (wording.verdict("fails", 2), "fail"),
-        (wording.verdict("fails", 1), "fails"),
-        (wording.verdict("not decided here", 3), "not decided here"),
-    ],
-)
-def test_numbers_are_said_in_words(said, text):
-    assert said == text
 
 
 @pytest.mark.parametrize(

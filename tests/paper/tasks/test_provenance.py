@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
 import shutil
-import sys
 from dataclasses import dataclass, replace
 
 import pytest
@@ -11,10 +11,16 @@ import pytest
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.integrators import integrators, modified_integrators
 from nearharmonic.systems import systems
-from nearharmonic_paper.tasks import provenance, sources
+from nearharmonic_paper.tasks import provenance
+from nearharmonic_paper.tasks import provenance as sources
 from nearharmonic_paper.tasks.job import covered
-from nearharmonic_paper.tasks.provenance import code_digest, coefficients_digest, library_version, task
-from nearharmonic_paper.tasks.sources import closure, module_digest
+from nearharmonic_paper.tasks.provenance import (
+    closure,
+    code_digest,
+    coefficients_digest,
+    library_version,
+    task,
+)
 
 
 @pytest.fixture
@@ -124,14 +130,6 @@ def test_a_new_version_of_a_numerical_library_changes_every_digest(library, monk
     assert code_digest("nearharmonic.errors") != before
 
 
-def test_the_version_of_a_library_is_that_which_it_gives(monkeypatch):
-    assert library_version.__wrapped__("numpy") == sys.modules["numpy"].__version__
-    monkeypatch.delitem(sys.modules, "llvmlite", raising=False)
-    import llvmlite
-
-    assert library_version.__wrapped__("llvmlite") == llvmlite.__version__
-
-
 def test_coefficient_digest_distinguishes_methods_and_labels_but_not_remarks():
     ruth, yoshida = integrators["ruth"], integrators["yoshida_s7o6a"]
     others = ([ruth], [yoshida], [ruth, yoshida], [ruth.role("kick")], [replace(ruth, label="R")])
@@ -215,9 +213,44 @@ def test_a_result_says_where_it_comes_from_without_a_clock():
     assert (origin["code_digest"], origin["coefficients_digest"]) == ("c0de", "c0ef")
 
 
-def test_digest_of_module_is_that_of_its_own_code_alone(package):
-    before = module_digest("nearharmonic.errors", root=package)
-    edited(package, "nearharmonic/math.py")
-    assert module_digest("nearharmonic.errors", root=package) == before
-    edited(package, "nearharmonic/errors.py")
-    assert module_digest("nearharmonic.errors", root=package) != before
+# --- Parsed sources are looked up by their text, in this process and in the next.
+
+TEXT = b'"""A docstring."""\nimport nearharmonic.errors\nx = 1\n'
+
+
+@pytest.fixture
+def memory(tmp_path, monkeypatch):
+    """A new memory each time it is called, with one place on disk; it is not written when the tests end."""
+    monkeypatch.setenv("NEARHARMONIC_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(atexit, "register", lambda function: None)
+    return sources.SourceCache
+
+
+def test_the_next_process_parses_nothing_that_this_one_has_parsed(memory, monkeypatch):
+    first = memory()
+    found = first.parsed(TEXT)
+    assert found == sources.parsed(TEXT)
+    first.keep()
+    monkeypatch.setattr(sources, "parsed", lambda text: pytest.fail("parsed again"))
+    assert memory().parsed(TEXT) == found
+
+
+def test_an_edited_text_is_another_text(memory):
+    first = memory()
+    first.parsed(TEXT)
+    first.keep()
+    edited = TEXT.replace(b"x = 1", b"x = 2")
+    assert memory().parsed(edited) == sources.parsed(edited)
+    assert sources.parsed(edited).digest != sources.parsed(TEXT).digest
+
+
+def test_a_memory_that_is_damaged_is_forgotten(memory, tmp_path):
+    first = memory()
+    first.parsed(TEXT)
+    first.keep()
+    (place,) = tmp_path.iterdir()
+    content = bytearray(place.read_bytes())
+    content[-5] ^= 1
+    place.write_bytes(content)
+    assert memory().parsed(TEXT) == sources.parsed(TEXT)
+    assert not place.exists()

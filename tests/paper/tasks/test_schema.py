@@ -9,7 +9,7 @@ import pytest
 from nearharmonic.errors import ResultFileError
 from nearharmonic.output.atomic import sealed
 from nearharmonic_paper.record import history, manifest
-from nearharmonic_paper.tasks.receipts import damaged_receipts, receipts_in
+from nearharmonic_paper.tasks.provenance import damaged_receipts, receipts_in
 from support.results import finished_results
 from support.results.finished_results import HISTORY
 

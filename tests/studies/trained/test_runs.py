@@ -17,7 +17,7 @@ import nearharmonic as nh
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.output.store import assembled
-from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config import load
 from nearharmonic_paper.tasks import job
 from nearharmonic_studies.trained import run as times
 from nearharmonic_studies.trained.problems import NAMED, named_ensemble, random_ensemble, with_exact_oscillators

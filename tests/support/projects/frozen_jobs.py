@@ -7,10 +7,10 @@ import sys
 
 from planned_jobs import planned
 
-from nearharmonic_paper.tasks.remote import frozen
+from nearharmonic_paper.tasks.job import frozen
 
 if __name__ == "__main__":
     config, target, folder = sys.argv[1:]
     for job in planned(config, target):
         place = str(frozen(job).write(folder)) if {"task", "tasks"} & dict(job.params.items()).keys() else None
-        print(json.dumps({"rule": job.rule.name, "output": list(job.output), "norun": job.is_norun, "place": place}))
+        print(json.dumps({"rule": job.name, "output": list(job.output), "norun": job.is_norun, "place": place}))

@@ -17,6 +17,8 @@ CORES = 5
 
 def planned(config: str, *targets: str) -> list[Any]:
     """Return the jobs of Snakemake for ``targets``, whatever is there already."""
+    from snakemake_executor_plugin_planned import JOBS  # beside this program, where Snakemake finds it too
+
     sys.argv = ["snakemake", "--configfile", config]  # as the Snakefile expects
     with SnakemakeApi(OutputSettings(quiet={Quietness.ALL})) as api:
         workflow = api.workflow(
@@ -24,8 +26,8 @@ def planned(config: str, *targets: str) -> list[Any]:
             config_settings=ConfigSettings(configfiles=[Path(config)]),
             snakefile=Path("Snakefile"),
         )
-        workflow.dag(DAGSettings(targets={*targets}, forceall=True)).execute_workflow(executor="dryrun")
-        return list(workflow._workflow.dag.jobs)
+        workflow.dag(DAGSettings(targets={*targets}, forceall=True)).execute_workflow(executor="planned")
+    return JOBS
 
 
 def _plain(files: Any) -> dict[str, list[str]]:
@@ -35,7 +37,7 @@ def _plain(files: Any) -> dict[str, list[str]]:
 if __name__ == "__main__":
     for job in planned(*sys.argv[1:]):
         told = {
-            "rule": job.rule.name,
+            "rule": job.name,
             "input": list(job.input),
             "inputs": _plain(job.input),
             "output": list(job.output),

@@ -10,7 +10,6 @@ import importlib
 import io
 import json
 import os
-import pkgutil
 import resource
 import signal
 import sys
@@ -22,8 +21,7 @@ from nearharmonic import cli
 from nearharmonic.core import disk
 from nearharmonic.output import store
 from nearharmonic.output import store as files
-from nearharmonic_paper import commands
-from nearharmonic_paper.tasks import remote as plan
+from nearharmonic_paper.tasks import job as plan
 
 #: Seconds for all questions of a request; the slowest takes one.
 LIMIT = 60
@@ -59,7 +57,7 @@ def vanishing(place):
 
 ASKED = {
     "numbers": numbers, "kernel": of_kernel, "integrate": integrated, "vanish": vanishing,
-    "job": lambda place: repr(plan.read(place)),
+    "job": lambda place: repr(plan.read_job(place)),
 }  # fmt: skip
 
 
@@ -88,8 +86,6 @@ def run(folder, questions, place, memory=None):
 
 
 if __name__ == "__main__":
-    for module in pkgutil.iter_modules(commands.__path__, f"{commands.__name__}."):
-        importlib.import_module(module.name)
     nh.errors = importlib.import_module("nearharmonic.errors")
     for line in sys.stdin:
         request = json.loads(line)

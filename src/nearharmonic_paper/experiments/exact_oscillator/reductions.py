@@ -27,7 +27,7 @@ from nearharmonic.output.table import Table
 from nearharmonic.systems.henon_heiles import SYSTEM
 from nearharmonic_paper.experiments.exact_oscillator import ExactOscillatorSettings
 from nearharmonic_paper.experiments.exact_oscillator.run import starts_on
-from nearharmonic_paper.tasks.receipts import measures_time
+from nearharmonic_paper.tasks.provenance import measures_time
 from nearharmonic_paper.tasks.reduction import Reductions
 
 reduction = Reductions()

@@ -25,7 +25,7 @@ from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.work_precision.peers import PEERS
 from nearharmonic_paper.experiments.work_precision.tables import COMPARED_MEASURES, STANDARD, Pair, pairs
 from nearharmonic_paper.experiments.work_precision.tables import ERRORS as COMPARED_ERRORS
-from nearharmonic_paper.tasks.receipts import measures_time
+from nearharmonic_paper.tasks.provenance import measures_time
 
 # --- Work-precision diagrams: error against wall time -----------------------------------------------------------------
 

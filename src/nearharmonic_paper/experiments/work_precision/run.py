@@ -38,7 +38,7 @@ from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
 from nearharmonic_paper.experiments.work_precision import WorkPrecisionSettings
 from nearharmonic_paper.experiments.work_precision.peers import PEERS, Peer, States, missing, version_of
-from nearharmonic_paper.tasks.receipts import measures_time
+from nearharmonic_paper.tasks.provenance import measures_time
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -13,7 +13,7 @@ from nearharmonic.output.table import Table, pipes
 from nearharmonic.recommendation.measure import NAMES, TARGETS, Crossing, Part, crossing, of_kind, ranking, read_parts
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
-from nearharmonic_paper.tasks.receipts import measures_time
+from nearharmonic_paper.tasks.provenance import measures_time
 
 HOW = (
     "Read off each curve of least wall time against error: between the last step size or tolerance above the target "

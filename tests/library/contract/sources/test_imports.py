@@ -22,8 +22,8 @@ import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError, UnknownNameError
 from nearharmonic.registry import Registry
 from nearharmonic_paper.tasks.experiment import folders
+from nearharmonic_paper.tasks.provenance import closure, path_of
 from nearharmonic_paper.tasks.reduction import Reductions
-from nearharmonic_paper.tasks.sources import closure, path_of
 from support.projects.extras import names_of, of_extra
 
 # --- the registries are packages and mappings: every import works after any other import ------------------------------

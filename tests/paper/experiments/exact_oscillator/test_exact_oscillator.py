@@ -11,7 +11,7 @@ import xarray as xr
 import nearharmonic as nh
 from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.store import read
-from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config import load
 from nearharmonic_paper.experiments.exact_oscillator import CHARGES, ExactOscillatorSettings
 from nearharmonic_paper.experiments.exact_oscillator import reductions as times
 from nearharmonic_paper.experiments.exact_oscillator.reductions import BEST, crossing, reduce, reduction

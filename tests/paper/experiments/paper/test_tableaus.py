@@ -13,7 +13,7 @@ import nearharmonic as nh
 from nearharmonic.errors import SettingError
 from nearharmonic.integrators import integrators
 from nearharmonic.output.store import write
-from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config import load
 from nearharmonic_paper.experiments.paper.figures import fig2_decomposition
 from nearharmonic_paper.experiments.paper.reductions import reduce
 from nearharmonic_paper.experiments.paper.run import integrate, shards_of

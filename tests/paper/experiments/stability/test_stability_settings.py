@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from nearharmonic.errors import NearharmonicError
-from nearharmonic_paper.config.reading import load
+from nearharmonic_paper.config import load
 
 ROOT = Path(__file__).parents[4]
 SMALL = {

@@ -13,7 +13,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from nearharmonic.errors import ResultFileError
-from nearharmonic_paper.record.differences import (
+from nearharmonic_paper.record.compare import (
     array_difference,
     dataset_differences,
     relative_differences,

@@ -1,1 +1,0 @@
-"""Subcommands for queries of results and their record; see :mod:`nearharmonic.commands`."""

@@ -1,0 +1,505 @@
+"""Comparison of two results: differences of claims, settings and numbers, and energy errors in one figure."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from decimal import Decimal, InvalidOperation
+from math import inf, isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from nearharmonic.errors import SettingError, bad_setting
+from nearharmonic.output import store
+from nearharmonic_paper.record import manifest
+from nearharmonic_paper.record.history import flattened, newest_finished
+from nearharmonic_paper.record.manifest import Texts
+from nearharmonic_paper.record.query import settings_of, system_cube, system_cubes
+from nearharmonic_paper.tasks.provenance import WHOLE
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# --- Differences between arrays of numbers or texts, datasets on their common coordinates, and tables.
+
+#: Maximum number of values of a coordinate that are listed one by one.
+NAMED = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """One difference of two results.
+
+    ``kind`` is "claim", "setting", "code", "coefficients", "version", "status", "number", "text" or "missing";
+    ``where`` names the object that differs: a file name is relative to the result, followed by the variable or column.
+    ``a`` and ``b`` are the values in the two results with their ``unit``, "" if they have none; for arrays those at the
+    coordinates ``at`` of the largest difference, or of the first one of texts, whose units are ``at_units``.
+    ``relative`` is the largest |a - b| / max(|a|, |b|) of numbers, infinite if one is not finite. ``differ`` of
+    ``compared`` values differ; both are None for single values.
+    """
+
+    kind: str
+    where: str
+    a: Any
+    b: Any
+    relative: float | None = None
+    at: Mapping[str, Any] = field(default_factory=dict)
+    at_units: Mapping[str, str] = field(default_factory=dict)
+    differ: int | None = None
+    compared: int | None = None
+    unit: str = ""
+
+
+def missing(where: str, *, in_a: bool) -> Difference:
+    """Return the difference for an object that one of two results lacks."""
+    return Difference(kind="missing", where=where, a="there" if in_a else "missing", b="missing" if in_a else "there")
+
+
+def short(value: Any) -> str:
+    """Return a coordinate or a value as text, a float to six digits."""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def relative_differences(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return |a - b| / max(|a|, |b|) of numbers of the same shape.
+
+    NaN is equal to NaN and an infinity to itself; the difference of a finite and a non-finite number is infinite.
+    """
+    one, other = a.astype(np.float64), b.astype(np.float64)
+    with np.errstate(all="ignore"):
+        # Halves make the difference of the two largest doubles finite.
+        found = abs(one / 2 - other / 2) / np.maximum(abs(one), abs(other)) * 2
+    # Two integers may round to one double, and half of the smallest double is 0.
+    found = np.where(found > 0, found, np.finfo(np.float64).tiny)
+    found = np.where(np.isfinite(one) & np.isfinite(other), found, inf)
+    return np.where((a == b) | (np.isnan(one) & np.isnan(other)), 0.0, found)
+
+
+def array_difference(
+    where: str, a: np.ndarray, b: np.ndarray, coordinates: Sequence[tuple[str, Sequence[Any]]], *, unit: str = ""
+) -> Difference | None:
+    """Return the difference of two arrays of the same shape, numbers or texts; None if they are equal.
+
+    ``coordinates`` are name and values of each dimension. A name ``where`` of texts that ends in ``status`` gives the
+    kind "status".
+    """
+    if a.dtype.kind in "biuf" and b.dtype.kind in "biuf":
+        found = _at_largest(where, a, b, relative_differences(a, b), coordinates)
+        return found and replace(found, kind="number", unit="" if unit == "1" else unit)
+    found = _at_largest(where, a, b, np.asarray(a.astype(str) != b.astype(str)), coordinates)
+    return found and replace(found, kind="status" if where.endswith("status") else "text", relative=None)
+
+
+def _at_largest(
+    where: str, a: np.ndarray, b: np.ndarray, distances: np.ndarray, coordinates: Sequence[tuple[str, Sequence[Any]]]
+) -> Difference | None:
+    """Return the difference at the largest of the ``distances``, without its kind; None if all are 0."""
+    if not distances.any():
+        return None
+    index = tuple(int(i) for i in np.unravel_index(int(np.argmax(distances)), a.shape))
+    return Difference(
+        kind="",
+        where=where,
+        a=a[index].item() if isinstance(a[index], np.generic) else a[index],
+        b=b[index].item() if isinstance(b[index], np.generic) else b[index],
+        relative=float(distances[index]),
+        at={name: values[i] for (name, values), i in zip(coordinates, index, strict=True)},
+        differ=int((distances > 0).sum()),
+        compared=int(a.size),
+    )
+
+
+def dataset_differences(file: str, a: xr.Dataset, b: xr.Dataset, leave_out: Collection[str]) -> Iterator[Difference]:
+    """Yield the differences between two datasets: missing coordinates and variables, then values.
+
+    Values are compared on common coordinates; along a dimension without coordinates, up to the shorter length.
+    Variables in ``leave_out`` are not compared; ``file`` is the name of the file, and of the group in it.
+    """
+    rows: tuple[dict[Any, Any], dict[Any, Any]] = {}, {}
+    for dimension in [name for name in a.sizes if name in b.sizes]:
+        one, other = (dataset.get_index(dimension) for dataset in (a, b))
+        firsts = ~other.duplicated()
+        rows[0][dimension] = np.flatnonzero(one.isin(other))
+        rows[1][dimension] = np.flatnonzero(firsts)[other[firsts].get_indexer(one[one.isin(other)])]
+        if not len(one) == len(other) == rows[0][dimension].size:
+            only = [_listed(values) for values in (one[~one.isin(other)].tolist(), other[~other.isin(one)].tolist())]
+            unit = _unit(a, str(dimension))
+            yield Difference(kind="missing", where=f"{file}: {dimension}", a=only[0], b=only[1], unit=unit)
+    names = [name for name in dict.fromkeys([*a.variables, *b.variables]) if name not in (*leave_out, *rows[0])]
+    a, b = a.isel(rows[0]), b.isel(rows[1])
+    for name in names:
+        where = f"{file}: {name}"
+        if name not in a.variables or name not in b.variables:
+            yield missing(where, in_a=name in a.variables)
+        elif a[name].dims != b[name].dims:
+            over = [
+                f"over {', '.join(map(str, one[name].dims))}" if one[name].dims else "a single value" for one in (a, b)
+            ]
+            yield Difference(kind="missing", where=where, a=over[0], b=over[1])
+        else:
+            yield from _values(where, a[name], b[name])
+
+
+def _values(where: str, a: xr.DataArray, b: xr.DataArray) -> Iterator[Difference]:
+    """Yield the differences of the units and of the values of two arrays on the same coordinates."""
+    units = [str(values.attrs.get("units", "1")) for values in (a, b)]
+    if units[0] != units[1]:
+        yield Difference(kind="text", where=f"{where}, unit", a=units[0], b=units[1])
+    coordinates = [(str(name), a.get_index(name).tolist()) for name in a.dims]
+    found = array_difference(where, a.values, b.values, coordinates, unit=units[0])
+    if found:
+        at_units = {name: _unit(a, name) for name in found.at}
+        yield replace(found, at_units={name: unit for name, unit in at_units.items() if unit})
+
+
+def _listed(values: Sequence[Any]) -> str:
+    """Describe the values that only one result has."""
+    if not values:
+        return "no more"
+    if len(values) <= NAMED or isinstance(values[0], str):
+        return f"also {', '.join(map(short, values))}"
+    return f"also {len(values)} from {short(min(values))} to {short(max(values))}"
+
+
+def _unit(dataset: xr.Dataset | xr.DataArray, name: str) -> str:
+    unit = str(dataset[name].attrs.get("units", "1")) if name in dataset.coords else "1"
+    return "" if unit == "1" else unit
+
+
+def table_differences(name: str, a: Texts, b: Texts, leave_out: Collection[str]) -> Iterator[Difference]:
+    """Yield the differences of each column between the CSV files with one name in two results, without ``leave_out``.
+
+    Rows are matched by the first columns of text that identify them uniquely, or else by their position. A file that
+    is damaged, or no table, is a ResultFileError.
+    """
+    tables = a.table(name), b.table(name)
+    one, other = (pd.DataFrame(table.rows, columns=list(table.header), dtype=object) for table in tables)
+    for column in dict.fromkeys([*one, *other]):
+        if column not in leave_out and (column not in one or column not in other):
+            yield missing(f"{name}: {column}", in_a=column in one)
+    columns = [column for column in one if column in other and column not in leave_out]
+    names = _naming(one[columns], other[columns])
+    if names:
+        one, other = (table.set_index(names, drop=False) for table in (one, other))
+    common = one.index[one.index.isin(other.index)]
+    if len(common) < max(len(one), len(other)):
+        more = [f"{len(rows) - len(common) or 'no'} more" for rows in (one, other)]
+        yield Difference(kind="missing", where=f"{name}: rows", a=more[0], b=more[1])
+    at = [" ".join(key) if len(names) > 1 else key if names else str(key + 1) for key in common]
+    for column in columns:
+        cells = (table.loc[common, column].to_numpy(object) for table in (one, other))
+        found = _column_difference(f"{name}: {column}", next(cells), next(cells), at)
+        if found:
+            yield found
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return text == ""
+    return True
+
+
+def _naming(one: pd.DataFrame, other: pd.DataFrame) -> list[str]:
+    """Return the first columns of text that identify the rows of both tables uniquely, if there are any."""
+    texts = [column for column in one if not all(map(_is_number, [*one[column], *other[column]]))]
+    firsts = (texts[:end] for end in range(1, len(texts) + 1))
+    return next(
+        (names for names in firsts if not one.duplicated(names).any() and not other.duplicated(names).any()), []
+    )
+
+
+def _column_difference(where: str, a: np.ndarray, b: np.ndarray, at: Sequence[str]) -> Difference | None:
+    numbers = all(map(_is_number, [*a, *b]))
+    distances = [0.0 if x == y else _relative(x, y) if numbers else 1.0 for x, y in zip(a, b, strict=True)]
+    found = _at_largest(where, a, b, np.array(distances), [("row", at)])
+    if found is None or not numbers:
+        return found and replace(found, kind="text", relative=None)
+    return replace(found, kind="number", a=_cell(found.a), b=_cell(found.b))
+
+
+def _relative(a: str, b: str) -> float:
+    """Return |a - b| / max(|a|, |b|) of two cells, with all their digits."""
+    try:
+        one, other = Decimal(a), Decimal(b)
+    except InvalidOperation:  # one of them is empty
+        return inf
+    if not (one.is_finite() and other.is_finite()):
+        return 0.0 if float(a) == float(b) or {one.is_nan(), other.is_nan()} == {True} else inf
+    # Decimals are subtracted exactly; only the difference is rounded.
+    scale = max(abs(one), abs(other))
+    return float(abs(one - other) / scale) if scale else 0.0
+
+
+def _cell(text: str) -> Any:
+    """Return a number of a table, as a float if this loses no digit."""
+    try:
+        number = float(text)
+    except ValueError:
+        return text
+    return number if not isfinite(number) or Decimal(repr(number)) == Decimal(text) else text
+
+
+# --- Comparison of two folders: claims first, then the provenance, then cubes and tables.
+
+CLAIMS = Path("tables/claims.json")
+#: Kinds of differences that concern the provenance of the results, not their content.
+ORIGIN = ("setting", "code", "coefficients", "version")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """Differences between two results: claims first, then the provenance, then cubes and tables.
+
+    ``left_out`` are files and variables that hold measured times and are not compared.
+    """
+
+    differences: tuple[Difference, ...]
+    left_out: tuple[str, ...]
+
+    @property
+    def identical(self) -> bool:
+        """True if nothing differs."""
+        return not self.differences
+
+    @property
+    def same_numbers(self) -> bool:
+        """True if only the provenance of the results differs."""
+        return all(difference.kind in ORIGIN for difference in self.differences)
+
+
+def compared(a: Path, b: Path) -> Comparison:
+    """Compare two folders of results, of any configs; a file that cannot be read is a ResultFileError."""
+    pair = _Pair(a, b)
+    parts = (
+        pair.claims(),
+        pair.settings(),
+        pair.origins(),
+        pair.files("cubes/*.h5", pair.cube),
+        pair.files("tables/*.csv", pair.table),
+    )
+    differences = [difference for part in parts for difference in part]
+    return Comparison(differences=tuple(differences), left_out=tuple(dict.fromkeys(pair.left_out)))
+
+
+class _Pair:
+    """Two folders of results."""
+
+    def __init__(self, a: Path, b: Path) -> None:
+        self._folders = (a, b)
+        self._newest = [newest_finished(folder) or {} for folder in self._folders]
+        self._manifests = [
+            manifest.read(folder) if (folder / "manifest.json").exists() else {} for folder in self._folders
+        ]
+        self.left_out: list[str] = []
+
+    def claims(self) -> Iterator[Difference]:
+        """Yield claims with different verdicts, and claims that only one result has."""
+        one, other = map(_claims, self._folders)
+        if one is None or other is None:
+            if one is not other:
+                yield missing(str(CLAIMS), in_a=one is not None)
+            return
+        for found in _keys_that_differ("claim", [one, other]):
+            if found.a is not None and found.b is not None:
+                yield found
+        for name in sorted({*one} ^ {*other}):
+            yield missing(f"claim {name}", in_a=name in one)
+
+    def settings(self) -> Iterator[Difference]:
+        """Yield the differing keys of the configs, then of the settings of each cube."""
+        if all(self._newest):
+            configs = [dict(flattened(run.get("config", {}))) for run in self._newest]
+            for config in configs:
+                config.pop("name", None)  # that of the folder
+            yield from _keys_that_differ("setting", configs, "config: {}")
+        for name, attributes in self._attributes():
+            places = [folder / name for folder in self._folders]
+            told = [dict(flattened(settings_of(*one))) for one in zip(places, attributes, strict=True)]
+            yield from _keys_that_differ("setting", told, f"{name}: {{}}")
+
+    def origins(self) -> Iterator[Difference]:
+        """Yield differing digests of code and coefficients, and versions: of the newest runs, then of the cubes."""
+        cubes = list(self._attributes())
+        for kind in ("code", "coefficients"):
+            key = f"{kind}_digest"
+            if all(self._newest):
+                yield from _keys_that_differ(
+                    kind, [{"newest run": run.get(key)} for run in self._newest], show=_short_digest
+                )
+            for name, attributes in cubes:
+                yield from _keys_that_differ(kind, [{name: told.get(key)} for told in attributes], show=_short_digest)
+        versions: list[dict[str, Any]] = [{}, {}]
+        for told, found in ((told, versions[i]) for _, both in cubes for i, told in enumerate(both)):
+            names = (key.removesuffix("_version") for key in told if key.endswith("_version"))
+            found |= {name: told[f"{name}_version"] for name in names}
+        for found in versions:
+            if "package" in found:
+                found["nearharmonic"] = found.pop("package")
+        if all(self._newest):
+            versions = [found | run.get("versions", {}) for found, run in zip(versions, self._newest, strict=True)]
+        yield from _keys_that_differ("version", versions)
+
+    def _attributes(self) -> Iterator[tuple[str, list[dict[str, str]]]]:
+        """Return the name of each common cube, and its attributes in both results."""
+        for name in self._names("cubes/*.h5"):
+            paths = [folder / name for folder in self._folders]
+            if all(path.exists() for path in paths):
+                yield name, [{key: str(value) for key, value in store.attributes_of(path).items()} for path in paths]
+
+    def _names(self, pattern: str) -> list[str]:
+        return sorted(
+            {path.relative_to(folder).as_posix() for folder in self._folders for path in folder.glob(pattern)}
+        )
+
+    def cube(self, name: str, volatile: set[str]) -> Iterator[Difference]:
+        """Yield the differences of a cube, group by group."""
+        one, other = [folder / name for folder in self._folders]
+        groups = [store.groups_of(path) for path in (one, other)]
+        for group in dict.fromkeys([None, *groups[0], *groups[1]]):
+            place = name if group is None else f"{name}/{group}"
+            if group is not None and not all(group in names for names in groups):
+                yield missing(place, in_a=group in groups[0])
+                continue
+            datasets = store.read(one, group), store.read(other, group)
+            measured = {str(v) for d in datasets for v in d.variables if "volatile" in d[v].attrs} | volatile
+            self.left_out += [f"{place}: {v}" for v in sorted(measured) if any(v in d for d in datasets)]
+            yield from dataset_differences(place, *datasets, measured)
+
+    def table(self, name: str, volatile: set[str]) -> Iterator[Difference]:
+        """Yield the differences of a table; those of verdicts are told as claims."""
+        self.left_out += [f"{name}: {column}" for column in sorted(volatile)]
+        shown_above = {"verdict"} if name == str(CLAIMS.with_suffix(".csv")) else set()
+        one, other = map(Texts, self._folders)
+        return table_differences(name, one, other, volatile | shown_above)
+
+    def files(self, pattern: str, differences: Callable[[str, set[str]], Iterator[Difference]]) -> Iterator[Difference]:
+        """Yield the differences of each common file, from its name and volatile parts, and each missing file."""
+        for name in self._names(pattern):
+            there = [(folder / name).exists() for folder in self._folders]
+            entries = [told.get("files", {}).get(name, {}) for told in self._manifests]
+            volatile = {part for entry in entries for part in entry.get("volatile", ())}
+            if not all(there):
+                yield missing(name, in_a=there[0])
+            elif WHOLE in volatile:
+                self.left_out.append(name)
+            else:
+                yield from differences(name, volatile)
+
+
+def _claims(folder: Path) -> dict[str, str] | None:
+    """Return the verdict of each claim by its id; None if there are no claims."""
+    if not (folder / CLAIMS).exists():
+        return None
+    texts = Texts(folder)
+    text = texts.read(str(CLAIMS))
+    try:
+        return {str(claim["id"]): str(claim["verdict"]) for claim in json.loads(text)}
+    except (ValueError, TypeError, LookupError, RecursionError) as error:
+        raise texts.unusable(str(CLAIMS), "holds no claims") from error
+
+
+def _keys_that_differ(
+    kind: str, both: Sequence[Mapping[str, Any]], where: str = "{}", show: Callable[[Any], Any] = lambda value: value
+) -> Iterator[Difference]:
+    """Yield the keys with different values, in the order of the first result; None marks a missing key."""
+    one, other = both
+    for key in dict.fromkeys([*one, *other]):
+        if one.get(key) != other.get(key):
+            yield Difference(kind=kind, where=where.format(key), a=show(one.get(key)), b=show(other.get(key)))
+
+
+def _short_digest(digest: Any) -> Any:
+    return digest[:10] if isinstance(digest, str) else digest
+
+
+# --- Energy errors of two results in one figure: broad pale lines for the first, thin dashes on them for the second.
+
+FIGURES = (".pdf", ".png", ".svg")
+#: Columns of panels: variable and title.
+MEASURES = (("max_energy_error", "maximum over all steps"), ("mean_energy_error", "mean over all steps"))
+DASHES: Any = (0, (4, 2))
+#: Upper end of the axis: an error of ten times the energy is not meaningful.
+LARGEST_ERROR = 10.0
+
+
+def save_overlay(results: Mapping[str, Path], place: str) -> Path:
+    """Draw the energy errors of two results, folders by the names in the legend, and write the figure.
+
+    Another ending of the file than :data:`FIGURES`, or no system of which both have a cube, is a SettingError.
+    """
+    from nearharmonic.output.store import double_runs
+    from nearharmonic.plotting import style
+
+    path = Path(place)
+    if path.suffix not in FIGURES:
+        raise bad_setting("figure", place, f"a file that ends in {', '.join(FIGURES)}")
+    cubes = [{file.stem: file for file in system_cubes(folder)} for folder in results.values()]
+    common = [name for name in cubes[0] if name in cubes[1]]
+    if not common:
+        raise SettingError(f"no figure: {' and '.join(results)} have no system in common")
+    pairs = {name: [double_runs(system_cube(found[name])) for found in cubes] for name in common}
+    (written,) = style.save(style.house_style(overlay)(list(results), pairs), [path])
+    return written
+
+
+def overlay(results: Sequence[str], pairs: Mapping[str, Sequence[xr.Dataset]]) -> Figure:
+    """Draw a row of panels for each system, maximum on the left and mean on the right.
+
+    ``pairs[system]`` are the cubes of both results, over (integrator, tau_per_stage).
+    """
+    from matplotlib.lines import Line2D
+
+    from nearharmonic.plotting import style
+
+    labels: dict[str, str] = {}
+    for cube in (cube for pair in pairs.values() for cube in pair):
+        labels |= dict(zip(map(str, cube["integrator"].values), map(str, cube["label"].values), strict=True))
+    lines_of_legend = -(-(len(labels) + 2) // 4)
+    height = 0.75 + 0.2 * lines_of_legend + 2.9 * len(pairs)
+    drawn = style.new_figure(7.5, height)
+    top = 1 - (0.35 + 0.2 * lines_of_legend) / height
+    drawn.subplots_adjust(left=0.1, right=0.985, top=top, bottom=0.5 / height, hspace=0.34, wspace=0.09)
+    grid = drawn.subplots(len(pairs), len(MEASURES), squeeze=False, sharex="row", sharey="row")
+    for row, (name, pair) in zip(grid, pairs.items(), strict=True):
+        for axes, (variable, says) in zip(row, MEASURES, strict=True):
+            _draw(axes, pair, variable, list(labels))
+            axes.set_title(f"{pair[0].attrs.get('system_label', name)}: {says}", loc="left", fontsize=9, pad=4)
+            unit = pair[0]["tau_per_stage"].attrs.get("units", "1")
+            axes.set_xlabel(r"step size per stage, $\tau/s$" + ("" if unit == "1" else f"  ({unit})"))
+        row[0].set_ylabel(r"$|\Delta H/H_0|$")
+        row[0].margins(x=0.02, y=0.03)
+        for axes in row:
+            style.log_scale(axes, "xy")
+        if row[0].get_ylim()[1] > LARGEST_ERROR:
+            row[0].set_ylim(top=LARGEST_ERROR)
+    handles = style.method_handles(labels, labels.values())
+    looks: list[dict[str, Any]] = [{"linewidth": 2.4, "alpha": 0.4}, {"linewidth": 1.0, "linestyle": DASHES}]
+    handles += [Line2D([], [], color="#404040", label=name, **look) for name, look in zip(results, looks, strict=True)]
+    drawn.legend(handles=handles, loc="upper center", ncols=4, columnspacing=1.8)
+    return drawn
+
+
+def _draw(axes: Axes, pair: Sequence[xr.Dataset], variable: str, methods: Sequence[str]) -> None:
+    """Draw the first as a pale, broad line with markers, the second as thin dashes that are visible on it."""
+    from nearharmonic.plotting import style
+
+    for cube, second in zip(pair, (False, True), strict=True):
+        tau: Any = cube["tau_per_stage"].values
+        for position, name in enumerate(methods):
+            if name not in cube["integrator"].values:
+                continue
+            errors, line = cube[variable].sel(integrator=name).values, style.style_of(name)
+            if second:
+                axes.plot(tau, errors, zorder=4, **line.line(marker="none", linestyle=DASHES, linewidth=1.0))
+            else:
+                marked = style.mark_every(position, len(methods), len(tau))
+                axes.plot(tau, errors, zorder=2, **line.line(marker="none", linewidth=2.4, alpha=0.4))
+                axes.plot(tau, errors, zorder=3, markevery=marked, **line.points())
