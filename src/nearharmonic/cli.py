@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import pkgutil
 import re
 import sys
 from collections.abc import Sequence
@@ -12,15 +11,16 @@ from contextlib import nullcontext
 from difflib import get_close_matches
 from functools import partial
 from importlib import import_module
-from typing import Any, NoReturn, TextIO
+from typing import NoReturn, TextIO
 
 from nearharmonic import __version__
+from nearharmonic.commands import MODULES, Command
 from nearharmonic.errors import FileWriteError, NearharmonicError, SettingError, unknown_name
 from nearharmonic.output.table import printable
 
 PROGRAM = "nearharmonic"
-#: The package whose modules are subcommands of the library, and the module with those of the record, added by name.
-OF_THE_LIBRARY, OF_THE_RECORD = "nearharmonic.commands", "nearharmonic_paper.commands"
+#: The module with the subcommands for results, which the library knows by this name alone.
+OF_THE_RECORD = "nearharmonic_paper.commands"
 #: Exit status of a process that the user has interrupted: 128 plus the number of the signal.
 INTERRUPTED = 130
 
@@ -39,26 +39,19 @@ class _Parser(argparse.ArgumentParser):
 
 
 def command_names() -> tuple[str, ...]:
-    """Return the sorted names of the subcommands, which the modules in the two packages of commands have."""
+    """Return the sorted names of the subcommands, of the library and for results."""
     return tuple(sorted(_modules()))
 
 
 def _modules() -> dict[str, str]:
     """Return the module of each subcommand, by its name."""
-    found = {}
-    for name in (OF_THE_LIBRARY, OF_THE_RECORD):
-        package: Any = import_module(name)
-        several: dict[str, tuple[str, ...]] = getattr(package, "SEVERAL", {})
-        for info in pkgutil.iter_modules(package.__path__):
-            for command in several.get(info.name, (info.name.replace("_", "-"),)):
-                found[command] = f"{name}.{info.name}"
+    found = {name: f"nearharmonic.commands.{module}" for module, names in MODULES.items() for name in names}
+    return found | dict.fromkeys(import_module(OF_THE_RECORD).COMMANDS, OF_THE_RECORD)
+
+
+def _command(name: str) -> Command:
+    found: Command = import_module(_modules()[name]).COMMANDS[name]
     return found
-
-
-def _command(name: str) -> Any:
-    """Return the :class:`nearharmonic.commands.Command` of this name, or the module that is one."""
-    module = import_module(_modules()[name])
-    return getattr(module, "COMMANDS", {}).get(name, module)
 
 
 def _top_parser(words: Sequence[str]) -> argparse.ArgumentParser:
@@ -151,7 +144,7 @@ def _run(words: Sequence[str]) -> int:
     from nearharmonic.registry import trusting_only
 
     form = one_of("format", chosen.format, FORMATS)
-    command, reads_results = _command(top.command), _modules()[top.command].startswith(OF_THE_RECORD)
+    command, reads_results = _command(top.command), _modules()[top.command] == OF_THE_RECORD
     with trusting_only(getattr(chosen, "trust", ())) if reads_results else nullcontext():  # results never run code
         answer = command.answer(chosen)
     _write(printed(answer, form))

@@ -6,12 +6,13 @@ import argparse
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from math import isnan
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Any
 
+from nearharmonic.commands import Command
 from nearharmonic.output.table import Answer, printable
 
 if TYPE_CHECKING:
@@ -20,23 +21,19 @@ if TYPE_CHECKING:
 Argument = tuple[tuple[str, ...], Mapping[str, Any]]
 
 
-@dataclass(frozen=True)
-class Command:
-    """A subcommand with the members of a module of :mod:`nearharmonic.commands`; ``declared`` are its arguments."""
-
-    HELP: str
-    declared: tuple[Argument, ...]
-    answer: Callable[[argparse.Namespace], Answer]
-
-    def arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Add the arguments of the command to ``parser``."""
-        for names, options in self.declared:
-            parser.add_argument(*names, **options)
-
-
 def argument(*names: str, **options: Any) -> Argument:
     """Return an argument of a command, by the parameters of ``ArgumentParser.add_argument``."""
     return names, options
+
+
+def adding(*declared: Argument) -> Callable[[argparse.ArgumentParser], None]:
+    """Return the function that adds these arguments to a parser."""
+
+    def add(parser: argparse.ArgumentParser) -> None:
+        for names, options in declared:
+            parser.add_argument(*names, **options)
+
+    return add
 
 
 RESULT = "folder of a result, or its name below results/"
@@ -365,7 +362,7 @@ def _row_of_difference(difference: Difference) -> tuple[Any, ...]:
 COMMANDS = {
     "adopt": Command(
         "take results that were copied here as up to date, after they were verified",
-        (
+        adding(
             argument("result", help="a folder of results in results/, or its name"),
             argument("--configfile", metavar="FILE", help="its config (default: the one that it was made with)"),
             TRUST,
@@ -374,7 +371,7 @@ COMMANDS = {
     ),
     "archive": Command(
         "write a result to one zip file, an RO-Crate with the digests and the runs",
-        (
+        adding(
             argument("result", help=RESULT),
             argument("-o", "--output", metavar="FILE.zip", help="file to write (default NAME.zip)"),
             argument("--with-runs", action="store_true", help="with the trajectories"),
@@ -383,7 +380,7 @@ COMMANDS = {
     ),
     "compare": Command(
         "compare two results: claims, settings, code, and every number",
-        (
+        adding(
             argument("a", help=RESULT),
             argument("b", help="the other result"),
             argument("--figure", metavar="FILE", help="draw the energy errors of both: a .png, .svg or .pdf file"),
@@ -392,7 +389,7 @@ COMMANDS = {
     ),
     "history": Command(
         "list the runs of the workflow, newest first",
-        (
+        adding(
             argument("result", nargs="?", help=f"{RESULT}; all if not given"),
             argument(
                 "--full",
@@ -406,7 +403,7 @@ COMMANDS = {
     ),
     "reproduce": Command(
         "put the workflow into this folder, if it is not there, and run it",
-        (
+        adding(
             argument("targets", nargs="*", metavar="TARGET", help="targets of the workflow (default all)"),
             argument("--config", metavar="FILE", help="a config in place of config/config.yaml, which is the paper's"),
             argument("-j", dest="jobs", default="2", metavar="N", help="jobs at a time (default 2)"),
@@ -415,7 +412,7 @@ COMMANDS = {
     ),
     "runs": Command(
         "list single runs: step, errors, status; chosen and sorted",
-        (
+        adding(
             argument("result", nargs="+", help=RESULT),
             argument(
                 "--where",
@@ -430,7 +427,7 @@ COMMANDS = {
     ),
     "show": Command(
         "show all that is known of one run, and how to make it again",
-        (
+        adding(
             argument("result", help=RESULT),
             argument("system", help="name of a system"),
             argument("integrator", help="name of an integrator"),
@@ -442,7 +439,7 @@ COMMANDS = {
     ),
     "verify": Command(
         "check every file of a result, or of an archive, against its record, and this code against the recorded",
-        (
+        adding(
             argument("result", help="a folder of results, its name below results/, or an archive (.zip)"),
             argument("--rerun", metavar="N", default="0", help="integrate N runs again and compare every bit"),
             argument("--seed", metavar="N", default="1", help="which runs are drawn (default 1)"),

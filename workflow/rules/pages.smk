@@ -6,7 +6,7 @@ Pages are updated in place: their text stays, and so does the page if a job fail
 from nearharmonic.integrators import integrators
 from nearharmonic.systems import systems
 from nearharmonic_paper.tasks.provenance import code_digest
-from nearharmonic_paper.tasks.provenance import digest_of, module_of, package_modules_of
+from nearharmonic_paper.tasks.provenance import digest_of_file, module_of, package_modules_of
 
 #: Registries whose names a page may show.
 _METHODS = {"integrators": integrators}
@@ -120,7 +120,7 @@ def _task_of(page):
 def _code_of(command):
     """Return the digests of a command below benchmarks/ and of all modules that it imports."""
     modules = {module for name in package_modules_of(command) if (module := module_of(name))}
-    return f"{digest_of(command)} {code_digest(*sorted(modules))}"
+    return f"{digest_of_file(command)} {code_digest(*sorted(modules))}"
 
 
 for _page, (_, _, _inputs, _others) in _PAGES.items():

@@ -1,8 +1,6 @@
-"""The subcommands of ``nearharmonic``.
+"""The subcommands of ``nearharmonic``: modules of this package have them, by name in ``COMMANDS``.
 
-A module of a package of commands is the command of its name, an underscore standing for a hyphen, and has the
-attributes of a :class:`Command`; or it has several, by name in ``COMMANDS``, and :data:`SEVERAL` lists them. Slow
-imports are inside of ``answer``, because ``nearharmonic --help`` imports all modules.
+Slow imports are inside of ``answer``, because ``nearharmonic --help`` imports all modules.
 """
 
 from __future__ import annotations
@@ -14,8 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     from nearharmonic.output.table import Answer
 
-#: Modules with several commands, and the names of these: a command line imports only the module that it needs.
-SEVERAL = {"methods": ("export", "list", "new", "verify-tableau"), "choice": ("recommend", "tailor")}
+#: Modules of this package, and the names of their commands: a command line imports only the module that it needs.
+MODULES = {"methods": ("export", "list", "new", "verify-tableau"), "choice": ("recommend", "tailor")}
 
 
 class Command(NamedTuple):

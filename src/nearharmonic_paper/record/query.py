@@ -425,7 +425,7 @@ def _files(folder: Path, paths: Mapping[str, Path | None]) -> dict[str, dict[str
 #: Tasks that write run files.
 REPEATED = (
     "nearharmonic_paper.experiments.paper.run:integrate",
-    "nearharmonic_paper.experiments.paper.reduced_run:integrate_and_reduce",
+    "nearharmonic_paper.experiments.paper.reductions:integrate_and_reduce",
 )
 
 

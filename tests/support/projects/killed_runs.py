@@ -23,7 +23,7 @@ MOMENTS = (
     f"{RECORD}.manifest:write",
     f"{RECORD}.history:append",
     f"{RECORD}.history:unmark",
-    f"{RECORD}.state:save",
+    f"{RECORD}.workflow_run:save",
 )
 SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 
