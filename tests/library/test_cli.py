@@ -84,26 +84,30 @@ def test_help_names_every_command_and_each_has_help(capsys):
         assert capsys.readouterr().out.startswith(f"usage: nearharmonic {name} ")
 
 
-@pytest.fixture
-def folder_of_commands(tmp_path, monkeypatch):
-    """A folder beside that of the commands, whose files are commands as well."""
-    monkeypatch.setattr(commands, "__path__", [*commands.__path__, str(tmp_path)])
-    yield tmp_path
-    for path in tmp_path.glob("*.py"):
-        sys.modules.pop(f"{commands.__name__}.{path.stem}", None)
-
-
+#: A module with one command more.
 COMMAND = """
+from nearharmonic.commands import Command
 from nearharmonic.output.table import Answer
-HELP = "say no"
-def arguments(parser): parser.add_argument("--sort")
 def answer(chosen): {body}
+COMMANDS = {{"say-no": Command("say no", lambda parser: parser.add_argument("--sort"), answer)}}
 """
 
 
-def test_a_new_file_is_a_new_command(folder_of_commands, capsys):
-    body = "return Answer(header=['sort'], rows=[[chosen.sort]], status=1)"
-    (folder_of_commands / "say_no.py").write_text(COMMAND.format(body=body))
+@pytest.fixture
+def added(tmp_path, monkeypatch):
+    """Add a command whose answer has this body."""
+
+    def add(body):
+        (tmp_path / "more.py").write_text(COMMAND.format(body=body))
+        monkeypatch.setattr(commands, "__path__", [*commands.__path__, str(tmp_path)])
+        monkeypatch.setitem(commands.MODULES, "more", ("say-no",))
+
+    yield add
+    sys.modules.pop(f"{commands.__name__}.more", None)
+
+
+def test_a_module_adds_its_commands(added, capsys):
+    added("return Answer(header=['sort'], rows=[[chosen.sort]], status=1)")
     assert main(["--help"]) == 0
     assert re.search(r"^  say-no +say no$", capsys.readouterr().out, re.MULTILINE)
     for given in (["--sort", "-tau_per_stage"], ["--sort=-tau_per_stage"]):
@@ -115,9 +119,9 @@ def test_a_new_file_is_a_new_command(folder_of_commands, capsys):
     ("raised", "status", "says"),
     [("KeyboardInterrupt", 130, ""), ("PermissionError(13, 'Permission denied', 'x.png')", 2, "Permission denied")],
 )
-def test_interrupt_is_quiet_and_unwritable_file_gives_one_message(raised, status, says, folder_of_commands, capsys):
-    (folder_of_commands / "fail.py").write_text(COMMAND.format(body=f"raise {raised}"))
-    assert main(["fail"]) == status
+def test_interrupt_is_quiet_and_unwritable_file_gives_one_message(raised, status, says, added, capsys):
+    added(f"raise {raised}")
+    assert main(["say-no"]) == status
     out, err = capsys.readouterr()
     assert out == ""
     assert says in err
@@ -150,11 +154,10 @@ def test_a_reader_that_has_seen_enough_is_no_error(arguments):
     assert unread("-m", "nearharmonic.cli", *arguments.split()) == ("", 0)
 
 
-def test_answer_status_survives_closed_output(folder_of_commands):
-    body = "return Answer(header=['a'], rows=[['x']], status=1)"
-    (folder_of_commands / "say_no.py").write_text(COMMAND.format(body=body))
-    lines = ["import sys", "from nearharmonic import cli, commands"]
-    lines += [f"commands.__path__.append({str(folder_of_commands)!r})", "sys.exit(cli.main(['say-no']))"]
+def test_answer_status_survives_closed_output(tmp_path):
+    (tmp_path / "more.py").write_text(COMMAND.format(body="return Answer(header=['a'], rows=[['x']], status=1)"))
+    lines = ["import sys", "from nearharmonic import cli, commands", f"commands.__path__.append({str(tmp_path)!r})"]
+    lines += ["commands.MODULES['more'] = ('say-no',)", "sys.exit(cli.main(['say-no']))"]
     assert unread("-c", "\n".join(lines)) == ("", 1)
 
 

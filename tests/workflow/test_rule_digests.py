@@ -38,7 +38,7 @@ def tasks():
     text = "\n".join(path.read_text(encoding="utf-8") for path in RULES.rglob("*.smk"))
     named = re.findall(r'\btask\(\s*f?"([\w.{}]+):[\w.{}]+"', text)
     assert len(named) == len(re.findall(r"\btask\(", text)) - len(
-        re.findall(r'task\((?:one\.draw|f"nearharmonic_paper\.\{function)', text)
+        re.findall(r"task\((?:one\.draw|function, page)", text)
     )
     every = {name.replace("{wildcards.ensemble}", ensemble) for name in named for ensemble in ENSEMBLES}
     cubes = [stem for one in experiments().values() for stem in one.cubes]

@@ -347,8 +347,7 @@ def stepper(
 
 def step_of(problem: Setup, parameters: Mapping[str, Any] | None = None) -> Step:
     """Return the machine code and the coefficients of a step of ``problem``."""
-    from nearharmonic.core.kernel import build_step
-    from nearharmonic.core.large import room
+    from nearharmonic.core.kernel import build_step, room
     from nearharmonic.core.stepper import Step
 
     system, tableau = problem.system, problem.tableau

@@ -176,7 +176,7 @@ def test_a_job_costs_less_than_a_second_and_no_snakemake(warming, tmp_path):
     assert started.returncode == 0
     assert used.ru_utime + used.ru_stime < 0.8
     loaded = {line.rpartition("|")[2].strip() for line in (tmp_path / "imports").read_text().splitlines()}
-    assert "nearharmonic_paper.tasks.job" in loaded
+    assert "nearharmonic_paper.tasks.provenance" in loaded
     assert not loaded & {"snakemake", "pydantic", "numba", "xarray", "matplotlib", "pandas"}
 
 
@@ -221,7 +221,7 @@ def test_states_of_jobs_come_from_what_the_site_has(tmp_path, monkeypatch, statu
 
 ROOT = Path(__file__).parents[3]
 PROFILE = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text(encoding="utf-8"))
-TEXTS = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "workflow/rules").glob("*.smk"))
+TEXTS = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "workflow/rules").rglob("*.smk"))
 RULES = dict(re.findall(r"^rule (\w+):\n((?:\n|[ ].*\n)*)", TEXTS, re.MULTILINE))
 
 

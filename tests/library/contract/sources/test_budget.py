@@ -31,7 +31,7 @@ def allowed(room: dict[str, int]) -> int:
 def places(package: str, rooms: str) -> list[Path]:
     folder = ROOT / "src" / PACKAGES[package]
     named = [folder / room for room in rooms.split(", ")]
-    return [place if place.is_dir() else place.with_suffix(".py") for place in named]
+    return [file if (file := place.with_suffix(".py")).is_file() else place for place in named]
 
 
 def modules() -> list[Path]:
