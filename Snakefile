@@ -40,6 +40,7 @@ include: "workflow/rules/pictures.smk"
 include: "workflow/rules/pages.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/record.smk"
+include: "workflow/rules/refresh.smk"
 
 
 rule all:

@@ -1,17 +1,6 @@
 """Decisions on the statements of the paper; existing cubes of other targets are used."""
 
-from nearharmonic.integrators import plain_integrators
 from nearharmonic_paper.claims.table import digest as digest_of_own
-
-
-def claims_task(wildcards=None):
-    """Return the task of the rule decide_claims."""
-    return task(
-        "nearharmonic_paper.claims.table:decided",
-        folder=RESULTS,
-        integrators=plain_integrators.registered,
-        leftovers=leftovers(),
-    )
 
 
 rule decide_claims:
@@ -26,7 +15,7 @@ rule decide_claims:
         LOG("tables/claims"),
     params:
         own=digest_of_own(),  # statements that the code digest of the task does not cover
-        task=claims_task,
+        task=lambda wildcards: claims_task(),
     script:
         "../scripts/task.py"
 

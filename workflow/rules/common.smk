@@ -85,6 +85,11 @@ def TABLE(stem):
     return multiext(f"{RESULTS}/tables/{stem}", ".csv", ".md", ".tex")
 
 
+def CSV(*stems):
+    """Return these tables in CSV."""
+    return [f"{RESULTS}/tables/{stem}.csv" for stem in stems]
+
+
 def FIGURE(stem):
     """Return the three files of a figure."""
     return multiext(f"{RESULTS}/figures/{stem}", ".pdf", ".svg", ".png")

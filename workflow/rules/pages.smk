@@ -3,10 +3,9 @@
 Pages are updated in place: their text stays, and so does the page if a job fails.
 """
 
-from nearharmonic.integrators import integrators
+from nearharmonic.integrators import integrators, plain_integrators
 from nearharmonic.systems import systems
-from nearharmonic_paper.tasks.provenance import code_digest
-from nearharmonic_paper.tasks.provenance import digest_of_file, module_of, package_modules_of
+from nearharmonic_paper.tasks.provenance import command_digest
 
 #: Registries whose names a page may show.
 _METHODS = {"integrators": integrators}
@@ -15,11 +14,6 @@ _EVERY = _METHODS | {"systems": systems}
 _OF_KIND = {f"cubes/{stem}.h5": CUBE(stem) for one in EXPERIMENTS.values() for stem in one.cubes} | dict(
     sorted(KINDS.items())
 )
-
-
-def _tables(*stems):
-    """Return the tables that a page is made of, in CSV."""
-    return {"tables": [f"{RESULTS}/tables/{stem}.csv" for stem in stems]}
 
 
 # Page -> the function that fills it, registries, what the page is made of, and other results by the names of files.
@@ -55,7 +49,7 @@ _PAGES = {
     "results/derivation": (
         "nearharmonic_paper.pages.targets:derivation",
         _METHODS,
-        _tables(*(f"derived_{name}" for name in ("counts", "solutions", "errors", "families", "routes"))),
+        {"tables": CSV(*(f"derived_{name}" for name in ("counts", "solutions", "errors", "families", "routes")))},
         {},
     ),
     "results/exact_oscillator": (
@@ -69,14 +63,14 @@ _PAGES = {
     "results/stability": (
         "nearharmonic_paper.pages.targets:stability",
         _METHODS,
-        _tables("stability_henon_heiles", "stability_rounding", "kinetic_energy"),
+        {"tables": CSV("stability_henon_heiles", "stability_rounding", "kinetic_energy")},
         {},
     ),
     "results/timings": ("nearharmonic_paper.pages.targets:timings", _EVERY, {"cube": CUBE("work_precision")}, {}),
     "results/trained": (
         "nearharmonic_studies.trained.page:page",
         _METHODS,
-        _tables(*(f"trained_{name}" for name in ("gains", "methods", "ideas", "long", "times"))),
+        {"tables": CSV(*(f"trained_{name}" for name in ("gains", "methods", "ideas", "long", "times")))},
         {},
     ),
     "results/training": (
@@ -110,20 +104,7 @@ _MEASURED = {
 _OF_TIMES = ("results/ranking", "results/timings", "results/regularised")
 
 
-def _task_of(page):
-    """Return the task of a page: its text as it is, and the names of all that its function looks up."""
-    function, registries, _, _ = _PAGES[page]
-    names = {kind: registry.registered for kind, registry in registries.items()}
-    return task(function, page=f"docs/{page}.md", **names, **_SETTINGS.get(page, {}))
-
-
-def _code_of(command):
-    """Return the digests of a command below benchmarks/ and of all modules that it imports."""
-    modules = {module for name in package_modules_of(command) if (module := module_of(name))}
-    return f"{digest_of_file(command)} {code_digest(*sorted(modules))}"
-
-
-for _page, (_, _, _inputs, _others) in _PAGES.items():
+for _page, (_function, _registries, _inputs, _others) in _PAGES.items():
     _section, _, _name = _page.partition("/")
 
     rule:
@@ -139,7 +120,13 @@ for _page, (_, _, _inputs, _others) in _PAGES.items():
         resources:
             compiler=int(_name == "methods"),
         params:
-            task=lambda wildcards, page=_page: _task_of(page),
+            # Its text as it is, and the names of all that its function looks up.
+            task=lambda wildcards, page=_page, function=_function, registries=_registries: task(
+                function,
+                page=f"docs/{page}.md",
+                **{kind: registry.registered for kind, registry in registries.items()},
+                **_SETTINGS.get(page, {}),
+            ),
         script:
             "../scripts/task.py"
 
@@ -163,7 +150,7 @@ for _page, (_command, _pictures) in _MEASURED.items():
         params:
             python=sys.executable,
             docs=DOCS,
-            code=lambda wildcards, input: _code_of(input.command),
+            code=lambda wildcards, input: command_digest(input.command),
         shell:
             "{params.python} {input.command} --page {params.docs} > {log} 2>&1"
 

@@ -6,6 +6,7 @@ import os
 import sys
 import warnings
 
+from nearharmonic.integrators import plain_integrators
 from nearharmonic_paper.experiments.paper.earlier import forget, keep
 from nearharmonic_paper.record.verify import check_tasks
 
@@ -37,29 +38,24 @@ def document(rule, log):
     return {"input": [*map(str, rule.input)], "output": outputs, "log": log}
 
 
-rule refresh:  # claims and page again, if they are there and older than the files of a target
-    input:
-        lambda wildcards: [path for path in getattr(rules, wildcards.target).input if path != SHOWN(wildcards.target)],
-    output:
-        touch(SHOWN("{target}")),
-    log:
-        LOG("shown/{target}"),
-    wildcard_constraints:
-        target="|".join({target for one in EXPERIMENTS.values() for target in (one.target, one.cubes_target)}),
-    priority: -1  # they show what other jobs make
-    threads: ALL_CORES
-    params:
-        # In this order: the page shows the claims.
-        documents=lambda wildcards: [
-            document(rules.decide_claims, LOG("tables/claims")) | {"task": claims_task()},
-            document(rules.page, LOG("report")) | {"task": page_task()},
-        ],
-    script:
-        "../scripts/refresh.py"
+def claims_task():
+    """Return the task of the rule decide_claims."""
+    return task(
+        "nearharmonic_paper.claims.table:decided",
+        folder=RESULTS,
+        integrators=plain_integrators.registered,
+        leftovers=leftovers(),
+    )
 
 
-localrules:
-    refresh,
+def page_task():
+    """Return the task of the rule page; figure 6 in motion has the coefficients of these integrators."""
+    return task(
+        "nearharmonic_paper.report.page:page",
+        folder=RESULTS,
+        integrators=tuple(dict.fromkeys((*CONFIG.methods, *CONFIG.decomposed))),
+        leftovers=leftovers(),
+    )
 
 
 def is_target(word):

@@ -4,16 +4,6 @@ from nearharmonic_paper.report.page import digest
 from nearharmonic_paper.report.shown import pages_alone
 
 
-def page_task(wildcards=None):
-    """Return the task of the rule page; figure 6 in motion has the coefficients of these integrators."""
-    return task(
-        "nearharmonic_paper.report.page:page",
-        folder=RESULTS,
-        integrators=tuple(dict.fromkeys((*CONFIG.methods, *CONFIG.decomposed))),
-        leftovers=leftovers(),
-    )
-
-
 rule page:
     input:
         cubes=map(CUBE, [*SWEEPS, "sho_terms"]),
@@ -27,7 +17,7 @@ rule page:
         LOG("report"),
     params:
         assets=digest(),  # the code digest does not cover template, style and script
-        task=page_task,
+        task=lambda wildcards: page_task(),
     script:
         "../scripts/task.py"
 

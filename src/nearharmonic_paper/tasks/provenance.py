@@ -394,6 +394,12 @@ def code_digest(*modules: str, root: Path | None = None) -> str:
     return _digest_of_running(versions, modules) if root is None else _digest_of(versions, modules, root)
 
 
+def command_digest(place: str | os.PathLike[str]) -> str:
+    """Return the digests of a Python file that is run as a command, and of all modules of the packages it imports."""
+    modules = {module for name in package_modules_of(place) if (module := module_of(name))}
+    return f"{digest_of_file(place)} {code_digest(*sorted(modules))}"
+
+
 def _digest_of(versions: tuple[str, ...], modules: tuple[str, ...], root: Path | None = None) -> str:
     told = (f"{module} {module_digest(module, root=root)}" for module in closure(*modules, root=root))
     return sha256("".join(f"{line}\n" for line in (*versions, *told)).encode()).hexdigest()
