@@ -149,7 +149,7 @@ for _page, (_command, _pictures) in _MEASURED.items():
             compiler=int(_name not in ("gauss", "ranking")),
         params:
             python=sys.executable,
-            docs=DOCS,
+            docs=lambda wildcards: DOCS,
             code=lambda wildcards, input: command_digest(input.command),
         shell:
             "{params.python} {input.command} --page {params.docs} > {log} 2>&1"
