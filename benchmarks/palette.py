@@ -2,7 +2,7 @@
 
 Run: ``python benchmarks/palette.py``, or with names of methods. A colour of a coarse grid has a contrast of at least
 3:1 with white. Beside the methods with the same marker, it is the one that the readers who see the least tell apart
-best; at least 13 CIELAB units are asked for by ``tests/library/plotting/test_colours.py``.
+best; at least 13 CIELAB units are asked for by ``tests/library/plotting/test_style.py``.
 """
 
 from __future__ import annotations
