@@ -59,11 +59,6 @@ def module_digest(module: str, root: Path | None = None) -> str:
     return _modules(root).source(module).digest
 
 
-def module_of(name: str) -> str | None:
-    """Return the module of the running package that a dotted name denotes or belongs to; None if there is none."""
-    return next((module for module in (name, _above(name)) if module and path_of(module, ROOT).is_file()), None)
-
-
 def path_of(module: str, root: Path) -> Path:
     """Return the file of the dotted name ``module`` of a package in the folder ``root``."""
     path = root.joinpath(*module.split("."))
@@ -231,7 +226,7 @@ def _beside(folder: Path, path: Path) -> Iterator[Path]:
 def package_modules_of(place: str | os.PathLike[str]) -> set[str]:
     """Return the modules of this package that a user's file and its imported files import."""
     written = {name for path in files_of(place) for name in _source(path).imports if name.split(".")[0] in PACKAGES}
-    return {module for name in written if (module := module_of(name))}
+    return {module for name in written for module in (name, _above(name)) if path_of(module, ROOT).is_file()}
 
 
 def digest_of_file(place: str | os.PathLike[str]) -> str:
@@ -396,8 +391,7 @@ def code_digest(*modules: str, root: Path | None = None) -> str:
 
 def command_digest(place: str | os.PathLike[str]) -> str:
     """Return the digests of a Python file that is run as a command, and of all modules of the packages it imports."""
-    modules = {module for name in package_modules_of(place) if (module := module_of(name))}
-    return f"{digest_of_file(place)} {code_digest(*sorted(modules))}"
+    return f"{digest_of_file(place)} {code_digest(*sorted(package_modules_of(place)))}"
 
 
 def _digest_of(versions: tuple[str, ...], modules: tuple[str, ...], root: Path | None = None) -> str:

@@ -1,10 +1,12 @@
 """The house stays small enough to own: lines of each room, modules and lines of tests, as budget.toml allows.
 
-A room above its budget may only shrink: ``today`` in budget.toml is what it has.
+A room above its budget may only shrink: ``today`` in budget.toml is what it has. Data of methods and systems are left
+out, so that one more is no fault.
 """
 
 from __future__ import annotations
 
+import re
 import tomllib
 from pathlib import Path
 
@@ -19,9 +21,16 @@ TEMPLATES = ROOT / "src/nearharmonic/commands/templates"
 DOCSTRING = 3
 
 
+#: What a file with the data of a method or a system defines.
+DATA = re.compile(r"^(?:TABLEAUS?|SYSTEM) = ", re.MULTILINE)
+
+
 def lines(*places: Path) -> int:
     files = [file for place in places for file in ([place] if place.is_file() else place.rglob("*.py"))]
-    return sum(len(file.read_text(encoding="utf-8").splitlines()) for file in files)
+    texts = {file: file.read_text(encoding="utf-8") for file in files}
+    return sum(
+        len(text.splitlines()) for file, text in texts.items() if TEMPLATES in file.parents or not DATA.search(text)
+    )
 
 
 def allowed(room: dict[str, int]) -> int:
