@@ -120,7 +120,7 @@ class Scratch:
         near = sorted(filter(mentions.get, own), key=lambda file: -mentions[file])
         rest = [file for file in own if file not in near]
         runs = [("default", near, []), ("default", rest, []), ("slow", near + rest + far, SLOW)]
-        yield from ((before["caught"], [f"{file}::{name}", "-m", ""]) for file in known)
+        yield from ((before["caught"], [str(file), "-k", name, "-m", ""]) for file in known)
         for kind, files, marks in runs[: 2 if self.chosen.default else 3]:
             if files:
                 yield kind, [*map(str, files), *marks]
