@@ -29,12 +29,10 @@ def test_each_file_is_in_the_manifest_and_verified(finished):
     check_manifest_and_verify(finished, "all")
 
 
-@pytest.mark.slow
 def test_after_everything_each_file_is_in_the_manifest_and_verified(everything):
     check_manifest_and_verify(everything, "everything")
 
 
-@pytest.mark.slow
 def test_measured_times_are_marked(everything):
     files = everything.manifest()["files"]
     volatile = {name: entry["volatile"] for name, entry in files.items() if entry["volatile"]}
@@ -65,7 +63,6 @@ def test_evaluations_of_run_match_table_of_skipped_work(finished):
     assert run["evaluations"] + run["evaluations_skipped"] == count["all", "full grid"] + orbits
 
 
-@pytest.mark.slow
 def test_results_that_were_copied_are_adopted_and_nothing_runs_again(finished, tmp_path):
     copy = Project(tmp_path / "copy")
     shutil.copytree(finished.folder / "src", copy.folder / "src", dirs_exist_ok=True)
@@ -81,7 +78,6 @@ def test_results_that_were_copied_are_adopted_and_nothing_runs_again(finished, t
     assert copy.jobs("results/tiny/cubes/sho.h5", *TINY) == {"reduce": 1}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("fault", ["another setting", "a flipped bit", "no config"])
 def test_deceptive_results_are_refused_with_reason(finished, tmp_path, fault):
     copy = Project(tmp_path / "copy")
@@ -107,7 +103,6 @@ def test_deceptive_results_are_refused_with_reason(finished, tmp_path, fault):
     assert (copy.results / "manifest.json").read_bytes() == (finished.results / "manifest.json").read_bytes()
 
 
-@pytest.mark.slow
 def test_the_commands_that_verify_prints_mend_what_it_found(breakable):
     damaged = breakable.results / "runs/sho/ruth/0.h5"
     whole = damaged.read_bytes()
@@ -124,7 +119,6 @@ def test_the_commands_that_verify_prints_mend_what_it_found(breakable):
     assert breakable.jobs(*TINY) == {}
 
 
-@pytest.mark.slow
 def test_the_settings_in_an_archive_make_the_same_results(breakable):
     assert breakable.nearharmonic("archive", "tiny", "-o", "tiny.zip").returncode == 0
     with ZipFile(breakable.folder / "tiny.zip") as archive:
@@ -133,7 +127,6 @@ def test_the_settings_in_an_archive_make_the_same_results(breakable):
     assert breakable.nearharmonic("verify", "tiny.zip").returncode == 0
 
 
-@pytest.mark.slow
 def test_files_of_former_config_are_told_until_they_are_gone(breakable):
     config = breakable.folder / "config/tiny.yaml"
     text = config.read_text()
@@ -148,7 +141,6 @@ def test_files_of_former_config_are_told_until_they_are_gone(breakable):
     assert breakable.nearharmonic("verify", "tiny").returncode == 0
 
 
-@pytest.mark.slow
 def test_adopt_runs_no_file_of_its_config(finished, tmp_path):
     """The manifest names no user's file, and the config in config/ does: Snakemake reads it in a process of its own."""
     copy = Project(tmp_path / "copy")

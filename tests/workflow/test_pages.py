@@ -69,7 +69,6 @@ def test_the_page_of_regularised_times_has_a_rule(project):
     assert task["settings"]["page"] == "docs/results/regularised.md"
 
 
-@pytest.mark.slow
 def test_no_other_target_makes_a_page(planned):
     assert not [job.rule for job in planned if job.rule.startswith("page_of_")]
 
@@ -106,7 +105,6 @@ def fill(project, filled, *more):
     return project.snakemake(page, "-j1", *rest, *more, "--configfile", config)
 
 
-@pytest.mark.slow
 def test_a_page_is_filled_once_and_survives_failing_jobs(project, filled):
     page = project.results / "docs/results/trained.md"
     done = fill(project, filled)

@@ -7,17 +7,7 @@ import json
 import h5py
 import pytest
 
-SMOKE = ("--configfile", "config/smoke.yaml")
 SYSTEMS = ("sho", "henon_heiles", "kepler")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("cores", ["2", "8"])
-def test_the_job_that_takes_times_holds_all_cores(project, cores):
-    # The profile keeps jobs quiet; here they are to be seen.
-    done = project.snakemake("results/smoke/cubes/work_precision.h5", "-n", "--quiet", "host", "--cores", cores, *SMOKE)
-    threads = [line.split(":")[1].strip() for line in done.stdout.splitlines() if line.strip().startswith("threads:")]
-    assert threads == [cores]
 
 
 @pytest.mark.slow

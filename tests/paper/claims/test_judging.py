@@ -9,6 +9,7 @@ from scipy.stats import spearmanr
 
 from nearharmonic.integrators import plain_integrators as integrators
 from nearharmonic_paper.claims.claim import Undecided, combined, counted, margin
+from nearharmonic_paper.claims.equations import picked_among_thousands
 from nearharmonic_paper.claims.judging import (
     BAND,
     LONG,
@@ -22,7 +23,7 @@ from nearharmonic_paper.claims.judging import (
     over,
     rank_correlation,
 )
-from nearharmonic_paper.claims.performance import best_performance
+from nearharmonic_paper.claims.performance import best_performance, high_order_negative
 from nearharmonic_paper.claims.tableaus import ENSEMBLES, FEWEST_METHODS, RELATED, minimised_coefficients
 from support.results.recorded_results import held_results
 
@@ -327,3 +328,22 @@ def test_best_three_are_told_how_far_ahead_trained_methods_are():
     rows[trained[0]], rows[trained[1]] = (-6.5, -5.0, -5.0, -8.0), (-4.0, -7.0, -5.5, -7.0)
     value = best_performance.decision(with_errors(rows)).value
     assert value.endswith("are ahead of the three at 3 of 4 step sizes, the best by -0.5 to 2 decades")
+
+
+# --- words for numbers: a table that is just enough for a word, and one that is not -----------------------------------
+
+
+@pytest.mark.parametrize(
+    ("statement", "table", "column", "verdicts"),
+    [
+        # The other half of this statement, a large one among them, is not so.
+        (high_order_negative, "integrators", "negative coefficients", {"1": "fails", "2": "holds in part"}),
+        (picked_among_thousands, "derived_families", "members found", {"1999": "fails", "2000": "holds"}),
+    ],
+)
+def test_several_are_two_and_thousands_are_two_of_them(statement, table, column, verdicts):
+    for number, verdict in verdicts.items():
+        results = held_results()
+        for row in results.tables[table]:
+            row[column] = number
+        assert statement.decision(results).verdict == verdict

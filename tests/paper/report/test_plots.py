@@ -34,7 +34,6 @@ def hovered(plot, column, kind):
     return [one for one in found if getattr(one.glyph.y, "field", one.glyph.y) == column]
 
 
-@pytest.mark.slow
 def test_document_loads_without_complaint_and_numbers_its_models_from_0(text, caplog):
     found = written(text, "plots")
     Document.from_json(found)

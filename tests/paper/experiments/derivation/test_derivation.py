@@ -141,7 +141,6 @@ def test_conditions_fix_four_printed_sets_but_not_six():
 # --- all solutions of the isolated cases -----------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_three_stages_give_ruth_and_nothing_else():
     only = solve(Equations(3, 4), RandomStarts(200, SEED, box=2.5, bound=20.0))
     assert only.complete
@@ -160,7 +159,6 @@ def test_five_and_six_stages_have_four_and_three_real_solutions(five, six):
     assert not five.unfinished
 
 
-@pytest.mark.slow
 def test_seven_stages_have_nine_real_of_thirty_five_solutions():
     seven = solve(Equations(7, 8), RandomStarts(4096, SEED, box=2.5, bound=20.0))
     assert (seven.complex_solutions, seven.real_solutions, len(seven.roots), seven.complete) == (35, 9, 9, True)
@@ -201,7 +199,6 @@ def test_eliminant_has_real_roots_that_root_finder_sees():
     assert len(real) == eliminated.real_solutions
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("first", [pytest.param("kick", marks=pytest.mark.long), "drift"])
 def test_elimination_and_search_find_the_same_solutions_for_both_roles(first):
     equations = Equations(6, 7, first)
@@ -340,7 +337,6 @@ def twice():
         return [derive(FEW, digits=60) for _ in range(2)]
 
 
-@pytest.mark.slow
 def test_same_seed_gives_same_table(twice):
     first, second = twice
     assert first["document"] == second["document"]
