@@ -22,13 +22,12 @@ from nearharmonic.engine.trajectory import Problem
 from nearharmonic.exact.polynomials import BigFloat
 from nearharmonic.integrators import integrators
 from nearharmonic.integrators.collocation import Collocation, gauss
-from nearharmonic.integrators.tableau import Composition
-from nearharmonic.integrators.tableau import Tableau
+from nearharmonic.integrators.tableau import Composition, Tableau
 from nearharmonic.output.table import pipes
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
-from nearharmonic.theory.oscillator import stability_limit
 from nearharmonic.theory.order import harmonic_order, nystrom_order_of, order_of
+from nearharmonic.theory.oscillator import stability_limit
 
 ROOT = Path(__file__).parents[2]
 #: Folder of the generated pages, relative to that of the configuration; git ignores it.

@@ -37,9 +37,7 @@ def tasks():
     """The modules of the functions that rules name, and of the figures that they draw."""
     text = "\n".join(path.read_text(encoding="utf-8") for path in RULES.rglob("*.smk"))
     named = re.findall(r'\btask\(\s*f?"([\w.{}]+):[\w.{}]+"', text)
-    assert len(named) == len(re.findall(r"\btask\(", text)) - len(
-        re.findall(r"task\((?:one\.draw|function, page)", text)
-    )
+    assert len(named) == len(re.findall(r"\btask\(", text)) - len(re.findall(r"task\(\s*(?:one\.draw|function),", text))
     every = {name.replace("{wildcards.ensemble}", ensemble) for name in named for ensemble in ENSEMBLES}
     cubes = [stem for one in experiments().values() for stem in one.cubes]
     return sorted(every | {one.draw.partition(":")[0] for one in figures_of(systems, cubes)})
