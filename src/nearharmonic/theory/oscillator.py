@@ -7,7 +7,7 @@ rational and have no rounding errors. mpmath only evaluates them at a step size.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
@@ -23,7 +23,6 @@ from nearharmonic.exact.polynomials import (
     as_mpf,
     by_parity,
     common_divisor,
-    decimals_in_common,
     derivative,
     positive_roots,
     product,
@@ -31,7 +30,6 @@ from nearharmonic.exact.polynomials import (
 )
 from nearharmonic.exact.words import StepPolynomials, oscillator
 from nearharmonic.integrators import integrators
-from nearharmonic.integrators.nielsen_2015 import TABLEAUS
 from nearharmonic.integrators.tableau import First, OneStepMethod, Tableau
 from nearharmonic.numerics.written import is_real
 from nearharmonic.theory.order_conditions import step_of
@@ -282,45 +280,6 @@ def shifted_kicks(tableau: Tableau) -> list[ShiftedKick]:
         for i, ((letter, a), (_, d), (_, b)) in enumerate(zip(step, step[1:], step[2:], strict=False))
         if letter == "B" and a * b < 0 and abs(d) < SHORT and min(abs(a), abs(b)) > LARGE
     ]
-
-
-# --- Table 4 of the paper: the independent coefficients of each set, printed and derived.
-
-#: The sets of Table 4 by name, in its order.
-SETS: Mapping[str, Tableau] = {tableau.name: tableau for tableau in TABLEAUS}
-
-Rows = list[tuple[str | int, ...]]
-
-
-def independent(tableau: Tableau) -> Iterator[tuple[str, int, str]]:
-    """Return (symbol, index from 1, value) of each coefficient in the table.
-
-    The table has half of each row, without the value that follows from the sum. d is the outer and c the inner row for
-    both compositions.
-    """
-    for symbol, row in (("d", tableau.outer), ("c", tableau.inner)):
-        for i in range((len(row) + 1) // 2 - 1):
-            yield symbol, i + 1, row[i]
-
-
-def table_4(derived: Mapping[str, Tableau] | None = None) -> tuple[tuple[str, ...], Rows]:
-    """Return the header and the rows of Table 4, with ``derived`` sets, by name, beside the printed ones.
-
-    There is a row for each independent coefficient: set, coefficient and printed value, with ``derived`` also the
-    derived value and the decimals that agree. A set without a derived counterpart is marked as not derived.
-    """
-    rows: Rows = []
-    for name, printed in SETS.items():
-        found = None if derived is None else derived.get(name)
-        others = list(independent(found)) if found is not None else None
-        for k, (symbol, i, value) in enumerate(independent(printed)):
-            row: tuple[str | int, ...] = (printed.label, f"{symbol}({i})", value)
-            if derived is not None:
-                other = others[k][2] if others is not None else ""
-                row += (other, decimals_in_common(value, other) if other else "not derived")
-            rows.append(row)
-    header: tuple[str, ...] = ("set", "coefficient", "printed")
-    return (header if derived is None else (*header, "derived", "agreeing decimals")), rows
 
 
 # --- Linear stability: step sizes with which the oscillator stays bounded, and growth rates beyond.

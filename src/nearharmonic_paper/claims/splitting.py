@@ -15,16 +15,7 @@ from nearharmonic.integrators import BENCHMARKED, chin_1997, omelyan_2002, rowla
 from nearharmonic.integrators.tableau import Tableau, palindrome
 from nearharmonic.systems import System, henon_heiles, kepler, sho
 from nearharmonic.theory.order import order_of
-from nearharmonic_paper.claims.claim import (
-    Decision,
-    Results,
-    background,
-    counted,
-    either,
-    mathematics,
-    short,
-    tallied,
-)
+from nearharmonic_paper.claims.claim import Decision, Results, background, counted, either, mathematics, short, tallied
 from nearharmonic_paper.claims.judging import APPROXIMATELY
 
 #: Methods with modified kicks that are older than the paper.

@@ -26,7 +26,8 @@ from nearharmonic.integrators.tableau import Tableau, palindrome
 from nearharmonic.math import pow
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.theory.order import error_norm, harmonic_orders_of, order_of
-from nearharmonic.theory.oscillator import independent, kappa
+from nearharmonic.theory.oscillator import kappa
+from nearharmonic.theory.table_4 import independent
 from nearharmonic_paper.claims.claim import (
     Decision,
     Results,

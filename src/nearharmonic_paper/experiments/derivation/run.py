@@ -17,7 +17,8 @@ from nearharmonic.integrators.tableau import First
 from nearharmonic.numerics.compiled import RandomStarts
 from nearharmonic.output.table import Table, progress
 from nearharmonic.systems.henon_heiles import SYSTEM
-from nearharmonic.theory.oscillator import harmonic_energy_error, table_4
+from nearharmonic.theory.oscillator import harmonic_energy_error
+from nearharmonic.theory.table_4 import table_4
 from nearharmonic_paper.experiments.derivation.experiment import DerivationSettings
 from nearharmonic_paper.experiments.derivation.families import (
     CASES,

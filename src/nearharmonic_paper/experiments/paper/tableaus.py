@@ -27,7 +27,8 @@ from nearharmonic.theory.order import (
     order_of,
     position_rows,
 )
-from nearharmonic.theory.oscillator import kappa, lambda_max, stability_gaps, table_4, tableau_of
+from nearharmonic.theory.oscillator import kappa, lambda_max, stability_gaps, tableau_of
+from nearharmonic.theory.table_4 import table_4
 
 if TYPE_CHECKING:
     import xarray as xr
