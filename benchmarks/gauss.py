@@ -11,7 +11,7 @@ from math import pi
 from typing import TYPE_CHECKING
 
 import numpy as np
-from timing import parser_of, show
+from timing import fill
 
 from nearharmonic.engine.batch import integrate_batch
 from nearharmonic.engine.settings import EXACT_OSCILLATOR, KINETIC_POTENTIAL, Numerics
@@ -92,10 +92,5 @@ def growth_drawn(grown: Mapping[str, Floats]) -> Figure:
     return figure
 
 
-def main() -> None:
-    options = parser_of(__doc__, PAGE).parse_args()
-    show(parts(), PAGE, options.page, PICTURE)
-
-
 if __name__ == "__main__":
-    main()
+    fill(__doc__, parts, PAGE, PICTURE)

@@ -20,7 +20,7 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import xarray as xr
-from timing import ROOT, parser_of, show
+from timing import ROOT, fill
 
 from nearharmonic.engine.trajectory import integrate, sweep
 from nearharmonic.integrators import integrators, plain_integrators
@@ -274,10 +274,5 @@ def median_error(orbit: Orbit, name: str, tau_per_stage: float, t_end: float) ->
         return float(np.median([float(run.max_energy_error) for run in runs]))
 
 
-def main() -> None:
-    options = parser_of(__doc__, PAGE).parse_args()
-    show(parts(), PAGE, options.page, PICTURE)
-
-
 if __name__ == "__main__":
-    main()
+    fill(__doc__, parts, PAGE, PICTURE)

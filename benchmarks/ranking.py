@@ -11,7 +11,7 @@ from math import exp, inf, isfinite, log
 from typing import Any, NamedTuple
 
 import numpy as np
-from timing import parser_of, show
+from timing import fill
 
 from nearharmonic.engine.settings import misfit, steps_of
 from nearharmonic.engine.trajectory import sweep
@@ -137,10 +137,5 @@ def timed(system: System, t_end: str, places: Sequence[Place]) -> list[tuple[flo
     return sorted(zip(times, (one.method for one in some), strict=True))
 
 
-def main() -> None:
-    options = parser_of(__doc__, PAGE).parse_args()
-    show(parts(), PAGE, options.page)
-
-
 if __name__ == "__main__":
-    main()
+    fill(__doc__, parts, PAGE)

@@ -12,7 +12,7 @@ from math import isnan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from timing import ROOT, parser_of, show
+from timing import ROOT, fill
 
 from nearharmonic.engine.trajectory import sweep
 from nearharmonic.integrators import integrators as registered
@@ -105,10 +105,5 @@ def forms_drawn(found: Errors) -> Figure:
     return figure
 
 
-def main() -> None:
-    options = parser_of(__doc__, PAGE).parse_args()
-    show(parts(), PAGE, options.page, PICTURE)
-
-
 if __name__ == "__main__":
-    main()
+    fill(__doc__, parts, PAGE, PICTURE)

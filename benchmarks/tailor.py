@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from timing import ROOT, parser_of, show
+from timing import ROOT, fill
 
 from nearharmonic.commands.choice import tailor_answer, tailor_arguments
 from nearharmonic.output.table import printed
@@ -111,10 +111,5 @@ def elsewhere() -> str:
     )
 
 
-def main() -> None:
-    options = parser_of(__doc__, PAGE).parse_args()
-    show(parts(), PAGE, options.page)
-
-
 if __name__ == "__main__":
-    main()
+    fill(__doc__, parts, PAGE)

@@ -11,7 +11,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from timing import parser_of, show
+from timing import fill
 
 from nearharmonic.engine.tangent import tangent
 from nearharmonic.numerics.portable import Floats
@@ -87,10 +87,5 @@ def chaos_drawn(images: Mapping[Fraction, Floats]) -> Figure:
     return figure
 
 
-def main() -> None:
-    options = parser_of(__doc__, PAGE).parse_args()
-    show(parts(), PAGE, options.page, PICTURE)
-
-
 if __name__ == "__main__":
-    main()
+    fill(__doc__, parts, PAGE, PICTURE)

@@ -26,6 +26,12 @@ def parser_of(doc, page=None):
     return parser
 
 
+def fill(doc, parts, page, picture=None):
+    """Run a benchmark whose only option is ``--page``; ``parts()`` measures."""
+    options = parser_of(doc, page).parse_args()
+    show(parts(), page, options.page, picture)
+
+
 def asked(doc, default, option="repeats", what="interleaved repeats of each call", page=None):
     """Options of a benchmark with one number, and ``--page`` if it has a page."""
     parser = parser_of(doc, page)

@@ -1,4 +1,4 @@
-"""What numba compiles for the core: its decorators and types, and potentials that are functions of numba.
+"""The part of the core that numba compiles: its decorators and types, and potentials that are functions of numba.
 
 The module is separate because numba takes longer to load than most runs take.
 """

@@ -169,7 +169,7 @@ def _target_of(function: str) -> str:
 
 
 class Extent(NamedTuple):
-    """What a folder of results without a fault holds.
+    """Contents of a folder of results without a fault.
 
     These are the number of its files and their size in bytes; the sorted files with users' integrators whose
     coefficients :func:`faults` does not compute; and the number of files from runs with a different config than that of

@@ -1,4 +1,4 @@
-"""What all adapters share: the states of ``nh.integrate``, forces of a step, changed states, friction, and refusals.
+"""Contract of all adapters: the states of ``nh.integrate``, forces of a step, changed states, friction, and refusals.
 
 A class for each library takes a method, a step and a force, and starts at (0.3, 0), (0, 0.4) with a mass of 1.
 """

@@ -111,16 +111,24 @@ def single_runs():
     return {name: list(both) for name, both in found.items()}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", [name if name == "skylake-avx512" else pytest.param(name, marks=pytest.mark.long) for name in AVX512]
-)
-def test_eight_lanes_of_avx512_are_single_runs(name, single_runs):
-    """Masks of lanes are in registers of their own there, and LLVM had wrong code for them."""
+def _flags():
+    """Features of this processor, as Linux lists them."""
     facts = Path("/proc/cpuinfo")
     flags = re.findall(r"^flags\s*:(.*)", facts.read_text(encoding="utf-8"), re.MULTILINE) if facts.exists() else []
-    if lacking := AVX512[name] - set(" ".join(flags[:1]).split()):
-        pytest.skip(f"this processor lacks {', '.join(sorted(lacking))}")
+    return set(" ".join(flags[:1]).split())
+
+
+def _processor(name):
+    """A name of LLVM's, for processors that have what it needs."""
+    lacking = ", ".join(sorted(AVX512[name] - _flags()))
+    marks = [pytest.mark.skipif(bool(lacking), reason=f"this processor lacks {lacking}")]
+    return pytest.param(name, marks=marks + [pytest.mark.long] * (name != "skylake-avx512"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [_processor(name) for name in AVX512])
+def test_eight_lanes_of_avx512_are_single_runs(name, single_runs):
+    """Masks of lanes are in registers of their own there, and LLVM had wrong code for them."""
     assert printed_there(__file__, {"NUMBA_CPU_NAME": name, "NUMBA_CPU_FEATURES": ""}) == single_runs
 
 

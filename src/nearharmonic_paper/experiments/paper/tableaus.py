@@ -1,4 +1,4 @@
-"""What follows from the coefficients of methods alone: the paper's tables, one of all methods, and error terms."""
+"""Results from the coefficients of methods alone: the paper's tables, one of all methods, and error terms."""
 
 from __future__ import annotations
 
