@@ -303,8 +303,22 @@ class FrozenJob:
     @property
     def tasks(self) -> list[dict[str, Any]]:
         """Its tasks, as :func:`nearharmonic_paper.tasks.provenance.task` describes them."""
-        several = getattr(self.params, "tasks", None)
-        return [self.params.task] if several is None else [*several.values()]
+        if hasattr(self.params, "documents"):
+            return [one["task"] for one in self.params.documents]
+        return [*self.params.tasks.values()] if hasattr(self.params, "tasks") else [self.params.task]
+
+    @property
+    def modules(self) -> set[str]:
+        """Dotted names of the modules of its functions."""
+        return {task["function"].partition(":")[0] for task in self.tasks}
+
+    def execute(self) -> None:
+        """Run the job, without results of an earlier run of it."""
+        for file in map(Path, [*self.output, *self.log]):
+            if "docs" not in file.parts:  # pages are updated
+                file.unlink(missing_ok=True)
+            file.parent.mkdir(parents=True, exist_ok=True)
+        (refresh if hasattr(self.params, "documents") else draw if hasattr(self.params, "tasks") else run)(self)
 
     def write(self, folder: str | Path) -> Path:
         """Write the job to a file in ``folder`` and return its path."""
@@ -360,11 +374,7 @@ def main(place: str) -> None:
         wait_for(thawed.input, thawed.patience)
     except NearharmonicError as error:
         raise SystemExit(str(error)) from None
-    for file in map(Path, [*thawed.output, *thawed.log]):
-        if "docs" not in file.parts:  # pages are updated
-            file.unlink(missing_ok=True)
-        file.parent.mkdir(parents=True, exist_ok=True)
-    (draw if hasattr(thawed.params, "tasks") else run)(thawed)
+    thawed.execute()
 
 
 def wait_for(files: Iterable[str], patience: float) -> None:

@@ -1,0 +1,119 @@
+"""Server that forks a process for each job. It starts no thread, which its forks would lack."""
+
+from __future__ import annotations
+
+import gc
+import os
+import pickle
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Iterable
+from contextlib import suppress
+from importlib import import_module
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+#: Imported while there is nothing else to do, in this order.
+PRELOADED = ("h5netcdf", "xarray", "matplotlib.backends.backend_pdf", "matplotlib.backends.backend_svg")
+#: Seconds until interrupted jobs are killed.
+PATIENCE = 5.0
+
+#: Number and process of each running job, by the end of a pipe that becomes readable when the process ends.
+Jobs = dict[int, tuple[int, int]]
+
+
+def serve(descriptor: int) -> None:
+    """Fork a process for each request at the pipe ``descriptor``, and answer with its number and exit status at its end.
+
+    A request is a number, the modules of the job, its folder, its environment, and the pickled job; None asks to end
+    after all jobs, and SIGINT to interrupt them. If the process at the other end is no longer there, they are killed.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of Ctrl-C; the jobs get one too, and Snakemake says what follows
+    snakemake, unloaded = Connection(descriptor), [*PRELOADED]
+    jobs: Jobs = {}
+    _load(["nearharmonic_paper.tasks.job"])
+    while True:
+        ready: list[Any] = wait([snakemake, *jobs], timeout=0 if unloaded else None)
+        if not ready:
+            _load([unloaded.pop(0)])
+        for source in ready:
+            if source is not snakemake:
+                _answer(snakemake, jobs, source)
+                continue
+            try:
+                request = snakemake.recv()
+            except (EOFError, ConnectionError):
+                request = signal.SIGKILL
+            if request is None:
+                return
+            if isinstance(request, signal.Signals):
+                _end(jobs, request)
+                return
+            number, modules, *job = request
+            _load(modules)
+            _fork(jobs, number, job)
+
+
+def _load(modules: Iterable[str]) -> None:
+    """Import modules for all jobs to come; a job tells why one cannot be imported."""
+    for module in modules:
+        if module not in sys.modules:
+            with suppress(Exception):
+                import_module(module)
+            gc.freeze()  # collections in forks would copy all pages of memory
+
+
+def _fork(jobs: Jobs, number: int, job: list[Any]) -> None:
+    ended, writable = os.pipe()
+    process = os.fork()
+    if process == 0:
+        _work(*job)
+    os.close(writable)
+    jobs[ended] = number, process
+
+
+def _answer(snakemake: Connection, jobs: Jobs, ended: int) -> None:
+    number, process = jobs.pop(ended)
+    os.close(ended)
+    status = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+    with suppress(OSError):
+        snakemake.send((number, status))
+
+
+def _end(jobs: Jobs, how: signal.Signals) -> None:
+    """End the jobs with a signal, and kill those that remain."""
+    for each in (how, signal.SIGKILL):
+        for _, process in jobs.values():
+            os.kill(process, each)
+        end = time.monotonic() + PATIENCE
+        while jobs and (ready := wait([*jobs], timeout=max(0.0, end - time.monotonic()))):
+            for ended in ready:
+                os.waitpid(jobs.pop(ended)[1], 0)  # type: ignore[call-overload]
+
+
+def _work(folder: str, environment: dict[str, str], job: bytes) -> None:
+    """Run a frozen job in this process and exit; an error in one sentence goes to the terminal."""
+    status = 1
+    try:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        os.chdir(folder)
+        os.environ.clear()
+        os.environ.update(environment)
+        pickle.loads(job).execute()
+        status = 0
+    except SystemExit as end:
+        print(end.code, file=sys.stderr)
+    except KeyboardInterrupt:
+        status = 128 + signal.SIGINT
+    except BaseException:  # noqa: BLE001 - the process ends, as that of a script would
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)  # without the end of the interpreter, which takes as long as a short job
+
+
+if __name__ == "__main__":
+    serve(int(sys.argv[1]))
