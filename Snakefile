@@ -14,6 +14,8 @@ from nearharmonic_paper.record.workflow_run import WorkflowRun
 min_version("9.0")
 # Collections of garbage take a fifth of a dry run: what is loaded while this file is read stays.
 gc.disable()
+# Snakemake would load pandas for 0.3 s at each start, to look for its tables among parameters; there are none.
+sys.modules["pandas"] = None
 
 
 # Snakemake merges configs, so systems of the default config would appear in another: a given config is used alone.

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import os
 import pickle
+import platform
 import signal
 import subprocess
 import sys
+import threading
 from contextlib import suppress
 from multiprocessing.connection import Pipe
-from threading import Thread
+from pathlib import Path
 from typing import Any
 
 from snakemake_interface_executor_plugins.executors.base import SubmittedJobInfo
@@ -32,11 +34,11 @@ common_settings = CommonSettings(
 #: macOS has frameworks that are not safe in a fork.
 FORKS = hasattr(os, "fork") and sys.platform != "darwin"
 #: Numbers of threads that numerical libraries read; a fork has none of the threads of the server.
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMEXPR_NUM_THREADS")
+THREADS = tuple(f"{name}_THREADS" for name in ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "VECLIB_MAXIMUM", "NUMEXPR_NUM"))
 
 
-class Executor(RealExecutor):
-    """Local executor whose jobs are forks of a server, :mod:`snakemake_executor_plugin_nearharmonic_forkserver.server`."""
+class Executor(RealExecutor):  # type: ignore[misc]
+    """Local executor whose jobs are forks of a server, in the module ``server`` beside this one."""
 
     def __post_init__(self) -> None:
         """Make the executor of other jobs; the server starts with the first job."""
@@ -50,27 +52,32 @@ class Executor(RealExecutor):
             self._local.run_job(job)
             return
         if self._server is None:
-            self._start()
+            self._server = self._started()
         if not self._listener.is_alive():  # the server was killed
             self._local.run_job(job)
             return
-        from nearharmonic_paper.tasks.job import frozen
+        from nearharmonic_paper.tasks.job import LEADER, frozen
 
         ours, info = frozen(job), SubmittedJobInfo(job=job)
         self.report_job_submission(info)
         self._running[job.jobid] = info
-        environment = {**os.environ, **dict.fromkeys(THREADS, str(ours.threads))}
-        self._send((job.jobid, ours.modules, os.getcwd(), environment, pickle.dumps(ours)))
+        environment = {
+            **os.environ,
+            **dict.fromkeys(THREADS, str(ours.threads)),
+            LEADER: f"{platform.node()}:{self._server.pid}",  # a job ends with the server, and this with Snakemake
+        }
+        self._send((job.jobid, ours.modules, str(Path.cwd()), environment, pickle.dumps(ours)))
 
-    def _start(self) -> None:
-        """Start the server, and the thread that waits for the ends of its jobs."""
+    def _started(self) -> subprocess.Popen[bytes]:
+        """Return a new server; start the thread that waits for the ends of its jobs."""
         self._connection, its_end = Pipe()
         command = [sys.executable, "-P", "-m", f"{__name__}.server", str(its_end.fileno())]
         environment = {**os.environ, **dict.fromkeys(THREADS, "1")}
-        self._server = subprocess.Popen(command, pass_fds=[its_end.fileno()], env=environment)
+        server = subprocess.Popen(command, pass_fds=[its_end.fileno()], env=environment)
         its_end.close()
-        self._listener = Thread(target=self._listen, daemon=True)
+        self._listener = threading.Thread(target=self._listen, daemon=True)
         self._listener.start()
+        return server
 
     def _send(self, request: Any) -> None:
         with suppress(OSError):  # the listener tells that the server has ended
@@ -97,6 +104,9 @@ class Executor(RealExecutor):
         if self._server is not None:
             self._send(None)
             self._server.wait()
+        for thread in threading.enumerate():
+            if isinstance(thread, threading.Timer):
+                thread.cancel()  # those of the limit of jobs per second would hold the end for one second
 
     def cancel(self) -> None:
         """End the jobs that run, and the server."""

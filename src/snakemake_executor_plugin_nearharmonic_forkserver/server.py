@@ -25,25 +25,25 @@ Jobs = dict[int, tuple[int, int]]
 
 
 def serve(descriptor: int) -> None:
-    """Fork a process for each request at the pipe ``descriptor``, and answer with its number and exit status at its end.
+    """Fork a process for each request at the pipe ``descriptor``; answer with its number and exit status at its end.
 
     A request is a number, the modules of the job, its folder, its environment, and the pickled job; None asks to end
     after all jobs, and SIGINT to interrupt them. If the process at the other end is no longer there, they are killed.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of Ctrl-C; the jobs get one too, and Snakemake says what follows
-    snakemake, unloaded = Connection(descriptor), [*PRELOADED]
+    requests, unloaded = Connection(descriptor), [*PRELOADED]
     jobs: Jobs = {}
     _load(["nearharmonic_paper.tasks.job"])
     while True:
-        ready: list[Any] = wait([snakemake, *jobs], timeout=0 if unloaded else None)
+        ready: list[Any] = wait([requests, *jobs], timeout=0 if unloaded else None)
         if not ready:
             _load([unloaded.pop(0)])
         for source in ready:
-            if source is not snakemake:
-                _answer(snakemake, jobs, source)
+            if source is not requests:
+                _answer(requests, jobs, source)
                 continue
             try:
-                request = snakemake.recv()
+                request = requests.recv()
             except (EOFError, ConnectionError):
                 request = signal.SIGKILL
             if request is None:
@@ -74,12 +74,12 @@ def _fork(jobs: Jobs, number: int, job: list[Any]) -> None:
     jobs[ended] = number, process
 
 
-def _answer(snakemake: Connection, jobs: Jobs, ended: int) -> None:
+def _answer(requests: Connection, jobs: Jobs, ended: int) -> None:
     number, process = jobs.pop(ended)
     os.close(ended)
     status = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
     with suppress(OSError):
-        snakemake.send((number, status))
+        requests.send((number, status))
 
 
 def _end(jobs: Jobs, how: signal.Signals) -> None:
@@ -90,7 +90,7 @@ def _end(jobs: Jobs, how: signal.Signals) -> None:
         end = time.monotonic() + PATIENCE
         while jobs and (ready := wait([*jobs], timeout=max(0.0, end - time.monotonic()))):
             for ended in ready:
-                os.waitpid(jobs.pop(ended)[1], 0)  # type: ignore[call-overload]
+                os.waitpid(jobs.pop(int(ended))[1], 0)  # type: ignore[arg-type]
 
 
 def _work(folder: str, environment: dict[str, str], job: bytes) -> None:
@@ -107,7 +107,7 @@ def _work(folder: str, environment: dict[str, str], job: bytes) -> None:
         print(end.code, file=sys.stderr)
     except KeyboardInterrupt:
         status = 128 + signal.SIGINT
-    except BaseException:  # noqa: BLE001 - the process ends, as that of a script would
+    except BaseException:
         traceback.print_exc()
     finally:
         sys.stdout.flush()

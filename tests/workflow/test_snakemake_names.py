@@ -8,6 +8,8 @@ from support.projects.workflow_project import ROOT
 
 RULES, HANDLERS, CLI = "snakefiles/rules.rst", "snakefiles/rules.rst, onstart", "executing/cli.rst"
 PLUGIN = "the README of snakemake-interface-executor-plugins"
+#: The README shows remote executors alone; these are abstract members and the base class of Snakemake's local one.
+INTERFACE = "the classes of snakemake-interface-executor-plugins"
 #: Names, as our sources write them, and the page of the documentation of Snakemake that has them.
 DOCUMENTED = {
     "workflow.cores": RULES,
@@ -20,6 +22,10 @@ DOCUMENTED = {
     "snakemake.threads": RULES,
     "snakemake.utils import min_version": "snakefiles/writing_snakefiles.rst",
     "snakemake_interface_common.exceptions import WorkflowError": PLUGIN,
+    "snakemake_interface_executor_plugins.executors.base import SubmittedJobInfo": PLUGIN,
+    "snakemake_interface_executor_plugins.executors.real import RealExecutor": INTERFACE,
+    "snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry": INTERFACE,
+    "snakemake_interface_executor_plugins.settings import CommonSettings, ExecMode": PLUGIN,
     "snakemake_interface_executor_plugins.executors.remote import RemoteExecutor": PLUGIN,
     "snakemake_interface_executor_plugins.settings import CommonSettings, ExecutorSettingsBase": PLUGIN,
     "self.workflow": PLUGIN,
@@ -27,6 +33,8 @@ DOCUMENTED = {
     "workflow.executor_settings": PLUGIN,
     "job.is_group": PLUGIN,
     "job.name": PLUGIN,
+    "job.jobid": INTERFACE,
+    "workflow.deployment_settings": INTERFACE,
     # Of a job, as of the object of a script, and in the properties that a jobscript gets.
     "job.input": RULES,
     "job.output": RULES,
@@ -36,7 +44,8 @@ DOCUMENTED = {
 }
 #: Sources whose ``job`` and ``self`` are Snakemake's.
 OF_JOBS = (
-    "src/snakemake_executor_plugin_nearharmonic.py",
+    "src/snakemake_executor_plugin_nearharmonic/__init__.py",
+    "src/snakemake_executor_plugin_nearharmonic_forkserver/__init__.py",
     "src/nearharmonic_paper/tasks/job.py",
 )
 
