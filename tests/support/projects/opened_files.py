@@ -10,13 +10,18 @@ from pathlib import Path
 HOOK = """
 import os, sys
 
-if any(".snakemake/scripts" in word for word in sys.orig_argv):
+def note_files():
     os.makedirs("opened", exist_ok=True)
     # A file descriptor has flags and no mode.
     mode = lambda told: told[1] or ("w" if told[2] & (os.O_WRONLY | os.O_RDWR) else "rb")
     note = lambda event, told: event == "open" and os.write(place, f"{mode(told)} {told[0]}\\n".encode())
     place = os.open(f"opened/{os.getpid()}", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
     sys.addaudithook(note)
+
+if any("nearharmonic_forkserver" in word for word in sys.orig_argv):
+    os.register_at_fork(after_in_child=note_files)  # each fork is a job
+elif any(".snakemake/scripts" in word for word in sys.orig_argv):
+    note_files()
 """
 LOG = re.compile(r"^w (results/.*/logs/.*\.log)$", re.MULTILINE)
 READ = re.compile(r"^rb? (.*)$", re.MULTILINE)
