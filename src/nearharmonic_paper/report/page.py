@@ -47,21 +47,19 @@ def packed(text: str) -> str:
     return b64encode(gzip.compress(text.encode(), mtime=0)).decode()
 
 
-@cache
-def _packed_script() -> str:
-    from nearharmonic_paper.report import plots
-
-    return packed(plots.script())
-
-
 def filled(name: str, values: Mapping[str, Any]) -> str:
     """Return a template filled with ``values``; text is escaped, style and scripts are inserted unchanged."""
+    return str(_templates().get_template(name).render(values))
+
+
+@cache
+def _templates() -> Any:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
 
     from nearharmonic.output.table import short
+    from nearharmonic_paper.report import plots
     from nearharmonic_paper.report import shown as wording
-    from nearharmonic_paper.report.shown import VERDICTS
 
     environment = Environment(
         loader=FileSystemLoader(FOLDER),
@@ -73,11 +71,11 @@ def filled(name: str, values: Mapping[str, Any]) -> str:
     inserted = (Markup((FOLDER / asset).read_text(encoding="utf-8")) for asset in ("page.css", "page.js", "alive.js"))
     style, script, alive = inserted
     environment.globals |= {
-        "wording": wording, "short": short, "looks": VERDICTS, "style": style, "script": script,
+        "wording": wording, "short": short, "looks": wording.VERDICTS, "style": style, "script": script,
         "alive_script": alive,
-        "bokeh": _packed_script(),
+        "bokeh": packed(plots.script()),
     }  # fmt: skip
-    return environment.get_template(name).render(values)
+    return environment
 
 
 # --- Content of the page.
@@ -117,14 +115,15 @@ def page(folder: str | os.PathLike[str], leftovers: Sequence[str] = (), **_: Any
     integrators, which a rule names for their digests, and paths of its inputs, which are found in the folder. A
     ResultFileError says that a cube or the table of claims is missing or damaged.
     """
+    from nearharmonic_paper.report import plots
+
     results = ShownResults(Path(folder), leftovers)
     figures = list(interactive(results))
     # Omissions and claims have their own sections.
     placed = ("skipped", "claims", *(pattern for one in beside_the_paper() for pattern in one.table_patterns))
     tables = results.tables(("table*", "*"), without=placed)
-    plots = {name: plot for figure in figures for name, plot in figure.plots.items()}
-    for name, plot in plots.items():
-        plot.name = name  # the script of the page finds it by this id
+    for figure in figures:
+        figure.document = packed(plots.document(figure.plots)) if figure.panels else ""
     sections = [
         Section(one, list(static(results, one.figure_titles)), results.tables(one.table_patterns))
         for one in beside_the_paper()
@@ -151,7 +150,7 @@ def page(folder: str | os.PathLike[str], leftovers: Sequence[str] = (), **_: Any
         "tables": tables,
         "skipped": results.tables(("skipped",)),
         "sections": sections,
-        "document": _packed(plots),
+        "documents": [figure.document for figure in figures if figure.document],
     }
     return {"page": _small_enough(values), **_alone(results, figures)}
 
@@ -165,18 +164,9 @@ def _alone(results: ShownResults, figures: Sequence[ShownFigure]) -> dict[str, s
     """Return the page of each interactive figure, by the names of their outputs."""
     live = [one for one in figures if one.panels]
     return {
-        name: filled(
-            "figure.html", {"results": results, "figure": one, "legend": entries([one]), "document": _packed(one.plots)}
-        )
+        name: filled("figure.html", {"results": results, "figure": one, "legend": entries([one])})
         for name, one in zip(pages_alone(results.figures), live, strict=True)
     }
-
-
-def _packed(plots: Mapping[str, Any]) -> str:
-    """Return the compressed document of plots, "" without plots."""
-    from nearharmonic_paper.report.plots import document
-
-    return packed(document(list(plots.values()))) if plots else ""
 
 
 def _small_enough(values: Mapping[str, Any]) -> str:
