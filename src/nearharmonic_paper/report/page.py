@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from nearharmonic.integrators import BENCHMARKED
+from nearharmonic.output.table import short
 from nearharmonic_paper.claims.claim import OPEN, failures, of_the_paper, sums
+from nearharmonic_paper.report import shown as wording
 from nearharmonic_paper.report.shown import (
     Places,
     ShownFigure,
@@ -57,9 +59,7 @@ def _templates() -> Any:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
 
-    from nearharmonic.output.table import short
     from nearharmonic_paper.report import plots
-    from nearharmonic_paper.report import shown as wording
 
     environment = Environment(
         loader=FileSystemLoader(FOLDER),
@@ -68,13 +68,10 @@ def _templates() -> Any:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    inserted = (Markup((FOLDER / asset).read_text(encoding="utf-8")) for asset in ("page.css", "page.js", "alive.js"))
-    style, script, alive = inserted
-    environment.globals |= {
-        "wording": wording, "short": short, "looks": wording.VERDICTS, "style": style, "script": script,
-        "alive_script": alive,
-        "bokeh": packed(plots.script()),
-    }  # fmt: skip
+    assets = {"style": "page.css", "script": "page.js", "alive_script": "alive.js"}
+    texts = {name: Markup((FOLDER / asset).read_text(encoding="utf-8")) for name, asset in assets.items()}
+    told = {"wording": wording, "short": short, "looks": wording.VERDICTS, "bokeh": packed(plots.script())}
+    environment.globals |= texts | told
     return environment
 
 
@@ -173,8 +170,6 @@ def _small_enough(values: Mapping[str, Any]) -> str:
     """Return the text of the page; the largest optional pictures are removed until it is small enough."""
     pictures = [figure for section in values["sections"] for figure in section.figures]
     pictures.sort(key=lambda figure: len(figure.picture))
-    text = filled("page.html", values)
-    while pictures and len(text.encode()) > LARGEST:
+    while len((text := filled("page.html", values)).encode()) > LARGEST and pictures:
         pictures.pop().picture = ""
-        text = filled("page.html", values)
     return text

@@ -71,6 +71,8 @@ def document(plots: Mapping[str, Model]) -> str:
 
     def written(one: Any) -> Any:
         if isinstance(one, np.ndarray):
+            if one.dtype.kind in "UO":
+                return one.tolist()
             told = {"shape": one.shape, "dtype": str(one.dtype), "order": sys.byteorder}
             # Bokeh expects gzip, here without compression: the whole document is compressed once.
             held = b64encode(gzip.compress(one.tobytes(), compresslevel=0, mtime=0)).decode()
@@ -135,8 +137,6 @@ class Marker(NamedTuple):
 
 _HEXAGON = "M0-1L.87-.5V.5L0 1-.87 .5V-.5z"
 _CIRCLE = "M-.9 0a.9.9 0 1 0 1.8 0a.9.9 0 1 0-1.8 0z"
-_STAR = "M0-1L.25-.3H.95L.38.14.59.8 0 .4-.59.8-.38.14-.95-.3H-.25z"
-_PLUS = "M-.35-1h.7v.65h.65v.7h-.65v.65h-.7v-.65h-.65v-.7h.65z"
 _CROSS = "M-.95-.45L-.45-.95 0-.5 .45-.95 .95-.45 .5 0 .95 .45 .45 .95 0 .5-.45 .95-.95 .45-.5 0z"
 
 #: Markers by their matplotlib names. Bokeh has no pentagon and no octagon; they become a hexagon, and a circle with a
@@ -153,8 +153,8 @@ MARKERS = {
     "p": Marker("hex", 0.0, _HEXAGON),
     "h": Marker("hex_dot", 0.0, _HEXAGON),
     "8": Marker("circle_dot", 0.0, _CIRCLE),
-    "*": Marker("star", 0.0, _STAR),
-    "P": Marker("plus", 0.0, _PLUS),
+    "*": Marker("star", 0.0, "M0-1L.25-.3H.95L.38.14.59.8 0 .4-.59.8-.38.14-.95-.3H-.25z"),
+    "P": Marker("plus", 0.0, "M-.35-1h.7v.65h.65v.7h-.65v.65h-.7v-.65h-.65v-.7h.65z"),
     "X": Marker("plus", pi / 4, _CROSS),
 }
 
@@ -224,13 +224,10 @@ def _axis(one: Model, label: str) -> Model:
 
 def source_of(**columns: Any) -> Model:
     """Return a source of columns of equal length; numbers are exact doubles, or small integers."""
-    return Model("ColumnDataSource", data={name: _column(np.asarray(values)) for name, values in columns.items()})
-
-
-def _column(values: np.ndarray) -> Any:
-    if values.dtype.kind in "UO":
-        return values.tolist()
-    return values if values.dtype == np.uint8 else values.astype(np.float64)
+    arrays = {name: np.asarray(values) for name, values in columns.items()}
+    kept = {name: array if array.dtype.kind in "UO" or array.dtype == np.uint8 else array.astype(np.float64)
+            for name, array in arrays.items()}  # fmt: skip
+    return Model("ColumnDataSource", data=kept)
 
 
 def lines_of(lines: Sequence[Any]) -> Model:
@@ -262,6 +259,11 @@ def add_line(plot: Model, source: Model, at: tuple[str, str], method: str, **cha
     """Draw a line along the columns ``at``, x and y, in the colour of ``method``."""
     look = {"line_color": style_of(method).colour, "line_width": 1.4} | changes
     return add(plot, source, Model("Line", **fields(x=at[0], y=at[1]), **look), method)
+
+
+def add_lines(plot: Model, source: Model, method: str = "", **look: Any) -> None:
+    """Draw all lines of a source of :func:`lines_of`."""
+    add(plot, source, Model("MultiLine", **fields(xs="x", ys="y"), **look), method)
 
 
 def add_markers(plot: Model, source: Model, at: tuple[str, str], method: str, name: str = "", **changes: Any) -> Model:
@@ -349,9 +351,10 @@ _DOTS: dict[tuple[bool, bool], tuple[str, tuple[dict[str, Any], ...]]] = {
         ({"size": 12, "fill_color": _RED}, {"size": 7, "fill_color": _GREEN, "line_color": "#ffffff"}),
     ),
 }
-_ENDS: dict[str, dict[str, Any]] = {
-    "initial": {"marker": "circle", "size": 14, "fill_alpha": 0.0, "line_color": _BLUE, "line_width": 2},
-    "final": {"marker": "x", "size": 12, "line_color": _BLUE, "line_width": 2.5},
+#: Markers of the first and the last state of a path, by its index.
+_ENDS: dict[int, dict[str, Any]] = {
+    0: {"marker": "circle", "size": 14, "fill_alpha": 0.0, "line_color": _BLUE, "line_width": 2},
+    -1: {"marker": "x", "size": 12, "line_color": _BLUE, "line_width": 2.5},
 }
 
 
@@ -431,7 +434,7 @@ def _add_slopes(plot: Model) -> None:
     x, y = plot.x_range.end / 6, plot.y_range.start * 30
     ends = [(4 * x, y * 4.0**order) for order in (4, 6)]
     guides = lines_of([(np.array([x, a]), np.array([y, b])) for a, b in ends])
-    add(plot, guides, Model("MultiLine", **fields(xs="x", ys="y"), line_color="#8a8a8a", line_width=1.0))
+    add_lines(plot, guides, line_color="#8a8a8a", line_width=1.0)
     words = {"text_color": "#595959", "text_font": FONT, "text_font_size": "11px"}
     # Above the steeper line and below the other one: a narrow window has no room on the right of their ends.
     plot.center.append(Model("Label", text="order 6", x=4 * x, y=y * 4.0**6, x_offset=-6, text_align="right", **words))
@@ -540,19 +543,20 @@ def phase_space(paths: dict[str, xr.Dataset]) -> list[Panel]:
 
     Panels of one system share their axes and the picture of the Hamiltonian.
     """
-    ranges: dict[str, tuple[Any, Any]] = {}
-    around: dict[str, tuple[Any, Any]] = {}
+    shared: dict[str, tuple[Any, ...]] = {}
     drawn = []
     for letter, path in paths.items():
         system = path.attrs["system"]
-        if system not in ranges:
-            q, p = (exactly(*path[name].values[[0, -1]]) for name in ("q_grid", "p_grid"))
-            ranges[system] = q, p
-            around[system] = _hamiltonian(path)
-        title = f"{letter}. {path.attrs['label']}, {path.attrs['system_label']}"
-        plot = new_plot(ranges[system], ("q", "p"), height=400)
-        _add_hamiltonian(plot, around[system])
+        if system not in shared:
+            ranges = tuple(exactly(*path[name].values[[0, -1]]) for name in ("q_grid", "p_grid"))
+            shared[system] = (ranges, *_hamiltonian(path))
+        ranges, bands, edges = shared[system]
+        plot = new_plot(ranges, ("q", "p"), height=400)
+        mapper = Model("LinearColorMapper", palette=list(_SHADES), low=-0.5, high=len(_SHADES) - 0.5)
+        add(plot, bands, Model("Image", **fields(image="bands", x="x", y="y", dw="dw", dh="dh"), color_mapper=mapper))
+        add_lines(plot, edges, line_color="#8795a5", line_width=0.6)
         _add_path(plot, path)
+        title = f"{letter}. {path.attrs['label']}, {path.attrs['system_label']}"
         drawn.append(Panel(title, plot, _energy_statement(path)))
     return drawn
 
@@ -573,28 +577,16 @@ def _lines(path: xr.Dataset, levels: Any) -> Any:
     return lines_of([np.round(line, 4).T for line in contours])
 
 
-def _add_hamiltonian(plot: Model, around: tuple[Model, Model]) -> None:
-    bands, edges = around
-    mapper = Model("LinearColorMapper", palette=list(_SHADES), low=-0.5, high=len(_SHADES) - 0.5)
-    add(plot, bands, Model("Image", **fields(image="bands", x="x", y="y", dw="dw", dh="dh"), color_mapper=mapper))
-    add(plot, edges, _contours("#8795a5", line_width=0.6))
-
-
-def _contours(colour: str, **look: Any) -> Model:
-    return Model("MultiLine", **fields(xs="x", ys="y"), line_color=colour, **look)
-
-
 def _add_path(plot: Model, path: xr.Dataset) -> None:
     """Draw the path, its dots and ends, and the energy surface through its start, tagged with the method."""
     method, label = path.attrs["integrator"], path.attrs["label"]
     surface = _lines(path, path["H"].values[:1, 0])
-    add(plot, surface, _contours("#1f2d3d", line_width=1.3, line_dash=[5, 3]), method)
+    add_lines(plot, surface, method, line_color="#1f2d3d", line_width=1.3, line_dash=[5, 3])
     q, p, error = (path[name].values for name in ("q", "p", "energy_error"))
     legs = [_legs(*one, drift_first=path.attrs["first"] == "drift") for one in zip(q, p, strict=True)]
-    add(plot, lines_of(legs), _contours("#4d5661", line_width=1.0), method)
-    for end, at in (("initial", 0), ("final", -1)):
-        place = source_of(q=q[:, at], p=p[:, at])
-        add_markers(plot, place, ("q", "p"), method, **({"angle": 0.0} | _ENDS[end]))
+    add_lines(plot, lines_of(legs), method, line_color="#4d5661", line_width=1.0)
+    for at, look in _ENDS.items():
+        add_markers(plot, source_of(q=q[:, at], p=p[:, at]), ("q", "p"), method, angle=0.0, **look)
     signs = np.column_stack([path["next_drift_sign"].values, path["next_kick_sign"].values]) < 0
     hit = []
     for kind, (says, layers) in _DOTS.items():
@@ -610,14 +602,13 @@ def _add_path(plot: Model, path: xr.Dataset) -> None:
     add_hover(plot, hit, rows)
 
 
-def _legs(q: Any, p: Any, *, drift_first: bool) -> tuple[Any, Any]:
+def _legs(q: Any, p: Any, *, drift_first: bool) -> list[Any]:
     """Return the path with its corners: drifts move along q, kicks along p."""
     corners = (q[1:], p[:-1]) if drift_first else (q[:-1], p[1:])
-    along_q, along_p = (
+    return [
         np.concatenate([points[:1], np.column_stack([corner, points[1:]]).ravel()])
         for points, corner in zip((q, p), corners, strict=True)
-    )
-    return along_q, along_p
+    ]
 
 
 def _energy_statement(path: xr.Dataset) -> str:

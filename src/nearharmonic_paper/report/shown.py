@@ -310,14 +310,10 @@ class ShownResults:
         kinds = {"cubes": ".h5", "tables": ".csv"}
         return {kind: [f"{kind}/{stem}{suffix}" for stem in self.stems(kind, suffix)] for kind, suffix in kinds.items()}
 
-    def cube(self, name: str) -> Path:
-        """Return the path of a cube."""
-        return self.folder / "cubes" / f"{name}.h5"
-
     @cached_property
     def labels(self) -> dict[str, str]:
         """Labels of the systems that have a cube, by name."""
-        attributes = {stem: attributes_of(self.cube(stem)) for stem in self.stems("cubes", ".h5")}
+        attributes = {stem: attributes_of(self.folder / f"cubes/{stem}.h5") for stem in self.stems("cubes", ".h5")}
         return {stem: told["system_label"] for stem, told in attributes.items() if "system_label" in told}
 
     def stems(self, folder: str, suffix: str, patterns: Sequence[str] = ("*",)) -> list[str]:
@@ -394,7 +390,7 @@ def interactive(results: ShownResults) -> Iterator[ShownFigure]:
     """Yield the existing figures of the paper, and the existing energy-error figures of other systems."""
     from nearharmonic_paper.report import plots
 
-    cubes = cache(lambda name: read(results.cube(name)))
+    cubes = cache(lambda name: read(results.folder / f"cubes/{name}.h5"))
     for one in results.figures:
         if one.experiment != PAPER:
             continue
