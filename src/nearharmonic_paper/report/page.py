@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from nearharmonic.integrators import BENCHMARKED
+from nearharmonic.output.table import short
 from nearharmonic_paper.claims.claim import OPEN, failures, of_the_paper, sums
+from nearharmonic_paper.report import shown as wording
 from nearharmonic_paper.report.shown import (
     Places,
     ShownFigure,
@@ -47,21 +49,17 @@ def packed(text: str) -> str:
     return b64encode(gzip.compress(text.encode(), mtime=0)).decode()
 
 
-@cache
-def _packed_script() -> str:
-    from nearharmonic_paper.report import plots
-
-    return packed(plots.script())
-
-
 def filled(name: str, values: Mapping[str, Any]) -> str:
     """Return a template filled with ``values``; text is escaped, style and scripts are inserted unchanged."""
+    return str(_templates().get_template(name).render(values))
+
+
+@cache
+def _templates() -> Any:
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup
 
-    from nearharmonic.output.table import short
-    from nearharmonic_paper.report import shown as wording
-    from nearharmonic_paper.report.shown import VERDICTS
+    from nearharmonic_paper.report import plots
 
     environment = Environment(
         loader=FileSystemLoader(FOLDER),
@@ -70,14 +68,11 @@ def filled(name: str, values: Mapping[str, Any]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    inserted = (Markup((FOLDER / asset).read_text(encoding="utf-8")) for asset in ("page.css", "page.js", "alive.js"))
-    style, script, alive = inserted
-    environment.globals |= {
-        "wording": wording, "short": short, "looks": VERDICTS, "style": style, "script": script,
-        "alive_script": alive,
-        "bokeh": _packed_script(),
-    }  # fmt: skip
-    return environment.get_template(name).render(values)
+    assets = {"style": "page.css", "script": "page.js", "alive_script": "alive.js"}
+    texts = {name: Markup((FOLDER / asset).read_text(encoding="utf-8")) for name, asset in assets.items()}
+    told = {"wording": wording, "short": short, "looks": wording.VERDICTS, "bokeh": packed(plots.script())}
+    environment.globals |= texts | told
+    return environment
 
 
 # --- Content of the page.
@@ -117,14 +112,15 @@ def page(folder: str | os.PathLike[str], leftovers: Sequence[str] = (), **_: Any
     integrators, which a rule names for their digests, and paths of its inputs, which are found in the folder. A
     ResultFileError says that a cube or the table of claims is missing or damaged.
     """
+    from nearharmonic_paper.report import plots
+
     results = ShownResults(Path(folder), leftovers)
     figures = list(interactive(results))
     # Omissions and claims have their own sections.
     placed = ("skipped", "claims", *(pattern for one in beside_the_paper() for pattern in one.table_patterns))
     tables = results.tables(("table*", "*"), without=placed)
-    plots = {name: plot for figure in figures for name, plot in figure.plots.items()}
-    for name, plot in plots.items():
-        plot.name = name  # the script of the page finds it by this id
+    for figure in figures:
+        figure.document = packed(plots.document(figure.plots)) if figure.panels else ""
     sections = [
         Section(one, list(static(results, one.figure_titles)), results.tables(one.table_patterns))
         for one in beside_the_paper()
@@ -151,7 +147,7 @@ def page(folder: str | os.PathLike[str], leftovers: Sequence[str] = (), **_: Any
         "tables": tables,
         "skipped": results.tables(("skipped",)),
         "sections": sections,
-        "document": _packed(plots),
+        "documents": [figure.document for figure in figures if figure.document],
     }
     return {"page": _small_enough(values), **_alone(results, figures)}
 
@@ -165,26 +161,15 @@ def _alone(results: ShownResults, figures: Sequence[ShownFigure]) -> dict[str, s
     """Return the page of each interactive figure, by the names of their outputs."""
     live = [one for one in figures if one.panels]
     return {
-        name: filled(
-            "figure.html", {"results": results, "figure": one, "legend": entries([one]), "document": _packed(one.plots)}
-        )
+        name: filled("figure.html", {"results": results, "figure": one, "legend": entries([one])})
         for name, one in zip(pages_alone(results.figures), live, strict=True)
     }
-
-
-def _packed(plots: Mapping[str, Any]) -> str:
-    """Return the compressed document of plots, "" without plots."""
-    from nearharmonic_paper.report.plots import document
-
-    return packed(document(list(plots.values()))) if plots else ""
 
 
 def _small_enough(values: Mapping[str, Any]) -> str:
     """Return the text of the page; the largest optional pictures are removed until it is small enough."""
     pictures = [figure for section in values["sections"] for figure in section.figures]
     pictures.sort(key=lambda figure: len(figure.picture))
-    text = filled("page.html", values)
-    while pictures and len(text.encode()) > LARGEST:
+    while len((text := filled("page.html", values)).encode()) > LARGEST and pictures:
         pictures.pop().picture = ""
-        text = filled("page.html", values)
     return text

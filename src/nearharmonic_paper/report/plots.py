@@ -1,27 +1,27 @@
 """The interactive figures: those of the paper, drawn by bokeh from what the static ones show too.
 
 Every renderer has the name of its method as a tag; the legend of the page uses it to show and hide the method. A page
-holds the plots as a document of bokeh, and the script that shows them.
+holds the plots of a figure as a document of bokeh, and the script that shows them. The document is written as JSON,
+which is bokeh's interface for other languages: its Python classes would resolve 100 000 defaults a page, nine tenths of
+the time, and the script resolves them anyway.
 """
 
 from __future__ import annotations
 
+import gzip
 import json
 import re
+import sys
+from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence
+from importlib.metadata import distribution, version
 from math import isfinite, log10, pi
 from pathlib import Path
 from string import ascii_uppercase
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import bokeh as library
 import numpy as np
-from bokeh import models as bokeh
-from bokeh.core.serialization import Serializer
-from bokeh.document import Document
-from bokeh.models import ColumnDataSource as Source
-from bokeh.models import GlyphRenderer as Renderer
-from bokeh.models import Plot
 from contourpy import contour_generator
 
 from nearharmonic.output.store import double_runs
@@ -45,6 +45,61 @@ from nearharmonic_paper.experiments.paper.orbits import (
 
 if TYPE_CHECKING:
     import xarray as xr
+
+
+# --- Documents of bokeh, and the script that shows them.
+
+
+class Model(SimpleNamespace):
+    """A model of bokeh: ``kind``, the name of its class, and the attributes that differ from bokeh's defaults."""
+
+    def __init__(self, kind: str, **attributes: Any) -> None:
+        super().__init__(kind=kind, **attributes)
+
+
+def fields(**columns: str) -> dict[str, Any]:
+    """Return attributes of a glyph with a value for each point: names of columns of its source."""
+    return {name: SimpleNamespace(type="field", field=column) for name, column in columns.items()}
+
+
+def document(plots: Mapping[str, Model]) -> str:
+    """Return a document with these plots, by their names, as JSON.
+
+    Models are numbered in the order of writing, so that equal plots give equal texts; their ids begin with the name of
+    the first plot, so that documents of several figures share a page.
+    """
+    ids: dict[int, str] = {}
+
+    def written(one: Any) -> Any:
+        if isinstance(one, np.ndarray):
+            if one.dtype.kind in "UO":
+                return one.tolist()
+            told = {"shape": one.shape, "dtype": str(one.dtype), "order": sys.byteorder}
+            # Bokeh expects gzip, here without compression: the whole document is compressed once.
+            held = b64encode(gzip.compress(one.tobytes(), compresslevel=0, mtime=0)).decode()
+            return {"type": "ndarray", "array": {"type": "bytes", "data": held}} | told
+        if not isinstance(one, Model):
+            return vars(one)
+        if id(one) in ids:
+            return {"id": ids[id(one)]}
+        ids[id(one)] = f"{roots[0].name}-{len(ids)}"
+        attributes = {
+            name: {"type": "map", "entries": list(value.items())} if isinstance(value, dict) else value
+            for name, value in vars(one).items() if name != "kind"
+        }  # fmt: skip
+        return {"type": "object", "name": one.kind, "id": ids[id(one)], "attributes": attributes}
+
+    roots = list(plots.values())
+    for name, plot in plots.items():
+        plot.name = name  # the script of the page finds it by this id
+    told = {"version": version("bokeh"), "title": "nearharmonic", "config": Model("DocumentConfig"), "roots": roots}
+    return json.dumps(told, default=written, separators=(",", ":"), allow_nan=False)
+
+
+def script() -> str:
+    """Return the installed script of bokeh: the core without extensions."""
+    place = distribution("bokeh").locate_file("bokeh/server/static/js/bokeh.min.js")
+    return Path(str(place)).read_text(encoding="utf-8")
 
 
 # --- Panels: axes, zoom, hover, and the lines and markers of the static figures.
@@ -83,8 +138,6 @@ class Marker(NamedTuple):
 
 _HEXAGON = "M0-1L.87-.5V.5L0 1-.87 .5V-.5z"
 _CIRCLE = "M-.9 0a.9.9 0 1 0 1.8 0a.9.9 0 1 0-1.8 0z"
-_STAR = "M0-1L.25-.3H.95L.38.14.59.8 0 .4-.59.8-.38.14-.95-.3H-.25z"
-_PLUS = "M-.35-1h.7v.65h.65v.7h-.65v.65h-.7v-.65h-.65v-.7h.65z"
 _CROSS = "M-.95-.45L-.45-.95 0-.5 .45-.95 .95-.45 .5 0 .95 .45 .45 .95 0 .5-.45 .95-.95 .45-.5 0z"
 
 #: Markers by their matplotlib names. Bokeh has no pentagon and no octagon; they become a hexagon, and a circle with a
@@ -101,8 +154,8 @@ MARKERS = {
     "p": Marker("hex", 0.0, _HEXAGON),
     "h": Marker("hex_dot", 0.0, _HEXAGON),
     "8": Marker("circle_dot", 0.0, _CIRCLE),
-    "*": Marker("star", 0.0, _STAR),
-    "P": Marker("plus", 0.0, _PLUS),
+    "*": Marker("star", 0.0, "M0-1L.25-.3H.95L.38.14.59.8 0 .4-.59.8-.38.14-.95-.3H-.25z"),
+    "P": Marker("plus", 0.0, "M-.35-1h.7v.65h.65v.7h-.65v.65h-.7v-.65h-.65v-.7h.65z"),
     "X": Marker("plus", pi / 4, _CROSS),
 }
 
@@ -111,11 +164,11 @@ class Panel(NamedTuple):
     """A panel of a figure: its title, which HTML wraps where it is long, its plot, and a text below the plot."""
 
     title: str
-    plot: Plot
+    plot: Model
     note: str = ""
 
 
-def span(values: Iterable[Any], logarithmic: bool, highest: float = np.inf) -> bokeh.Range1d:
+def span(values: Iterable[Any], logarithmic: bool, highest: float = np.inf) -> Model:
     """Return a range of an axis, for one or more panels, with all numbers and a margin, up to ``highest`` at most.
 
     NaN and infinities are ignored, and on a logarithmic axis also zeros and negative numbers.
@@ -129,20 +182,21 @@ def span(values: Iterable[Any], logarithmic: bool, highest: float = np.inf) -> b
     else:
         margin = 0.03 * (high - low) or 0.5
         low, high = low - margin, high + margin
-    return exactly(float(low), float(min(high, highest)), logarithmic)
+    return exactly(low, min(high, highest), logarithmic)
 
 
-def exactly(low: float, high: float, logarithmic: bool = False) -> bokeh.Range1d:
+def exactly(low: float, high: float, logarithmic: bool = False) -> Model:
     """Return a range of an axis from ``low`` to ``high``."""
-    return bokeh.Range1d(start=low, end=high, tags=[_LOGARITHMIC] if logarithmic else [])
+    return Model("Range1d", start=float(low), end=float(high), tags=[_LOGARITHMIC] if logarithmic else [])
 
 
-def new_plot(ranges: tuple[bokeh.Range1d, bokeh.Range1d], labels: tuple[str, str], height: int = 460) -> Plot:
+def new_plot(ranges: tuple[Model, Model], labels: tuple[str, str], height: int = 460) -> Model:
     """Return an empty plot with these ranges (linear or logarithmic) and labels of x and y."""
-    tools = [bokeh.BoxZoomTool(), bokeh.PanTool(), bokeh.WheelZoomTool(), bokeh.SaveTool(), bokeh.ResetTool()]
+    tools = [Model("BoxZoomTool"), Model("PanTool"), Model("WheelZoomTool"), Model("SaveTool"), Model("ResetTool")]
     axes = [_axis(one, label) for one, label in zip(ranges, labels, strict=True)]
-    scales = [bokeh.LogScale() if _LOGARITHMIC in one.tags else bokeh.LinearScale() for one in ranges]
-    return Plot(
+    scales = [Model("LogScale") if _LOGARITHMIC in one.tags else Model("LinearScale") for one in ranges]
+    return Model(
+        "Plot",
         title=None,
         x_range=ranges[0],
         y_range=ranges[1],
@@ -151,43 +205,35 @@ def new_plot(ranges: tuple[bokeh.Range1d, bokeh.Range1d], labels: tuple[str, str
         height=height,
         sizing_mode="stretch_width",
         output_backend="canvas",
-        toolbar=bokeh.Toolbar(logo=None, tools=tools, active_drag=tools[0], active_scroll=None),
+        toolbar=Model("Toolbar", logo=None, tools=tools, active_drag=tools[0], active_scroll=None),
         min_border=4,
         min_border_right=14,
         outline_line_color="#444444",
+        renderers=[],
         below=[axes[0]],
         left=[axes[1]],
-        center=[bokeh.Grid(axis=axis, dimension=i, grid_line_color="#e3e3e3") for i, axis in enumerate(axes)],
+        center=[Model("Grid", axis=axis, dimension=i, grid_line_color="#e3e3e3") for i, axis in enumerate(axes)],
     )
 
 
-def _axis(one: bokeh.Range1d, label: str) -> bokeh.LinearAxis | bokeh.LogAxis:
+def _axis(one: Model, label: str) -> Model:
     if _LOGARITHMIC in one.tags:
-        ticks = {"ticker": bokeh.LogTicker(mantissas=[1, 5]), "formatter": bokeh.LogTickFormatter()}
-        return bokeh.LogAxis(axis_label=label, major_label_policy=bokeh.NoOverlap(), **ticks, **_AXIS)
-    return bokeh.LinearAxis(axis_label=label, ticker=bokeh.BasicTicker(mantissas=[1, 2, 5]), **_AXIS)
+        ticks = {"ticker": Model("LogTicker", mantissas=[1, 5]), "formatter": Model("LogTickFormatter")}
+        return Model("LogAxis", axis_label=label, major_label_policy=Model("NoOverlap"), **ticks, **_AXIS)
+    return Model("LinearAxis", axis_label=label, ticker=Model("BasicTicker", mantissas=[1, 2, 5]), **_AXIS)
 
 
-def use_categories(plot: Plot, labels: Sequence[str]) -> None:
-    """Replace the y axis of ``plot`` by one of categories, from top to bottom."""
-    plot.y_range, plot.y_scale = bokeh.FactorRange(factors=list(reversed(labels))), bokeh.CategoricalScale()
-    plot.left = [bokeh.CategoricalAxis(**_AXIS)]
-    plot.center[1].axis = plot.left[0]
-
-
-def source_of(**columns: Any) -> Source:
+def source_of(**columns: Any) -> Model:
     """Return a source of columns of equal length; numbers are exact doubles, or small integers."""
     arrays = {name: np.asarray(values) for name, values in columns.items()}
     kept = {name: array if array.dtype.kind in "UO" or array.dtype == np.uint8 else array.astype(np.float64)
             for name, array in arrays.items()}  # fmt: skip
-    return Source(data=kept)
+    return Model("ColumnDataSource", data=kept)
 
 
-def drawable(values: Any) -> np.ndarray:
-    """Return ``values`` with NaN for values that a logarithmic axis cannot show."""
-    numbers = np.array(values, dtype=float)
-    numbers[~(np.isfinite(numbers) & (numbers > 0))] = np.nan
-    return numbers
+def lines_of(lines: Sequence[Any]) -> Model:
+    """Return a source of lines, each as its coordinates along x and y."""
+    return Model("ColumnDataSource", data={"x": [line[0] for line in lines], "y": [line[1] for line in lines]})
 
 
 def marked(columns: Mapping[str, Any], at: tuple[str, str], turn: tuple[int, int]) -> dict[str, Any]:
@@ -202,25 +248,30 @@ def marked(columns: Mapping[str, Any], at: tuple[str, str], turn: tuple[int, int
     return {**columns, MARKED: chosen}
 
 
-def add(plot: Plot, source: Source, glyph: bokeh.Glyph, method: str = "", name: str = "") -> Renderer:
+def add(plot: Model, source: Model, glyph: Model, method: str = "", name: str = "") -> Model:
     """Draw a glyph; return the renderer, with ``method`` as its tag and ``name`` as its name in a hover."""
     tags = [method] if method else []
-    return plot.add_glyph(source, glyph, tags=tags, name=name or None)
+    renderer = Model("GlyphRenderer", data_source=source, glyph=glyph, tags=tags, name=name or None)
+    plot.renderers.append(renderer)
+    return renderer
 
 
-def add_line(plot: Plot, source: Source, at: tuple[str, str], method: str, **changes: Any) -> Renderer:
+def add_line(plot: Model, source: Model, at: tuple[str, str], method: str, **changes: Any) -> Model:
     """Draw a line along the columns ``at``, x and y, in the colour of ``method``."""
     look = {"line_color": style_of(method).colour, "line_width": 1.4} | changes
-    return add(plot, source, bokeh.Line(x=at[0], y=at[1], **look), method)
+    return add(plot, source, Model("Line", **fields(x=at[0], y=at[1]), **look), method)
 
 
-def add_markers(
-    plot: Plot, source: Source, at: tuple[str, str], method: str, name: str = "", **changes: Any
-) -> Renderer:
+def add_lines(plot: Model, source: Model, method: str = "", **look: Any) -> None:
+    """Draw all lines of a source of :func:`lines_of`."""
+    add(plot, source, Model("MultiLine", **fields(xs="x", ys="y"), **look), method)
+
+
+def add_markers(plot: Model, source: Model, at: tuple[str, str], method: str, name: str = "", **changes: Any) -> Model:
     """Draw the marker of ``method`` at the columns ``at``, x and y; only at marked points if the source has a mask."""
     style = style_of(method)
     marker = MARKERS[style.marker]
-    seen = {f"{part}_alpha": MARKED for part in ("line", "fill") if MARKED in source.data}
+    seen = fields(line_alpha=MARKED, fill_alpha=MARKED) if MARKED in source.data else {}
     look = {
         "marker": marker.shape,
         "angle": marker.angle,
@@ -229,18 +280,18 @@ def add_markers(
         "line_width": 1.3,
         "fill_color": style.colour if style.filled else "#ffffff",
     }
-    return add(plot, source, bokeh.Scatter(x=at[0], y=at[1], **(look | seen | changes)), method, name)
+    return add(plot, source, Model("Scatter", **fields(x=at[0], y=at[1]), **(look | seen | changes)), method, name)
 
 
-def add_level(plot: Plot, level: float, text: str) -> None:
+def add_level(plot: Model, level: float, text: str) -> None:
     """Add a horizontal line with its name at the right end."""
-    plot.add_layout(bokeh.Span(location=level, dimension="width", line_color="#404040", line_dash=[6, 3]))
+    plot.center.append(Model("Span", location=level, dimension="width", line_color="#404040", line_dash=[6, 3]))
     at = {"x": plot.x_range.end, "y": level, "x_offset": -8, "y_offset": 4}
     look = {"text_align": "right", "text_font_size": "12px", "text_color": "#404040", "text_font": FONT}
-    plot.add_layout(bokeh.Label(text=text, background_fill_color="#ffffff", **at, **look))
+    plot.center.append(Model("Label", text=text, background_fill_color="#ffffff", **at, **look))
 
 
-def add_hits(plot: Plot, source: Source, at: tuple[str, str], method: str, name: str) -> list[Renderer]:
+def add_hits(plot: Model, source: Model, at: tuple[str, str], method: str, name: str) -> list[Model]:
     """Draw invisible glyphs at the points ``at``, x and y, for a hover; return the renderers.
 
     A broad invisible line gives the nearest point, while markers would give the first point within reach. Isolated
@@ -251,7 +302,7 @@ def add_hits(plot: Plot, source: Source, at: tuple[str, str], method: str, name:
     there = np.pad(np.isfinite(x) & np.isfinite(y), 1)
     alone = there[1:-1] & ~there[:-2] & ~there[2:]
     unseen = {"line_alpha": 0.0, "line_width": _REACH}
-    line = bokeh.Line(x=at[0], y=at[1], **unseen)
+    line = Model("Line", **fields(x=at[0], y=at[1]), **unseen)
     found = [add(plot, source, line, method, name)]
     if alone.any():
         points = source_of(**{one: np.asarray(values)[alone] for one, values in columns.items() if one != MARKED})
@@ -259,11 +310,12 @@ def add_hits(plot: Plot, source: Source, at: tuple[str, str], method: str, name:
     return found
 
 
-def add_hover(plot: Plot, renderers: Sequence[Renderer], rows: Sequence[tuple[str, str]]) -> None:
+def add_hover(plot: Model, renderers: Sequence[Model], rows: Sequence[tuple[str, str]]) -> None:
     """Show ``rows`` of (text, field) at points of ``renderers``; fields have bokeh's notation, with printf formats."""
     formatters = {f"@{name}": "printf" for _, field in rows for name in re.findall(r"@(\w+)\{%", field)}
-    plot.add_tools(
-        bokeh.HoverTool(
+    plot.toolbar.tools.append(
+        Model(
+            "HoverTool",
             renderers=list(renderers),
             tooltips=[list(row) for row in rows],
             formatters=formatters,
@@ -274,24 +326,6 @@ def add_hover(plot: Plot, renderers: Sequence[Renderer], rows: Sequence[tuple[st
             attachment="horizontal",
         )
     )
-
-
-def script() -> str:
-    """Return the installed script of bokeh: the core without extensions."""
-    return Path(library.__file__).parent.joinpath("server/static/js/bokeh.min.js").read_text(encoding="utf-8")
-
-
-def document(roots: Sequence[Plot]) -> str:
-    """Return a document with the plots ``roots`` as JSON.
-
-    Models are numbered in the order of writing, so that equal plots give equal texts.
-    """
-    # Document.add_root searches all plots again at each call, which would double the total time.
-    told = Document(title="nearharmonic").to_json(deferred=False)
-    told["roots"] = Serializer(deferred=False).serialize(list(roots)).content
-    text = json.dumps(told, separators=(",", ":"), allow_nan=False)
-    ids: dict[str, str] = {}
-    return re.sub(r'"id":"(\w+)"', lambda found: f'"id":"{ids.setdefault(found[1], f"m{len(ids)}")}"', text)
 
 
 # --- Figures of the paper.
@@ -318,9 +352,10 @@ _DOTS: dict[tuple[bool, bool], tuple[str, tuple[dict[str, Any], ...]]] = {
         ({"size": 12, "fill_color": _RED}, {"size": 7, "fill_color": _GREEN, "line_color": "#ffffff"}),
     ),
 }
-_ENDS: dict[str, dict[str, Any]] = {
-    "initial": {"marker": "circle", "size": 14, "fill_alpha": 0.0, "line_color": _BLUE, "line_width": 2},
-    "final": {"marker": "x", "size": 12, "line_color": _BLUE, "line_width": 2.5},
+#: Markers of the first and the last state of a path, by its index.
+_ENDS: dict[int, dict[str, Any]] = {
+    0: {"marker": "circle", "size": 14, "fill_alpha": 0.0, "line_color": _BLUE, "line_width": 2},
+    -1: {"marker": "x", "size": 12, "line_color": _BLUE, "line_width": 2.5},
 }
 
 
@@ -333,24 +368,22 @@ def energy_error(cube: xr.Dataset) -> list[Panel]:
     unit = cube["tau_per_stage"].attrs.get("units", "1")
     floors = {name: floor for name in PANELS if (floor := floor_near([cube], name))}
     errors = [*(cube[name].values for name in PANELS), [*floors.values()]]
-    ranges = (
-        span([cube["tau_per_stage"].values], logarithmic=True),
-        span(errors, logarithmic=True, highest=LARGEST_ERROR),
-    )
+    along = span([cube["tau_per_stage"].values], logarithmic=True)
+    up = span(errors, logarithmic=True, highest=LARGEST_ERROR)
     curves = []
     for line in lines(cube, columns=COLUMNS):
         source = source_of(**marked(_columns(line.runs), ("x", "max_energy_error"), line.turn))
-        curves.append((line, source, _lost(line.runs, ranges[1].end * _EDGE)))
+        curves.append((line, source, _lost(line.runs, up.end * _EDGE)))
     symbols = energy_error_label(cube["max_energy_error"].attrs, "|ΔH|", "|ΔH/H₀|")
     found = []
     for letter, (name, statistic) in zip(ascii_uppercase, PANELS.items(), strict=False):
         label = f"{'max' if statistic == 'maximum' else statistic} {symbols}"
-        plot = new_plot(ranges, ("step size per stage, τ/s" + _unit(unit, " ({})"), label))
+        plot = new_plot((along, up), ("step size per stage, τ/s" + _unit(unit, " ({})"), label))
         _add_slopes(plot)
         if name in floors:
             add_level(plot, floors[name], floor_name(floors[name]))
-        hits: list[Renderer] = []
-        crosses: list[Renderer] = []
+        hits: list[Model] = []
+        crosses: list[Model] = []
         for line, source, lost in curves:
             says = line.label + (", extended precision" if line.extended else "")
             look = {"line_dash": [5, 3], "line_width": 1.1} if line.extended else {}
@@ -374,7 +407,8 @@ def _unit(unit: str, form: str = " {}") -> str:
 
 def _columns(runs: xr.Dataset) -> dict[str, Any]:
     """Return the runs of one method from the first to the last with a drawable error."""
-    columns = {name: drawable(runs[name].values) for name in PANELS}
+    errors = {name: runs[name].values.astype(float) for name in PANELS}
+    columns = {name: np.where(np.isfinite(error) & (error > 0), error, np.nan) for name, error in errors.items()}
     there = np.flatnonzero(np.any([np.isfinite(values) for values in columns.values()], axis=0))
     kept = slice(there[0], there[-1] + 1) if there.size else slice(0)
     columns |= {"x": runs["tau_per_stage"].values, "evaluations": runs["evaluations"].values}
@@ -382,7 +416,7 @@ def _columns(runs: xr.Dataset) -> dict[str, Any]:
     return {name: values[kept] for name, values in columns.items()}
 
 
-def _lost(runs: xr.Dataset, edge: float) -> Source | None:
+def _lost(runs: xr.Dataset, edge: float) -> Model | None:
     """Return the crosses of diverged runs; None if there are none."""
     gone = np.flatnonzero(runs["status"].values == "diverged")
     if not gone.size:
@@ -396,16 +430,16 @@ def _lost(runs: xr.Dataset, edge: float) -> Source | None:
     )
 
 
-def _add_slopes(plot: Plot) -> None:
+def _add_slopes(plot: Model) -> None:
     """Draw two short lines of slope 4 and 6 in the empty lower right corner, to read the order of a curve."""
     x, y = plot.x_range.end / 6, plot.y_range.start * 30
     ends = [(4 * x, y * 4.0**order) for order in (4, 6)]
-    guides = Source(data={"x": [np.array([x, a]) for a, _ in ends], "y": [np.array([y, b]) for _, b in ends]})
-    add(plot, guides, bokeh.MultiLine(xs="x", ys="y", line_color="#8a8a8a", line_width=1.0))
+    guides = lines_of([(np.array([x, a]), np.array([y, b])) for a, b in ends])
+    add_lines(plot, guides, line_color="#8a8a8a", line_width=1.0)
     words = {"text_color": "#595959", "text_font": FONT, "text_font_size": "11px"}
     # Above the steeper line and below the other one: a narrow window has no room on the right of their ends.
-    plot.add_layout(bokeh.Label(text="order 6", x=4 * x, y=y * 4.0**6, x_offset=-6, text_align="right", **words))
-    plot.add_layout(bokeh.Label(text="order 4", x=4 * x, y=y, text_align="right", text_baseline="top", **words))
+    plot.center.append(Model("Label", text="order 6", x=4 * x, y=y * 4.0**6, x_offset=-6, text_align="right", **words))
+    plot.center.append(Model("Label", text="order 4", x=4 * x, y=y, text_align="right", text_baseline="top", **words))
 
 
 def decomposition(terms: xr.Dataset) -> list[Panel]:
@@ -420,11 +454,13 @@ def decomposition(terms: xr.Dataset) -> list[Panel]:
     remain = span([kappa[kappa >= SATISFIED_BELOW]], logarithmic=True)
     upper = new_plot((along, remain), ("order, λ", "κ"))
     lower = new_plot((along, span([[0, 1]], logarithmic=False)), ("order, λ", ""))
-    use_categories(lower, labels)
+    lower.y_range, lower.y_scale = Model("FactorRange", factors=labels[::-1]), Model("CategoricalScale")
+    lower.left = [Model("CategoricalAxis", **_AXIS)]
+    lower.center[1].axis = lower.left[0]
     for plot in (upper, lower):
-        plot.below[0].ticker = bokeh.SingleIntervalTicker(interval=2, num_minor_ticks=2)
-    dots: list[Renderer] = []
-    bars: list[Renderer] = []
+        plot.below[0].ticker = Model("SingleIntervalTicker", interval=2, num_minor_ticks=2)
+    dots: list[Model] = []
+    bars: list[Model] = []
     unseen, bar = {"line_alpha": 0.0, "fill_alpha": 0.0}, {"marker": "dash", "angle": 0.0, "size": 20, "line_width": 2}
     for method, label, one in zip(map(str, terms["integrator"].values), labels, kappa, strict=True):
         for first, composition in _COMPOSITIONS.items():
@@ -448,7 +484,7 @@ def decomposition(terms: xr.Dataset) -> list[Panel]:
     ]
 
 
-def _circle(plot: Plot, source: Source, y: str, method: str, name: str) -> Renderer:
+def _circle(plot: Model, source: Model, y: str, method: str, name: str) -> Model:
     """Draw circles around the marker of the method, which identifies it without colour."""
     add_markers(plot, source, ("order", y), method, size=5, line_width=1)
     circle = {"marker": "circle", "angle": 0.0, "size": 12, "fill_alpha": 0.0, "line_width": 1.1}
@@ -463,14 +499,12 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
     century = arcseconds_per_century(float(cube.attrs["orbital_period"]))
     runs, x, y = double_runs(cube), "per_orbit", "advance"
     told = abs(runs["perihelion_advance"].values)[np.isfinite(runs["perihelion_advance_interval"].values)]
-    ranges = (
-        span([runs["evaluations_per_orbit"].values], logarithmic=True),
-        span([told], logarithmic=True),
-    )
-    plot = new_plot(ranges, ("force evaluations per orbit", "|perihelion advance| (rad per orbit)"), height=460)
+    along = span([runs["evaluations_per_orbit"].values], logarithmic=True)
+    up = span([told], logarithmic=True)
+    plot = new_plot((along, up), ("force evaluations per orbit", "|perihelion advance| (rad per orbit)"))
     relativity = f"general relativity: {MERCURY_RELATIVISTIC_ADVANCE}″ per century"
     add_level(plot, MERCURY_RELATIVISTIC_ADVANCE / century, relativity)
-    dots: list[Renderer] = []
+    dots: list[Model] = []
     for line, evaluations, size, interval, known, unknown in advances(cube, COLUMNS // 2):
         runs, method = line.runs, line.integrator
         columns: dict[str, Any] = {
@@ -485,7 +519,7 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
         source = source_of(**marked(columns | {y: np.where(known, size, np.nan)}, (x, y), line.turn))
         add_line(plot, source, (x, y), method, line_width=1.0)
         bars = {x: evaluations[known], "low": (size - interval)[known], "high": (size + interval)[known]}
-        ends = bokeh.Segment(x0=x, x1=x, y0="low", y1="high", line_color=style_of(method).colour)
+        ends = Model("Segment", **fields(x0=x, x1=x, y0="low", y1="high"), line_color=style_of(method).colour)
         add(plot, source_of(**bars), ends, method)
         add_markers(plot, source, (x, y), method)
         zero = source_of(**{name: values[unknown] for name, values in columns.items()})
@@ -510,19 +544,20 @@ def phase_space(paths: dict[str, xr.Dataset]) -> list[Panel]:
 
     Panels of one system share their axes and the picture of the Hamiltonian.
     """
-    ranges: dict[str, tuple[Any, Any]] = {}
-    around: dict[str, tuple[Any, Any]] = {}
+    shared: dict[str, tuple[Any, ...]] = {}
     drawn = []
     for letter, path in paths.items():
         system = path.attrs["system"]
-        if system not in ranges:
-            edges = [path[name].values[[0, -1]].tolist() for name in ("q_grid", "p_grid")]
-            ranges[system] = (exactly(*edges[0]), exactly(*edges[1]))
-            around[system] = _hamiltonian(path)
-        title = f"{letter}. {path.attrs['label']}, {path.attrs['system_label']}"
-        plot = new_plot(ranges[system], ("q", "p"), height=400)
-        _add_hamiltonian(plot, around[system])
+        if system not in shared:
+            ranges = tuple(exactly(*path[name].values[[0, -1]]) for name in ("q_grid", "p_grid"))
+            shared[system] = (ranges, *_hamiltonian(path))
+        ranges, bands, edges = shared[system]
+        plot = new_plot(ranges, ("q", "p"), height=400)
+        mapper = Model("LinearColorMapper", palette=list(_SHADES), low=-0.5, high=len(_SHADES) - 0.5)
+        add(plot, bands, Model("Image", **fields(image="bands", x="x", y="y", dw="dw", dh="dh"), color_mapper=mapper))
+        add_lines(plot, edges, line_color="#8795a5", line_width=0.6)
         _add_path(plot, path)
+        title = f"{letter}. {path.attrs['label']}, {path.attrs['system_label']}"
         drawn.append(Panel(title, plot, _energy_statement(path)))
     return drawn
 
@@ -533,41 +568,26 @@ def _hamiltonian(path: xr.Dataset) -> tuple[Any, Any]:
     levels = np.linspace(H.min(), H.max(), len(_SHADES) + 1)[1:-1]
     bands = np.searchsorted(levels, H).astype(np.uint8)
     place = {"x": [q[0]], "y": [p[0]], "dw": [q[-1] - q[0]], "dh": [p[-1] - p[0]]}
-    return Source(data={"bands": [bands], **place}), _lines(path, levels)
+    return Model("ColumnDataSource", data={"bands": [bands], **place}), _lines(path, levels)
 
 
 def _lines(path: xr.Dataset, levels: Any) -> Any:
     """Return the source of the contours of the Hamiltonian at ``levels``."""
     generator = contour_generator(*(path[name].values for name in ("q_grid", "p_grid", "hamiltonian")))
-    lines: list[Any] = [
-        np.round(np.asarray(line, dtype=float), 4) for level in levels for line in generator.lines(level)
-    ]
-    return Source(data={"q": [line[:, 0] for line in lines], "p": [line[:, 1] for line in lines]})
+    contours: list[Any] = [line for level in levels for line in generator.lines(level)]
+    return lines_of([np.round(line, 4).T for line in contours])
 
 
-def _add_hamiltonian(plot: Plot, around: tuple[Source, Source]) -> None:
-    bands, edges = around
-    mapper = bokeh.LinearColorMapper(palette=list(_SHADES), low=-0.5, high=len(_SHADES) - 0.5)
-    add(plot, bands, bokeh.Image(image="bands", color_mapper=mapper, x="x", y="y", dw="dw", dh="dh"))
-    add(plot, edges, _contours("#8795a5", line_width=0.6))
-
-
-def _contours(colour: str, **look: Any) -> bokeh.MultiLine:
-    return bokeh.MultiLine(xs="q", ys="p", line_color=colour, **look)
-
-
-def _add_path(plot: Plot, path: xr.Dataset) -> None:
+def _add_path(plot: Model, path: xr.Dataset) -> None:
     """Draw the path, its dots and ends, and the energy surface through its start, tagged with the method."""
     method, label = path.attrs["integrator"], path.attrs["label"]
     surface = _lines(path, path["H"].values[:1, 0])
-    add(plot, surface, _contours("#1f2d3d", line_width=1.3, line_dash=[5, 3]), method)
+    add_lines(plot, surface, method, line_color="#1f2d3d", line_width=1.3, line_dash=[5, 3])
     q, p, error = (path[name].values for name in ("q", "p", "energy_error"))
     legs = [_legs(*one, drift_first=path.attrs["first"] == "drift") for one in zip(q, p, strict=True)]
-    lines = Source(data={"q": [leg[0] for leg in legs], "p": [leg[1] for leg in legs]})
-    add(plot, lines, _contours("#4d5661", line_width=1.0), method)
-    for end, at in (("initial", 0), ("final", -1)):
-        place = source_of(q=q[:, at], p=p[:, at])
-        add_markers(plot, place, ("q", "p"), method, **({"angle": 0.0} | _ENDS[end]))
+    add_lines(plot, lines_of(legs), method, line_color="#4d5661", line_width=1.0)
+    for at, look in _ENDS.items():
+        add_markers(plot, source_of(q=q[:, at], p=p[:, at]), ("q", "p"), method, angle=0.0, **look)
     signs = np.column_stack([path["next_drift_sign"].values, path["next_kick_sign"].values]) < 0
     hit = []
     for kind, (says, layers) in _DOTS.items():
@@ -583,14 +603,13 @@ def _add_path(plot: Plot, path: xr.Dataset) -> None:
     add_hover(plot, hit, rows)
 
 
-def _legs(q: Any, p: Any, *, drift_first: bool) -> tuple[Any, Any]:
+def _legs(q: Any, p: Any, *, drift_first: bool) -> list[Any]:
     """Return the path with its corners: drifts move along q, kicks along p."""
     corners = (q[1:], p[:-1]) if drift_first else (q[:-1], p[1:])
-    along_q, along_p = (
+    return [
         np.concatenate([points[:1], np.column_stack([corner, points[1:]]).ravel()])
         for points, corner in zip((q, p), corners, strict=True)
-    )
-    return along_q, along_p
+    ]
 
 
 def _energy_statement(path: xr.Dataset) -> str:

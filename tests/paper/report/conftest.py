@@ -47,9 +47,10 @@ DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimatio
 
 #: Functions that the tests call in the page.
 HELPERS = """() => {
-window.plotOf = (id) => Bokeh.documents[0].roots().find((plot) => plot.name === id);
+window.plots = () => Bokeh.documents.flatMap((one) => one.roots());
+window.plotOf = (id) => plots().find((plot) => plot.name === id);
 window.viewOf = (id) => Bokeh.index.get_one(plotOf(id));
-window.drawnBy = (method) => Bokeh.documents[0].roots()
+window.drawnBy = (method) => plots()
   .map((plot) => [plot.name, plot.renderers.filter((one) => one.tags.includes(method)).map((one) => one.visible)]);
 window.spotOf = (id, x, y) => {
   const plot = plotOf(id), view = viewOf(id);

@@ -9,13 +9,12 @@ import h5py
 import numpy as np
 import pytest
 from bokeh.document import Document
-from bokeh.models import Span
 
 import nearharmonic as nh
 from nearharmonic_paper.experiments.paper.orbits import paper_panels
 from nearharmonic_paper.report.plots import energy_error
 from support.cubes import figure_cubes as made
-from support.cubes.page_reader import written
+from support.cubes.page_reader import documents
 from support.methods.numba_potentials import springs
 
 pytestmark = pytest.mark.slow
@@ -24,8 +23,8 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def plots(text):
     """The plots of the page, loaded by bokeh's classes, by the ids of their elements."""
-    loaded = Document.from_json(written(text, "plots"))
-    return {plot.name: plot for plot in loaded.roots}
+    loaded = [Document.from_json(one) for one in documents(text)]
+    return {plot.name: plot for one in loaded for plot in one.roots}
 
 
 def hovered(plot, column, kind):
@@ -34,12 +33,20 @@ def hovered(plot, column, kind):
     return [one for one in found if getattr(one.glyph.y, "field", one.glyph.y) == column]
 
 
-def test_document_loads_without_complaint_and_numbers_its_models_from_0(text, caplog):
-    found = written(text, "plots")
-    Document.from_json(found)
+def test_classes_of_bokeh_load_every_model_without_complaint(text, caplog):
+    """They check names and values of attributes; the page is written without them."""
+    for one in documents(text):
+        Document.from_json(one)
     assert not caplog.records
-    numbered = re.findall(r'"id":"(\w+)"', json.dumps(found, separators=(",", ":")))
-    assert list(dict.fromkeys(numbered)) == [f"m{i}" for i in range(len({*numbered}))]
+
+
+def test_models_are_numbered_in_order_and_differ_between_figures(text):
+    found = documents(text)
+    for one in found:
+        first = one["roots"][0]["attributes"]["name"]
+        numbered = re.findall(r'"id": "(.*?)"', json.dumps(one))
+        assert list(dict.fromkeys(numbered)) == [f"{first}-{i}" for i in range(len({*numbered}))]
+    assert len({one["config"]["id"] for one in found}) == len(found)
 
 
 @pytest.mark.parametrize(("panel", "variable"), [(1, "max_energy_error"), (2, "mean_energy_error")])
@@ -86,7 +93,7 @@ def test_errors_near_floor_of_potential_have_it_beside_them():
     for runs, count in ((near, 1), (far, 0)):
         cube = runs.rename({runs.status.dims[0]: "tau_per_stage"}).expand_dims(integrator=["any"])
         for panel in energy_error(cube.assign_coords(label=("integrator", ["any"]))):
-            spans = [one for one in panel.plot.center if isinstance(one, Span)]
+            spans = [one for one in panel.plot.center if one.kind == "Span"]
             assert [one.location for one in spans] == [runs.energy_floor] * count
 
 
@@ -103,7 +110,7 @@ def test_path_of_figure_6_follows_q_in_drifts_and_p_in_kicks(plots):
     for i, path in enumerate(paper_panels().values(), start=1):
         glyphs = [one for one in plots[f"figure-6-panel-{i}"].renderers if type(one.glyph).__name__ == "MultiLine"]
         (way,) = [one.data_source.data for one in glyphs if one.glyph.line_width == 1.0]
-        assert all(not np.diff(line)[::2].any() for line in way["p" if path.attrs["first"] == "drift" else "q"])
+        assert all(not np.diff(line)[::2].any() for line in way["y" if path.attrs["first"] == "drift" else "x"])
 
 
 def test_the_guides_have_the_slopes_of_their_orders(plots):

@@ -1,4 +1,4 @@
-"""Read a page of results back: its elements, and the JSON in its scripts."""
+"""Read a page of results back: its elements, and the documents of its plots."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Reader(HTMLParser):
         ]
 
 
-def written(text, name):
-    """Content of a JSON element of a page, compressed or not."""
-    kind, held = re.search(rf'<script type="application/(\w+)" id="{name}">(.*?)</script>', text, re.DOTALL).groups()
-    return json.loads(gzip.decompress(b64decode(held)) if kind == "gzip" else held)
+def documents(text):
+    """The documents of plots of a page, one a figure, in the order of the page."""
+    held = re.findall(r'<script type="application/gzip" class="plots">(.*?)</script>', text)
+    return [json.loads(gzip.decompress(b64decode(one))) for one in held]

@@ -1,8 +1,8 @@
 "use strict";
 (() => {
   const page = document.documentElement;
-  const unpacked = (id) => {
-    const bytes = Uint8Array.from(atob(document.getElementById(id).textContent), (letter) => letter.charCodeAt(0));
+  const unpacked = (element) => {
+    const bytes = Uint8Array.from(atob(element.textContent), (letter) => letter.charCodeAt(0));
     return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
   };
   const shown = new Map(); // the plots, by the ids of their elements
@@ -84,13 +84,15 @@
     });
 
   const draw = async () => {
-    const [bokeh, plots] = await Promise.all(["bokeh", "plots"].map(unpacked));
+    const held = [document.getElementById("bokeh"), ...document.querySelectorAll(".plots")];
+    const [bokeh, ...documents] = await Promise.all(held.map(unpacked));
     document.head.append(Object.assign(document.createElement("script"), { textContent: bokeh }));
-    const held = JSON.parse(plots);
-    const roots = held.roots.map((root) => [root.id, root.attributes.name]); // Bokeh pairs ids with roots by position
-    const items = [{ docid: "page", roots: Object.fromEntries(roots), root_ids: roots.map(([id]) => id) }];
-    await Bokeh.embed.embed_items({ page: held }, items);
-    for (const root of Bokeh.documents[0].roots()) shown.set(root.name, root);
+    for (const [docid, plots] of documents.map((text) => JSON.parse(text)).entries()) {
+      const roots = plots.roots.map((root) => [root.id, root.attributes.name]); // Bokeh pairs ids with roots by position
+      const items = [{ docid, roots: Object.fromEntries(roots), root_ids: roots.map(([id]) => id) }];
+      await Bokeh.embed.embed_items({ [docid]: plots }, items);
+    }
+    for (const one of Bokeh.documents) for (const root of one.roots()) shown.set(root.name, root);
     connect();
     leaveFingers();
     page.dataset.ready = "";
