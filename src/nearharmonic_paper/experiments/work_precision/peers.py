@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from nearharmonic.core.number import Constant, vector
 from nearharmonic.engine.batch import unperturbed
+from nearharmonic.exchange.method import method_for
 from nearharmonic.integrators import blanes_2013, nielsen_2015
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.recommendation.measure import quiet
@@ -197,7 +198,6 @@ def heyoka_taylor(
 
     names = [f"{letter}{i}" for letter in "qp" for i in range(system.dimension)]
     variables = hy.make_vars(*names)
-    variables = list(variables) if isinstance(variables, list | tuple) else [variables]
     if power:
         q, p = variables[: system.dimension], variables[system.dimension :]
         pull = system.constants(float)[0] * sum(x * x for x in q) ** -1.5
@@ -540,25 +540,19 @@ def numpy_splitting(tableau: Tableau) -> Callable[[System, float, float], Attemp
         steps = max(1, round(t_end / step))
         tau, start = t_end / steps, start_of(system)
         grad_T, grad_V = gradients_of(system)
-        outer, inner = (np.array(row) * tau for row in tableau.rows_double())
-        kick_first = tableau.first == "kick"
-        drifts, kicks = (inner, outer[1:]) if kick_first else (outer[:-1], inner)
-        opening, closing = (outer[0], 0.0) if kick_first else (0.0, outer[-1])
+        moves = [(move.flow == "kick", move.coefficient * tau) for move in method_for("numpy", tableau).flows]
 
-        def run(seen: Callable[[States, States], None] | None = None) -> tuple[States, States]:
+        def run(seen: Callable[[States, States], None] = lambda q, p: None) -> tuple[States, States]:
             q, p = np.split(start.copy(), 2)
-            force = grad_V(q)
+            force: States | None = grad_V(q)
             for _ in range(steps):
-                if kick_first:
-                    p = p - opening * force
-                for drift, kick in zip(drifts, kicks, strict=True):
-                    q = q + drift * grad_T(p)
-                    force = grad_V(q)
-                    p = p - kick * force
-                if not kick_first:
-                    q = q + closing * grad_T(p)
-                if seen is not None:
-                    seen(q, p)
+                for kicks, length in moves:
+                    if kicks:
+                        force = grad_V(q) if force is None else force
+                        p = p - length * force
+                    else:
+                        q, force = q + length * grad_T(p), None
+                seen(q, p)
             return q, p
 
         def path() -> tuple[States, float]:
