@@ -99,14 +99,14 @@ def ranking(advice: Recommendation, limit: int = LIMIT) -> Answer:
 
 def _document_of_ranking(advice: Recommendation) -> dict[str, Any]:
     search = advice.search
-    told = {name: getattr(search, name) for name in ("t_end", "measure", "error", "budget")}
-    if search.floor:
-        told["energy_floor"] = search.floor
+    asked = {name: getattr(search, name) for name in ("t_end", "measure", "error", "budget")}
+    floor = {"energy_floor": search.floor} if search.floor else {}
     choices = [
         {"rank": rank if choice.status == "met" else None, **asdict(choice)}
         for rank, choice in enumerate(advice.choices, start=1)
     ]
-    return {"system": search.system.name, **told, "basis": advice.basis, "call": advice.call, "choices": choices}
+    told = {"basis": advice.basis, "call": advice.call, "choices": choices}
+    return {"system": search.system.name, **asked, **floor, **told}
 
 
 def _notes_of_ranking(advice: Recommendation, limit: int) -> Iterator[str]:

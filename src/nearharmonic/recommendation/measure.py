@@ -15,8 +15,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from fractions import Fraction
-from itertools import accumulate
-from math import ceil, exp, inf, isfinite, isnan, log, nan, sqrt
+from math import ceil, exp, inf, isfinite, log, nan, sqrt
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -141,14 +140,16 @@ class Solver:
 
 
 def measure(
-    problem: Interval, methods: Iterable[Tableau], taus: Sequence[float], modes: Collection[str] = ("trajectory",)
-) -> xr.Dataset:
+    problem: Interval, methods: Iterable[Tableau], taus: Sequence[float], modes: Collection[str] = ("trajectory",),
+    careful: bool = False,
+) -> xr.Dataset:  # fmt: skip
     """Return errors, evaluations and wall times of methods over step sizes, with dimensions (solver, point).
 
     ``taus`` are step sizes per stage, in the system's unit of time; ``modes`` are timed in interleaved order, none if
-    it is empty. A method that does not fit the system has NaN, and the reason as ``status``.
+    it is empty. A method that does not fit the system has NaN, and the reason as ``status``. ``careful`` gives the
+    errors of compensated sums where plain ones lose nothing, too.
     """
-    solvers = [measured(problem, tableau, taus, modes=modes) for tableau in methods]
+    solvers = [measured(problem, tableau, taus, modes=modes, careful=careful) for tableau in methods]
     clock(solvers, modes)
     return dataset_of(solvers, problem.system.units["t"])
 
@@ -160,6 +161,7 @@ def measured(
     summation: str = "compensated",
     evaluations: int = 2**62,
     modes: Collection[str] = ("trajectory", "energy"),
+    careful: bool = False,
 ) -> Solver:
     """Return the errors of ``tableau`` at step sizes ``taus`` per stage, with calls to be timed.
 
@@ -178,12 +180,12 @@ def measured(
     if solver.status != "ok":
         return solver
     begin = time.perf_counter()
-    careful = errors_of(problem, tableau, steps, summation)
+    best = errors_of(problem, tableau, steps, summation)
     solver.sweep = time.perf_counter() - begin
-    plain = careful if summation == "plain" else errors_of(problem, tableau, steps, "plain")
+    plain = best if summation == "plain" else errors_of(problem, tableau, steps, "plain")
     # A NaN is a position that was compared with nothing.
-    lost = np.any([plain[name] > LOSSLESS * careful[name] for name in MEASURES.values()], axis=0)
-    columns = {name: np.where(lost, careful[name], plain[name]) for name in careful}
+    lost = np.any([plain[name] > LOSSLESS * best[name] for name in MEASURES.values()], axis=0)
+    columns = {name: np.where(lost | careful, best[name], plain[name]) for name in best}
     columns |= {
         "tau": np.array([float(Fraction(problem.t_end) / n) for n in steps]),
         "tau_per_stage": np.array([tau_of[n] for n in steps]),
@@ -395,13 +397,11 @@ def for_good(errors: Sequence[float]) -> list[float]:
     NaN counts as infinite. Errors after the smallest are dropped: there curves rise again by rounding. An error that
     finer settings exceed by more than :data:`ROUNDING_RISE` is accidental, and not taken as the smallest.
     """
-    usable = [inf if isnan(error) else error for error in errors]
-    if not usable:
-        return []
-    beyond = [*list(accumulate(reversed(usable[1:]), max))[::-1], 0.0]
-    borne_out = [i for i, worst in enumerate(beyond) if worst <= ROUNDING_RISE * usable[i]]
-    end = min(borne_out, key=usable.__getitem__, default=len(usable) - 1)
-    return list(accumulate(reversed(usable[: end + 1]), max))[::-1]
+    usable = np.where(np.isnan(errors), inf, errors)
+    worst = np.maximum.accumulate(usable[::-1])[::-1]
+    borne_out = np.flatnonzero(np.append(worst[1:], 0.0) <= ROUNDING_RISE * usable)  # the last one always is
+    end = borne_out[usable[borne_out].argmin()] if usable.size else 0
+    return [float(error) for error in np.maximum.accumulate(usable[end::-1])[::-1]]
 
 
 def _between(first: float, second: float, weight: float) -> float:

@@ -189,9 +189,8 @@ class Search:
             stable = f"there is no frequency {where} that bounds a step"
         others = f"{PERTURBED} starts perturbed by {self.perturbation:.0e}"
         if several:
-            others = f"all of {len(self.taken)} starts"
-            stable += f"; the search ran {len(self.few)} of them, and the {QUANTILE:g} quantile of "
-            stable += f"{len(self.taken)} meets the error"
+            others, few = f"all of {len(self.taken)} starts", f"the search ran {len(self.few)} of them"
+            stable += f"; {few}, and the {QUANTILE:g} quantile of {len(self.taken)} meets the error"
         kind = "an energy error at most twice its own" if self.problem.exact else "at most twice the error"
         return f"{stable}; confirmed by {kind} from {others} and over {LONGER} times the interval"
 
@@ -354,16 +353,15 @@ def _methods(given: Any) -> dict[str, Tableau]:
     """Return the methods by name, methods of users' files by path; a path stands for all methods of its file."""
     if given is None:
         return dict(integrators)
-    entries = [] if isinstance(given, Tableau) or not is_list(given) else list(given)
+    entries = list(given) if is_list(given) else []
     if not entries:
         raise bad_setting("methods", given, "a list of at least one name, file path or Tableau")
     methods: dict[str, Tableau] = {}
     for entry in entries:
         place = os.fspath(entry) if isinstance(entry, os.PathLike) else entry
-        several = load_tableaus(place) if is_path(place) and not split_path(place)[1] else {}
         if isinstance(entry, Tableau):
             named = {entry.name: entry}
-        elif len(several) > 1:
+        elif is_path(place) and not split_path(place)[1] and len(several := load_tableaus(place)) > 1:
             named = {f"{place}:{name}": tableau for name, tableau in several.items()}
         else:
             named = {integrators.name_of(place): integrators[place]}

@@ -63,7 +63,7 @@ class Attempt:
     members: int = 1
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Peer:
     """One solver of another library.
 
@@ -679,50 +679,39 @@ def c_loop(system: System, t_end: float, step: float) -> Attempt:
     return Attempt(run=run, path=path)
 
 
-def _heyoka_peer(ending: str, label: str, attempt: Callable[..., Attempt], **options: bool) -> Peer:
-    return Peer(
-        name=f"heyoka{ending}", label=label, module="heyoka", settings=TAYLOR_TOLERANCES,
-        attempt=partial(attempt, fast_math=ending.endswith("fast_math")), **options,
-    )  # fmt: skip
-
-
-def _numpy_peer(tableau: Tableau) -> Peer:
-    return Peer(
-        name=f"numpy_{tableau.name}", label=f"{tableau.label} in plain numpy", module="numpy", stages=tableau.stages,
-        attempt=numpy_splitting(tableau),
-    )  # fmt: skip
-
-
-_heyoka_power = partial(heyoka_taylor, power=True)
-#: Every peer by name, in the order of legends. The smallest tolerance of scipy is 2.3e-14, the default of IAS15 1e-9.
+#: Tolerances of scipy, whose smallest is 2.3e-14.
+SCIPY_TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 3e-14)
+#: Forms of the equations for heyoka: endings of names, labels without and with ``fast_math``, and systems.
+HEYOKA: tuple[tuple[str, tuple[str, str], Callable[..., Attempt], dict[str, bool]], ...] = (
+    ("", ("heyoka (adaptive Taylor)", "heyoka, fast_math"), heyoka_taylor, {}),
+    ("_power", ("heyoka, force as a power", "heyoka, power, fast_math"), partial(heyoka_taylor, power=True),
+     {"gravity_only": True}),
+    ("_regularised", ("heyoka, regularised equations", "heyoka, regularised, fast_math"), heyoka_regularised,
+     {"regularised": True}),
+)  # fmt: skip
+#: Every peer by name, in the order of legends. The default tolerance of IAS15 is 1e-9.
 PEERS = {
     peer.name: peer
     for peer in (
+        Peer("scipy_dop853", "scipy solve_ivp (DOP853, numba)", "scipy", scipy_dop853, SCIPY_TOLERANCES),
+        Peer("scipy_odeint", "scipy odeint (LSODA, numba)", "scipy", scipy_odeint, SCIPY_TOLERANCES),
         *(
-            Peer(name=name, label=label, module="scipy", attempt=attempt,
-                 settings=(1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 3e-14))
-            for name, label, attempt in (
-                ("scipy_dop853", "scipy solve_ivp (DOP853, numba)", scipy_dop853),
-                ("scipy_odeint", "scipy odeint (LSODA, numba)", scipy_odeint),
-            )
+            Peer(f"heyoka{form}{ending}", label, "heyoka", partial(attempt, fast_math=bool(ending)), TAYLOR_TOLERANCES,
+                 **only)
+            for form, labels, attempt, only in HEYOKA
+            for ending, label in zip(("", "_fast_math"), labels, strict=True)
         ),
-        _heyoka_peer("", "heyoka (adaptive Taylor)", heyoka_taylor),
-        _heyoka_peer("_fast_math", "heyoka, fast_math", heyoka_taylor),
-        _heyoka_peer("_power", "heyoka, force as a power", _heyoka_power, gravity_only=True),
-        _heyoka_peer("_power_fast_math", "heyoka, power, fast_math", _heyoka_power, gravity_only=True),
-        _heyoka_peer("_regularised", "heyoka, regularised equations", heyoka_regularised, regularised=True),
-        _heyoka_peer("_regularised_fast_math", "heyoka, regularised, fast_math", heyoka_regularised, regularised=True),
-        Peer(name="rebound_ias15", label="rebound IAS15", module="rebound", attempt=rebound_ias15, quadratic_only=True,
-             settings=(1e-2, 1e-4, 1e-6, 1e-9)),
-        Peer(name="rebound_leapfrog8", label="rebound leapfrog, order 8", module="rebound", attempt=rebound_leapfrog8,
-             quadratic_only=True, stages=17),
-        Peer(name="diffrax_dopri8", label="diffrax Dopri8 (JAX, compiled)", module="diffrax", attempt=diffrax_dopri8,
-             settings=(1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)),
-        Peer(name="pyhamsys_bm6", label="pyhamsys BM6", module="pyhamsys", stages=20, attempt=pyhamsys_bm6),
-        _numpy_peer(ABA864),
-        _numpy_peer(BAB9),
-        Peer(name=f"c_{BAB9.name}", label=f"{BAB9.label}, a plain loop in C", module="gcc", stages=BAB9.stages,
-             attempt=c_loop),
+        Peer("rebound_ias15", "rebound IAS15", "rebound", rebound_ias15, (1e-2, 1e-4, 1e-6, 1e-9), quadratic_only=True),
+        Peer("rebound_leapfrog8", "rebound leapfrog, order 8", "rebound", rebound_leapfrog8, stages=17,
+             quadratic_only=True),
+        Peer("diffrax_dopri8", "diffrax Dopri8 (JAX, compiled)", "diffrax", diffrax_dopri8, SCIPY_TOLERANCES[:-1]),
+        Peer("pyhamsys_bm6", "pyhamsys BM6", "pyhamsys", pyhamsys_bm6, stages=20),
+        *(
+            Peer(f"numpy_{tableau.name}", f"{tableau.label} in plain numpy", "numpy", numpy_splitting(tableau),
+                 stages=tableau.stages)
+            for tableau in (ABA864, BAB9)
+        ),
+        Peer(f"c_{BAB9.name}", f"{BAB9.label}, a plain loop in C", "gcc", c_loop, stages=BAB9.stages),
     )
 }  # fmt: skip
 
