@@ -185,7 +185,7 @@ def measured(
     plain = best if summation == "plain" else errors_of(problem, tableau, steps, "plain")
     # A NaN is a position that was compared with nothing.
     lost = np.any([plain[name] > LOSSLESS * best[name] for name in MEASURES.values()], axis=0)
-    columns = {name: np.where(lost | careful, best[name], plain[name]) for name in best}
+    columns = {name: np.where(lost | (careful & (name != "evaluations")), best[name], plain[name]) for name in best}
     columns |= {
         "tau": np.array([float(Fraction(problem.t_end) / n) for n in steps]),
         "tau_per_stage": np.array([tau_of[n] for n in steps]),
