@@ -398,11 +398,8 @@ def test_run_that_is_timed_is_run_that_is_printed(capsys, monkeypatch):
         timed[tableau.name] = (system.name, t_end, steps, summation)
         return lambda: None
 
-    monkeypatch.setattr("nearharmonic.recommendation.recommend.prepared_call", call)
-    monkeypatch.setattr(
-        "nearharmonic.recommendation.recommend.interleaved",
-        lambda calls, _: [[9.0, 6e-3 - 1e-3 * i] for i, _ in enumerate(calls)],
-    )
+    monkeypatch.setattr(ranks, "prepared_call", call)
+    monkeypatch.setattr(ranks, "interleaved", lambda calls, _: [[9.0, 6e-3 - 1e-3 * i] for i, _ in enumerate(calls)])
     rows, text, _ = asked(capsys, "sho", "--error", "1e-3")
     sums = sums_of(text)
     assert timed == {name: ("sho", "500", steps_in("500", float(step)), sums[name]) for _, name, step, *_ in rows}

@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import subprocess
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib import import_module
@@ -324,18 +324,11 @@ PATH_SECONDS = 2.0
 FIRST_STEP = 1e-4
 
 
-def rebound_ias15(system: System, t_end: float, tolerance: float) -> Attempt:
-    """IAS15 with ``tolerance`` as its epsilon."""
-    return _rebound_attempt(system, t_end, "ias15", {"epsilon": tolerance}, steps=0)
-
-
-def rebound_leapfrog8(system: System, t_end: float, step: float) -> Attempt:
-    """The leapfrog composed to order 8."""
-    return _rebound_attempt(system, t_end, "leapfrog", {"order": 8}, steps=max(1, round(t_end / step)))
-
-
-def _rebound_attempt(system: System, t_end: float, integrator: str, options: Mapping[str, Any], steps: int) -> Attempt:
-    """Prepare a run in ``steps`` of equal length, or 0 if the integrator chooses them."""
+def rebound_attempt(system: System, t_end: float, setting: float, *, integrator: str) -> Attempt:
+    """Prepare IAS15 with a tolerance as its epsilon, or steps of the leapfrog composed to order 8."""
+    adaptive = integrator == "ias15"
+    options: dict[str, float] = {"epsilon": setting} if adaptive else {"order": 8}
+    steps = 0 if adaptive else max(1, round(t_end / setting))
     keys, start = _keys(system), start_of(system).tolist()
 
     def begin(simulation: Any) -> Any:
@@ -701,9 +694,10 @@ PEERS = {
             for form, labels, attempt, only in HEYOKA
             for ending, label in zip(("", "_fast_math"), labels, strict=True)
         ),
-        Peer("rebound_ias15", "rebound IAS15", "rebound", rebound_ias15, (1e-2, 1e-4, 1e-6, 1e-9), quadratic_only=True),
-        Peer("rebound_leapfrog8", "rebound leapfrog, order 8", "rebound", rebound_leapfrog8, stages=17,
-             quadratic_only=True),
+        Peer("rebound_ias15", "rebound IAS15", "rebound", partial(rebound_attempt, integrator="ias15"),
+             (1e-2, 1e-4, 1e-6, 1e-9), quadratic_only=True),
+        Peer("rebound_leapfrog8", "rebound leapfrog, order 8", "rebound",
+             partial(rebound_attempt, integrator="leapfrog"), stages=17, quadratic_only=True),
         Peer("diffrax_dopri8", "diffrax Dopri8 (JAX, compiled)", "diffrax", diffrax_dopri8, SCIPY_TOLERANCES[:-1]),
         Peer("pyhamsys_bm6", "pyhamsys BM6", "pyhamsys", pyhamsys_bm6, stages=20),
         *(
