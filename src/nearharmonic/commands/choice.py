@@ -98,15 +98,12 @@ def ranking(advice: Recommendation, limit: int = LIMIT) -> Answer:
 
 
 def _document_of_ranking(advice: Recommendation) -> dict[str, Any]:
-    search = advice.search
-    asked = {name: getattr(search, name) for name in ("t_end", "measure", "error", "budget")}
-    floor = {"energy_floor": search.floor} if search.floor else {}
+    floor = {"energy_floor": advice.search.floor} if advice.search.floor else {}
     choices = [
         {"rank": rank if choice.status == "met" else None, **asdict(choice)}
         for rank, choice in enumerate(advice.choices, start=1)
     ]
-    told = {"basis": advice.basis, "call": advice.call, "choices": choices}
-    return {"system": search.system.name, **asked, **floor, **told}
+    return {**advice.search.settings, **floor, "basis": advice.basis, "call": advice.call, "choices": choices}
 
 
 def _notes_of_ranking(advice: Recommendation, limit: int) -> Iterator[str]:

@@ -309,8 +309,7 @@ def as_dataset(advice: Recommendation) -> xr.Dataset:
         variables[MEASURES["position"]] = over("error", float, described(search.quantity))
     q0, p0 = map(json.dumps, search.system.start(float))
     attributes: dict[str, Any] = {
-        "system": search.system.name,
-        **{name: getattr(search, name) for name in ("t_end", "measure", "error", "budget")},
+        **search.settings,
         **({"q0": q0, "p0": p0} if len(search.starts) == 1 else {"starts": len(search.starts)}),
         "missed": advice.missed("splitting"),
         "not_run": advice.not_run(),

@@ -164,6 +164,11 @@ class Search:
         return orbits(self.system, Fraction(self.t_end), self.few, self.budget)
 
     @property
+    def settings(self) -> dict[str, Any]:
+        """What is asked for, as results tell it."""
+        return {"system": self.system.name} | {x: getattr(self, x) for x in ("t_end", "measure", "error", "budget")}
+
+    @property
     def over_members(self) -> str:
         """Words before an error of several starts: the quantile over them; "" for one start."""
         return f"{QUANTILE:g} quantile over {len(self.starts)} starts of " if len(self.starts) > 1 else ""

@@ -449,12 +449,12 @@ def diffrax_dopri8(system: System, t_end: float, tolerance: float) -> Attempt:
 
     def path() -> tuple[States, float]:
         with jax.enable_x64(True):
-            found = every(start, t_end, tolerance)
-            steps, attempted = (int(found.stats[f"num_{which}steps"]) for which in ("accepted_", ""))
-            states = np.concatenate([start[None], np.asarray(found.ys)[:steps]])
-            reached = bool(found.result == diffrax.RESULTS.successful)
+            solution = every(start, t_end, tolerance)
+            steps, attempted = (int(solution.stats[f"num_{which}steps"]) for which in ("accepted_", ""))
+            states = np.concatenate([start[None], np.asarray(solution.ys)[:steps]])
+            reached = bool(solution.result == diffrax.RESULTS.successful)
         if not reached:
-            states[-1] = np.nan
+            states[-1] = nan
         return states, float(STAGES * attempted)
 
     for call in (run, path):
