@@ -210,7 +210,7 @@ def test_pages_on_use_are_measured_with_small_settings(name, settings, line, mon
         monkeypatch.setattr(module, setting, few)
     (tmp_path / "how_to").mkdir()
     monkeypatch.setattr("sys.argv", [name, "--page", str(tmp_path)])
-    module.main()
+    module.fill(module.__doc__, module.parts, module.PAGE, getattr(module, "PICTURE", None))
     made = (tmp_path / f"how_to/{name}.md").read_text(encoding="utf-8")
     assert filled(made, parts(text_of(name))) == text_of(name)
     assert line in made
