@@ -245,9 +245,8 @@ class Search:
             if met:
                 report(f"runs of {evaluations} evaluations: {len(met)} of {len(self.methods)} methods meet the error")
         if last < self.longest:
-            reasons |= dict.fromkeys(
-                going, f"more than {evaluations} evaluations, and {met[0][1]} takes at most {met[0][0]}"
-            )
+            reason = f"more than {evaluations} evaluations, and {met[0][1]} takes at most {met[0][0]}"
+            reasons |= dict.fromkeys(going, reason)
         return coarse, reasons
 
     def _radians(self, steps: int) -> float:
@@ -396,10 +395,8 @@ def _arguments(system: str | os.PathLike[str] | System, **start: Any) -> tuple[s
 def _numbers(given: Any) -> list[int | float | str]:
     """Return initial values as Python writes them: fractions and the like as text."""
     plain = (x.item() if isinstance(x, np.generic) else x for x in np.array(given, dtype=object).ravel())
-    return [
-        x if isinstance(x, int | float) else str(x if isinstance(x, str | Decimal | Rational) else exact_value(x))
-        for x in plain
-    ]
+    exact = (x if isinstance(x, int | float | str | Decimal | Rational) else exact_value(x) for x in plain)
+    return [x if isinstance(x, int | float) else str(x) for x in exact]
 
 
 # --- Frequencies along orbits, which bound the step sizes with which a method is linearly stable ----------------------
