@@ -19,6 +19,7 @@ from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.numbers import moves, parameter_row, start_row
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.math import cos, sin
+from nearharmonic.recommendation.measure import fewest_for_good
 from nearharmonic.systems import System
 from nearharmonic_paper.experiments.work_precision.peers import TAYLOR_TOLERANCES, heyoka_taylor
 
@@ -32,11 +33,11 @@ PENDULUM = System(
 
 
 def fewest_steps(name, errors):
-    """Error -> the fewest of COUNTS steps with which a method reaches it."""
+    """Error -> the fewest of COUNTS steps with which a method reaches it, as it does with more steps."""
     taus = [Fraction(T_END, count) for count in COUNTS]
     worst = nh.sweep(PENDULUM, name, taus).max_energy_error.values
-    reached = {error: [n for n, e in zip(COUNTS, worst, strict=True) if e <= error] for error in errors}
-    return {error: counts[0] for error, counts in reached.items() if counts}
+    fewest = {error: fewest_for_good(dict(zip(COUNTS, worst, strict=True)), error) for error in errors}
+    return {error: steps for error, steps in fewest.items() if steps is not None}
 
 
 def kernel_call(name, count, width):

@@ -7,24 +7,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import exp, inf, isfinite, log
-from typing import Any, NamedTuple
+from math import inf, log
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from timing import fill
 
-from nearharmonic.engine.settings import misfit, steps_of
-from nearharmonic.engine.trajectory import sweep
 from nearharmonic.integrators import implicit_integrators, plain_integrators
 from nearharmonic.integrators import integrators as registered
 from nearharmonic.math import cos
 from nearharmonic.numerics.clock import Patience, interleaved, pinned, processor
-from nearharmonic.numerics.portable import Floats
-from nearharmonic.recommendation.measure import LOSSLESS, prepared_calls
+from nearharmonic.recommendation.measure import Interval, cross, curves_of, fewest_for_good, measure, prepared_call
 from nearharmonic.systems import System
 from nearharmonic.systems import systems as known
 from nearharmonic.training.family import published_names
 from nearharmonic_paper.pages.filling import table
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 PAGE = "docs/results/ranking.md"
 RANKED = (1e-3, 1e-6, 1e-9, 1e-12)
@@ -77,12 +77,11 @@ def contests() -> list[tuple[str, System, str]]:
 def ranked(system: System, t_end: str) -> str:
     """The table of a system."""
     names = (*plain_integrators.registered, *implicit_integrators.registered)
-    curves = {name: found for name in names if (found := curve(system, t_end, name)) is not None}
-    rows = []
+    measured, rows = curves(system, t_end, names), []
     for error in RANKED:
-        places = sorted(place for name, found in curves.items() if (place := reached(name, found, error)))
+        places = sorted(place for curve in measured if (place := reached(curve, error)) is not None)
         public = [place for place in places if place.method in published_names()]
-        counts = (", ".join(f"{registered[one.method].label} {one.evaluations:.0f}" for one in some[:PLACES])
+        counts = (", ".join(f"{registered[place.method].label} {place.evaluations:.0f}" for place in some[:PLACES])
                   for some in (places, public))  # fmt: skip
         times = (
             f"{registered[name].label} {1e6 * time:.0f} µs" for time, name in timed(system, t_end, places)[:PLACES]
@@ -91,50 +90,31 @@ def ranked(system: System, t_end: str) -> str:
     return table(("error", "fewest evaluations", "of published methods", "shortest time"), rows, left=4)
 
 
-def curve(system: System, t_end: str, name: str) -> Floats | None:
-    """Steps, evaluations, errors with compensated and with plain sums (4, n) of a method, None if it does not fit."""
-    tableau, found = registered[name], []
-    if misfit(system, tableau)[0]:
-        return None
-    ladder = (FEWEST * RATIO**k for k in range(int(log(MOST / FEWEST, RATIO)) + 1))
-    counts = list(dict.fromkeys(max(1, round(n / tableau.stages)) for n in ladder))
-    for i in range(0, len(counts), 8):
-        taus = [float(t_end) / n for n in counts[i : i + 8]]
-        careful, plain = (sweep(system, tableau, taus, t_end=t_end, summation=way) for way in ("compensated", "plain"))
-        errors = careful.max_energy_error.values
-        found.append(np.stack([plain.steps, plain.evaluations, errors, plain.max_energy_error]))
-        if errors.max() < RANKED[-1]:
-            break
-    return np.concatenate(found, axis=1)
+def curves(system: System, t_end: str, names: Sequence[str]) -> list[xr.Dataset]:
+    """Steps, evaluations and errors of methods, without points if a method does not fit."""
+    taus = [float(t_end) / (FEWEST * RATIO**k) for k in range(int(log(MOST / FEWEST, RATIO)) + 1)]
+    return curves_of(
+        measure(Interval(system, t_end), [registered[name] for name in names], taus, modes=(), careful=True)
+    )
 
 
-def reached(name: str, found: Floats, error: float) -> Place | None:
+def reached(curve: xr.Dataset, error: float) -> Place | None:
     """Cost of a method at an error which all finer runs meet; None if it does not reach it."""
-    steps, evaluations, errors, plain = found
-    missed = np.flatnonzero(~(errors <= error))
-    first = int(missed[-1]) + 1 if missed.size else 0
-    if first == errors.size:
+    steps, errors = curve["steps"].values.tolist(), curve["max_energy_error"].values.tolist()
+    fewest = fewest_for_good(dict(zip(steps, errors, strict=True)), error)
+    if fewest is None:
         return None
-    count = float(evaluations[first])
-    if first and isfinite(errors[first - 1]):
-        (x, u), (y, v) = (np.log(row[first - 1 : first + 1]) for row in (evaluations, errors))
-        count = exp(x + (u - x) * (log(error) - y) / (v - y))
-    lossless = plain[first] <= LOSSLESS * errors[first]  # the cheaper sums that lose nothing
-    return Place(count, name, int(steps[first]), "plain" if lossless else "compensated")
+    _, (evaluations,) = cross(errors, [curve["evaluations"].values.tolist()], error)
+    summation = "compensated" if curve["compensated"][steps.index(fewest)] else "plain"
+    return Place(evaluations, curve["solver"].item(), int(fewest), summation)
 
 
 def timed(system: System, t_end: str, places: Sequence[Place]) -> list[tuple[float, str]]:
     """Seconds of the methods that lead by evaluations, and of implicit ones, the fastest first."""
-    some = [one for i, one in enumerate(places) if i < CANDIDATES or registered[one.method].implicit]
-    calls = [
-        prepared_calls(
-            system, registered[one.method], t_end, steps_of(t_end, float(t_end) / one.steps), one.summation,
-            modes=("trajectory",),
-        )["trajectory"]
-        for one in some
-    ]  # fmt: skip
+    some = [place for i, place in enumerate(places) if i < CANDIDATES or registered[place.method].implicit]
+    calls = [prepared_call(system, registered[p.method], t_end, p.steps, p.summation) for p in some]
     times = (min(each, default=inf) for each in interleaved(calls, REPEATS))
-    return sorted(zip(times, (one.method for one in some), strict=True))
+    return sorted(zip(times, (place.method for place in some), strict=True))
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from nearharmonic.engine.trajectory import sweep
 from nearharmonic.integrators import integrators as registered
 from nearharmonic.numerics.portable import Floats
 from nearharmonic.plotting.style import house_style, log_scale, new_figure, panel_letter, write_beside
+from nearharmonic.recommendation.measure import fewest_for_good
 from nearharmonic_paper.pages.filling import power, table
 
 if TYPE_CHECKING:
@@ -72,8 +73,9 @@ def steps_to_errors(found: Errors) -> Iterator[tuple[str, ...]]:
     for method, several in found.items():
         best: list[float] = []
         for form, errors in several.items():
-            counts = [next(iter(np.flatnonzero(~(errors <= bound))), errors.size) for bound in SOUGHT]
-            sizes = [float(LADDER[count - 1]) if count else float("nan") for count in counts]
+            finest_last = dict(enumerate(errors[::-1]))
+            coarsest = [fewest_for_good(finest_last, bound) for bound in SOUGHT]
+            sizes = [float("nan") if i is None else float(LADDER[::-1][i]) for i in coarsest]
             best = best or sizes
             cells = (
                 f"below {LADDER[0]:.2g}" if isnan(size) else f"{size:.2g}" + f" ({first / size:.2g})" * (size != first)

@@ -60,7 +60,8 @@ def recommend_arguments(parser: argparse.ArgumentParser) -> None:
 def recommend_answer(chosen: argparse.Namespace) -> Answer:
     """Return the ranking; the exit status is 1 if no method meets the error bound."""
     from nearharmonic.engine.settings import whole_number
-    from nearharmonic.recommendation.recommend import question, recommendation, to_terminal
+    from nearharmonic.recommendation.recommend import recommendation, to_terminal
+    from nearharmonic.recommendation.search import Search
 
     ends: dict[str, str] = {}
     results: str | None = str(RESULTS / "paper")
@@ -72,76 +73,73 @@ def recommend_answer(chosen: argparse.Namespace) -> Answer:
     methods = None if chosen.methods is None else [name.strip() for name in chosen.methods.split(",")]
     t_end = ends.get(chosen.system) if chosen.t_end is None else chosen.t_end
     budget = None if chosen.budget is None else whole_number(chosen.budget, "budget")
-    asked = question(chosen.system, chosen.error, measure=chosen.measure, t_end=t_end, methods=methods, budget=budget)
+    search = Search(chosen.system, chosen.error, measure=chosen.measure, t_end=t_end, methods=methods, budget=budget)
     limit = LIMIT if chosen.limit is None else whole_number(chosen.limit, "limit")
     if methods is not None:  # which are those of this package
         results = None
     folder = results if chosen.results is None else chosen.results
-    return ranking(recommendation(asked, folder, to_terminal if chosen.format == "table" else lambda _: None), limit)
+    return ranking(recommendation(search, folder, to_terminal if chosen.format == "table" else lambda _: None), limit)
 
 
-def ranking(found: Recommendation, limit: int = LIMIT) -> Answer:
-    """Return ``found`` as an answer: rows of the best methods that meet the bound, and notes on the others."""
-    asked, best = found.question, found.ranked
-    unit = asked.system.units["t"]
-    interval = f"{asked.system.label}, t = {asked.t_end} {unit if unit != '1' else ''}".rstrip()
+def ranking(advice: Recommendation, limit: int = LIMIT) -> Answer:
+    """Return ``advice`` as an answer: rows of the best methods that meet the bound, and notes on the others."""
+    search, best = advice.search, advice.ranked
+    unit = search.system.units["t"]
+    interval = f"{search.system.label}, t = {search.t_end} {unit if unit != '1' else ''}".rstrip()
     return Answer(
         header=tuple(COLUMNS),
-        rows=[_row(rank, choice, best[0], found) for rank, choice in enumerate(best[:limit], start=1)],
-        document=_document_of_ranking(found),
+        rows=[_row(rank, choice, best[0], advice) for rank, choice in enumerate(best[:limit], start=1)],
+        document=_document_of_ranking(advice),
         status=0 if best else 1,
-        caption=f"{interval}: {asked.quantity} <= {asked.error:g}",
-        notes=list(_notes_of_ranking(found, limit)),
+        caption=f"{interval}: {search.quantity} <= {search.error:g}",
+        notes=list(_notes_of_ranking(advice, limit)),
         digits=3,
     )
 
 
-def _document_of_ranking(found: Recommendation) -> dict[str, Any]:
-    asked = found.question
-    told = {name: getattr(asked, name) for name in ("t_end", "measure", "error", "budget")}
-    if asked.floor:
-        told["energy_floor"] = asked.floor
+def _document_of_ranking(advice: Recommendation) -> dict[str, Any]:
+    floor = {"energy_floor": advice.search.floor} if advice.search.floor else {}
     choices = [
         {"rank": rank if choice.status == "met" else None, **asdict(choice)}
-        for rank, choice in enumerate(found.choices, start=1)
+        for rank, choice in enumerate(advice.choices, start=1)
     ]
-    return {"system": asked.system.name, **told, "basis": found.basis, "call": found.call, "choices": choices}
+    return {**advice.search.settings, **floor, "basis": advice.basis, "call": advice.call, "choices": choices}
 
 
-def _notes_of_ranking(found: Recommendation, limit: int) -> Iterator[str]:
-    budget = found.question.budget
-    if (count := len(found.ranked)) > limit:
+def _notes_of_ranking(advice: Recommendation, limit: int) -> Iterator[str]:
+    budget = advice.search.budget
+    if (count := len(advice.ranked)) > limit:
         yield f"{count - limit} more meet the error: --limit {count}"
-    if not found.ranked:
+    if not advice.ranked:
         yield f"no method reaches this error within {budget} evaluations"
     for kind, where in (("splitting", f"within {budget} evaluations"), ("peer", "at any setting timed")):
-        if words := found.missed(kind):
+        if words := advice.missed(kind):
             yield f"not {where}: {words}"
-    if words := found.not_run():
+    if words := advice.not_run():
         yield f"not run: {words}"
-    if words := found.unconfirmed:
+    if words := advice.unconfirmed:
         yield f"not confirmed from other starts and over a longer interval, and therefore last: {words}"
-    if words := found.floor_in_words:
+    if words := advice.floor_in_words:
         yield words
-    yield f"Time is that of one trajectory on one core, without start-up. Based on: {found.basis}"
-    if found.call:
-        yield f"the best in Python: {found.call}"
+    yield f"Time is that of one trajectory on one core, without start-up. Based on: {advice.basis}"
+    if advice.call:
+        yield f"the best in Python: {advice.call}"
 
 
-def _row(rank: int, choice: Choice, best: Choice, found: Recommendation) -> tuple[Any, ...]:
+def _row(rank: int, choice: Choice, best: Choice, advice: Recommendation) -> tuple[Any, ...]:
     from nearharmonic.recommendation.recommend import is_rounding, step_text
 
     return (
         rank,
         choice.shown,
         choice.kind,
-        step_text(choice, found.question.t_end),
+        step_text(choice, advice.search.t_end),
         f"{choice.tolerance:.1g}" if isfinite(choice.tolerance) else None,
         choice.summation or None,
         round(choice.evaluations) if isfinite(choice.evaluations) else None,
         1e3 * choice.time,
         choice.time / best.time,
-        f"{choice.error:.2e} *" if is_rounding(choice, found.question) else choice.error,
+        f"{choice.error:.2e} *" if is_rounding(choice, advice.search) else choice.error,
     )
 
 

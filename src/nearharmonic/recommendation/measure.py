@@ -15,8 +15,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from fractions import Fraction
-from itertools import accumulate
-from math import ceil, exp, inf, isfinite, isnan, log, nan, sqrt
+from math import ceil, exp, inf, isfinite, log, nan, sqrt
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -45,18 +44,15 @@ NAMES = {
 }
 #: Errors at which tables list the cost.
 TARGETS = (1e-3, 1e-6, 1e-9, 1e-12)
-#: Errors below this are rounding: finer steps cost more and do not reduce them.
-ROUNDING = 1e-15
-#: As above for positions, relative to the distance: rounding of the phase is added.
-POSITION_ROUNDING = 1e-14
+#: Errors below these are rounding, which finer steps do not reduce: of energies, and of positions relative to the
+#: distance, to which rounding of the phase is added.
+ROUNDING, POSITION_ROUNDING = 1e-15, 1e-14
 #: Largest ratio of errors, plain over compensated sums, at which plain sums are used.
 LOSSLESS = 1.05
 #: Largest rise of a curve by rounding beyond its smallest error; if it rises further, that error is accidental.
 ROUNDING_RISE = 100
 #: Numbers that one batch of runs keeps at most.
 KEPT = 2**22
-#: Modes of one trajectory, and when each measures the energy.
-ENERGIES = {"trajectory": "none", "energy": "every"}
 #: Timing of ensembles: calls take some milliseconds, and allocate new arrays.
 ENSEMBLES = Patience(least=5, most=15, seconds=0.05, longest=0.1)
 #: Repeats of the call for one step, which measures the overhead of Python.
@@ -86,15 +82,14 @@ MODES = {
     "lanes": "each trajectory of a whole call for many, in SIMD lanes on one thread, without a look at the energy",
     "energy": "a whole call for one trajectory, the energy measured at every step",
 }
-_WORDS = {
-    "label": "name in legends",
-    "kind": "splitting: a method of this package; peer: another library's",
-    "status": "ok, or why the curve is empty or ends early",
-    "version": "version of the peer's library",
-}
-_SECONDS = {
-    "setup": "a whole call of a prepared problem for one step",
-    "sweep": "one call for all step sizes in lanes, energies at every step",
+#: Facts of a solver: unit, empty for words, and meaning.
+FACTS = {
+    "label": ("", "name in legends"),
+    "kind": ("", "splitting: a method of this package; peer: another library's"),
+    "status": ("", "ok, or why the curve is empty or ends early"),
+    "version": ("", "version of the peer's library"),
+    "setup": ("s", "a whole call of a prepared problem for one step"),
+    "sweep": ("s", "one call for all step sizes in lanes, energies at every step"),
 }
 
 
@@ -112,10 +107,9 @@ class Interval(NamedTuple):
 class Solver:
     """Measurements of one method or library in progress: its settings from the cheapest to the most expensive.
 
-    ``status``: "ok", or the reason for an empty curve. ``setup``: seconds of a call of a prepared problem for one step.
-    ``sweep``: seconds of one call for all settings in lanes, with the energy measured at every step. ``columns``:
-    numbers (n,) by the names of :data:`COLUMNS`; a missing column is NaN. ``calls``: functions to be timed, and
-    ``times``: seconds of each repeat, per trajectory, by (mode, index of the setting).
+    ``status``: "ok", or the reason for an empty curve. ``setup`` and ``sweep``: seconds, as :data:`FACTS` says.
+    ``columns``: numbers (n,) by the names of :data:`COLUMNS`; a missing column is NaN. ``calls``: functions to be
+    timed, and ``times``: seconds of each repeat, per trajectory, by (mode, index of the setting).
     """
 
     method: str
@@ -134,16 +128,28 @@ class Solver:
         """Number of settings."""
         return max(map(len, self.columns.values()), default=0)
 
+    def prepare(self, problem: Interval, tableau: Tableau, mode: str) -> None:
+        """Add the calls of a mode for all settings whose runs end."""
+        columns = self.columns
+        for i in np.flatnonzero(np.isfinite(columns["max_energy_error"])).tolist():
+            steps, way = int(columns["steps"][i]), "compensated" if columns["compensated"][i] else "plain"
+            self.calls[mode, i] = prepared_call(problem.system, tableau, problem.t_end, steps, way, mode)
+            if mode == "lanes":
+                members = columns.setdefault("members", np.full(self.settings, nan))
+                members[i] = members_of(problem.system, tableau, steps)
+
 
 def measure(
-    problem: Interval, methods: Iterable[Tableau], taus: Sequence[float], modes: Collection[str] = ("trajectory",)
-) -> xr.Dataset:
+    problem: Interval, methods: Iterable[Tableau], taus: Sequence[float], modes: Collection[str] = ("trajectory",),
+    careful: bool = False,
+) -> xr.Dataset:  # fmt: skip
     """Return errors, evaluations and wall times of methods over step sizes, with dimensions (solver, point).
 
     ``taus`` are step sizes per stage, in the system's unit of time; ``modes`` are timed in interleaved order, none if
-    it is empty. A method that does not fit the system has NaN, and the reason as ``status``.
+    it is empty. A method that does not fit the system has NaN, and the reason as ``status``. ``careful`` gives the
+    errors of compensated sums where plain ones lose nothing, too.
     """
-    solvers = [measured(problem, tableau, taus, modes=modes) for tableau in methods]
+    solvers = [measured(problem, tableau, taus, modes=modes, careful=careful) for tableau in methods]
     clock(solvers, modes)
     return dataset_of(solvers, problem.system.units["t"])
 
@@ -154,9 +160,10 @@ def measured(
     taus: Iterable[float],
     summation: str = "compensated",
     evaluations: int = 2**62,
-    modes: Collection[str] = tuple(ENERGIES),
+    modes: Collection[str] = ("trajectory", "energy"),
+    careful: bool = False,
 ) -> Solver:
-    """Return the errors of ``tableau`` at step sizes ``taus`` per stage, with calls for one trajectory to be timed.
+    """Return the errors of ``tableau`` at step sizes ``taus`` per stage, with calls to be timed.
 
     Each number of steps is run once; runs of more than ``evaluations`` of the force are left out. Plain sums are used
     at points where they do not increase the errors (:data:`LOSSLESS`), compensated sums at all others;
@@ -164,43 +171,35 @@ def measured(
     that does not fit the system has no point, and its status is the reason.
     """
     solver = Solver(method=tableau.name, label=tableau.label, kind="splitting")
-    of_steps = {tableau.steps(tau, problem.t_end): tau for tau in taus}
-    steps = [n for n in sorted(of_steps) if tableau.evaluations(n) <= evaluations]
+    tau_of = {tableau.steps(tau, problem.t_end): tau for tau in taus}
+    steps = [n for n in sorted(tau_of) if tableau.evaluations(n) <= evaluations]
     if reason := misfit(problem.system, tableau)[0]:
         solver.status = f"does not fit: {reason}"
-        return solver
-    if not steps:
+    elif not steps:
         solver.status = "no step size: every run would take more evaluations than allowed"
+    if solver.status != "ok":
         return solver
     begin = time.perf_counter()
-    careful = errors_of(problem, tableau, steps, summation)
+    best = errors_of(problem, tableau, steps, summation)
     solver.sweep = time.perf_counter() - begin
-    plain = careful if summation == "plain" else errors_of(problem, tableau, steps, "plain")
+    plain = best if summation == "plain" else errors_of(problem, tableau, steps, "plain")
     # A NaN is a position that was compared with nothing.
-    lost = np.any([plain[name] > LOSSLESS * careful[name] for name in MEASURES.values()], axis=0)
-    columns = {name: np.where(lost, careful[name], plain[name]) for name in careful}
+    lost = np.any([plain[name] > LOSSLESS * best[name] for name in MEASURES.values()], axis=0)
+    columns = {name: np.where(lost | (careful & (name != "evaluations")), best[name], plain[name]) for name in best}
     columns |= {
         "tau": np.array([float(Fraction(problem.t_end) / n) for n in steps]),
-        "tau_per_stage": np.array([of_steps[n] for n in steps]),
+        "tau_per_stage": np.array([tau_of[n] for n in steps]),
         "steps": np.array(steps),
         "compensated": lost * 1.0,
     }
     rounding = (columns["max_energy_error"] <= ROUNDING) & ~(columns["position_error"] > POSITION_ROUNDING)
     end = int(rounding.argmax()) + 1 if rounding.any() else len(steps)
     solver.columns = {name: values[:end] for name, values in columns.items()}
-    for i in np.flatnonzero(np.isfinite(solver.columns["max_energy_error"])).tolist():
-        add_calls(solver, problem, tableau, i, modes)
+    for mode in modes:
+        solver.prepare(problem, tableau, mode)
     if modes:
-        (call,) = prepared_calls(problem.system, tableau, problem.t_end, 1, "plain", ("trajectory",)).values()
-        solver.setup = min(interleaved([call], SETUP)[0])
+        solver.setup = min(interleaved([prepared_call(problem.system, tableau, problem.t_end, 1, "plain")], SETUP)[0])
     return solver
-
-
-def add_calls(solver: Solver, problem: Interval, tableau: Tableau, i: int, modes: Iterable[str]) -> None:
-    """Give ``solver`` the calls of its setting ``i`` in some :data:`MODES`."""
-    steps, way = int(solver.columns["steps"][i]), "compensated" if solver.columns["compensated"][i] else "plain"
-    calls = prepared_calls(problem.system, tableau, problem.t_end, steps, way, modes)
-    solver.calls |= {(mode, i): call for mode, call in calls.items()}
 
 
 def errors_of(
@@ -222,7 +221,7 @@ def errors_of(
     rows, count = np.tile(first, (len(steps), 1)), np.repeat(np.array(steps), len(first))
     if summation == "plain":
         rows.reshape(len(rows), 4, -1)[:, 1::2] = 0.0
-    size, parts = max(1, KEPT // (samples * rows.shape[1])), list[dict[str, Any]]()
+    size, parts = max(1, KEPT // (samples * rows.shape[1])), list[tuple[Any, ...]]()
     for some in (slice(i, i + size) for i in range(0, len(rows), size)):
         paths = integrate_batch(
             problem.system, tableau, t_end=times * Fraction(problem.t_end), steps=count[some], samples=samples,
@@ -231,9 +230,8 @@ def errors_of(
         worst, off = paths.max_energy_error, np.full(len(count[some]), nan)
         if problem.exact is not None:
             off = np.where(np.isfinite(worst), problem.exact.error(*paths.ends), inf)
-        errors = dict(zip(MEASURES.values(), (worst, paths.mean_energy_error, off), strict=True))
-        parts.append({**errors, "evaluations": paths.evaluations})
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        parts.append((worst, paths.mean_energy_error, off, paths.evaluations))
+    return dict(zip((*MEASURES.values(), "evaluations"), map(np.concatenate, zip(*parts, strict=True)), strict=True))
 
 
 def members_of(system: System, tableau: Tableau, steps: int) -> int:
@@ -242,45 +240,36 @@ def members_of(system: System, tableau: Tableau, steps: int) -> int:
     return min(max(most // tableau.evaluations(steps), FEWEST_MEMBERS), MOST_MEMBERS)
 
 
-def prepared_calls(
-    system: System,
-    tableau: Tableau,
-    t_end: str,
-    steps: int,
-    summation: str = "compensated",
-    modes: Iterable[str] = tuple(ENERGIES),
-) -> dict[str, Callable[[], Any]]:
-    """Return complete calls of a prepared problem, to be timed, each of which returns the final q (d,) and p (d,).
+def prepared_call(
+    system: System, tableau: Tableau, t_end: str, steps: int, summation: str, mode: str = "trajectory"
+) -> Callable[[], Any]:
+    """Return a complete call of a prepared problem, to be timed, which returns the final q (d,) and p (d,).
 
-    The interval [0, ``t_end``] is covered in ``steps`` equal steps. ``modes`` are of :data:`MODES`. In ``lanes`` a call
-    is one of :func:`nearharmonic.ensemble` on one thread, for :func:`members_of` trajectories. They all begin at the
-    start of the system, so that the error of one is that of all, and so that no member of another library's adaptive
-    batch waits for another. Each call has run once.
+    The interval [0, ``t_end``] is covered in ``steps`` equal steps. In the mode ``lanes`` it is a call of
+    :func:`nearharmonic.ensemble` on one thread, for :func:`members_of` trajectories. They all begin at the start of the
+    system, so that the error of one is that of all, and so that no member of another library's adaptive batch waits for
+    another. The call has run once.
     """
     tau = float(t_end) / steps
+    if mode == "lanes":
+        q0, p0 = (np.repeat([row], members_of(system, tableau, steps), axis=0) for row in system.start(float))
 
-    def prepared(mode: str) -> Callable[[], Any]:
-        if mode == "lanes":
-            members = members_of(system, tableau, steps)
-            q0, p0 = (np.repeat(np.array([row]), members, axis=0) for row in system.start(float))
+        def call() -> Any:
+            states = ensemble(
+                system, tableau, tau, q0=q0, p0=p0, t_end=t_end, energy="none", summation=summation, samples=1
+            )
+            return states.q.values, states.p.values
 
-            def call() -> Any:
-                found = ensemble(
-                    system, tableau, tau, q0=q0, p0=p0, t_end=t_end, energy="none", summation=summation, samples=1
-                )
-                return found.q.values, found.p.values
+    else:
+        energy = "every" if mode == "energy" else "none"
+        problem = Problem(system, tableau, t_end=t_end, summation=summation, energy=energy)
 
-        else:
-            problem = Problem(system, tableau, t_end=t_end, summation=summation, energy=ENERGIES[mode])
+        def call() -> Any:
+            solution = problem(tau)
+            return solution.q[-1], solution.p[-1]
 
-            def call() -> Any:
-                solution = problem(tau)
-                return solution.q[-1], solution.p[-1]
-
-        call()
-        return call
-
-    return {mode: prepared(mode) for mode in modes}
+    call()
+    return call
 
 
 def clock(solvers: Iterable[Solver], modes: Iterable[str]) -> None:
@@ -311,26 +300,25 @@ def variables(solvers: Sequence[Solver], unit: str) -> Variables:
     """
     shape = len(solvers), max([solver.settings for solver in solvers] + [1])
     # Not a dimension "method": xarray's sel() takes that word for itself.
-    found = coordinate("solver", [solver.method for solver in solvers], "solver")
-    for name, text in _WORDS.items():
-        found[name] = variable("solver", [getattr(solver, name) for solver in solvers], text)
-    for name, text in _SECONDS.items():
-        found[name] = variable("solver", np.array([getattr(one, name) for one in solvers], dtype=float), text, "s")
+    table = coordinate("solver", [solver.method for solver in solvers], "solver")
+    for name, (units, text) in FACTS.items():
+        facts = [getattr(solver, name) for solver in solvers]
+        table[name] = variable("solver", np.array(facts, dtype=float if units else str), text, units or "1")
     for name, (units, text) in COLUMNS.items():
         values = np.full(shape, nan)
         for row, solver in zip(values, solvers, strict=True):
             row[: solver.settings] = solver.columns.get(name, nan)
-        found[name] = variable(("solver", "point"), values, text, units.format(t=unit))
-    found |= coordinate("quartile", QUARTILES, "minimum and quartiles")
+        table[name] = variable(("solver", "point"), values, text, units.format(t=unit))
+    table |= coordinate("quartile", QUARTILES, "minimum and quartiles")
     for mode, text in MODES.items():
         times, repeats = np.full((*shape, len(QUARTILES)), nan), np.zeros(shape, np.int64)
         for i, solver in enumerate(solvers):
             for (own, j), seconds in solver.times.items():
                 if own == mode:
                     times[i, j], repeats[i, j] = summary(seconds), len(seconds)
-        found[f"time_{mode}"] = variable(("solver", "point", "quartile"), times, f"wall time of {text}", "s")
-        found[f"repeats_{mode}"] = variable(("solver", "point"), repeats, f"repeats of {text}")
-    return found
+        table[f"time_{mode}"] = variable(("solver", "point", "quartile"), times, f"wall time of {text}", "s")
+        table[f"repeats_{mode}"] = variable(("solver", "point"), repeats, f"repeats of {text}")
+    return table
 
 
 def dataset_of(solvers: Sequence[Solver], unit: str) -> xr.Dataset:
@@ -392,10 +380,9 @@ def cross(errors: Sequence[float], columns: Sequence[Sequence[float]], target: f
     linearly, unless the point above is not finite. If a finer point costs less, in the first of ``columns``, that point
     is taken: adaptive methods may be more expensive at a coarser tolerance.
     """
-    settled = for_good(errors)
-    if not settled or settled[-1] > target:
+    i = next((i for i, error in enumerate(for_good(errors)) if error <= target), None)
+    if i is None:
         return "not reached", (nan,) * len(columns)
-    i = next(i for i, error in enumerate(settled) if error <= target)
     points = [tuple(float(column[j]) for column in columns) for j in range(i, len(errors)) if errors[j] <= target]
     above, below = (errors[i - 1], errors[i]) if i else (inf, errors[0])
     if isfinite(above) and below > 0:
@@ -410,13 +397,11 @@ def for_good(errors: Sequence[float]) -> list[float]:
     NaN counts as infinite. Errors after the smallest are dropped: there curves rise again by rounding. An error that
     finer settings exceed by more than :data:`ROUNDING_RISE` is accidental, and not taken as the smallest.
     """
-    usable = [inf if isnan(error) else error for error in errors]
-    if not usable:
-        return []
-    beyond = [*list(accumulate(reversed(usable[1:]), max))[::-1], 0.0]
-    borne_out = [i for i, worst in enumerate(beyond) if worst <= ROUNDING_RISE * usable[i]]
-    end = min(borne_out, key=usable.__getitem__, default=len(usable) - 1)
-    return list(accumulate(reversed(usable[: end + 1]), max))[::-1]
+    usable = np.where(np.isnan(errors), inf, errors)
+    worst = np.maximum.accumulate(usable[::-1])[::-1]
+    borne_out = np.flatnonzero(np.append(worst[1:], 0.0) <= ROUNDING_RISE * usable)  # the last one always is
+    end = borne_out[usable[borne_out].argmin()] if usable.size else 0
+    return [float(error) for error in np.maximum.accumulate(usable[end::-1])[::-1]]
 
 
 def _between(first: float, second: float, weight: float) -> float:
@@ -438,8 +423,15 @@ def ranking(
     curves: Iterable[xr.Dataset], measure: str, target: float, mode: str = "trajectory"
 ) -> list[tuple[xr.Dataset, Crossing]]:
     """Return ``curves`` with their crossings, the fastest first, and last the curves that do not reach ``target``."""
-    found = [(curve, crossing(curve, measure, target, mode)) for curve in curves]
-    return sorted(found, key=lambda pair: pair[1].time if isfinite(pair[1].time) else inf)
+    pairs = [(curve, crossing(curve, measure, target, mode)) for curve in curves]
+    return sorted(pairs, key=lambda pair: pair[1].time if isfinite(pair[1].time) else inf)
+
+
+def fastest(
+    curves: Iterable[xr.Dataset], measure: str, target: float, mode: str = "trajectory"
+) -> list[tuple[xr.Dataset, Crossing]]:
+    """Return the curves that reach ``target`` with their crossings, the fastest first."""
+    return [(curve, at) for curve, at in ranking(curves, measure, target, mode) if isfinite(at.time)]
 
 
 def of_kind(curves: Iterable[xr.Dataset], kind: str) -> list[xr.Dataset]:
@@ -497,12 +489,8 @@ def fewest_for_good(errors: Mapping[int, float], bound: float) -> int | None:
 
     NaN meets no bound; None if the largest number of steps misses it.
     """
-    fewest = None
-    for steps in sorted(errors, reverse=True):
-        if not errors[steps] <= bound:
-            break
-        fewest = steps
-    return fewest
+    missed = max((steps for steps, error in errors.items() if not error <= bound), default=-inf)
+    return min((steps for steps in errors if steps > missed), default=None)
 
 
 def measured_errors(

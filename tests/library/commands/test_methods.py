@@ -150,7 +150,7 @@ def test_each_optional_line_of_a_new_integrator_is_correct(method, option):
 def test_the_command_that_the_answer_names_runs_the_new_file(kind, capsys, monkeypatch):
     if kind == "system":  # which all methods are tried on, and take ten times as long
         few = {name: integrators[name] for name in ("ruth", "aba864")}
-        monkeypatch.setattr("nearharmonic.recommendation.recommend.integrators", few)
+        monkeypatch.setattr("nearharmonic.recommendation.search.integrators", few)
     assert main(["new", kind, "mine"]) == 0
     told = capsys.readouterr().out
     (line,) = re.findall(r"^Run it: nearharmonic (.*)$", told, flags=re.MULTILINE)

@@ -144,10 +144,11 @@ def test_plots_draw_the_floor_where_errors_come_near_it():
 
 def test_a_recommendation_marks_errors_near_the_floor():
     from nearharmonic.commands.choice import ranking
-    from nearharmonic.recommendation.recommend import question, recommendation
+    from nearharmonic.recommendation.recommend import recommendation
+    from nearharmonic.recommendation.search import Search
 
     for error, near in (("1e-15", True), ("1e-6", False)):
-        found = ranking(recommendation(question(SPRING, error, methods=["s15odr8"], budget=20_000)))
+        found = ranking(recommendation(Search(SPRING, error, methods=["s15odr8"], budget=20_000)))
         assert str(found.rows[0][-1]).endswith(" *") == near
         assert any("the rounding of V" in note for note in found.notes) == near
 

@@ -17,6 +17,7 @@ from nearharmonic.output import store
 from nearharmonic.recommendation import measure as engine
 from nearharmonic.recommendation.measure import (
     MARGIN,
+    MODES,
     Interval,
     Solver,
     clock,
@@ -31,7 +32,7 @@ from nearharmonic.recommendation.measure import (
     measured,
     measured_errors,
     members_of,
-    prepared_calls,
+    prepared_call,
     ranking,
     variables,
 )
@@ -137,7 +138,7 @@ def test_errors_of_a_curve_are_those_of_the_matrix_power():
 @pytest.mark.parametrize("summation", ["compensated", "plain"])
 def test_every_timed_call_returns_final_state_of_same_trajectory(summation):
     steps, ruth = 67, integrators["ruth"]
-    calls = prepared_calls(systems["sho"], ruth, "20", steps, summation, ("trajectory", "energy", "lanes"))
+    calls = {mode: prepared_call(systems["sho"], ruth, "20", steps, summation, mode) for mode in MODES}
     q, p = oscillator_state(ruth, mpf(20) / steps, steps)
     # Plain sums of numbers up to 1: three stages a step, each rounded by half a unit.
     bound = PHASE if summation == "compensated" else PHASE + 3 * steps * 2 * 1.2e-16

@@ -27,10 +27,9 @@ from nearharmonic.output import store
 from nearharmonic.output.table import printed
 from nearharmonic.recommendation import measure as engine
 from nearharmonic.recommendation import recommend as ranks
-from nearharmonic.recommendation import search
 from nearharmonic.recommendation.measure import Solver, variables
-from nearharmonic.recommendation.recommend import printed_step, question, recommendation
-from nearharmonic.recommendation.search import orbits
+from nearharmonic.recommendation.recommend import printed_step, recommendation
+from nearharmonic.recommendation.search import Search, orbits
 from nearharmonic.systems import systems
 from nearharmonic.theory.oscillator import harmonic_energy_error
 from support.methods.own_systems import mode, spring
@@ -105,7 +104,7 @@ def test_returned_run_equals_integrate_bitwise_and_meets_error(system, error, me
 
 
 def test_printed_call_has_all_digits_of_a_start():
-    asked = question("sho", 1e-2, q0=[ldexp(mpf(3**60, prec=96), -90)], p0=[np.longdouble(0.5)], t_end=10)
+    asked = Search("sho", 1e-2, q0=[ldexp(mpf(3**60, prec=96), -90)], p0=[np.longdouble(0.5)], t_end=10)
     assert asked.arguments == ("'sho'", f"q0=['{Fraction(3**60, 2**90)}']", "p0=['1/2']")
 
 
@@ -249,7 +248,7 @@ def half_trace(tableau, x):
 
 @pytest.mark.slow
 def test_steps_are_stable_for_modes_that_do_not_move(monkeypatch):
-    monkeypatch.setattr(search.Search, "_further_error", lambda *_: 0.0)  # which would find some of these steps
+    monkeypatch.setattr(Search, "_further_error", lambda *_: 0.0)  # which would find some of these steps
     sites = 32
     system = dataclasses.replace(chain(sites), q0=mode(sites).round(9).tolist(), t_end="250")
     found = nh.recommend(system, 1e-8, methods=["babps9o7h", "predescu_s3"])
@@ -307,19 +306,19 @@ def test_ensemble_near_escape_keeps_error_that_one_start_misses():
 
 def test_step_that_is_not_confirmed_comes_last_and_is_named(monkeypatch):
     further = {"ruth": math.inf, "aba864": 1e-3, "babps9o7h": 2e-3}
-    monkeypatch.setattr(search.Search, "_further_error", lambda _, choice: further[choice.method])
+    monkeypatch.setattr(Search, "_further_error", lambda _, choice: further[choice.method])
     monkeypatch.setattr(ranks, "interleaved", lambda calls, _: [[1.0 + i] for i, _ in enumerate(calls)])
     found = nh.recommend("sho", 1e-3, methods=FEW, t_end=50)
     assert found.integrator.values.tolist() == ["aba864", "babps9o7h", "ruth"]
     assert found.further_error.values.tolist() == [1e-3, 2e-3, math.inf]
     assert found.attrs["unconfirmed"] == "ruth (inf)"
-    told = ranking(recommendation(question("sho", 1e-3, methods=FEW, t_end=50)))
+    told = ranking(recommendation(Search("sho", 1e-3, methods=FEW, t_end=50)))
     assert "not confirmed from other starts and over a longer interval, and therefore last: ruth (inf)" in told.notes
 
 
 def test_each_method_has_a_line_on_a_terminal_alone(capsys):
     lines = []
-    recommendation(question("sho", 1e-3, methods=FEW, t_end=50), report=lines.append)
+    recommendation(Search("sho", 1e-3, methods=FEW, t_end=50), report=lines.append)
     for i, name in enumerate(FEW, 1):
         assert any(line.startswith(f"{i} of 3: {name}: met, error") for line in lines)
     nh.recommend("sho", 1e-3, methods=FEW, t_end=50)
@@ -394,16 +393,13 @@ def test_steps_for_a_position_end_where_the_cosine_says(capsys):
 def test_run_that_is_timed_is_run_that_is_printed(capsys, monkeypatch):
     timed = {}
 
-    def calls(system, tableau, t_end, steps, summation, modes):
-        assert modes == ("trajectory",)
+    def call(system, tableau, t_end, steps, summation, mode):
+        assert mode == "trajectory"
         timed[tableau.name] = (system.name, t_end, steps, summation)
-        return {"trajectory": lambda: None}
+        return lambda: None
 
-    monkeypatch.setattr("nearharmonic.recommendation.recommend.prepared_calls", calls)
-    monkeypatch.setattr(
-        "nearharmonic.recommendation.recommend.interleaved",
-        lambda calls, _: [[9.0, 6e-3 - 1e-3 * i] for i, _ in enumerate(calls)],
-    )
+    monkeypatch.setattr(ranks, "prepared_call", call)
+    monkeypatch.setattr(ranks, "interleaved", lambda calls, _: [[9.0, 6e-3 - 1e-3 * i] for i, _ in enumerate(calls)])
     rows, text, _ = asked(capsys, "sho", "--error", "1e-3")
     sums = sums_of(text)
     assert timed == {name: ("sho", "500", steps_in("500", float(step)), sums[name]) for _, name, step, *_ in rows}
@@ -419,7 +415,7 @@ def test_plain_sums_never_exceed_bound_that_compensated_ones_meet(steps):
         for way in ("compensated", "plain")
     )
     assert careful < plain
-    (choice,) = recommendation(question("sho", repr(careful), methods=["babs7o7h"])).choices
+    (choice,) = recommendation(Search("sho", repr(careful), methods=["babs7o7h"])).choices
     assert (choice.status, choice.steps) == ("met", steps)
     assert choice.error <= careful
 
@@ -489,7 +485,7 @@ def choice_of(found, method):
 
 def beside(results, system, error, **more):
     """Three methods beside timings of other libraries."""
-    return recommendation(question(system, error, methods=THREE, **more), results)
+    return recommendation(Search(system, error, methods=THREE, **more), results)
 
 
 def text_of(found):
@@ -500,7 +496,7 @@ def test_other_libraries_are_taken_from_the_timings_that_are_there(results):
     found = beside(results, "sho", "1e-6")
     assert {choice.method for choice in found.choices} == {*THREE, "theirs", "lucky", "absent"}
     assert found.choices[0].method == "lucky"
-    assert found.question.t_end == "500"
+    assert found.search.t_end == "500"
     assert f"other libraries: {results}/cubes/work_precision.h5, measured 2026-01-02T03:04:05+00:00 on Fast 9" in (
         found.basis
     )
@@ -553,7 +549,7 @@ def test_unreached_error_is_reported_with_budget_and_best_method(results):
 def test_a_system_of_ones_own_is_measured_on_the_spot(tmp_path):
     (tmp_path / "quartic.py").write_text(QUARTIC)
     found = beside(tmp_path, str(tmp_path / "quartic.py"), 1e-6, measure="position")
-    assert found.question.system.name == "quartic"
+    assert found.search.system.name == "quartic"
     assert "not timed for a system of your own" in found.basis
     assert "aba864" in [choice.method for choice in found.ranked]
 

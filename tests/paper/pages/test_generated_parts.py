@@ -12,6 +12,7 @@ from PIL import Image
 
 import nearharmonic as nh
 from nearharmonic.output.table import filled, short
+from nearharmonic.recommendation.measure import Solver, curves_of, dataset_of
 from nearharmonic_paper.pages import library, targets
 from nearharmonic_paper.pages.filling import rows_of
 from nearharmonic_paper.report.shown import few_colours
@@ -166,10 +167,12 @@ def test_tables_of_registered_methods_stand_in_the_pages():
 
 def test_method_reaches_an_error_where_all_finer_runs_meet_it():
     reached = page_inputs.benchmark("ranking").reached
-    found = np.array([[10, 20, 40, 80], [100, 200, 400, 800], [1e-2, 1e-5, 1e-4, 1e-6], [1e-2, 1e-5, 1e-4, 2e-6]])
-    assert reached("ruth", found, 1e-5) == (pytest.approx(400 * np.sqrt(2)), "ruth", 80, "compensated")
-    assert reached("ruth", found, 1e-2) == (100, "ruth", 10, "plain")
-    assert reached("ruth", found, 1e-7) is None
+    columns = {"steps": [10, 20, 40, 80], "evaluations": [100, 200, 400, 800], "compensated": [0, 0, 0, 1]}
+    columns |= {"tau": [8, 4, 2, 1], "max_energy_error": [1e-2, 1e-5, 1e-4, 1e-6]}
+    (curve,) = curves_of(dataset_of([Solver(method="ruth", label="Ruth", kind="splitting", columns=columns)], "1"))
+    assert reached(curve, 1e-5) == (pytest.approx(400 * np.sqrt(2)), "ruth", 80, "compensated")
+    assert reached(curve, 1e-2) == (100, "ruth", 10, "plain")
+    assert reached(curve, 1e-7) is None
 
 
 @pytest.mark.slow
@@ -177,11 +180,12 @@ def test_evaluations_of_the_ranking_are_those_of_runs():
     ranking = page_inputs.benchmark("ranking")
     row = re.search(r"^\| 1e-06 \| (.*?) \|", text_of("ranking"), re.MULTILINE)[1]
     _, system, t_end = ranking.contests()[0]
-    for label, count in (one.rsplit(" ", 1) for one in row.split(", ")):
-        name = next(name for name, one in nh.integrators.items() if one.label == label)
-        place = ranking.reached(name, ranking.curve(system, t_end, name), 1e-6)
+    cells = [cell.rsplit(" ", 1) for cell in row.split(", ")]
+    names = [next(name for name, one in nh.integrators.items() if one.label == label) for label, _ in cells]
+    for (_, count), curve in zip(cells, ranking.curves(system, t_end, names), strict=True):
+        place = ranking.reached(curve, 1e-6)
         assert f"{place.evaluations:.0f}" == count
-        run = nh.integrate(system, name, float(t_end) / place.steps, t_end=t_end, samples=2)
+        run = nh.integrate(system, place.method, float(t_end) / place.steps, t_end=t_end, samples=2)
         assert run.max_energy_error <= 1e-6
 
 
@@ -206,7 +210,7 @@ def test_pages_on_use_are_measured_with_small_settings(name, settings, line, mon
         monkeypatch.setattr(module, setting, few)
     (tmp_path / "how_to").mkdir()
     monkeypatch.setattr("sys.argv", [name, "--page", str(tmp_path)])
-    module.main()
+    module.fill(module.__doc__, module.parts, module.PAGE, getattr(module, "PICTURE", None))
     made = (tmp_path / f"how_to/{name}.md").read_text(encoding="utf-8")
     assert filled(made, parts(text_of(name))) == text_of(name)
     assert line in made

@@ -39,9 +39,13 @@ ERRORS = (1e-17, 10.0)
 
 #: Content of each column of panels, and number of methods per row of its legend.
 _COLUMNS = (("methods of the paper", 3), ("beyond the paper", 3), ("other libraries", 2))
-#: Marks after the name of a curve without points, and what they say: library not installed, or another reason.
-_MISSING = {True: ("†", "not installed"), False: ("‡", "no run: see the table")}
+#: Marks after the name of a curve without points, and what they say.
+_MISSING = {"†": "not installed", "‡": "no run: see the table"}
 _BEST, _LANES = "#f2d8a7", "#b08030"
+_ENVELOPES: dict[str, dict[str, Any]] = {
+    "trajectory": {"color": _BEST, "linewidth": 5, "solid_capstyle": "round"},
+    "lanes": {"color": _LANES, "linewidth": 1.1, "linestyle": ":"},
+}
 _PEER_COLOURS = (
     "#8c6d46", "#6e6e6e", "#202020", "#3e6b6b", "#7a5a86", "#a06060", "#5f7d3a", "#4f5f8f", "#c07830", "#b0a030",
     "#50a0c0", "#c080b0", "#d04040", "#1f4e9c", "#6a9bd8",
@@ -86,7 +90,7 @@ def _column(curves: Sequence[xr.Dataset], column: int) -> list[xr.Dataset]:
     """Return the curves of one column of panels: methods of the paper, further methods, or peers."""
     if column == 2:
         return of_kind(curves, "peer")
-    return [one for one in of_kind(curves, "splitting") if (one["solver"].item() in BENCHMARKED) != bool(column)]
+    return [curve for curve in of_kind(curves, "splitting") if (curve["solver"].item() in BENCHMARKED) != bool(column)]
 
 
 def points_of(curve: xr.Dataset, measure: str, mode: str = "trajectory") -> tuple[list[float], list[float]]:
@@ -116,11 +120,7 @@ def line_of(curve: xr.Dataset, broad: str = "") -> dict[str, Any]:
 
 def _envelopes(axes: Axes, curves: Sequence[xr.Dataset], measure: str) -> None:
     """Draw the smallest error of all ``curves`` at each time, for one trajectory and in lanes."""
-    looks: dict[str, dict[str, Any]] = {
-        "trajectory": {"color": _BEST, "linewidth": 5, "solid_capstyle": "round"},
-        "lanes": {"color": _LANES, "linewidth": 1.1, "linestyle": ":"},
-    }
-    for mode, look in looks.items():
+    for mode, look in _ENVELOPES.items():
         x, y = best_of(curves, measure, mode)
         if x:
             axes.plot(x, y, zorder=1.5, **look)
@@ -146,16 +146,13 @@ def scale_axes(axes: Axes, ylabel: str) -> None:
 
 def _legend(figure: Figure, axes: Axes, curves: Sequence[xr.Dataset], per_row: int, *, envelopes: bool) -> None:
     """Draw the legend above the column of ``axes``; a missing curve has a mark."""
-    handles, missing = [], set()
+    handles, marks = [], set[str]()
     for curve in curves:
-        mark = ""
-        if not curve.sizes["point"]:
-            missing.add(absent := curve["status"].item() == "not installed")
-            mark = f" {_MISSING[absent][0]}"
-        handles.append(Line2D([], [], label=curve["label"].item() + mark, **line_of(curve)))
-    for absent, says in _MISSING.items():
-        if absent in missing:
-            handles.append(Line2D([], [], linestyle="none", label=" ".join(says)))
+        mark = "" if curve.sizes["point"] else "†" if curve["status"] == "not installed" else "‡"
+        marks.add(mark)
+        handles.append(Line2D([], [], label=f"{curve['label'].item()} {mark}".rstrip(), **line_of(curve)))
+    texts = [f"{mark} {words}" for mark, words in _MISSING.items() if mark in marks]
+    handles += [Line2D([], [], linestyle="none", label=text) for text in texts]
     if envelopes:
         handles.append(Line2D([], [], color=_BEST, linewidth=5, label="best of these"))
         handles.append(Line2D([], [], color=_LANES, linestyle=":", label="the same, each of an ensemble"))
@@ -195,22 +192,22 @@ _XLABELS = {
 @measures_time
 def comparison_figures(names: Sequence[str], cube: str) -> dict[str, Figure]:
     """Draw what :func:`pairs` reads: error against the time of whole calls, for ``trajectory`` and ``lanes``."""
-    found, facts = pairs(cube, names)
-    return {mode: comparison_figure(found, mode, facts) for mode in _XLABELS}
+    compared, facts = pairs(cube, names)
+    return {mode: comparison_figure(compared, mode, facts) for mode in _XLABELS}
 
 
 @house_style
-def comparison_figure(found: Sequence[Pair], mode: str, facts: Mapping[str, object]) -> Figure:
+def comparison_figure(compared: Sequence[Pair], mode: str, facts: Mapping[str, object]) -> Figure:
     """Draw a panel for each system: the fastest methods at some error, and all other libraries.
 
     ``mode`` is "trajectory" or "lanes"; ``facts`` are properties of the machine, from
     :func:`nearharmonic.numerics.clock.machine`, and ``libraries``.
     """
-    across = min(len(found), _ACROSS)
-    down = ceil(len(found) / across)
+    across = min(len(compared), _ACROSS)
+    down = ceil(len(compared) / across)
     members = [
-        [*leaders(pair, mode), *(one for one in pair.others if np.isfinite(one[f"time_{mode}"]).any())]
-        for pair in found
+        [*leaders(pair, mode), *(curve for curve in pair.others if np.isfinite(curve[f"time_{mode}"]).any())]
+        for pair in compared
     ]
     legend = 0.45 + 0.15 * ceil(max(map(len, members)) / 2)
     height = 1.0 + down * (_HEIGHT + legend)
@@ -220,17 +217,17 @@ def comparison_figure(found: Sequence[Pair], mode: str, facts: Mapping[str, obje
         hspace=(legend + 0.5) / _HEIGHT,
     )  # fmt: skip
     grid = figure.subplots(down, across, squeeze=False)
-    for i, (axes, pair, curves) in enumerate(zip(grid.flat, found, members, strict=False)):
+    for i, (axes, pair, curves) in enumerate(zip(grid.flat, compared, members, strict=False)):
         _draw(axes, curves, "max", mode, broad=STANDARD)
         scale_axes(axes, YLABELS["max"])
         axes.legend(
-            handles=[Line2D([], [], label=one["label"].item(), **line_of(one, STANDARD)) for one in curves], ncols=2,
+            handles=[Line2D([], [], label=c["label"].item(), **line_of(c, STANDARD)) for c in curves], ncols=2,
             loc="lower left", bbox_to_anchor=(0, 1.07), borderaxespad=0, fontsize=6.5, columnspacing=1.0,
             handlelength=2.4, labelspacing=0.25, frameon=False,
         )  # fmt: skip
         panel_letter(axes, i, f"{pair.label}, t = {pair.t_end}")
         axes.set_xlabel(_XLABELS[mode])
-    for axes in grid.flat[len(found) :]:
+    for axes in grid.flat[len(compared) :]:
         axes.remove()
     draw_facts(figure, facts, _LEFT, int(17.5 * _WIDTH * across))
     return figure
@@ -238,7 +235,7 @@ def comparison_figure(found: Sequence[Pair], mode: str, facts: Mapping[str, obje
 
 def leaders(pair: Pair, mode: str) -> list[xr.Dataset]:
     """Return the methods of this package that are the fastest at one of the compared errors, each once."""
-    first = [found[0][0] for error in COMPARED_ERRORS if (found := pair.fastest(error, mode))]
+    first = [order[0][0] for error in COMPARED_ERRORS if (order := pair.fastest(error, mode))]
     return list({curve["solver"].item(): curve for curve in first}.values())
 
 
@@ -286,8 +283,8 @@ def regularised_figures(names: Sequence[str], cube: str) -> dict[str, Figure]:
     """
     rows, facts = [], dict[str, object]()
     for measure in COMPARED_MEASURES:
-        found, facts = pairs(cube, names, measure=measure)
-        rows.append([_panel(pair) for pair in found if pair.original])
+        compared, facts = pairs(cube, names, measure=measure)
+        rows.append([_panel(pair) for pair in compared if pair.original])
     figure = draw_panels(rows, _BELOW + _MACHINE)
     draw_facts(figure, facts, _MARGIN, int(17.5 * _WIDE * len(rows[0])))
     return {"figure": figure}
@@ -308,11 +305,11 @@ def figure_of_file(times: str) -> dict[str, Figure]:
         title = f"Sun-Mercury orbit, e = {row['e']}, $t$ = {row['t_end']} h"
         panel = panels.setdefault((row["measure"], row["e"]), Panel(title=title, measure=row["measure"], curves={}))
         if isfinite(float(row["ms"])):
-            both = panel.curves.setdefault(row["curve"], ([], []))
-            for values, column in zip(both, ("ms", "error"), strict=True):
-                values.append(float(row[column]))
-    found = list(panels.values())
-    return {"figure": draw_panels([found[i : i + 2] for i in range(0, len(found), 2)])}
+            x, y = panel.curves.setdefault(row["curve"], ([], []))
+            x.append(float(row["ms"]))
+            y.append(float(row["error"]))
+    shown = list(panels.values())
+    return {"figure": draw_panels([shown[i : i + 2] for i in range(0, len(shown), 2)])}
 
 
 @house_style

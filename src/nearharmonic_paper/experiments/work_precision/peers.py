@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import subprocess
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib import import_module
@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from nearharmonic.core.number import Constant, vector
 from nearharmonic.engine.batch import unperturbed
+from nearharmonic.exchange.method import method_for
 from nearharmonic.integrators import blanes_2013, nielsen_2015
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.recommendation.measure import quiet
@@ -62,7 +63,7 @@ class Attempt:
     members: int = 1
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Peer:
     """One solver of another library.
 
@@ -197,7 +198,6 @@ def heyoka_taylor(
 
     names = [f"{letter}{i}" for letter in "qp" for i in range(system.dimension)]
     variables = hy.make_vars(*names)
-    variables = list(variables) if isinstance(variables, list | tuple) else [variables]
     if power:
         q, p = variables[: system.dimension], variables[system.dimension :]
         pull = system.constants(float)[0] * sum(x * x for x in q) ** -1.5
@@ -324,18 +324,11 @@ PATH_SECONDS = 2.0
 FIRST_STEP = 1e-4
 
 
-def rebound_ias15(system: System, t_end: float, tolerance: float) -> Attempt:
-    """IAS15 with ``tolerance`` as its epsilon."""
-    return _rebound_attempt(system, t_end, "ias15", {"epsilon": tolerance}, steps=0)
-
-
-def rebound_leapfrog8(system: System, t_end: float, step: float) -> Attempt:
-    """The leapfrog composed to order 8."""
-    return _rebound_attempt(system, t_end, "leapfrog", {"order": 8}, steps=max(1, round(t_end / step)))
-
-
-def _rebound_attempt(system: System, t_end: float, integrator: str, options: Mapping[str, Any], steps: int) -> Attempt:
-    """Prepare a run in ``steps`` of equal length, or 0 if the integrator chooses them."""
+def rebound_attempt(system: System, t_end: float, setting: float, *, integrator: str) -> Attempt:
+    """Prepare IAS15 with a tolerance as its epsilon, or steps of the leapfrog composed to order 8."""
+    adaptive = integrator == "ias15"
+    options: dict[str, float] = {"epsilon": setting} if adaptive else {"order": 8}
+    steps = 0 if adaptive else max(1, round(t_end / setting))
     keys, start = _keys(system), start_of(system).tolist()
 
     def begin(simulation: Any) -> Any:
@@ -456,12 +449,12 @@ def diffrax_dopri8(system: System, t_end: float, tolerance: float) -> Attempt:
 
     def path() -> tuple[States, float]:
         with jax.enable_x64(True):
-            found = every(start, t_end, tolerance)
-            steps, attempted = (int(found.stats[f"num_{which}steps"]) for which in ("accepted_", ""))
-            states = np.concatenate([start[None], np.asarray(found.ys)[:steps]])
-            reached = bool(found.result == diffrax.RESULTS.successful)
+            solution = every(start, t_end, tolerance)
+            steps, attempted = (int(solution.stats[f"num_{which}steps"]) for which in ("accepted_", ""))
+            states = np.concatenate([start[None], np.asarray(solution.ys)[:steps]])
+            reached = bool(solution.result == diffrax.RESULTS.successful)
         if not reached:
-            states[-1] = np.nan
+            states[-1] = nan
         return states, float(STAGES * attempted)
 
     for call in (run, path):
@@ -540,25 +533,19 @@ def numpy_splitting(tableau: Tableau) -> Callable[[System, float, float], Attemp
         steps = max(1, round(t_end / step))
         tau, start = t_end / steps, start_of(system)
         grad_T, grad_V = gradients_of(system)
-        outer, inner = (np.array(row) * tau for row in tableau.rows_double())
-        kick_first = tableau.first == "kick"
-        drifts, kicks = (inner, outer[1:]) if kick_first else (outer[:-1], inner)
-        opening, closing = (outer[0], 0.0) if kick_first else (0.0, outer[-1])
+        moves = [(move.flow == "kick", move.coefficient * tau) for move in method_for("numpy", tableau).flows]
 
-        def run(seen: Callable[[States, States], None] | None = None) -> tuple[States, States]:
+        def run(seen: Callable[[States, States], None] = lambda q, p: None) -> tuple[States, States]:
             q, p = np.split(start.copy(), 2)
-            force = grad_V(q)
+            force: States | None = grad_V(q)
             for _ in range(steps):
-                if kick_first:
-                    p = p - opening * force
-                for drift, kick in zip(drifts, kicks, strict=True):
-                    q = q + drift * grad_T(p)
-                    force = grad_V(q)
-                    p = p - kick * force
-                if not kick_first:
-                    q = q + closing * grad_T(p)
-                if seen is not None:
-                    seen(q, p)
+                for kicks, length in moves:
+                    if kicks:
+                        force = grad_V(q) if force is None else force
+                        p = p - length * force
+                    else:
+                        q, force = q + length * grad_T(p), None
+                seen(q, p)
             return q, p
 
         def path() -> tuple[States, float]:
@@ -685,50 +672,40 @@ def c_loop(system: System, t_end: float, step: float) -> Attempt:
     return Attempt(run=run, path=path)
 
 
-def _heyoka_peer(ending: str, label: str, attempt: Callable[..., Attempt], **options: bool) -> Peer:
-    return Peer(
-        name=f"heyoka{ending}", label=label, module="heyoka", settings=TAYLOR_TOLERANCES,
-        attempt=partial(attempt, fast_math=ending.endswith("fast_math")), **options,
-    )  # fmt: skip
-
-
-def _numpy_peer(tableau: Tableau) -> Peer:
-    return Peer(
-        name=f"numpy_{tableau.name}", label=f"{tableau.label} in plain numpy", module="numpy", stages=tableau.stages,
-        attempt=numpy_splitting(tableau),
-    )  # fmt: skip
-
-
-_heyoka_power = partial(heyoka_taylor, power=True)
-#: Every peer by name, in the order of legends. The smallest tolerance of scipy is 2.3e-14, the default of IAS15 1e-9.
+#: Tolerances of scipy, whose smallest is 2.3e-14.
+SCIPY_TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 3e-14)
+#: Forms of the equations for heyoka: endings of names, labels without and with ``fast_math``, and systems.
+HEYOKA: tuple[tuple[str, tuple[str, str], Callable[..., Attempt], dict[str, bool]], ...] = (
+    ("", ("heyoka (adaptive Taylor)", "heyoka, fast_math"), heyoka_taylor, {}),
+    ("_power", ("heyoka, force as a power", "heyoka, power, fast_math"), partial(heyoka_taylor, power=True),
+     {"gravity_only": True}),
+    ("_regularised", ("heyoka, regularised equations", "heyoka, regularised, fast_math"), heyoka_regularised,
+     {"regularised": True}),
+)  # fmt: skip
+#: Every peer by name, in the order of legends. The default tolerance of IAS15 is 1e-9.
 PEERS = {
     peer.name: peer
     for peer in (
+        Peer("scipy_dop853", "scipy solve_ivp (DOP853, numba)", "scipy", scipy_dop853, SCIPY_TOLERANCES),
+        Peer("scipy_odeint", "scipy odeint (LSODA, numba)", "scipy", scipy_odeint, SCIPY_TOLERANCES),
         *(
-            Peer(name=name, label=label, module="scipy", attempt=attempt,
-                 settings=(1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13, 3e-14))
-            for name, label, attempt in (
-                ("scipy_dop853", "scipy solve_ivp (DOP853, numba)", scipy_dop853),
-                ("scipy_odeint", "scipy odeint (LSODA, numba)", scipy_odeint),
-            )
+            Peer(f"heyoka{form}{ending}", label, "heyoka", partial(attempt, fast_math=bool(ending)), TAYLOR_TOLERANCES,
+                 **only)
+            for form, labels, attempt, only in HEYOKA
+            for ending, label in zip(("", "_fast_math"), labels, strict=True)
         ),
-        _heyoka_peer("", "heyoka (adaptive Taylor)", heyoka_taylor),
-        _heyoka_peer("_fast_math", "heyoka, fast_math", heyoka_taylor),
-        _heyoka_peer("_power", "heyoka, force as a power", _heyoka_power, gravity_only=True),
-        _heyoka_peer("_power_fast_math", "heyoka, power, fast_math", _heyoka_power, gravity_only=True),
-        _heyoka_peer("_regularised", "heyoka, regularised equations", heyoka_regularised, regularised=True),
-        _heyoka_peer("_regularised_fast_math", "heyoka, regularised, fast_math", heyoka_regularised, regularised=True),
-        Peer(name="rebound_ias15", label="rebound IAS15", module="rebound", attempt=rebound_ias15, quadratic_only=True,
-             settings=(1e-2, 1e-4, 1e-6, 1e-9)),
-        Peer(name="rebound_leapfrog8", label="rebound leapfrog, order 8", module="rebound", attempt=rebound_leapfrog8,
-             quadratic_only=True, stages=17),
-        Peer(name="diffrax_dopri8", label="diffrax Dopri8 (JAX, compiled)", module="diffrax", attempt=diffrax_dopri8,
-             settings=(1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)),
-        Peer(name="pyhamsys_bm6", label="pyhamsys BM6", module="pyhamsys", stages=20, attempt=pyhamsys_bm6),
-        _numpy_peer(ABA864),
-        _numpy_peer(BAB9),
-        Peer(name=f"c_{BAB9.name}", label=f"{BAB9.label}, a plain loop in C", module="gcc", stages=BAB9.stages,
-             attempt=c_loop),
+        Peer("rebound_ias15", "rebound IAS15", "rebound", partial(rebound_attempt, integrator="ias15"),
+             (1e-2, 1e-4, 1e-6, 1e-9), quadratic_only=True),
+        Peer("rebound_leapfrog8", "rebound leapfrog, order 8", "rebound",
+             partial(rebound_attempt, integrator="leapfrog"), stages=17, quadratic_only=True),
+        Peer("diffrax_dopri8", "diffrax Dopri8 (JAX, compiled)", "diffrax", diffrax_dopri8, SCIPY_TOLERANCES[:-1]),
+        Peer("pyhamsys_bm6", "pyhamsys BM6", "pyhamsys", pyhamsys_bm6, stages=20),
+        *(
+            Peer(f"numpy_{tableau.name}", f"{tableau.label} in plain numpy", "numpy", numpy_splitting(tableau),
+                 stages=tableau.stages)
+            for tableau in (ABA864, BAB9)
+        ),
+        Peer(f"c_{BAB9.name}", f"{BAB9.label}, a plain loop in C", "gcc", c_loop, stages=BAB9.stages),
     )
 }  # fmt: skip
 

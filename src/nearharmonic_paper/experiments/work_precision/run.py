@@ -23,15 +23,13 @@ from nearharmonic.recommendation.measure import (
     TARGETS,
     Interval,
     Solver,
-    add_calls,
     clock,
     curves_of,
     dataset_of,
+    fastest,
     measured,
-    members_of,
     of_kind,
     quiet,
-    ranking,
     variables,
 )
 from nearharmonic.systems import systems
@@ -168,7 +166,7 @@ def measure(
     attributes.
     """
     tableaus = [integrators[name] for name in methods]
-    groups, told = {}, {}
+    groups, problems = {}, {}
     versions = {f"{library} {version_of(library)}" for library in ("nearharmonic", "numba", "numpy")}
     with pinned() as core:
         facts = machine(core)
@@ -178,15 +176,14 @@ def measure(
                 exact = reference(system, t_end) if "position" in measures else None
                 solvers = solvers_on(Interval(system, t_end, exact), measures, tableaus, sweep, settings)
                 groups[name] = variables(solvers, system.units["t"])
-                versions |= {f"{PEERS[one.method].module} {one.version}" for one in solvers if one.version}
+                versions |= {f"{PEERS[s.method].module} {s.version}" for s in solvers if s.version}
                 source = exact.source if exact else ""
-                told[name] = {"system": system.name, "t_end": t_end, "measures": measures, "reference": source}
+                problems[name] = {"system": system.name, "t_end": t_end, "measures": measures, "reference": source}
     facts["libraries"] = ", ".join(sorted(versions))
     facts["load_average"] = f"{facts['load_average']} before, {machine(core)['load_average']} after"
-    attributes = {**facts, "problems": json.dumps(told)}
-    return {
-        "cube": Contents(variables={}, attributes=attributes, coordinates=("label", "kind", "version"), groups=groups)
-    }
+    attributes = {**facts, "problems": json.dumps(problems)}
+    cube = Contents(variables={}, attributes=attributes, coordinates=("label", "kind", "version"), groups=groups)
+    return {"cube": cube}
 
 
 def intervals(system: System, t_end: str) -> dict[str, tuple[str, tuple[str, ...]]]:
@@ -215,11 +212,7 @@ def solvers_on(
     front = front_runners(curves_of(dataset_of(solvers, "")), measures)
     for solver in solvers:
         if solver.method in front:
-            steps = solver.columns["steps"]
-            solver.columns["members"] = members = np.full(len(steps), np.nan)
-            for i in [i for mode, i in solver.calls if mode == "trajectory"]:
-                members[i] = members_of(here.system, integrators[solver.method], int(steps[i]))
-                add_calls(solver, here, integrators[solver.method], i, ("lanes",))
+            solver.prepare(here, integrators[solver.method], "lanes")
     clock(solvers, ("lanes",))
     return solvers
 
@@ -229,9 +222,6 @@ def front_runners(curves: Iterable[xr.Dataset], measures: Sequence[str]) -> list
 
     Only their ensembles are timed: a slow method is slow in lanes too.
     """
-    own, names = of_kind(curves, "splitting"), []
-    for measure in measures:
-        for target in TARGETS:
-            order = [curve["solver"].item() for curve, found in ranking(own, measure, target) if isfinite(found.time)]
-            names += order[:FRONT]
-    return list(dict.fromkeys(names))
+    own = of_kind(curves, "splitting")
+    leading = (fastest(own, measure, target)[:FRONT] for measure in measures for target in TARGETS)
+    return list(dict.fromkeys(curve["solver"].item() for pairs in leading for curve, _ in pairs))

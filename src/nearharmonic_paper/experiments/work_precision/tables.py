@@ -4,13 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, nan
+from itertools import product
+from math import inf, isfinite, nan
 
-import numpy as np
 import xarray as xr
 
 from nearharmonic.output.table import Table, pipes
-from nearharmonic.recommendation.measure import NAMES, TARGETS, Crossing, Part, crossing, of_kind, ranking, read_parts
+from nearharmonic.recommendation.measure import (
+    NAMES,
+    TARGETS,
+    Crossing,
+    Part,
+    crossing,
+    fastest,
+    of_kind,
+    ranking,
+    read_parts,
+)
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
 from nearharmonic_paper.tasks.provenance import measures_time
@@ -32,11 +42,14 @@ MORE = ("lanes", "energy")
 
 @measures_time
 def time_to_error(system: str, cube: str) -> dict[str, Table | str]:
-    """Return the cost of each method for given errors on one system: a :func:`table`, ``csv``, and a page, ``md``."""
+    """Return the cost of each method for given errors on one system: a table, ``csv``, and a page, ``md``."""
     parts, facts = read_parts(cube, system)
     label = systems[system].label
+    lines = [row for part in parts for row in rows(system, *part)]
+    cells = [[f"{cell:.6g}" if isinstance(cell, float) else str(cell) for cell in row.values()] for row in lines]
+    caption = f"{label}: time and evaluations to reach an error."
     return {
-        "csv": table(label, [row for part in parts for row in rows(system, *part)]),
+        "csv": Table(header=list(lines[0]), rows=cells, caption=caption),
         "md": markdown(label, parts, facts),
     }
 
@@ -46,35 +59,25 @@ def rows(system: str, t_end: str, measures: Sequence[str], curves: Sequence[xr.D
 
     A method without a curve has its reason in ``method_status``.
     """
-    for measure in measures:
-        for target in TARGETS:
-            for rank, (curve, found) in enumerate(ranking(curves, measure, target), start=1):
-                yield {
-                    "system": system,
-                    "t_end": t_end,
-                    "measure": measure,
-                    "target": target,
-                    "rank": rank if isfinite(found.time) else 0,
-                    "method": curve["solver"].item(),
-                    "label": curve["label"].item(),
-                    "kind": curve["kind"].item(),
-                    "status": found.status,
-                    "time_ms": 1e3 * found.time,
-                    **{f"{mode}_time_ms": 1e3 * crossing(curve, measure, target, mode).time for mode in MORE},
-                    "evaluations": found.evaluations,
-                    "tau": found.tau,
-                    "tolerance": found.tolerance,
-                    "method_status": curve["status"].item(),
-                }
-
-
-def table(label: str, lines: Sequence[Row]) -> Table:
-    """Return the lines of :func:`rows`, one at least, as a table of text, floats to six digits."""
-    return Table(
-        header=list(lines[0]),
-        rows=[[f"{c:.6g}" if isinstance(c, float) else str(c) for c in line.values()] for line in lines],
-        caption=f"{label}: time and evaluations to reach an error.",
-    )
+    for measure, target in product(measures, TARGETS):
+        for rank, (curve, at) in enumerate(ranking(curves, measure, target), start=1):
+            yield {
+                "system": system,
+                "t_end": t_end,
+                "measure": measure,
+                "target": target,
+                "rank": rank if isfinite(at.time) else 0,
+                "method": curve["solver"].item(),
+                "label": curve["label"].item(),
+                "kind": curve["kind"].item(),
+                "status": at.status,
+                "time_ms": 1e3 * at.time,
+                **{f"{mode}_time_ms": 1e3 * crossing(curve, measure, target, mode).time for mode in MORE},
+                "evaluations": at.evaluations,
+                "tau": at.tau,
+                "tolerance": at.tolerance,
+                "method_status": curve["status"].item(),
+            }
 
 
 def markdown(label: str, parts: Sequence[Part], facts: Mapping[str, object]) -> str:
@@ -88,9 +91,9 @@ def markdown(label: str, parts: Sequence[Part], facts: Mapping[str, object]) -> 
     for t_end, measures, curves in parts:
         for measure in measures:
             lines += [f"## {NAMES[measure]}, t = {t_end}", "", *_table(measure, curves), ""]
-            lines += [*_winners(measure, curves), ""]
+            lines += ["Fastest:", *(f"- {target:.0e}: {_winner(measure, target, curves)}" for target in TARGETS), ""]
     lines += ["## ns per evaluation of the force, and calls around the kernel", "", *_speeds(parts[0][2]), ""]
-    absent = [f"- {one['label'].item()}: {one['status'].item()}" for one in parts[0][2] if one["status"] != "ok"]
+    absent = [f"- {c['label'].item()}: {c['status'].item()}" for c in parts[0][2] if c["status"] != "ok"]
     return "\n".join([*lines, "## Missing, or ended early", "", *(absent or ["nothing"]), ""])
 
 
@@ -100,54 +103,42 @@ def _table(measure: str, curves: Sequence[xr.Dataset]) -> list[str]:
         label = curve["label"].item()
         cells = [f"*{label}*" if curve["kind"] == "peer" else label]
         for target in TARGETS:
-            found, lanes = crossing(curve, measure, target), crossing(curve, measure, target, "lanes")
-            cells += [milliseconds(found), milliseconds(lanes), count(found.evaluations)]
+            at, lanes = crossing(curve, measure, target), crossing(curve, measure, target, "lanes")
+            number = f"{float(f'{at.evaluations:.3g}'):.0f}" if isfinite(at.evaluations) else "-"
+            cells += [milliseconds(at), milliseconds(lanes), number]
         rows.append(cells)
     columns = [name for target in TARGETS for name in (f"{target:.0e} ms", "lanes", "evaluations")]
     return pipes(["method", *columns], rows, align="lr")
 
 
-def milliseconds(found: Crossing) -> str:
+def milliseconds(at: Crossing) -> str:
     """Return a time in ms to three digits; "-" if there is none."""
-    if not isfinite(found.time):
-        return "-"
-    bound = "<= " if found.status == "below throughout" else ""
-    return f"{bound}{1e3 * found.time:.3g}"
+    bound = "<= " if at.status == "below throughout" else ""
+    return f"{bound}{1e3 * at.time:.3g}" if isfinite(at.time) else "-"
 
 
-def count(number: float) -> str:
-    """Return a number of evaluations to three digits; "-" if there is none."""
-    return f"{float(f'{number:.3g}'):.0f}" if isfinite(number) else "-"
-
-
-def _winners(measure: str, curves: Sequence[xr.Dataset]) -> list[str]:
-    """Return one line for each target: the fastest of all, and the ratio if it is a peer."""
-    lines = []
-    for target in TARGETS:
-        order = [(curve, found) for curve, found in ranking(curves, measure, target) if isfinite(found.time)]
-        if not order:
-            lines.append(f"- {target:.0e}: reached by none")
-            continue
-        (first, best), own = order[0], [pair for pair in order if pair[0]["kind"] == "splitting"]
-        says = f"{first['label'].item()}, {milliseconds(best)} ms"
-        if first["kind"] == "peer":
-            ratio = f"{own[0][1].time / best.time:.3g} times as fast as {own[0][0]['label'].item()}" if own else "alone"
-            says = f"**a peer wins**: {says}, {ratio}"
-        lines.append(f"- {target:.0e}: {says}")
-    return ["Fastest:", *lines]
-
-
-def ns_per_evaluation(curve: xr.Dataset, mode: str = "trajectory") -> float:
-    """Return the least nanoseconds per evaluation of the force on a curve; NaN if it was not timed."""
-    each = (curve[f"time_{mode}"] / curve["evaluations"].where(curve["evaluations"] > 0)).values
-    return float(1e9 * min(each[np.isfinite(each)], default=nan))
+def _winner(measure: str, target: float, curves: Sequence[xr.Dataset]) -> str:
+    """Return the fastest of all in words, with the ratio if it is a peer."""
+    order = fastest(curves, measure, target)
+    if not order:
+        return "reached by none"
+    (first, best), own = order[0], [pair for pair in order if pair[0]["kind"] == "splitting"]
+    words = f"{first['label'].item()}, {milliseconds(best)} ms"
+    if first["kind"] == "splitting":
+        return words
+    ratio = f"{own[0][1].time / best.time:.3g} times as fast as {own[0][0]['label'].item()}" if own else "alone"
+    return f"**a peer wins**: {words}, {ratio}"
 
 
 def _speeds(curves: Sequence[xr.Dataset]) -> list[str]:
     columns = ["one trajectory", "each of an ensemble", "energy at every step", "a call, us", "whole sweep, ms"]
     rows = []
     for curve in curves:
-        numbers = [ns_per_evaluation(curve, mode) for mode in ("trajectory", "lanes", "energy")]
+        forces = curve["evaluations"].where(curve["evaluations"] > 0)
+        numbers = [
+            1e9 * float((curve[f"time_{mode}"] / forces).fillna(inf).values.min(initial=inf))
+            for mode in ("trajectory", *MORE)
+        ]
         numbers += [1e6 * curve["setup"].item(), 1e3 * curve["sweep"].item()]
         if any(map(isfinite, numbers)):
             rows.append([curve["label"].item(), *(f"{x:.3g}" if isfinite(x) else "-" for x in numbers)])
@@ -162,8 +153,8 @@ STANDARD = "heyoka"
 ERRORS = (1e-6, 1e-9, 1e-12)
 #: Kinds of errors of a work-precision curve that are compared, with their names in tables.
 COMPARED_MEASURES = {"max": "energy", "position": "position"}
-#: Largest relative difference of initial energies of equal systems.
-SAME_ENERGY = 1e-12
+#: What equal systems have in common, and the largest relative difference of their initial energies.
+SAME, SAME_ENERGY = ("q0", "p0", "units"), 1e-12
 #: Text in titles by mode of the timing.
 COMPARED = {"trajectory": "one trajectory", "lanes": "ensembles"}
 
@@ -198,15 +189,14 @@ class Pair:
         """The label of the system in titles."""
         return systems[self.system].label
 
-    def fastest(self, error: float, mode: str, *, others: bool = False) -> list[tuple[xr.Dataset, Crossing]]:
-        """This package's methods, or other libraries' solvers, that reach ``error``, the fastest first."""
-        curves = self.others if others else self.own
-        return [found for found in ranking(curves, self.measure, error, mode) if isfinite(found[1].time)]
+    def fastest(self, error: float, mode: str) -> list[tuple[xr.Dataset, Crossing]]:
+        """This package's methods that reach ``error``, the fastest first."""
+        return fastest(self.own, self.measure, error, mode)
 
     def standard(self, error: float, mode: str) -> float:
         """Return the seconds of the reference library, NaN if it was not timed."""
-        times = (crossing(one, self.measure, error, mode).time for one in self.others if one["solver"] == STANDARD)
-        return next(times, nan)
+        timed = (curve for curve in self.others if curve["solver"] == STANDARD)
+        return next((crossing(curve, self.measure, error, mode).time for curve in timed), nan)
 
 
 def original_of(name: str, names: Sequence[str]) -> str:
@@ -215,16 +205,15 @@ def original_of(name: str, names: Sequence[str]) -> str:
     The original system has no regularisation, but equal initial values, units and energy.
     """
     system = systems[name]
-    if system.regularisation is None:
-        return ""
-    return next((other for other in names if _is_original(systems[other], system)), "")
 
+    def is_original(other: System) -> bool:
+        if other.regularisation is not None or any(getattr(other, x) != getattr(system, x) for x in SAME):
+            return False
+        H, given = (each.energy(*each.start(float), each.constants(float)) for each in (other, system))
+        return bool(abs(H - given) <= SAME_ENERGY * abs(given))
 
-def _is_original(other: System, system: System) -> bool:
-    if other.regularisation is not None or (other.q0, other.p0, other.units) != (system.q0, system.p0, system.units):
-        return False
-    H, given = (each.energy(*each.start(float), each.constants(float)) for each in (other, system))
-    return bool(abs(H - given) <= SAME_ENERGY * abs(given))
+    regularised = system.regularisation is not None
+    return next((other for other in names if regularised and is_original(systems[other])), "")
 
 
 def pairs(
@@ -240,18 +229,16 @@ def pairs(
     for name in names:
         parts, facts = read_parts(cube, name, quartile)
         measured.update((name, (end, curves)) for end, measures, curves in parts if measure in measures)
-    return [_pair(name, measured, measure) for name in measured], facts
-
-
-def _pair(name: str, measured: Mapping[str, tuple[str, Sequence[xr.Dataset]]], measure: str) -> Pair:
-    end, curves = measured[name]
-    original = original_of(name, [other for other, (its_end, _) in measured.items() if its_end == end])
-    originals = measured[original][1] if original else []
-    return Pair(
-        system=name, t_end=end, measure=measure, original=original, own=of_kind(curves, "splitting"),
-        others=[curve for curve in of_kind([*originals, *curves], "peer") if curve.sizes["point"]],
-        own_original=of_kind(originals, "splitting"),
-    )  # fmt: skip
+    compared = []
+    for name, (end, curves) in measured.items():
+        original = original_of(name, [other for other, (its_end, _) in measured.items() if its_end == end])
+        originals = measured[original][1] if original else []
+        compared.append(Pair(
+            system=name, t_end=end, measure=measure, original=original, own=of_kind(curves, "splitting"),
+            others=[curve for curve in of_kind([*originals, *curves], "peer") if curve.sizes["point"]],
+            own_original=of_kind(originals, "splitting"),
+        ))  # fmt: skip
+    return compared, facts
 
 
 HEADER = (
@@ -272,8 +259,7 @@ def comparison(names: Sequence[str], cube: str) -> dict[str, Table]:
     )
     rows = [
         row
-        for mode in COMPARED
-        for measure in COMPARED_MEASURES
+        for mode, measure in product(COMPARED, COMPARED_MEASURES)
         for pair, median in zip(least[measure], medians[measure], strict=True)
         for row in _rows(pair, median, mode)
     ]
@@ -282,20 +268,16 @@ def comparison(names: Sequence[str], cube: str) -> dict[str, Table]:
 
 def _rows(least: Pair, median: Pair, mode: str) -> Iterator[list[object]]:
     for error in ERRORS:
-        own, others = least.fastest(error, mode), least.fastest(error, mode, others=True)
+        own, others = least.fastest(error, mode), fastest(least.others, least.measure, error, mode)
         if not own:
             continue
-        (curve, found), standard = own[0], least.standard(error, mode)
+        (curve, at), standard = own[0], least.standard(error, mode)
         medians = [there.time for same, there in median.fastest(error, mode) if same["solver"] == curve["solver"]]
         other, other_time = (others[0][0]["label"].item(), others[0][1].time) if others else ("", nan)
+        nearest = abs(curve["tau"].values / at.tau - 1).argmin()
         yield [
             COMPARED[mode], least.label, COMPARED_MEASURES[least.measure], f"{error:.0e}", curve["label"].item(),
-            _sums(curve, found), 1e3 * found.time, 1e3 * standard, found.time / standard,
-            medians[0] / median.standard(error, mode), other, 1e3 * other_time, found.time / other_time,
+            "compensated" if curve["compensated"][nearest] else "plain", 1e3 * at.time, 1e3 * standard,
+            at.time / standard, medians[0] / median.standard(error, mode), other, 1e3 * other_time,
+            at.time / other_time,
         ]  # fmt: skip
-
-
-def _sums(curve: xr.Dataset, found: Crossing) -> str:
-    """Return the summation at the setting nearest to the error."""
-    nearest = abs(curve["tau"].values / found.tau - 1).argmin()
-    return "compensated" if curve["compensated"][nearest] else "plain"

@@ -17,11 +17,7 @@ from nearharmonic.engine.reference import position_t_end, reference
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.integrators import integrators
 from nearharmonic.output import store
-from nearharmonic.recommendation.measure import (
-    Interval,
-    Solver,
-    variables,
-)
+from nearharmonic.recommendation.measure import Interval, Solver, variables
 from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.work_precision import WorkPrecisionSettings
 from nearharmonic_paper.experiments.work_precision import tables as comparisons
