@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import atexit
+import gc
 import json
 import os
 import sys
@@ -160,36 +161,54 @@ class SourceCache:
 @cache
 def parsed(text: bytes) -> Source:
     """Return digest and imports of a source file; imports under TYPE_CHECKING are left out."""
-    tree = ast.parse(text)
-    imports: set[str] = set()
-    for node in _statements(tree, skip=_is_for_type_checker):
-        if isinstance(node, ast.Import):
-            imports.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):  # a relative name keeps its dots
-            base, joint = "." * node.level + (node.module or ""), "." if node.module else ""
-            imports.update([base, *(f"{base}{joint}{alias.name}" for alias in node.names)])
-    return Source(_tree_digest(tree), tuple(sorted(imports)))
+    collects = gc.isenabled()
+    gc.disable()  # a tree is many objects and no garbage: collections would take three quarters of the time
+    try:
+        tree = ast.parse(text)
+        return Source(_tree_digest(tree), tuple(sorted({*_imports_in(tree)})))
+    finally:
+        if collects:
+            gc.enable()
 
 
 def _tree_digest(tree: ast.Module) -> str:
+    """Return the SHA-256 of the syntax tree without docstrings, its nodes and their fields in order.
+
+    ``ast.dump`` takes thrice as long. Contexts, such as that of a name that is assigned to, follow from the rest.
+    """
+    told: list[str] = []
     documented = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
-    for node in [*_statements(tree)]:
-        if isinstance(node, documented) and ast.get_docstring(node, clean=False):
-            del node.body[0]
-    return sha256(ast.dump(tree).encode()).hexdigest()
+
+    def tell(part: Any) -> None:
+        if isinstance(part, ast.AST):
+            if isinstance(part, documented) and ast.get_docstring(part, clean=False):
+                del part.body[0]
+            told.append(type(part).__name__)
+            for name in part._fields:
+                if name != "ctx":
+                    tell(getattr(part, name, None))
+        elif isinstance(part, list):
+            told.append(f"{len(part)}")
+            for member in part:
+                tell(member)
+        else:
+            told.append(repr(part))
+
+    tell(tree)
+    return sha256(" ".join(told).encode()).hexdigest()
 
 
-def _is_for_type_checker(node: ast.AST) -> bool:
-    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
-
-
-def _statements(tree: ast.AST, skip: Callable[[ast.AST], bool] = lambda _: False) -> Iterator[ast.AST]:
-    """Yield ``tree`` and all its statements, at any depth. Expressions, which are most nodes, are not visited."""
-    waiting = [tree]
+def _imports_in(tree: ast.Module) -> Iterator[str]:
+    """Yield the dotted names of imports at any depth, a relative one with its dots; expressions are not visited."""
+    waiting: list[ast.AST] = [tree]
     while waiting:
         node = waiting.pop()
-        if not skip(node):
-            yield node
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base, joint = "." * node.level + (node.module or ""), "." if node.module else ""
+            yield from (base, *(f"{base}{joint}{alias.name}" for alias in node.names))
+        elif not (isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"):
             for part in ("body", "orelse", "finalbody", "handlers", "cases"):
                 waiting += getattr(node, part, ())
 

@@ -11,9 +11,10 @@ import re
 from collections.abc import Mapping
 from functools import cache
 from pathlib import PurePosixPath
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NotRequired
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError, with_config
+from typing_extensions import TypedDict  # pydantic asks for this one below Python 3.12
 
 from nearharmonic.errors import shown
 
@@ -33,43 +34,41 @@ Name = Annotated[str, AfterValidator(_inside)]
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 Count = Annotated[int, Field(ge=0, lt=2**63)]
 Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Plain = ConfigDict(strict=True, extra="allow")
+_open = with_config(ConfigDict(strict=True, extra="allow"))
+_closed = with_config(ConfigDict(strict=True, extra="forbid"))
 
 
-class OwnSystem(BaseModel):
+@_closed
+class OwnSystem(TypedDict, total=False):
     """Definition of a user's system."""
 
-    model_config = ConfigDict(strict=True, extra="forbid")
-    file: str | None = None
-    base: str | None = None
-    label: str | None = None
-    q0: list[str] | None = None
-    p0: list[str] | None = None
-    parameters: list[Annotated[list[str], Field(min_length=2, max_length=2)]] = []
-    energy: str | None = None
+    file: str | None
+    base: str | None
+    label: str | None
+    q0: list[str] | None
+    p0: list[str] | None
+    parameters: list[Annotated[list[str], Field(min_length=2, max_length=2)]]
+    energy: str | None
 
 
-class OwnIntegrator(BaseModel):
+@_closed
+class OwnIntegrator(TypedDict):
     """Definition of a user's integrator."""
 
-    model_config = ConfigDict(strict=True, extra="forbid")
     file: str
     written: str
-    base: None = None
+    base: NotRequired[None]
 
 
-class Definitions(BaseModel):
+@_closed
+class Definitions(TypedDict, total=False):
     """Definitions of users' systems and integrators."""
 
-    model_config = ConfigDict(strict=True, extra="forbid")
-    systems: dict[str, OwnSystem] = {}
-    integrators: dict[str, OwnIntegrator] = {}
+    systems: dict[str, OwnSystem]
+    integrators: dict[str, OwnIntegrator]
 
 
-class Entry(BaseModel):
-    """Entry of a file in the manifest."""
-
-    model_config = Plain
+class _Made(TypedDict):
     size: Count
     sha256: Digest
     function: Annotated[str, Field(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$")]
@@ -78,13 +77,20 @@ class Entry(BaseModel):
     systems: list[str]
     integrators: list[str]
     volatile: list[str]
-    settings: str | None = None
-    evaluations: Count | None = None
-    inputs: dict[Name, str] = {}
-    definitions: Definitions = Definitions()
+    definitions: NotRequired[Definitions]
 
 
-class ReceiptEntry(Entry):
+@_open
+class Entry(_Made, total=False):
+    """Entry of a file in the manifest."""
+
+    settings: str | None
+    evaluations: Count | None
+    inputs: dict[Name, str]
+
+
+@_open
+class ReceiptEntry(_Made):
     """Entry of a file in a receipt."""
 
     modified: Annotated[int, Field(ge=-(2**63), lt=2**63)]
@@ -94,74 +100,77 @@ class ReceiptEntry(Entry):
     run: str | None
 
 
-class Manifest(BaseModel):
+@_open
+class Manifest(TypedDict):
     """A manifest without its seal."""
 
-    model_config = Plain
     format: Literal["nearharmonic manifest 1"]
     files: dict[Name, Entry]
-    configfiles: list[str] = []
-    changed: list[Name] = []
-    former: list[Name] = []
-    unrecorded: list[Name] = []
+    configfiles: NotRequired[list[str]]
+    changed: NotRequired[list[Name]]
+    former: NotRequired[list[Name]]
+    unrecorded: NotRequired[list[Name]]
 
 
-class Processor(BaseModel):
+@_open
+class Processor(TypedDict, total=False):
     """The processor of a run."""
 
-    model_config = Plain
-    model: str | None = None
-    features: list[str] = []
+    model: str | None
+    features: list[str]
 
 
-class Process(BaseModel):
+@_open
+class Process(TypedDict):
     """The process of an unfinished run."""
 
-    model_config = Plain
     host: str
     number: Count
     created: Seconds
 
 
-class HistoryLine(BaseModel):
-    """A run in the history."""
-
-    model_config = Plain
-    id: Annotated[str, Field(pattern=r"^[\w.-]{1,100}$")]
+class _Started(TypedDict):
+    id: Annotated[str, Field(pattern=r"^[\w.-]+$", max_length=100)]
     start: str
     config: dict[str, Any]
-    status: str | None = None
-    exit_status: int | None = None
-    end: str | None = None
-    duration: Seconds | None = None
-    cpu_seconds: Seconds | None = None
-    cores: Count | None = None
-    command: list[str] | None = None
-    targets: list[str] | None = None
-    commit: str | None = None
-    dirty: bool | None = None
-    work: str | None = None
-    config_digest: str | None = None
-    code_digest: str | None = None
-    coefficients_digest: str | None = None
-    versions: dict[str, str] | None = None
-    user_files: dict[str, str] = {}
-    platform: str | None = None
-    cpu: Processor | None = None
-    jobs_run: Count | None = None
-    jobs_reused: Count | None = None
-    evaluations: Count | None = None
-    evaluations_skipped: int | None = None
-    made: list[Name] | None = None
-    process: Process | None = None
 
 
-class Settings(BaseModel):
+@_open
+class HistoryLine(_Started, total=False):
+    """A run in the history."""
+
+    status: str | None
+    exit_status: int | None
+    end: str | None
+    duration: Seconds | None
+    cpu_seconds: Seconds | None
+    cores: Count | None
+    command: list[str] | None
+    targets: list[str] | None
+    commit: str | None
+    dirty: bool | None
+    work: str | None
+    config_digest: str | None
+    code_digest: str | None
+    coefficients_digest: str | None
+    versions: dict[str, str] | None
+    user_files: dict[str, str]
+    platform: str | None
+    cpu: Processor | None
+    jobs_run: Count | None
+    jobs_reused: Count | None
+    evaluations: Count | None
+    evaluations_skipped: int | None
+    made: list[Name] | None
+    process: Process | None
+
+
+@_open
+class Settings(TypedDict, total=False):
     """The settings of a job in an attribute of its file."""
 
-    model_config = Plain
-    sweep: dict[str, Any] = {}
-    definitions: Definitions = Definitions()
+    sweep: dict[str, Any]
+    definitions: Definitions
 
 
 _KINDS: Mapping[str, Any] = {
