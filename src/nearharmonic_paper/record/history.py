@@ -20,7 +20,7 @@ from typing import Any
 
 from nearharmonic.errors import SettingError, unknown_name
 from nearharmonic.output.atomic import digest_of, read_bytes, sealed, write_text
-from nearharmonic_paper.tasks.provenance import MARKED, names_made_by
+from nearharmonic_paper.tasks.provenance import MARKED, names_made_by, receipts_in
 
 # --- Lines of a history: each one is sealed and holds the digest of the line before.
 #
@@ -191,7 +191,7 @@ def close_killed(folder: Path) -> list[str]:
             continue
         told = {key: value for key, value in run.items() if key != "process"}
         status = "damaged" if run.get("status") == "damaged" else "killed"  # nothing is known of the former
-        append(folder, told | {"status": status, "made": names_made_by(folder, run["id"])})
+        append(folder, told | {"status": status, "made": names_made_by(receipts_in(folder), run["id"])})
         claimed.unlink()
         closed.append(str(run["id"]))
     return closed

@@ -11,6 +11,7 @@ import fcntl
 import json
 import os
 import platform
+import re
 import secrets
 import shutil
 import subprocess
@@ -36,6 +37,7 @@ from nearharmonic_paper.tasks.provenance import (
     PACKAGES,
     ROOT,
     RUN,
+    Receipts,
     coefficients_digest,
     damaged_receipts,
     digest_of_file,
@@ -113,16 +115,11 @@ def revision(folder: Path) -> dict[str, Any]:
 
     Without git this is an OSError.
     """
-    commit = _git(folder, "rev-parse", "HEAD")
-    status = None if commit is None else _git(folder, "status", "--porcelain")
-    return {"commit": commit, "dirty": None if status is None else bool(status)}
-
-
-def _git(folder: Path, *arguments: str) -> str | None:
-    done = subprocess.run(
-        ["git", "-C", str(folder), *arguments], capture_output=True, text=True, check=False, timeout=20
-    )
-    return done.stdout.strip() if done.returncode == 0 else None
+    command = ["git", "-C", str(folder), "status", "--porcelain=v2", "--branch"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=20)
+    commit = re.search(r"^# branch\.oid ([0-9a-f]+)$", done.stdout, re.MULTILINE)  # no match before the first commit
+    changed = any(not line.startswith("#") for line in done.stdout.splitlines())
+    return {"commit": commit[1], "dirty": changed} if commit else {"commit": None, "dirty": None}
 
 
 # --- State of a folder of results at the end of a run: sizes and times of all its files, and the end of its history.
@@ -136,12 +133,12 @@ RECORD = (history.HISTORY, manifest.MANIFEST)
 Observed = list[int] | None
 
 
-def save(folder: Path, makeable: Iterable[str]) -> None:
+def save(folder: Path, makeable: Iterable[str], receipts: Receipts) -> None:
     """Write the state of ``folder`` after a run; files that are not as their job wrote them count as unknown."""
     told = manifest.read(folder)
     unknown = {*told["changed"], *told["unrecorded"]}
-    receipts = (place.relative_to(folder).as_posix() for place, _ in receipts_in(folder))
-    names = sorted({*makeable, *told["files"], *RECORD, *receipts} - unknown)
+    places = (place.relative_to(folder).as_posix() for place, _ in receipts)
+    names = sorted({*makeable, *told["files"], *RECORD, *places} - unknown)
     files = {name: _observed(folder, name) for name in names} | {name: [] for name in sorted(unknown)}
     lines = history.lines_of(folder / history.HISTORY)
     head = lost_line(folder) or (lines[-1].digest if lines else None)
@@ -310,7 +307,7 @@ class WorkflowRun:
                 remove_parts(self._folder)
             with self._warning("damaged receipts are not removed"):
                 self._remove_damaged_receipts()
-            self._complete()
+            self._complete(receipts_in(self._folder))
         with self._warning("damaged files are not made again"):
             atexit.register(restore, self._folder)
             for name in damaged_files(self._folder, self._makeable, different):
@@ -345,23 +342,23 @@ class WorkflowRun:
     def end(self, exit_status: int) -> None:
         """Write manifest and history at the end of a run, whose ``exit_status`` is that of Snakemake."""
         restore(self._folder)
-        ended = datetime.now(UTC)
+        receipts, ended = receipts_in(self._folder), datetime.now(UTC)
         self._told |= {
             "status": "failed" if exit_status else "ok",
             "exit_status": exit_status,
             "end": _stamp(ended),
             "duration": round((ended - self._began).total_seconds(), 3),
             "cpu_seconds": round(sum(os.times()[:4]), 2),
-            "made": names_made_by(self._folder, self.id),
+            "made": names_made_by(receipts, self.id),
         }
         with self._warning("the evaluations are not recorded"):
-            self._told |= self._counts()
-        self._complete(ends=True)
+            self._told |= self._counts(receipts)
+        self._complete(receipts, ends=True)
 
-    def _complete(self, *, ends: bool = False) -> None:
+    def _complete(self, receipts: Receipts, *, ends: bool = False) -> None:
         """Write the manifest, the line of the history if the run ``ends``, and the state for the next start."""
         with self._warning("the manifest is not written"):
-            changed = manifest.write(self._folder, self._makeable, self._configfiles)
+            changed = manifest.write(self._folder, self._makeable, self._configfiles, receipts)
             if changed:
                 self._warn("", f"changed since their jobs wrote them: {', '.join(changed)} in {self._folder}")
         if ends:
@@ -371,7 +368,7 @@ class WorkflowRun:
                 finally:
                     history.unmark(self._folder, self.id)
         with self._warning("the next start looks at all files"):
-            save(self._folder, self._makeable)
+            save(self._folder, self._makeable, receipts)
 
     def _remove_damaged_receipts(self) -> None:
         """Remove damaged receipts: the manifest has the entries of their files, or their jobs run again."""
@@ -387,12 +384,11 @@ class WorkflowRun:
         """Return True if a job of this run made the file ``name``."""
         return name in self._told.get("made", ())
 
-    def _counts(self) -> dict[str, int | None]:
+    def _counts(self, receipts: Receipts) -> dict[str, int | None]:
         """Numbers of jobs that ran and of those whose results were there, and of evaluations."""
-        new: list[dict[str, dict[str, Any]]] = []
-        old: list[dict[str, dict[str, Any]]] = []
-        for place, files in receipts_in(self._folder):
-            (new if place.stat().st_mtime >= self._began.timestamp() else old).append(files)
+        began = self._began.timestamp()
+        new = [files for place, files in receipts if place.stat().st_mtime >= began]
+        old = [files for place, files in receipts if place.stat().st_mtime < began]
         counts: dict[str, int | None] = {
             "jobs_run": len(new),
             "jobs_reused": sum(not files.keys().isdisjoint(self._makeable) for files in old),

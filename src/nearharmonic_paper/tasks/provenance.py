@@ -536,9 +536,13 @@ def folder_of(log: str | os.PathLike[str]) -> Path:
     return Path(*parts[:end])
 
 
-def receipts_in(folder: Path) -> Iterator[tuple[Path, dict[str, dict[str, Any]]]]:
-    """Yield place and files by name of each receipt in a folder of results; damaged receipts are skipped."""
-    yield from ((place, files) for place, files in _receipts(folder) if files is not None)
+#: Place and files by name of each receipt.
+Receipts = Iterable[tuple[Path, Mapping[str, dict[str, Any]]]]
+
+
+def receipts_in(folder: Path) -> Receipts:
+    """Return place and files by name of each receipt in a folder of results; damaged receipts are skipped."""
+    return [(place, files) for place, files in _receipts(folder) if files is not None]
 
 
 def damaged_receipts(folder: Path) -> list[Path]:
@@ -546,10 +550,9 @@ def damaged_receipts(folder: Path) -> list[Path]:
     return [place for place, files in _receipts(folder) if files is None]
 
 
-def names_made_by(folder: Path, run: str) -> list[str]:
+def names_made_by(receipts: Receipts, run: str) -> list[str]:
     """Return the sorted names of the files that jobs of the workflow run with this id made."""
-    made = (name for _, files in receipts_in(folder) for name, entry in files.items() if entry["run"] == run)
-    return sorted(made)
+    return sorted(name for _, files in receipts for name, entry in files.items() if entry["run"] == run)
 
 
 def _receipts(folder: Path) -> Iterator[tuple[Path, dict[str, dict[str, Any]] | None]]:
