@@ -66,10 +66,10 @@ def write(
 ) -> list[str]:
     """Write the manifest of ``folder`` from its receipts, and from the previous manifest if a receipt is lost.
 
-    The ``receipts`` are read unless they are given. ``makeable`` are the names of all files that jobs of the present config make, any by default: a missing one of them
-    stays in the list. ``configfiles`` are the files of the config. The names of files that have changed after their job
-    wrote them are returned, sorted; their entries keep the original digest. A manifest that cannot be written is an
-    OSError.
+    ``makeable`` are the names of all files that jobs of the present config make, any by default: a missing one of them
+    stays in the list. ``configfiles`` are the files of the config. The ``receipts`` are read unless given. The names of
+    files that have changed after their job wrote them are returned, sorted; their entries keep the original digest. A
+    manifest that cannot be written is an OSError.
     """
     entries = entries_of(folder, receipts)
     there = set(names_in(folder))
