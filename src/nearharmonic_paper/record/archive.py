@@ -325,7 +325,7 @@ class UserFiles:
         self._integrators: dict[str, Path] = {}
         for defined in (entry.get("definitions", {}) for entry in entries):
             systems = defined.get("systems", {})
-            self._systems |= {name: Path(one["file"]) for name, one in systems.items() if one["file"] is not None}
+            self._systems |= {name: Path(own["file"]) for name, own in systems.items() if own["file"] is not None}
             methods = defined.get("integrators", {}).values()
             self._integrators |= {method["written"]: Path(method["file"]) for method in methods}
         self._paths = (*self._systems.values(), *self._integrators.values())

@@ -361,8 +361,8 @@ def _instrument(crate: Any, run: Run, about: Archive) -> Any:
         "url": about.homepage,
         "description": f"{about.cited['title']}; commit {commit or 'unknown'}{changed}, code {run['code_digest']}",
         "softwareRequirements": [
-            _add(crate, f"#{name}-{one}", "SoftwareApplication", name=name, version=one, url=HOMES[name])
-            for name, one in sorted(versions.items())
+            _add(crate, f"#{name}-{number}", "SoftwareApplication", name=name, version=number, url=HOMES[name])
+            for name, number in sorted(versions.items())
             if name in HOMES
         ],
     }

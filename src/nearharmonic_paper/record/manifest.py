@@ -45,17 +45,17 @@ def read(folder: Path) -> dict[str, Any]:
     """
     from nearharmonic_paper.tasks.schema import complaint
 
-    place, found = folder / MANIFEST, None
+    place, document = folder / MANIFEST, None
     try:
-        found = opened(read_text(place))
-        fault = "is damaged" if found is None else complaint("manifest", found)
+        document = opened(read_text(place))
+        fault = "is damaged" if document is None else complaint("manifest", document)
     except FileNotFoundError:
         fault = "does not exist"
     except (OSError, ValueError):
         fault = "is damaged"
-    if fault or found is None:
+    if fault or document is None:
         raise ResultFileError(f"{place} {fault}. Make it again: {command_for(folder / 'report.html')}")
-    return {"configfiles": [], "former": [], "unrecorded": [], **found}
+    return {"configfiles": [], "former": [], "unrecorded": [], **document}
 
 
 def write(
@@ -226,11 +226,8 @@ def check_trusted(folder: Path, given: Iterable[str]) -> None:
 
 def recorded_digests(folder: Path) -> dict[str, str]:
     """Return the digest of the code of each user's file, by absolute path, as its newest run has recorded it."""
-    found: dict[str, str] = {}
-    for _, run in runs_newest_first([folder]):
-        for file, digest in run.get("user_files", {}).items():
-            found.setdefault(_key(file), digest)
-    return found
+    runs = [run.get("user_files", {}) for _, run in reversed(runs_newest_first([folder]))]
+    return {_key(file): digest for files in runs for file, digest in files.items()}
 
 
 def is_edited(file: str | os.PathLike[str], recorded: Mapping[str, str]) -> bool:

@@ -17,7 +17,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -88,13 +88,11 @@ def package_digest(root: Path = ROOT) -> str:
 
 def versions() -> dict[str, str]:
     """Return the versions of Python, of this package and of the installed :data:`LIBRARIES`."""
-    found = {"python": platform.python_version()}
+    installed = {"python": platform.python_version()}
     for name in (PACKAGE, *LIBRARIES):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found
+        with suppress(PackageNotFoundError):
+            installed[name] = version(name)
+    return installed
 
 
 def machine() -> dict[str, Any]:
@@ -172,11 +170,11 @@ def damaged_files(folder: Path, makeable: Collection[str], different: Collection
     names = set(makeable) if different is None else set(makeable).intersection(different)
     there = [name for name in sorted(names) if os.path.lexists(folder / name)]
     entries = manifest.entries_of(folder) if there else {}
-    found = {name for name in there if name not in entries or manifest.is_changed(folder / name, entries[name])}
+    damaged = {name for name in there if name not in entries or manifest.is_changed(folder / name, entries[name])}
     inputs = {name: set(entry.get("inputs", ())) for name, entry in entries.items()}
-    while more := {name for name in makeable if found & inputs.get(name, set())} - found:
-        found |= more
-    return sorted(name for name in found if os.path.lexists(folder / name))
+    while more := {name for name in makeable if damaged & inputs.get(name, set())} - damaged:
+        damaged |= more
+    return sorted(name for name in damaged if os.path.lexists(folder / name))
 
 
 def _saved(folder: Path) -> dict[str, Any]:
@@ -190,10 +188,10 @@ def _saved(folder: Path) -> dict[str, Any]:
 def _observed(folder: Path, name: str) -> Observed:
     """Return size and time of a file; None if there is none."""
     try:
-        found = os.stat(f"{folder}/{name}")  # noqa: PTH116 - pathlib takes longer than the system
+        state = os.stat(f"{folder}/{name}")  # noqa: PTH116 - pathlib takes longer than the system
     except OSError:
         return None
-    return [found.st_size, found.st_mtime_ns]
+    return [state.st_size, state.st_mtime_ns]
 
 
 def _is_broken(folder: Path, name: str) -> bool:

@@ -68,14 +68,14 @@ def path_of(module: str, root: Path) -> Path:
 
 def reached(starts: Iterable[Node], following: Callable[[Node], Iterable[Node]]) -> set[Node]:
     """Return ``starts`` and all that follows from them, directly or not."""
-    found: set[Node] = set()
+    visited: set[Node] = set()
     waiting = list(starts)
     while waiting:
-        one = waiting.pop()
-        if one not in found:
-            found.add(one)
-            waiting += following(one)
-    return found
+        node = waiting.pop()
+        if node not in visited:
+            visited.add(node)
+            waiting += following(node)
+    return visited
 
 
 class _Modules:
@@ -87,8 +87,8 @@ class _Modules:
         self._is_module = cache(lambda name: path_of(name, root).is_file())
 
     def _closure(self, modules: tuple[str, ...]) -> tuple[str, ...]:
-        found = reached(modules, lambda name: [] if name in PACKAGES else [_above(name), *self._imported(name)])
-        return tuple(sorted(found - {*PACKAGES}))
+        names = reached(modules, lambda name: [] if name in PACKAGES else [_above(name), *self._imported(name)])
+        return tuple(sorted(names - {*PACKAGES}))
 
     def _source(self, module: str) -> Source:
         path = path_of(module, self._root)
@@ -100,15 +100,15 @@ class _Modules:
         """Return the modules of the package that ``module`` imports; an imported name may be that of a function."""
         is_package = path_of(module, self._root).name == "__init__.py"
         folders = (module if is_package else _above(module)).split(".")
-        found = []
+        imported = []
         for written in self.source(module).imports:
             name = written.lstrip(".")
             level = len(written) - len(name)
             if level:
                 name = ".".join([*folders[: len(folders) - level + 1], *([name] if name else [])])
             if name.split(".")[0] in PACKAGES:
-                found += [place for place in (name, _above(name)) if place and self._is_module(place)]
-        return found
+                imported += [place for place in (name, _above(name)) if place and self._is_module(place)]
+        return imported
 
 
 def _above(name: str) -> str:
@@ -239,7 +239,7 @@ def _beside(folder: Path, path: Path) -> Iterator[Path]:
         for end in range(1, len(parts) + 1):
             stem = start.joinpath(*parts[:end])
             beside = (stem.with_suffix(".py"), stem / "__init__.py")
-            yield from (one for one in beside if one.is_relative_to(folder) and is_file(one))
+            yield from (file for file in beside if file.is_relative_to(folder) and is_file(file))
 
 
 def package_modules_of(place: str | os.PathLike[str]) -> set[str]:
@@ -277,12 +277,13 @@ def definitions_of(problems: Iterable[str], methods: Iterable[str]) -> Definitio
     """Return the definitions of users' systems and integrators, by kind and name; {} if there are none."""
     defined = {"systems": (systems.definitions, problems), "integrators": (integrators.definitions, methods)}
     chosen = {kind: {n: every[n] for n in names if n in every} for kind, (every, names) in defined.items()}
-    return {kind: found for kind, found in chosen.items() if found}
+    return {kind: members for kind, members in chosen.items() if members}
 
 
 def files_in(definitions: Definitions) -> list[str]:
     """Return the paths of the users' files, sorted."""
-    return sorted({one.file for members in definitions.values() for one in members.values() if one.file is not None})
+    every = (definition for members in definitions.values() for definition in members.values())
+    return sorted({definition.file for definition in every if definition.file is not None})
 
 
 @contextmanager
@@ -301,8 +302,8 @@ def read_definitions(document: Mapping[str, Mapping[str, Mapping[str, Any]]]) ->
     try:
         return {
             kind: {
-                name: kinds[kind](**{key: _frozen(value) for key, value in one.items()})
-                for name, one in members.items()
+                name: kinds[kind](**{key: _frozen(value) for key, value in told.items()})
+                for name, told in members.items()
             }
             for kind, members in document.items()
         }
@@ -358,7 +359,7 @@ def digests(function: str, problems: Iterable[str], methods: Iterable[str]) -> d
     """Return ``code`` and ``coefficients`` of a task from its function and the names of its systems and integrators."""
     names = list(problems)
     coefficients = coefficients_digest(integrators[name] for name in methods)
-    files = {name: one.file for name, one in systems.definitions.items() if name in names and one.file is not None}
+    files = {name: own.file for name, own in systems.definitions.items() if name in names and own.file is not None}
     declared = [module for name in names if (module := systems.module_of(name)) is not None]
     imported = {module for place in files.values() for module in package_modules_of(place)}
     code = code_digest(function.partition(":")[0], *declared, *imported)
@@ -425,8 +426,8 @@ _digest_of_running = cache(_digest_of)
 def coefficients_digest(tableaus: Iterable[Tableau]) -> str:
     """Return the SHA-256 of the fields of ``tableaus`` except remarks: names, labels, orders and coefficients."""
     names = [field.name for field in fields(Tableau) if field.name not in REMARKS]
-    entries = ({name: getattr(one, name) for name in names} for one in tableaus)
-    told = ({name: value for name, value in one.items() if name not in OPTIONAL or value} for one in entries)
+    entries = ({name: getattr(tableau, name) for name in names} for tableau in tableaus)
+    told = ({name: value for name, value in entry.items() if name not in OPTIONAL or value} for entry in entries)
     return sha256("\n".join(map(repr, told)).encode()).hexdigest()
 
 
