@@ -332,6 +332,10 @@ def load(mapping: Mapping[str, Any], files: Iterable[Path | str] = ()) -> Config
     return config
 
 
+#: Texts that Python, and pydantic with it, may take for an integer.
+_LIKE_AN_INTEGER = re.compile(r"[\s\d_.+-]+")
+
+
 def _typed(mapping: Mapping[str, Any]) -> Config:
     """Return ``mapping`` as a config without repeated entries of lists, before relations between keys are checked."""
     from pydantic import ValidationError
@@ -340,8 +344,9 @@ def _typed(mapping: Mapping[str, Any]) -> Config:
         if number == MOST_ENTRIES:
             raise SettingError(f"the config has more than {MOST_ENTRIES} entries")
         # pydantic takes True for 1, None for a key not given, and digits of each script for an integer
-        odd = value is None or isinstance(value, bool | str)
-        if odd and (there := _described(path)) and (not isinstance(value, str) or there.get("type") == "integer"):
+        is_text = isinstance(value, str) and _LIKE_AN_INTEGER.fullmatch(value)
+        odd = value is None or isinstance(value, bool) or is_text
+        if odd and (there := _described(path)) and (not is_text or there.get("type") == "integer"):
             try:
                 integer_of(value)
             except (TypeError, ValueError):
