@@ -14,6 +14,7 @@ from dataclasses import asdict, fields, is_dataclass
 from functools import cache, partial
 from hashlib import file_digest, sha256
 from importlib import import_module
+from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -36,7 +37,7 @@ Measuring = TypeVar("Measuring", bound=Callable[..., Any])
 PACKAGES = ("nearharmonic", "nearharmonic_paper", "nearharmonic_studies")
 PACKAGE = PACKAGES[0]
 ROOT = Path(__file__).parents[2]
-#: Maximum number of entries of the cache on disk, 150 bytes each. A larger cache is cleared.
+#: Maximum number of entries of the cache on disk, 150 bytes each.
 MOST_CACHED = 3000
 
 
@@ -84,11 +85,16 @@ class _Modules:
     def __init__(self, root: Path, parse: Callable[[bytes], Source]) -> None:
         self._root, self.parse = root, parse
         self.source, self.closure, self._imported = cache(self._source), cache(self._closure), cache(self._imports)
+        self.digest = cache(self._digest)
         self._is_module = cache(lambda name: path_of(name, root).is_file())
 
     def _closure(self, modules: tuple[str, ...]) -> tuple[str, ...]:
         names = reached(modules, lambda name: [] if name in PACKAGES else [_above(name), *self._imported(name)])
         return tuple(sorted(names - {*PACKAGES}))
+
+    def _digest(self, versions: tuple[str, ...], modules: tuple[str, ...]) -> str:
+        told = (f"{module} {self.source(module).digest}" for module in self.closure(modules))
+        return sha256("".join(f"{line}\n" for line in (*versions, *told)).encode()).hexdigest()
 
     def _source(self, module: str) -> Source:
         path = path_of(module, self._root)
@@ -99,13 +105,9 @@ class _Modules:
     def _imports(self, module: str) -> list[str]:
         """Return the modules of the package that ``module`` imports; an imported name may be that of a function."""
         is_package = path_of(module, self._root).name == "__init__.py"
-        folders = (module if is_package else _above(module)).split(".")
         imported = []
         for written in self.source(module).imports:
-            name = written.lstrip(".")
-            level = len(written) - len(name)
-            if level:
-                name = ".".join([*folders[: len(folders) - level + 1], *([name] if name else [])])
+            name = resolve_name(written, module if is_package else _above(module))
             if name.split(".")[0] in PACKAGES:
                 imported += [place for place in (name, _above(name)) if place and self._is_module(place)]
         return imported
@@ -129,7 +131,7 @@ def _running() -> _Modules:
 class SourceCache:
     """On-disk cache of parsed sources, by the SHA-256 of their text.
 
-    Parsing the packages takes 2 s, reading the cache 10 ms. The file is in the folder of compiled code, which is
+    Parsing the packages takes 0.7 s, reading the cache 10 ms. The file is in the folder of compiled code, which is
     writable only for the user. Its name depends on the text of this module and on the version of Python. It is written
     at the end of the process.
     """
@@ -138,24 +140,20 @@ class SourceCache:
         version = sha256(Path(__file__).read_bytes() + sys.version.encode()).hexdigest()
         self._place = disk.place_of(f"sources-{version[:32]}")
         kept = disk.read(self._place) if self._place else None
-        self._known: dict[str, list[Any]] = json.loads(kept[1]) if kept else {}
-        self._met: dict[str, Source] = {}
+        self._known: dict[str, Sequence[Any]] = json.loads(kept[1]) if kept else {}
+        self._kept = len(self._known)
+        atexit.register(self.keep)
 
     def parsed(self, text: bytes) -> Source:
         """Return the result of the function :func:`parsed`, from the cache if possible."""
         key = sha256(text).hexdigest()
-        if key in self._known:
-            digest, imports = self._known[key]
-            return Source(digest, tuple(imports))
-        if not self._met:
-            atexit.register(self.keep)
-        return self._met.setdefault(key, parsed(text))
+        digest, imports = self._known[key] if key in self._known else self._known.setdefault(key, parsed(text))
+        return Source(digest, tuple(imports))
 
     def keep(self) -> None:
-        """Write the cache: all entries, or only the new ones if there are more than :data:`MOST_CACHED`."""
-        if self._place:
-            known = self._known if len(self._known) < MOST_CACHED else {}
-            disk.write(self._place, "sources", json.dumps({**known, **self._met}).encode())
+        """Write the newest :data:`MOST_CACHED` entries of the cache, if it has new ones."""
+        if self._place and len(self._known) > self._kept:
+            disk.write(self._place, "sources", json.dumps(dict([*self._known.items()][-MOST_CACHED:])).encode())
 
 
 @cache
@@ -172,29 +170,24 @@ def parsed(text: bytes) -> Source:
 
 
 def _tree_digest(tree: ast.Module) -> str:
-    """Return the SHA-256 of the syntax tree without docstrings, its nodes and their fields in order.
+    """Return the SHA-256 of the nodes of a syntax tree without docstrings, and of their fields, in an order of its own.
 
-    ``ast.dump`` takes thrice as long. Contexts, such as that of a name that is assigned to, follow from the rest.
+    ``ast.dump`` takes twice as long. Contexts, such as that of a name that is assigned to, follow from the rest.
     """
-    told: list[str] = []
+    told, waiting = list[str](), list[Any]([tree])
     documented = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
-
-    def tell(part: Any) -> None:
+    while waiting:
+        part = waiting.pop()
         if isinstance(part, ast.AST):
             if isinstance(part, documented) and ast.get_docstring(part, clean=False):
                 del part.body[0]
             told.append(type(part).__name__)
-            for name in part._fields:
-                if name != "ctx":
-                    tell(getattr(part, name, None))
+            waiting += [getattr(part, name, None) for name in part._fields if name != "ctx"]
         elif isinstance(part, list):
             told.append(f"{len(part)}")
-            for member in part:
-                tell(member)
+            waiting += part
         else:
             told.append(repr(part))
-
-    tell(tree)
     return sha256(" ".join(told).encode()).hexdigest()
 
 
@@ -251,10 +244,8 @@ def package_modules_of(place: str | os.PathLike[str]) -> set[str]:
 def digest_of_file(place: str | os.PathLike[str]) -> str:
     """Return the SHA-256 of the syntax trees of the files of :func:`files_of` without docstrings and comments."""
     first, *others = files_of(place)
-    digest = sha256(_source(first).digest.encode())
-    for path in others:
-        digest.update(f"{path.relative_to(first.parent).as_posix()} {_source(path).digest}\n".encode())
-    return digest.hexdigest()
+    told = (f"{path.relative_to(first.parent).as_posix()} {_source(path).digest}\n" for path in others)
+    return sha256("".join([_source(first).digest, *told]).encode()).hexdigest()
 
 
 def _source(path: Path) -> Source:
@@ -282,8 +273,7 @@ def definitions_of(problems: Iterable[str], methods: Iterable[str]) -> Definitio
 
 def files_in(definitions: Definitions) -> list[str]:
     """Return the paths of the users' files, sorted."""
-    every = (definition for members in definitions.values() for definition in members.values())
-    return sorted({definition.file for definition in every if definition.file is not None})
+    return sorted({own.file for members in definitions.values() for own in members.values() if own.file is not None})
 
 
 @contextmanager
@@ -299,14 +289,12 @@ def read_definitions(document: Mapping[str, Mapping[str, Mapping[str, Any]]]) ->
     from nearharmonic.systems.user_file import SystemDefinition
 
     kinds: dict[str, Any] = {"systems": SystemDefinition, "integrators": TableauDefinition}
+
+    def made(kind: str, told: Mapping[str, Any]) -> Any:
+        return kinds[kind](**{key: _frozen(value) for key, value in told.items()})
+
     try:
-        return {
-            kind: {
-                name: kinds[kind](**{key: _frozen(value) for key, value in told.items()})
-                for name, told in members.items()
-            }
-            for kind, members in document.items()
-        }
+        return {kind: {name: made(kind, told) for name, told in names.items()} for kind, names in document.items()}
     except (AttributeError, KeyError, TypeError) as error:
         raise NearharmonicError(f"no definition of a system or an integrator: {document!r}") from error
 
@@ -406,21 +394,12 @@ def code_digest(*modules: str, root: Path | None = None) -> str:
     TYPE_CHECKING do not. The digest includes versions of the libraries that affect numbers.
     """
     versions = tuple(f"{library} {library_version(library)}" for library in NUMERICAL_LIBRARIES)
-    return _digest_of_running(versions, modules) if root is None else _digest_of(versions, modules, root)
+    return _modules(root).digest(versions, modules)
 
 
 def command_digest(place: str | os.PathLike[str]) -> str:
     """Return the digests of a Python file that is run as a command, and of all modules of the packages it imports."""
     return f"{digest_of_file(place)} {code_digest(*sorted(package_modules_of(place)))}"
-
-
-def _digest_of(versions: tuple[str, ...], modules: tuple[str, ...], root: Path | None = None) -> str:
-    told = (f"{module} {module_digest(module, root=root)}" for module in closure(*modules, root=root))
-    return sha256("".join(f"{line}\n" for line in (*versions, *told)).encode()).hexdigest()
-
-
-#: In the running package, whose files are read once, thousands of jobs ask for the same digest.
-_digest_of_running = cache(_digest_of)
 
 
 def coefficients_digest(tableaus: Iterable[Tableau]) -> str:
@@ -467,6 +446,8 @@ BESIDE = ("logs", "docs")
 MARKED = "running"
 #: Marks a whole file as volatile, in place of columns.
 WHOLE = "*"
+#: Place and files by name of each receipt.
+Receipts = Iterable[tuple[Path, Mapping[str, dict[str, Any]]]]
 
 
 def measures_time(function: Measuring) -> Measuring:
@@ -537,12 +518,8 @@ def folder_of(log: str | os.PathLike[str]) -> Path:
     return Path(*parts[:end])
 
 
-#: Place and files by name of each receipt.
-Receipts = Iterable[tuple[Path, Mapping[str, dict[str, Any]]]]
-
-
 def receipts_in(folder: Path) -> Receipts:
-    """Return place and files by name of each receipt in a folder of results; damaged receipts are skipped."""
+    """Return the receipts in a folder of results; damaged ones are skipped."""
     return [(place, files) for place, files in _receipts(folder) if files is not None]
 
 

@@ -11,10 +11,9 @@ import re
 from collections.abc import Mapping
 from functools import cache
 from pathlib import PurePosixPath
-from typing import Annotated, Any, Literal, NotRequired
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError, with_config
-from typing_extensions import TypedDict  # pydantic asks for this one below Python 3.12
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from nearharmonic.errors import shown
 
@@ -34,41 +33,43 @@ Name = Annotated[str, AfterValidator(_inside)]
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 Count = Annotated[int, Field(ge=0, lt=2**63)]
 Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-_open = with_config(ConfigDict(strict=True, extra="allow"))
-_closed = with_config(ConfigDict(strict=True, extra="forbid"))
+Plain = ConfigDict(strict=True, extra="allow")
 
 
-@_closed
-class OwnSystem(TypedDict, total=False):
+class OwnSystem(BaseModel):
     """Definition of a user's system."""
 
-    file: str | None
-    base: str | None
-    label: str | None
-    q0: list[str] | None
-    p0: list[str] | None
-    parameters: list[Annotated[list[str], Field(min_length=2, max_length=2)]]
-    energy: str | None
+    model_config = ConfigDict(strict=True, extra="forbid")
+    file: str | None = None
+    base: str | None = None
+    label: str | None = None
+    q0: list[str] | None = None
+    p0: list[str] | None = None
+    parameters: list[Annotated[list[str], Field(min_length=2, max_length=2)]] = []
+    energy: str | None = None
 
 
-@_closed
-class OwnIntegrator(TypedDict):
+class OwnIntegrator(BaseModel):
     """Definition of a user's integrator."""
 
+    model_config = ConfigDict(strict=True, extra="forbid")
     file: str
     written: str
-    base: NotRequired[None]
+    base: None = None
 
 
-@_closed
-class Definitions(TypedDict, total=False):
+class Definitions(BaseModel):
     """Definitions of users' systems and integrators."""
 
-    systems: dict[str, OwnSystem]
-    integrators: dict[str, OwnIntegrator]
+    model_config = ConfigDict(strict=True, extra="forbid")
+    systems: dict[str, OwnSystem] = {}
+    integrators: dict[str, OwnIntegrator] = {}
 
 
-class _Made(TypedDict):
+class Entry(BaseModel):
+    """Entry of a file in the manifest."""
+
+    model_config = Plain
     size: Count
     sha256: Digest
     function: Annotated[str, Field(pattern=r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*$")]
@@ -77,20 +78,13 @@ class _Made(TypedDict):
     systems: list[str]
     integrators: list[str]
     volatile: list[str]
-    definitions: NotRequired[Definitions]
+    settings: str | None = None
+    evaluations: Count | None = None
+    inputs: dict[Name, str] = {}
+    definitions: Definitions = Definitions()
 
 
-@_open
-class Entry(_Made, total=False):
-    """Entry of a file in the manifest."""
-
-    settings: str | None
-    evaluations: Count | None
-    inputs: dict[Name, str]
-
-
-@_open
-class ReceiptEntry(_Made):
+class ReceiptEntry(Entry):
     """Entry of a file in a receipt."""
 
     modified: Annotated[int, Field(ge=-(2**63), lt=2**63)]
@@ -100,77 +94,74 @@ class ReceiptEntry(_Made):
     run: str | None
 
 
-@_open
-class Manifest(TypedDict):
+class Manifest(BaseModel):
     """A manifest without its seal."""
 
+    model_config = Plain
     format: Literal["nearharmonic manifest 1"]
     files: dict[Name, Entry]
-    configfiles: NotRequired[list[str]]
-    changed: NotRequired[list[Name]]
-    former: NotRequired[list[Name]]
-    unrecorded: NotRequired[list[Name]]
+    configfiles: list[str] = []
+    changed: list[Name] = []
+    former: list[Name] = []
+    unrecorded: list[Name] = []
 
 
-@_open
-class Processor(TypedDict, total=False):
+class Processor(BaseModel):
     """The processor of a run."""
 
-    model: str | None
-    features: list[str]
+    model_config = Plain
+    model: str | None = None
+    features: list[str] = []
 
 
-@_open
-class Process(TypedDict):
+class Process(BaseModel):
     """The process of an unfinished run."""
 
+    model_config = Plain
     host: str
     number: Count
     created: Seconds
 
 
-class _Started(TypedDict):
-    id: Annotated[str, Field(pattern=r"^[\w.-]+$", max_length=100)]
-    start: str
-    config: dict[str, Any]
-
-
-@_open
-class HistoryLine(_Started, total=False):
+class HistoryLine(BaseModel):
     """A run in the history."""
 
-    status: str | None
-    exit_status: int | None
-    end: str | None
-    duration: Seconds | None
-    cpu_seconds: Seconds | None
-    cores: Count | None
-    command: list[str] | None
-    targets: list[str] | None
-    commit: str | None
-    dirty: bool | None
-    work: str | None
-    config_digest: str | None
-    code_digest: str | None
-    coefficients_digest: str | None
-    versions: dict[str, str] | None
-    user_files: dict[str, str]
-    platform: str | None
-    cpu: Processor | None
-    jobs_run: Count | None
-    jobs_reused: Count | None
-    evaluations: Count | None
-    evaluations_skipped: int | None
-    made: list[Name] | None
-    process: Process | None
+    model_config = Plain
+    id: Annotated[str, Field(pattern=r"^[\w.-]+$", max_length=100)]  # a repetition to 100 takes 30 ms to compile
+    start: str
+    config: dict[str, Any]
+    status: str | None = None
+    exit_status: int | None = None
+    end: str | None = None
+    duration: Seconds | None = None
+    cpu_seconds: Seconds | None = None
+    cores: Count | None = None
+    command: list[str] | None = None
+    targets: list[str] | None = None
+    commit: str | None = None
+    dirty: bool | None = None
+    work: str | None = None
+    config_digest: str | None = None
+    code_digest: str | None = None
+    coefficients_digest: str | None = None
+    versions: dict[str, str] | None = None
+    user_files: dict[str, str] = {}
+    platform: str | None = None
+    cpu: Processor | None = None
+    jobs_run: Count | None = None
+    jobs_reused: Count | None = None
+    evaluations: Count | None = None
+    evaluations_skipped: int | None = None
+    made: list[Name] | None = None
+    process: Process | None = None
 
 
-@_open
-class Settings(TypedDict, total=False):
+class Settings(BaseModel):
     """The settings of a job in an attribute of its file."""
 
-    sweep: dict[str, Any]
-    definitions: Definitions
+    model_config = Plain
+    sweep: dict[str, Any] = {}
+    definitions: Definitions = Definitions()
 
 
 _KINDS: Mapping[str, Any] = {
