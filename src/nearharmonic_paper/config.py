@@ -486,11 +486,9 @@ def _is_own(name: str, asked: SystemSettings) -> bool:
         source = f"system: {asked.system or name}" if asked.file is None else f"file: {asked.file}"
         more = "" if given[0] in ("file", "system") else f", {given[0]}: ..."
         remedy = f"write it under another name, as own_{name}: {{{source}{more}, tau_per_stage: ...}}"
-        value = getattr(asked, given[0])
+        key, value = f"systems.{name}.{given[0]}", getattr(asked, given[0])
         value = list(value) if isinstance(value, tuple) else value
-        raise bad_setting(
-            f"systems.{name}.{given[0]}", value, f"{name} is a registered system, taken as it is: {remedy}"
-        )
+        raise bad_setting(key, value, f"{name} is a registered system, taken as it is: {remedy}")
     return bool(given)
 
 
@@ -506,19 +504,14 @@ def _definition(here: str, name: str, asked: SystemSettings, folders: Sequence[P
     return SystemDefinition(
         file=None if asked.file is None else _place_of(f"{here}.file", asked.file, folders),
         base=asked.system,
-        label=asked.label,
-        q0=asked.q0,
-        p0=asked.p0,
         parameters=tuple((asked.parameters or {}).items()),
-        energy=asked.energy,
+        **{key: getattr(asked, key) for key in ("label", "q0", "p0", "energy")},
     )
 
 
 def check_name(key: str, name: str) -> None:
     """Raise SettingError if a user's system or integrator cannot have the ``name``, the value of ``key``."""
-    files = {
-        name.partition("/")[0] for declared in experiments().values() for name in (*declared.cubes, *declared.runs)
-    }
+    files = {stem.partition("/")[0] for e in experiments().values() for stem in (*e.cubes, *e.runs)}
     is_identifier = name.isascii() and name.isidentifier() and name[0] != "_" and len(name) <= LONGEST
     if not is_identifier or keyword.iskeyword(name):
         allowed = f"a letter, then letters, digits and '_', at most {LONGEST} characters, no keyword of Python"
