@@ -79,7 +79,8 @@ def _of_record(folder: Path) -> Iterator[Fault]:
         yield Fault(history.HISTORY, "is not a regular file", "Move it elsewhere")
     lines = history.lines_of(place)
     told = [f"line {line.number} {line.fault}" for line in history.faulty_lines(lines)]
-    told += [f"has lost the last line that was written, or more; it has {len(lines)}"] if lost_line(folder) else []
+    if lost_line(folder, lines):
+        told.append(f"has lost the last line that was written, or more; it has {len(lines)}")
     for says in told:
         yield Fault(history.HISTORY, says, f"The next run with jobs records this, for example: {again}")
     for place in damaged_receipts(folder):

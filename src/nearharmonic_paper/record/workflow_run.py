@@ -30,7 +30,6 @@ from nearharmonic.systems import systems
 from nearharmonic_paper.config import Config
 from nearharmonic_paper.experiments.paper.run import totals_in
 from nearharmonic_paper.record import history, manifest
-from nearharmonic_paper.record.history import dead_in
 from nearharmonic_paper.tasks.job import LEADER
 from nearharmonic_paper.tasks.provenance import (
     PACKAGE,
@@ -139,17 +138,16 @@ def save(folder: Path, makeable: Iterable[str], receipts: Receipts) -> None:
     names = sorted({*makeable, *told["files"], *RECORD, *places} - unknown)
     files = {name: _observed(folder, name) for name in names} | {name: [] for name in sorted(unknown)}
     lines = history.lines_of(folder / history.HISTORY)
-    head = lost_line(folder) or (lines[-1].digest if lines else None)
+    head = lost_line(folder, lines) or (lines[-1].digest if lines else None)
     write_text(folder / STATE, json.dumps(sealed({"files": files, "head": head})) + "\n")
 
 
-def lost_line(folder: Path) -> str | None:
-    """Return the digest of the last line of the history at the last :func:`save`, if it is neither there nor recorded.
+def lost_line(folder: Path, lines: Iterable[history.Line]) -> str | None:
+    """Return the digest of the last line of the history at the last :func:`save`, if the ``lines`` do not have it.
 
     The chain of digests in the history shows every other loss.
     """
     head = _saved(folder).get("head")
-    lines = history.lines_of(folder / history.HISTORY)
     known = {digest for line in lines for digest in (line.digest, *line.known)}
     return head if isinstance(head, str) and head not in known else None
 
@@ -291,7 +289,7 @@ class WorkflowRun:
         if not os.access(self._folder, os.W_OK):
             return
         different = differing(self._folder)
-        if different == set() and not dead_in(self._folder) and not (self._folder / ASIDE).exists():
+        if different == set() and not history.dead_in(self._folder) and not (self._folder / ASIDE).exists():
             return
         try:
             lock(self._folder)
@@ -356,13 +354,13 @@ class WorkflowRun:
     def _complete(self, receipts: Receipts, *, ends: bool = False) -> None:
         """Write the manifest, the line of the history if the run ``ends``, and the state for the next start."""
         with self._warning("the manifest is not written"):
-            changed = manifest.write(self._folder, self._makeable, self._configfiles, receipts)
-            if changed:
+            if changed := manifest.write(self._folder, self._makeable, self._configfiles, receipts):
                 self._warn("", f"changed since their jobs wrote them: {', '.join(changed)} in {self._folder}")
         if ends:
             with self._warning("the history is not written"):
                 try:
-                    history.append(self._folder, self._told, lost_line(self._folder))
+                    lines = history.lines_of(self._folder / history.HISTORY)
+                    history.append(self._folder, self._told, lost_line(self._folder, lines))
                 finally:
                     history.unmark(self._folder, self.id)
         with self._warning("the next start looks at all files"):
