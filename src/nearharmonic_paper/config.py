@@ -182,30 +182,24 @@ def read_mapping(path: str | os.PathLike[str]) -> dict[str, Any]:
     import yaml
 
     try:
-        found = yaml.load(_text_of(path), Loader=_loader())
+        with opened(path) as file:
+            content = file.read(MOST_BYTES + 1)
+        if len(content) > MOST_BYTES:
+            raise OSError(errno.EFBIG, f"it has more than {MOST_BYTES} bytes")  # noqa: TRY301 - told as all others
+        text = content.decode("utf-8-sig")
+        if os.fspath(path).endswith(".json"):
+            text = text.replace("\t", " ")  # which YAML does not allow between entries
+        _check_size(text)
+        mapping = yaml.load(text, Loader=_loader())
     except SettingError as error:
         raise SettingError(f"{path}: {error}") from None
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise SettingError(f"{path} cannot be read as a config: {_reason(error)}") from None
-    if not isinstance(found, dict):
+    if not isinstance(mapping, dict):
         raise SettingError(f"{path} is no config: a mapping of the keys of a config to values is allowed")
-    if TEMPLATE in found:
-        allowed = f"a config is data, and Snakemake would run Python in {path}"
-        raise bad_setting(TEMPLATE, found[TEMPLATE], allowed)
-    return found
-
-
-def _text_of(path: str | os.PathLike[str]) -> str:
-    """Return the text of a config within limits; an error is that of the file, of its characters or of its size."""
-    with opened(path) as file:
-        content = file.read(MOST_BYTES + 1)
-    if len(content) > MOST_BYTES:
-        raise OSError(errno.EFBIG, f"it has more than {MOST_BYTES} bytes")
-    text = content.decode("utf-8-sig")
-    if os.fspath(path).endswith(".json"):
-        text = text.replace("\t", " ")  # which YAML does not allow between entries
-    _check_size(text)
-    return text
+    if TEMPLATE in mapping:
+        raise bad_setting(TEMPLATE, mapping[TEMPLATE], f"a config is data, and Snakemake would run Python in {path}")
+    return mapping
 
 
 def _reason(error: Any) -> str:
@@ -338,6 +332,10 @@ def load(mapping: Mapping[str, Any], files: Iterable[Path | str] = ()) -> Config
     return config
 
 
+#: Texts that Python, and pydantic with it, may take for an integer.
+_LIKE_AN_INTEGER = re.compile(r"[\s\d_.+-]+")
+
+
 def _typed(mapping: Mapping[str, Any]) -> Config:
     """Return ``mapping`` as a config without repeated entries of lists, before relations between keys are checked."""
     from pydantic import ValidationError
@@ -346,8 +344,9 @@ def _typed(mapping: Mapping[str, Any]) -> Config:
         if number == MOST_ENTRIES:
             raise SettingError(f"the config has more than {MOST_ENTRIES} entries")
         # pydantic takes True for 1, None for a key not given, and digits of each script for an integer
-        odd = value is None or isinstance(value, bool | str)
-        if odd and (there := _described(path)) and (not isinstance(value, str) or there.get("type") == "integer"):
+        is_text = isinstance(value, str) and _LIKE_AN_INTEGER.fullmatch(value)
+        odd = value is None or isinstance(value, bool) or is_text
+        if odd and (there := _described(path)) and (not is_text or there.get("type") == "integer"):
             try:
                 integer_of(value)
             except (TypeError, ValueError):
@@ -360,26 +359,19 @@ def _typed(mapping: Mapping[str, Any]) -> Config:
         # An unknown or missing key is an error of its section, and one that is misspelt is unknown and missing.
         inside = {"missing", "unexpected_keyword_argument"}
         first = min(told, key=lambda fault: (len(fault["loc"]) - (fault["type"] in inside), fault["type"] == "missing"))
-        raise _in_words(first) from None
-    _check_repetitions(config, mapping)
-    return config
-
-
-def _in_words(fault: Mapping[str, Any]) -> NearharmonicError:
-    """Return an error of pydantic as an error of the package: key, value, what is allowed, and the nearest match."""
-    path, kind = fault["loc"], fault["type"]
-    key, above, there = _dotted(path), _dotted(path[:-1]), _described(path)
+    else:
+        _check_repetitions(config, mapping)
+        return config
+    path, kind = first["loc"], first["type"]
+    key, section = _dotted(path), _dotted(path[:-1])
     if kind == "unexpected_keyword_argument":
         known = _described(path[:-1])["properties"]
-        return unknown_name(f"key of {above}" if above else "key of the config", path[-1], known)
+        raise unknown_name(f"key of {section}" if section else "key of the config", path[-1], known)
     if kind == "missing":
-        return SettingError(f"{above or 'the config'} lacks the key {path[-1]!r}: {there['allowed']}")
+        raise SettingError(f"{section or 'the config'} lacks the key {path[-1]!r}: {_described(path)['allowed']}")
     if kind == "literal_error":
-        try:
-            one_of(key, fault["input"], there["enum"])
-        except SettingError as error:
-            return error
-    return bad_setting(key or "the config", fault["input"], there["allowed"])
+        one_of(key, first["input"], _described(path)["enum"])  # the error has the nearest match
+    raise bad_setting(key or "the config", first["input"], _described(path)["allowed"])
 
 
 def _members(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], Any]]:
@@ -434,9 +426,9 @@ def _check(config: Config, mapping: Mapping[str, Any]) -> None:
 
 def _lists_of_methods(config: Config) -> dict[str, tuple[str, ...]]:
     """Return the lists of integrators in a config and its sections, by key; missing lists are omitted."""
-    found = {name: getattr(config, name) for name in ("integrators", "decomposition", "overview")}
-    found |= {f"{m.name}.integrators": getattr(getattr(config, m.name), "integrators", None) for m in fields(config)}
-    return {key: entries for key, entries in found.items() if entries is not None}
+    lists = {name: getattr(config, name) for name in ("integrators", "decomposition", "overview")}
+    lists |= {f"{m.name}.integrators": getattr(getattr(config, m.name), "integrators", None) for m in fields(config)}
+    return {key: entries for key, entries in lists.items() if entries is not None}
 
 
 @contextmanager
@@ -494,11 +486,9 @@ def _is_own(name: str, asked: SystemSettings) -> bool:
         source = f"system: {asked.system or name}" if asked.file is None else f"file: {asked.file}"
         more = "" if given[0] in ("file", "system") else f", {given[0]}: ..."
         remedy = f"write it under another name, as own_{name}: {{{source}{more}, tau_per_stage: ...}}"
-        value = getattr(asked, given[0])
+        key, value = f"systems.{name}.{given[0]}", getattr(asked, given[0])
         value = list(value) if isinstance(value, tuple) else value
-        raise bad_setting(
-            f"systems.{name}.{given[0]}", value, f"{name} is a registered system, taken as it is: {remedy}"
-        )
+        raise bad_setting(key, value, f"{name} is a registered system, taken as it is: {remedy}")
     return bool(given)
 
 
@@ -514,18 +504,14 @@ def _definition(here: str, name: str, asked: SystemSettings, folders: Sequence[P
     return SystemDefinition(
         file=None if asked.file is None else _place_of(f"{here}.file", asked.file, folders),
         base=asked.system,
-        label=asked.label,
-        q0=asked.q0,
-        p0=asked.p0,
         parameters=tuple((asked.parameters or {}).items()),
-        energy=asked.energy,
+        **{key: getattr(asked, key) for key in ("label", "q0", "p0", "energy")},
     )
 
 
 def check_name(key: str, name: str) -> None:
     """Raise SettingError if a user's system or integrator cannot have the ``name``, the value of ``key``."""
-    every = experiments().values()
-    files = {cube for one in every for cube in one.cubes} | {run.partition("/")[0] for one in every for run in one.runs}
+    files = {stem.partition("/")[0] for e in experiments().values() for stem in (*e.cubes, *e.runs)}
     is_identifier = name.isascii() and name.isidentifier() and name[0] != "_" and len(name) <= LONGEST
     if not is_identifier or keyword.iskeyword(name):
         allowed = f"a letter, then letters, digits and '_', at most {LONGEST} characters, no keyword of Python"
@@ -539,11 +525,11 @@ def _tableaus(methods: Mapping[str, Sequence[str]], folders: Sequence[Path]) -> 
     defined: dict[str, TableauDefinition] = {}
     paths = ((f"{key}[{i}]", entry) for key, entries in methods.items() for i, entry in enumerate(entries))
     for here, entry in ((here, entry) for here, entry in paths if is_path(entry)):
-        written, one = split_path(entry)
+        written, chosen = split_path(entry)
         place = _place_of(here, written, folders)
         with _named(here):
             names = load_tableaus(place)
-        if one and one not in names:
+        if chosen and chosen not in names:
             raise bad_setting(here, entry, f"{written} defines {', '.join(names)}")
         for name in names:
             check_name(here, name)
@@ -577,8 +563,8 @@ _ROWS = {
 @cache
 def schema() -> dict[str, Any]:
     """Return the JSON schema of configs, with the additional keywords ``unit`` and ``allowed`` (the text in errors)."""
-    found = _adapter().json_schema()
-    inlined: dict[str, Any] = _inlined(found, found.pop("$defs"))
+    whole = _adapter().json_schema()
+    inlined: dict[str, Any] = _inlined(whole, whole.pop("$defs"))
     return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | inlined
 
 
@@ -627,14 +613,14 @@ def _key_rows(described: Mapping[str, Any], above: str) -> Iterator[tuple[str, .
 
 def cube_rows() -> str:
     """Return the cubes of all experiments as rows of a Markdown table: file, dimensions, contents."""
-    cubes = {stem: told for one in experiments().values() for stem, told in one.cubes.items()}
-    return "".join(f"| `cubes/{stem}.h5` | {' | '.join(told)} |\n" for stem, told in cubes.items())
+    cubes = {stem: words for declared in experiments().values() for stem, words in declared.cubes.items()}
+    return "".join(f"| `cubes/{stem}.h5` | {' | '.join(words)} |\n" for stem, words in cubes.items())
 
 
 def target_rows() -> str:
     """Return the targets of all experiments as rows of a Markdown table: command, content, time."""
-    told = ((one, one.about[0].lower() + one.about[1:].removesuffix(".")) for one in beside_the_paper())
-    return "".join(f"| `snakemake -j2 {one.target}` | {about} | {one.duration} |\n" for one, about in told)
+    rows = ((f"`snakemake -j2 {e.target}`", e.about[0].lower() + e.about[1:], e.duration) for e in beside_the_paper())
+    return "".join(f"| {command} | {about.removesuffix('.')} | {duration} |\n" for command, about, duration in rows)
 
 
 def write_generated() -> None:

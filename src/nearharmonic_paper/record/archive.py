@@ -20,18 +20,7 @@ from nearharmonic.output.store import digest_of_first
 from nearharmonic.output.table import in_one_line
 from nearharmonic.registry import split_path
 from nearharmonic_paper.record import description, history, manifest
-from nearharmonic_paper.record.description import (
-    METADATA,
-    PREVIEW,
-    Archive,
-    Member,
-    format_of,
-    several,
-    shown_in,
-)
-from nearharmonic_paper.record.description import (
-    opened as opened_source,
-)
+from nearharmonic_paper.record.description import METADATA, PREVIEW, Archive, Member, format_of, several, shown_in
 from nearharmonic_paper.record.manifest import is_edited, recorded_digests
 from nearharmonic_paper.tasks.provenance import files_of
 
@@ -189,17 +178,7 @@ _KINDS = {
     "runs": "Trajectories",
     "tables": "Table",
 }
-_ADDED = {
-    "config": "Settings of a run as resolved; `snakemake --configfile` takes this file.",
-    "CITATION.cff": "How to cite the software and the paper.",
-    "LICENSE": "Text of the licence.",
-    "history.jsonl": "Every run of the workflow, oldest first: times, command, commit, settings, versions, counts.",
-    "manifest.json": "Every result file with its size, its digest, and the code that made it.",
-    "README.md": "What this archive holds and how to read it.",
-    description.ZENODO: "Metadata for a deposit at Zenodo.",
-    description.METADATA: "RO-Crate metadata.",
-    description.PREVIEW: "Preview of the metadata.",
-}
+_CONFIG = "Settings of a run as resolved; `snakemake --configfile` takes this file."
 
 
 def reasons_against(folder: Path) -> list[str]:
@@ -262,8 +241,8 @@ def _members(result: Path, *, with_runs: bool) -> list[Member]:
     configs, texts = _configs(runs, user_files)
     makers = history.makers_in(result)
     members = [_result_file(result, path, entry, makers.get(path, entry.get("run"))) for path, entry in taken.items()]
-    members += [Member.of_bytes(path, text, _ADDED["config"]) for path, text in texts.items()]
-    members += [Member.of_file(name, result / name, _ADDED[name]) for name in manifest.LEFT_OUT]
+    members += [Member.of_bytes(path, text, _CONFIG) for path, text in texts.items()]
+    members += [Member.of_file(name, result / name, _sentence_on(name)) for name in manifest.LEFT_OUT]
     members += [_added(name, description.document(name)) for name in description.DOCUMENTS]
     members += [*user_files.members(), *description.workflow_files()]
     members.append(_added(description.ZENODO, description.zenodo(about)))
@@ -275,7 +254,12 @@ def _members(result: Path, *, with_runs: bool) -> list[Member]:
 
 
 def _added(name: str, content: bytes) -> Member:
-    return Member.of_bytes(name, content, _ADDED[name])
+    return Member.of_bytes(name, content, _sentence_on(name))
+
+
+def _sentence_on(name: str) -> str:
+    words = description.PLACES[name]
+    return f"{words[0].upper()}{words[1:]}."
 
 
 def _configs(runs: Sequence[history.Run], user_files: UserFiles) -> tuple[dict[str, str], dict[str, bytes]]:
@@ -323,7 +307,7 @@ def _write(place: Path, members: Sequence[Member]) -> None:
             information.external_attr = _FILE_MODE << 16
             information.file_size = member.size
             digest = hashlib.sha256()
-            with archive.open(information, "w") as copy, opened_source(member.source) as source:
+            with archive.open(information, "w") as copy, description.opened(member.source) as source:
                 while chunk := source.read(_CHUNK):
                     digest.update(chunk)
                     copy.write(chunk)
@@ -341,7 +325,7 @@ class UserFiles:
         self._integrators: dict[str, Path] = {}
         for defined in (entry.get("definitions", {}) for entry in entries):
             systems = defined.get("systems", {})
-            self._systems |= {name: Path(one["file"]) for name, one in systems.items() if one["file"] is not None}
+            self._systems |= {name: Path(own["file"]) for name, own in systems.items() if own["file"] is not None}
             methods = defined.get("integrators", {}).values()
             self._integrators |= {method["written"]: Path(method["file"]) for method in methods}
         self._paths = (*self._systems.values(), *self._integrators.values())

@@ -71,14 +71,14 @@ def relative_differences(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
     NaN is equal to NaN and an infinity to itself; the difference of a finite and a non-finite number is infinite.
     """
-    one, other = a.astype(np.float64), b.astype(np.float64)
+    x, y = a.astype(np.float64), b.astype(np.float64)
     with np.errstate(all="ignore"):
         # Halves make the difference of the two largest doubles finite.
-        found = abs(one / 2 - other / 2) / np.maximum(abs(one), abs(other)) * 2
+        relative = abs(x / 2 - y / 2) / np.maximum(abs(x), abs(y)) * 2
     # Two integers may round to one double, and half of the smallest double is 0.
-    found = np.where(found > 0, found, np.finfo(np.float64).tiny)
-    found = np.where(np.isfinite(one) & np.isfinite(other), found, inf)
-    return np.where((a == b) | (np.isnan(one) & np.isnan(other)), 0.0, found)
+    relative = np.where(relative > 0, relative, np.finfo(np.float64).tiny)
+    relative = np.where(np.isfinite(x) & np.isfinite(y), relative, inf)
+    return np.where((a == b) | (np.isnan(x) & np.isnan(y)), 0.0, relative)
 
 
 def array_difference(
@@ -90,25 +90,26 @@ def array_difference(
     kind "status".
     """
     if a.dtype.kind in "biuf" and b.dtype.kind in "biuf":
-        found = _at_largest(where, a, b, relative_differences(a, b), coordinates)
-        return found and replace(found, kind="number", unit="" if unit == "1" else unit)
-    found = _at_largest(where, a, b, np.asarray(a.astype(str) != b.astype(str)), coordinates)
-    return found and replace(found, kind="status" if where.endswith("status") else "text", relative=None)
+        difference = _at_largest("number", where, a, b, relative_differences(a, b), coordinates)
+        return difference and replace(difference, unit="" if unit == "1" else unit)
+    kind = "status" if where.endswith("status") else "text"
+    return _at_largest(kind, where, a, b, np.asarray(a.astype(str) != b.astype(str)), coordinates)
 
 
 def _at_largest(
-    where: str, a: np.ndarray, b: np.ndarray, distances: np.ndarray, coordinates: Sequence[tuple[str, Sequence[Any]]]
-) -> Difference | None:
-    """Return the difference at the largest of the ``distances``, without its kind; None if all are 0."""
+    kind: str, where: str, a: np.ndarray, b: np.ndarray, distances: np.ndarray,
+    coordinates: Sequence[tuple[str, Sequence[Any]]],
+) -> Difference | None:  # fmt: skip
+    """Return the difference at the largest of the ``distances``; None if all are 0."""
     if not distances.any():
         return None
     index = tuple(int(i) for i in np.unravel_index(int(np.argmax(distances)), a.shape))
     return Difference(
-        kind="",
+        kind=kind,
         where=where,
         a=a[index].item() if isinstance(a[index], np.generic) else a[index],
         b=b[index].item() if isinstance(b[index], np.generic) else b[index],
-        relative=float(distances[index]),
+        relative=float(distances[index]) if kind == "number" else None,
         at={name: values[i] for (name, values), i in zip(coordinates, index, strict=True)},
         differ=int((distances > 0).sum()),
         compared=int(a.size),
@@ -123,12 +124,12 @@ def dataset_differences(file: str, a: xr.Dataset, b: xr.Dataset, leave_out: Coll
     """
     rows: tuple[dict[Any, Any], dict[Any, Any]] = {}, {}
     for dimension in [name for name in a.sizes if name in b.sizes]:
-        one, other = (dataset.get_index(dimension) for dataset in (a, b))
-        firsts = ~other.duplicated()
-        rows[0][dimension] = np.flatnonzero(one.isin(other))
-        rows[1][dimension] = np.flatnonzero(firsts)[other[firsts].get_indexer(one[one.isin(other)])]
-        if not len(one) == len(other) == rows[0][dimension].size:
-            only = [_listed(values) for values in (one[~one.isin(other)].tolist(), other[~other.isin(one)].tolist())]
+        left, right = (dataset.get_index(dimension) for dataset in (a, b))
+        firsts, common = ~right.duplicated(), left.isin(right)
+        rows[0][dimension] = np.flatnonzero(common)
+        rows[1][dimension] = np.flatnonzero(firsts)[right[firsts].get_indexer(left[common])]
+        if not len(left) == len(right) == rows[0][dimension].size:
+            only = [_listed(values) for values in (left[~common].tolist(), right[~right.isin(left)].tolist())]
             unit = _unit(a, str(dimension))
             yield Difference(kind="missing", where=f"{file}: {dimension}", a=only[0], b=only[1], unit=unit)
     names = [name for name in dict.fromkeys([*a.variables, *b.variables]) if name not in (*leave_out, *rows[0])]
@@ -138,10 +139,9 @@ def dataset_differences(file: str, a: xr.Dataset, b: xr.Dataset, leave_out: Coll
         if name not in a.variables or name not in b.variables:
             yield missing(where, in_a=name in a.variables)
         elif a[name].dims != b[name].dims:
-            over = [
-                f"over {', '.join(map(str, one[name].dims))}" if one[name].dims else "a single value" for one in (a, b)
-            ]
-            yield Difference(kind="missing", where=where, a=over[0], b=over[1])
+            over = [", ".join(map(str, dataset[name].dims)) for dataset in (a, b)]
+            shapes = [f"over {dimensions}" if dimensions else "a single value" for dimensions in over]
+            yield Difference(kind="missing", where=where, a=shapes[0], b=shapes[1])
         else:
             yield from _values(where, a[name], b[name])
 
@@ -152,10 +152,9 @@ def _values(where: str, a: xr.DataArray, b: xr.DataArray) -> Iterator[Difference
     if units[0] != units[1]:
         yield Difference(kind="text", where=f"{where}, unit", a=units[0], b=units[1])
     coordinates = [(str(name), a.get_index(name).tolist()) for name in a.dims]
-    found = array_difference(where, a.values, b.values, coordinates, unit=units[0])
-    if found:
-        at_units = {name: _unit(a, name) for name in found.at}
-        yield replace(found, at_units={name: unit for name, unit in at_units.items() if unit})
+    if difference := array_difference(where, a.values, b.values, coordinates, unit=units[0]):
+        at_units = {name: _unit(a, name) for name in difference.at}
+        yield replace(difference, at_units={name: unit for name, unit in at_units.items() if unit})
 
 
 def _listed(values: Sequence[Any]) -> str:
@@ -179,24 +178,23 @@ def table_differences(name: str, a: Texts, b: Texts, leave_out: Collection[str])
     is damaged, or no table, is a ResultFileError.
     """
     tables = a.table(name), b.table(name)
-    one, other = (pd.DataFrame(table.rows, columns=list(table.header), dtype=object) for table in tables)
-    for column in dict.fromkeys([*one, *other]):
-        if column not in leave_out and (column not in one or column not in other):
-            yield missing(f"{name}: {column}", in_a=column in one)
-    columns = [column for column in one if column in other and column not in leave_out]
-    names = _naming(one[columns], other[columns])
+    left, right = (pd.DataFrame(table.rows, columns=list(table.header), dtype=object) for table in tables)
+    for column in dict.fromkeys([*left, *right]):
+        if column not in leave_out and (column not in left or column not in right):
+            yield missing(f"{name}: {column}", in_a=column in left)
+    columns = [column for column in left if column in right and column not in leave_out]
+    names = _naming(left[columns], right[columns])
     if names:
-        one, other = (table.set_index(names, drop=False) for table in (one, other))
-    common = one.index[one.index.isin(other.index)]
-    if len(common) < max(len(one), len(other)):
-        more = [f"{len(rows) - len(common) or 'no'} more" for rows in (one, other)]
+        left, right = (table.set_index(names, drop=False) for table in (left, right))
+    common = left.index[left.index.isin(right.index)]
+    if len(common) < max(len(left), len(right)):
+        more = [f"{len(rows) - len(common) or 'no'} more" for rows in (left, right)]
         yield Difference(kind="missing", where=f"{name}: rows", a=more[0], b=more[1])
     at = [" ".join(key) if len(names) > 1 else key if names else str(key + 1) for key in common]
     for column in columns:
-        cells = (table.loc[common, column].to_numpy(object) for table in (one, other))
-        found = _column_difference(f"{name}: {column}", next(cells), next(cells), at)
-        if found:
-            yield found
+        mine, other = (table.loc[common, column].to_numpy(object) for table in (left, right))
+        if difference := _column_difference(f"{name}: {column}", mine, other, at):
+            yield difference
 
 
 def _is_number(text: str) -> bool:
@@ -207,35 +205,31 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _naming(one: pd.DataFrame, other: pd.DataFrame) -> list[str]:
+def _naming(left: pd.DataFrame, right: pd.DataFrame) -> list[str]:
     """Return the first columns of text that identify the rows of both tables uniquely, if there are any."""
-    texts = [column for column in one if not all(map(_is_number, [*one[column], *other[column]]))]
+    texts = [column for column in left if not all(map(_is_number, [*left[column], *right[column]]))]
     firsts = (texts[:end] for end in range(1, len(texts) + 1))
-    return next(
-        (names for names in firsts if not one.duplicated(names).any() and not other.duplicated(names).any()), []
-    )
+    return next((names for names in firsts if not any(t.duplicated(names).any() for t in (left, right))), [])
 
 
 def _column_difference(where: str, a: np.ndarray, b: np.ndarray, at: Sequence[str]) -> Difference | None:
     numbers = all(map(_is_number, [*a, *b]))
     distances = [0.0 if x == y else _relative(x, y) if numbers else 1.0 for x, y in zip(a, b, strict=True)]
-    found = _at_largest(where, a, b, np.array(distances), [("row", at)])
-    if found is None or not numbers:
-        return found and replace(found, kind="text", relative=None)
-    return replace(found, kind="number", a=_cell(found.a), b=_cell(found.b))
+    difference = _at_largest("number" if numbers else "text", where, a, b, np.array(distances), [("row", at)])
+    return replace(difference, a=_cell(difference.a), b=_cell(difference.b)) if difference and numbers else difference
 
 
 def _relative(a: str, b: str) -> float:
     """Return |a - b| / max(|a|, |b|) of two cells, with all their digits."""
     try:
-        one, other = Decimal(a), Decimal(b)
+        x, y = Decimal(a), Decimal(b)
     except InvalidOperation:  # one of them is empty
         return inf
-    if not (one.is_finite() and other.is_finite()):
-        return 0.0 if float(a) == float(b) or {one.is_nan(), other.is_nan()} == {True} else inf
+    if not (x.is_finite() and y.is_finite()):
+        return 0.0 if float(a) == float(b) or (x.is_nan() and y.is_nan()) else inf
     # Decimals are subtracted exactly; only the difference is rounded.
-    scale = max(abs(one), abs(other))
-    return float(abs(one - other) / scale) if scale else 0.0
+    scale = max(abs(x), abs(y))
+    return float(abs(x - y) / scale) if scale else 0.0
 
 
 def _cell(text: str) -> Any:
@@ -302,49 +296,42 @@ class _Pair:
 
     def claims(self) -> Iterator[Difference]:
         """Yield claims with different verdicts, and claims that only one result has."""
-        one, other = map(_claims, self._folders)
-        if one is None or other is None:
-            if one is not other:
-                yield missing(str(CLAIMS), in_a=one is not None)
+        left, right = map(_claims, self._folders)
+        if left is None or right is None:
+            if left is not right:
+                yield missing(str(CLAIMS), in_a=left is not None)
             return
-        for found in _keys_that_differ("claim", [one, other]):
-            if found.a is not None and found.b is not None:
-                yield found
-        for name in sorted({*one} ^ {*other}):
-            yield missing(f"claim {name}", in_a=name in one)
+        yield from (told for told in _keys_that_differ("claim", [left, right]) if None not in (told.a, told.b))
+        yield from (missing(f"claim {name}", in_a=name in left) for name in sorted({*left} ^ {*right}))
 
     def settings(self) -> Iterator[Difference]:
         """Yield the differing keys of the configs, then of the settings of each cube."""
         if all(self._newest):
-            configs = [dict(flattened(run.get("config", {}))) for run in self._newest]
-            for config in configs:
-                config.pop("name", None)  # that of the folder
+            # The name is that of the folder.
+            configs = [dict(flattened(run.get("config", {}) | {"name": ""})) for run in self._newest]
             yield from _keys_that_differ("setting", configs, "config: {}")
-        for name, attributes in self._attributes():
-            places = [folder / name for folder in self._folders]
-            told = [dict(flattened(settings_of(*one))) for one in zip(places, attributes, strict=True)]
+        for name, cubes in self._attributes():
+            both = zip(self._folders, cubes, strict=True)
+            told = [dict(flattened(settings_of(folder / name, attributes))) for folder, attributes in both]
             yield from _keys_that_differ("setting", told, f"{name}: {{}}")
 
     def origins(self) -> Iterator[Difference]:
         """Yield differing digests of code and coefficients, and versions: of the newest runs, then of the cubes."""
         cubes = list(self._attributes())
+        makers: list[tuple[str, Sequence[Mapping[str, Any]]]] = [("newest run", self._newest)]
         for kind in ("code", "coefficients"):
-            key = f"{kind}_digest"
-            if all(self._newest):
-                yield from _keys_that_differ(
-                    kind, [{"newest run": run.get(key)} for run in self._newest], show=_short_digest
-                )
-            for name, attributes in cubes:
-                yield from _keys_that_differ(kind, [{name: told.get(key)} for told in attributes], show=_short_digest)
+            for name, both in (makers if all(self._newest) else []) + cubes:
+                digests = [{name: told.get(f"{kind}_digest")} for told in both]
+                for difference in _keys_that_differ(kind, digests):
+                    yield replace(difference, a=_short_digest(difference.a), b=_short_digest(difference.b))
         versions: list[dict[str, Any]] = [{}, {}]
-        for told, found in ((told, versions[i]) for _, both in cubes for i, told in enumerate(both)):
-            names = (key.removesuffix("_version") for key in told if key.endswith("_version"))
-            found |= {name: told[f"{name}_version"] for name in names}
-        for found in versions:
-            if "package" in found:
-                found["nearharmonic"] = found.pop("package")
+        for told, side in ((told, versions[i]) for _, both in cubes for i, told in enumerate(both)):
+            side |= {key.removesuffix("_version"): told[key] for key in told if key.endswith("_version")}
+        for side in versions:
+            if "package" in side:
+                side["nearharmonic"] = side.pop("package")
         if all(self._newest):
-            versions = [found | run.get("versions", {}) for found, run in zip(versions, self._newest, strict=True)]
+            versions = [side | run.get("versions", {}) for side, run in zip(versions, self._newest, strict=True)]
         yield from _keys_that_differ("version", versions)
 
     def _attributes(self) -> Iterator[tuple[str, list[dict[str, str]]]]:
@@ -361,14 +348,14 @@ class _Pair:
 
     def cube(self, name: str, volatile: set[str]) -> Iterator[Difference]:
         """Yield the differences of a cube, group by group."""
-        one, other = [folder / name for folder in self._folders]
-        groups = [store.groups_of(path) for path in (one, other)]
+        paths = [folder / name for folder in self._folders]
+        groups = [store.groups_of(path) for path in paths]
         for group in dict.fromkeys([None, *groups[0], *groups[1]]):
             place = name if group is None else f"{name}/{group}"
             if group is not None and not all(group in names for names in groups):
                 yield missing(place, in_a=group in groups[0])
                 continue
-            datasets = store.read(one, group), store.read(other, group)
+            datasets = store.read(paths[0], group), store.read(paths[1], group)
             measured = {str(v) for d in datasets for v in d.variables if "volatile" in d[v].attrs} | volatile
             self.left_out += [f"{place}: {v}" for v in sorted(measured) if any(v in d for d in datasets)]
             yield from dataset_differences(place, *datasets, measured)
@@ -377,8 +364,8 @@ class _Pair:
         """Yield the differences of a table; those of verdicts are told as claims."""
         self.left_out += [f"{name}: {column}" for column in sorted(volatile)]
         shown_above = {"verdict"} if name == str(CLAIMS.with_suffix(".csv")) else set()
-        one, other = map(Texts, self._folders)
-        return table_differences(name, one, other, volatile | shown_above)
+        left, right = map(Texts, self._folders)
+        return table_differences(name, left, right, volatile | shown_above)
 
     def files(self, pattern: str, differences: Callable[[str, set[str]], Iterator[Difference]]) -> Iterator[Difference]:
         """Yield the differences of each common file, from its name and volatile parts, and each missing file."""
@@ -406,14 +393,12 @@ def _claims(folder: Path) -> dict[str, str] | None:
         raise texts.unusable(str(CLAIMS), "holds no claims") from error
 
 
-def _keys_that_differ(
-    kind: str, both: Sequence[Mapping[str, Any]], where: str = "{}", show: Callable[[Any], Any] = lambda value: value
-) -> Iterator[Difference]:
+def _keys_that_differ(kind: str, both: Sequence[Mapping[str, Any]], where: str = "{}") -> Iterator[Difference]:
     """Yield the keys with different values, in the order of the first result; None marks a missing key."""
-    one, other = both
-    for key in dict.fromkeys([*one, *other]):
-        if one.get(key) != other.get(key):
-            yield Difference(kind=kind, where=where.format(key), a=show(one.get(key)), b=show(other.get(key)))
+    for key in dict.fromkeys([*both[0], *both[1]]):
+        a, b = (values.get(key) for values in both)
+        if a != b:
+            yield Difference(kind=kind, where=where.format(key), a=a, b=b)
 
 
 def _short_digest(digest: Any) -> Any:
@@ -445,7 +430,7 @@ def save_overlay(results: Mapping[str, Path], place: str) -> Path:
     common = [name for name in cubes[0] if name in cubes[1]]
     if not common:
         raise SettingError(f"no figure: {' and '.join(results)} have no system in common")
-    pairs = {name: [double_runs(system_cube(found[name])) for found in cubes] for name in common}
+    pairs = {name: [double_runs(system_cube(files[name])) for files in cubes] for name in common}
     (written,) = style.save(style.house_style(overlay)(list(results), pairs), [path])
     return written
 

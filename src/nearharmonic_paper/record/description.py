@@ -86,7 +86,7 @@ HOMES = {
     "snakemake": "https://snakemake.github.io",
     "xarray": "https://xarray.dev",
 }
-#: What README tells of files and folders; what is not in the archive is not mentioned.
+#: Words on files and folders; README mentions those that are in the archive before the last three.
 PLACES = {
     "report.html": "the page: claims, figures, tables; opens in a browser without a network",
     "cubes": "HDF5 cubes of errors and derived quantities; xarray opens them with the engine h5netcdf",
@@ -98,11 +98,14 @@ PLACES = {
     WORKFLOW: "the workflow, as it was installed when this archive was written",
     "workflow": "rules, scripts and schema of the workflow",
     "config.json": "the settings of the newest run that ended well, as resolved",
-    "history.jsonl": "every run of the workflow, one JSON object a line",
+    "history.jsonl": "every run of the workflow, one JSON object a line: times, command, commit, settings, versions",
     "manifest.json": "size and digest of every result file, with the code that made it",
     "CITATION.cff": "how to cite the software and the paper",
-    "LICENSE": "the licence",
+    "LICENSE": "text of the licence",
     ZENODO: "title, creators, licence and keywords for a deposit at Zenodo",
+    "README.md": "what this archive holds and how to read it",
+    METADATA: "RO-Crate metadata",
+    PREVIEW: "preview of the metadata",
 }
 #: Properties of the archive in the preview, and headings of its files by their folder; the last one has all others.
 FACTS = {
@@ -358,8 +361,8 @@ def _instrument(crate: Any, run: Run, about: Archive) -> Any:
         "url": about.homepage,
         "description": f"{about.cited['title']}; commit {commit or 'unknown'}{changed}, code {run['code_digest']}",
         "softwareRequirements": [
-            _add(crate, f"#{name}-{one}", "SoftwareApplication", name=name, version=one, url=HOMES[name])
-            for name, one in sorted(versions.items())
+            _add(crate, f"#{name}-{number}", "SoftwareApplication", name=name, version=number, url=HOMES[name])
+            for name, number in sorted(versions.items())
             if name in HOMES
         ],
     }

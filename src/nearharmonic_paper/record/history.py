@@ -20,7 +20,7 @@ from typing import Any
 
 from nearharmonic.errors import SettingError, unknown_name
 from nearharmonic.output.atomic import digest_of, read_bytes, sealed, write_text
-from nearharmonic_paper.tasks.provenance import MARKED, names_made_by
+from nearharmonic_paper.tasks.provenance import MARKED, names_made_by, receipts_in
 
 # --- Lines of a history: each one is sealed and holds the digest of the line before.
 #
@@ -36,7 +36,7 @@ HISTORY = "history.jsonl"
 FIRST = b'{"id": "'
 DAMAGED = "is damaged: its seal does not match"
 _BETWEEN = re.compile(rb"\n|(?<=\}).?(?=" + re.escape(FIRST) + rb")", re.DOTALL)
-_ID = re.compile(rb"(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)Z-[0-9a-f]{8}")
+_ID = re.compile(r"(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)Z-[0-9a-f]{8}", re.ASCII)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,10 +61,10 @@ def lines_of(place: Path) -> list[Line]:
         texts = filter(None, _BETWEEN.split(read_bytes(place)))
     except OSError:
         return []
-    found: list[Line] = []
+    lines: list[Line] = []
     for number, text in enumerate(texts, start=1):
-        found.append(_line(number, text, found[-1] if found else None))
-    return found
+        lines.append(_line(number, text, lines[-1] if lines else None))
+    return lines
 
 
 def faulty_lines(lines: Sequence[Line]) -> list[Line]:
@@ -128,24 +128,21 @@ def _document(text: bytes) -> tuple[Run | None, str]:
     from nearharmonic_paper.tasks.schema import complaint
 
     try:
-        found: Any = json.loads(text)
-        rest = {key: value for key, value in found.items() if key != "sha256"}
-        if digest_of(rest) != found.get("sha256") and ("sha256" in found or "before" in found):
+        run: Any = json.loads(text)
+        rest = {key: value for key, value in run.items() if key != "sha256"}
+        if digest_of(rest) != run.get("sha256") and ("sha256" in run or "before" in run):
             return None, DAMAGED
     except (AttributeError, ValueError, RecursionError):
         return None, DAMAGED
-    fault = complaint("run", found)
-    return (None, f"is no run: it {fault}") if fault else (found, "")
+    fault = complaint("run", run)
+    return (None, f"is no run: it {fault}") if fault else (run, "")
 
 
 def _damaged_run(number: int, text: bytes) -> Run:
     """Return what is known of a run whose line is damaged: its id and its start, if that is legible."""
-    name = _ID.search(text[:60])
-    run: Run = {"id": f"line-{number}", "start": "", "config": {}, "status": "damaged"}
-    if name:
-        year, month, day, *clock = (part.decode() for part in name.groups())
-        run |= {"id": name[0].decode(), "start": f"{year}-{month}-{day}T{':'.join(clock)}.000Z"}
-    return run
+    name = _ID.search(text[:60].decode(errors="replace"))
+    legible = {"id": name[0], "start": name.expand(r"\1-\2-\3T\4:\5:\6.000Z")} if name else {}
+    return {"id": f"line-{number}", "start": "", "config": {}, "status": "damaged", **legible}
 
 
 # --- Markers of unfinished runs: ``logs/running/ID.json``, with the process of the run.
@@ -155,8 +152,7 @@ MARKERS = Path("logs", MARKED)
 
 def running_in(folder: Path) -> list[Run]:
     """Return the unfinished runs, oldest first; the status is "killed" if the process has ended on this machine."""
-    ended = {"status": "killed"}
-    return [run | ended if run.get("process") and _is_dead(run) else run for run, _ in _marked(folder)]
+    return [run | {"status": "killed"} if run.get("process") and _is_dead(run) else run for run, _ in _marked(folder)]
 
 
 def _marked(folder: Path) -> Iterator[tuple[Run, Path]]:
@@ -191,7 +187,7 @@ def close_killed(folder: Path) -> list[str]:
             continue
         told = {key: value for key, value in run.items() if key != "process"}
         status = "damaged" if run.get("status") == "damaged" else "killed"  # nothing is known of the former
-        append(folder, told | {"status": status, "made": names_made_by(folder, run["id"])})
+        append(folder, told | {"status": status, "made": names_made_by(receipts_in(folder), run["id"])})
         claimed.unlink()
         closed.append(str(run["id"]))
     return closed
@@ -234,12 +230,12 @@ def runs_of(folder: Path) -> list[Run]:
 
 def runs_newest_first(folders: Iterable[Path]) -> list[tuple[Path, Run]]:
     """Return each run of some folders with its folder, by start time; an unfinished run has the status "running"."""
-    found = []
+    placed = []
     for folder in folders:
         ended = runs_of(folder)
         ids = {run["id"] for run in ended}
-        found += [(folder, run) for run in (*ended, *(run for run in running_in(folder) if run["id"] not in ids))]
-    return sorted(found, key=lambda one: (str(one[1].get("start")), str(one[1]["id"]), str(one[0])), reverse=True)
+        placed += [(folder, run) for run in (*ended, *(run for run in running_in(folder) if run["id"] not in ids))]
+    return sorted(placed, key=lambda pair: (str(pair[1].get("start")), str(pair[1]["id"]), str(pair[0])), reverse=True)
 
 
 def newest_finished(folder: Path) -> Run | None:
@@ -263,13 +259,14 @@ def run_named(prefix: str, runs: Sequence[Run]) -> Run:
     """Return the run whose id begins with ``prefix``, the first of ``runs`` if that is empty."""
     if not runs:
         raise SettingError("no run is recorded: snakemake -j2 makes results and records the run")
-    found = list({str(run.get("id")): run for run in runs if str(run.get("id")).startswith(prefix)}.values())
-    if not found:
+    alike = {str(run.get("id")): run for run in runs if str(run.get("id")).startswith(prefix)}
+    ids = list(alike)
+    if not ids:
         raise unknown_name("run", prefix, [str(run.get("id")) for run in runs])
-    if prefix and len(found) > 1:
-        listed = ", ".join([*(str(run["id"]) for run in found[:5]), *(["..."] if len(found) > 5 else [])])
-        raise SettingError(f"id = {prefix!r} is not allowed: {len(found)} runs begin with it, {listed}")
-    return found[0]
+    if prefix and len(ids) > 1:
+        listed = ", ".join([*ids[:5], *(["..."] if len(ids) > 5 else [])])
+        raise SettingError(f"id = {prefix!r} is not allowed: {len(ids)} runs begin with it, {listed}")
+    return alike[ids[0]]
 
 
 def flattened(value: Any, above: str = "") -> Iterator[tuple[str, Any]]:

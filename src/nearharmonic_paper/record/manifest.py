@@ -24,7 +24,7 @@ from nearharmonic.output.store import command_for, unusable
 from nearharmonic.output.table import Table, from_csv
 from nearharmonic.registry import check_trust, is_file, is_trusted
 from nearharmonic_paper.record.history import HISTORY, runs_newest_first
-from nearharmonic_paper.tasks.provenance import BESIDE, files_in, measured, read_definitions, receipts_in
+from nearharmonic_paper.tasks.provenance import BESIDE, Receipts, files_in, measured, read_definitions, receipts_in
 from nearharmonic_paper.tasks.provenance import digest_of_file as digest_of
 
 # --- The manifest of a folder of results: size, digest and origin of every file, as written by its job.
@@ -45,28 +45,33 @@ def read(folder: Path) -> dict[str, Any]:
     """
     from nearharmonic_paper.tasks.schema import complaint
 
-    place, found = folder / MANIFEST, None
+    place, document = folder / MANIFEST, None
     try:
-        found = opened(read_text(place))
-        fault = "is damaged" if found is None else complaint("manifest", found)
+        document = opened(read_text(place))
+        fault = "is damaged" if document is None else complaint("manifest", document)
     except FileNotFoundError:
         fault = "does not exist"
     except (OSError, ValueError):
         fault = "is damaged"
-    if fault or found is None:
+    if fault or document is None:
         raise ResultFileError(f"{place} {fault}. Make it again: {command_for(folder / 'report.html')}")
-    return {"configfiles": [], "former": [], "unrecorded": [], **found}
+    return {"configfiles": [], "former": [], "unrecorded": [], **document}
 
 
-def write(folder: Path, makeable: Collection[str] | None = None, configfiles: Sequence[str] = ()) -> list[str]:
+def write(
+    folder: Path,
+    makeable: Collection[str] | None = None,
+    configfiles: Sequence[str] = (),
+    receipts: Receipts | None = None,
+) -> list[str]:
     """Write the manifest of ``folder`` from its receipts, and from the previous manifest if a receipt is lost.
 
     ``makeable`` are the names of all files that jobs of the present config make, any by default: a missing one of them
-    stays in the list. ``configfiles`` are the files of the config. The names of files that have changed after their job
-    wrote them are returned, sorted; their entries keep the original digest. A manifest that cannot be written is an
-    OSError.
+    stays in the list. ``configfiles`` are the files of the config. The ``receipts`` are read unless given. The names of
+    files that have changed after their job wrote them are returned, sorted; their entries keep the original digest. A
+    manifest that cannot be written is an OSError.
     """
-    entries = entries_of(folder)
+    entries = entries_of(folder, receipts)
     there = set(names_in(folder))
     wanted = there if makeable is None else there | set(makeable)
     entries = {name: entries[name] for name in sorted(entries) if makeable is None or name in wanted}
@@ -86,8 +91,8 @@ def write(folder: Path, makeable: Collection[str] | None = None, configfiles: Se
     return changed
 
 
-def entries_of(folder: Path) -> dict[str, dict[str, Any]]:
-    """Return the present entries of the files of ``folder``: from receipts, or from the previous manifest.
+def entries_of(folder: Path, receipts: Receipts | None = None) -> dict[str, dict[str, Any]]:
+    """Return the present entries of the files of ``folder``: from its receipts, or from the previous manifest.
 
     If a receipt and the manifest give different digests of a file, the file decides: the receipt of a later job agrees
     with it, an old receipt, for example from before a copy of the results, does not.
@@ -96,7 +101,7 @@ def entries_of(folder: Path) -> dict[str, dict[str, Any]]:
         entries = dict(read(folder)["files"])
     except ResultFileError:
         entries = {}
-    for _, receipt in receipts_in(folder):
+    for _, receipt in receipts_in(folder) if receipts is None else receipts:
         for name, entry in receipt.items():
             place, before = folder / name, entries.get(name, entry)
             differs = before["sha256"] != entry["sha256"] and place.is_file()
@@ -221,11 +226,8 @@ def check_trusted(folder: Path, given: Iterable[str]) -> None:
 
 def recorded_digests(folder: Path) -> dict[str, str]:
     """Return the digest of the code of each user's file, by absolute path, as its newest run has recorded it."""
-    found: dict[str, str] = {}
-    for _, run in runs_newest_first([folder]):
-        for file, digest in run.get("user_files", {}).items():
-            found.setdefault(_key(file), digest)
-    return found
+    runs = [run.get("user_files", {}) for _, run in reversed(runs_newest_first([folder]))]
+    return {_key(file): digest for files in runs for file, digest in files.items()}
 
 
 def is_edited(file: str | os.PathLike[str], recorded: Mapping[str, str]) -> bool:

@@ -138,9 +138,9 @@ class _Condition:
                     raise self._refused(member, "in takes a list of numbers or texts, no columns")
         values = [self._alike(left, value, other) for other in others]
         function = operator.eq if is_member else _FUNCTIONS[type(sign)]
-        found = reduce(np.logical_or, [np.asarray(function(value, other), dtype=bool) for other in values])
-        known = [np.asarray(one == one) for one in (value, *values)]  # noqa: PLR0124 - NaN differs from itself
-        return reduce(np.logical_and, known, ~found if isinstance(sign, ast.NotIn) else found)
+        holds = reduce(np.logical_or, [np.asarray(function(value, other), dtype=bool) for other in values])
+        known = [np.asarray(side == side) for side in (value, *values)]  # noqa: PLR0124 - NaN differs from itself
+        return reduce(np.logical_and, known, ~holds if isinstance(sign, ast.NotIn) else holds)
 
     def _alike(self, left: ast.expr, value: Any, right: ast.expr) -> Any:
         """Return the value of ``right``, which must have the kind of the ``value`` of ``left``."""
@@ -234,14 +234,14 @@ def former_systems(folder: Path) -> list[str]:
 def settings_of(path: Path, attributes: Mapping[str, Any]) -> dict[str, Any]:
     """Return the settings of a file from its attributes; {} if it has none, ResultFileError if they are no JSON."""
     try:
-        found = json.loads(attributes.get("settings", "{}"))
+        settings = json.loads(attributes.get("settings", "{}"))
     except (TypeError, ValueError, RecursionError):
         fault = "are no JSON"
     else:
-        fault = complaint("settings", found)
+        fault = complaint("settings", settings)
     if fault:
         raise store.unusable(path, f"has settings that cannot be read: the text {fault}")
-    return dict(found)
+    return dict(settings)
 
 
 def system_cube(path: Path) -> xr.Dataset:
@@ -470,9 +470,9 @@ def _again(folder: Path, name: str, precision: str, index: int) -> Rerun:
         planned = runs_of(sweep, settings["integrator"], settings["shard"])
         (run,) = (run for run in planned if run.precision == precision)
         place = run.tau_per_stage.index(float(kept.tau_per_stage[index]))
-        one = replace(run, tau_per_stage=run.tau_per_stage[place : place + 1], steps=run.steps[place : place + 1])
-        differs = tuple(sorted(_differing((integrate_run if sweep.samples else reduced_run)(one), kept, index)))
-        return Rerun(file=name, precision=precision, tau_per_stage=one.tau_per_stage[0], differs=differs)
+        alone = replace(run, tau_per_stage=run.tau_per_stage[place : place + 1], steps=run.steps[place : place + 1])
+        differs = tuple(sorted(_differing((integrate_run if sweep.samples else reduced_run)(alone), kept, index)))
+        return Rerun(file=name, precision=precision, tau_per_stage=alone.tau_per_stage[0], differs=differs)
 
 
 def _differing(made: Variables, kept: Any, index: int) -> Iterator[str]:

@@ -64,12 +64,12 @@ def faults(folder: Path) -> list[Fault]:
         says, _, mend = str(error).partition(". ")
         says = says.removeprefix(f"{folder / manifest.MANIFEST} ")
         return [*_of_record(folder), Fault(manifest.MANIFEST, says, mend)]
-    found = [*_of_record(folder), *_of_files(folder, recorded)]
-    damaged = {fault.file for fault in found}
+    here = [*_of_record(folder), *_of_files(folder, recorded)]
+    damaged = {fault.file for fault in here}
     whole = {name: entry for name, entry in recorded["files"].items() if name not in damaged}
-    found += [*_of_inputs(folder, whole), *_of_origins(folder, recorded["files"])]
-    ranks = {fault: [i for i, part in enumerate(ORDER) if fault.file.startswith(part)] for fault in found}
-    return sorted(found, key=lambda fault: (ranks[fault] or [0], fault))
+    here += [*_of_inputs(folder, whole), *_of_origins(folder, recorded["files"])]
+    ranks = {fault: [i for i, part in enumerate(ORDER) if fault.file.startswith(part)] for fault in here}
+    return sorted(here, key=lambda fault: (ranks[fault] or [0], fault))
 
 
 def _of_record(folder: Path) -> Iterator[Fault]:
@@ -79,7 +79,8 @@ def _of_record(folder: Path) -> Iterator[Fault]:
         yield Fault(history.HISTORY, "is not a regular file", "Move it elsewhere")
     lines = history.lines_of(place)
     told = [f"line {line.number} {line.fault}" for line in history.faulty_lines(lines)]
-    told += [f"has lost the last line that was written, or more; it has {len(lines)}"] if lost_line(folder) else []
+    if lost_line(folder, lines):
+        told.append(f"has lost the last line that was written, or more; it has {len(lines)}")
     for says in told:
         yield Fault(history.HISTORY, says, f"The next run with jobs records this, for example: {again}")
     for place in damaged_receipts(folder):
@@ -164,8 +165,8 @@ def _difference(
 
 def _target_of(function: str) -> str:
     """Return the target of the files of ``function``, as the end of a command; empty for the default target."""
-    found = next((experiments()[part] for part in function.split(".") if part in experiments()), None)
-    return f" -- {found.target}" if found in beside_the_paper() else ""
+    experiment = next((experiments()[part] for part in function.split(".") if part in experiments()), None)
+    return f" -- {experiment.target}" if experiment in beside_the_paper() else ""
 
 
 class Extent(NamedTuple):
@@ -210,9 +211,9 @@ def adopt(folder: Path, configfile: str | None = None) -> int:
     if folder.absolute().parent != Path("results").absolute() or not Path("Snakefile").is_file():
         says = "is not in results/ of the folder of the workflow: copy it there, and adopt it from there"
         raise RefusedError(f"{folder} {says}")
-    if found := faults(folder):
-        more = f" ({len(found)} faults in all: nearharmonic verify {folder})" if len(found) > 1 else ""
-        raise RefusedError(f"{folder} is not adopted: {found[0]}{more}")
+    if here := faults(folder):
+        more = f" ({len(here)} faults in all: nearharmonic verify {folder})" if len(here) > 1 else ""
+        raise RefusedError(f"{folder} is not adopted: {here[0]}{more}")
     recorded = manifest.read(folder)
     names = recorded["files"]
     check_files_of(names.values())
@@ -234,14 +235,14 @@ def _config_option(name: str, recorded: Sequence[str], given: str | None) -> lis
     """Return the option of Snakemake for the config that writes to ``results/<name>``; none for the default config."""
     if given is not None:
         return ["--configfile", given]
-    found = usable_configs(recorded, Path("results", name))
-    if not found or not all(Path(place).is_file() for place in found):
-        found = [str(place) for place in sorted(Path("config").glob("*.yaml")) if _name_in(place) == name]
-        if len(found) != 1:
-            says = f"{' and '.join(found)} have" if found else "no file in config/ has"
+    places = usable_configs(recorded, Path("results", name))
+    if not places or not all(Path(place).is_file() for place in places):
+        places = [str(place) for place in sorted(Path("config").glob("*.yaml")) if _name_in(place) == name]
+        if len(places) != 1:
+            says = f"{' and '.join(places)} have" if places else "no file in config/ has"
             says = f"results/{name} is not adopted: {says} the name {name!r}; name its config: --configfile FILE"
             raise RefusedError(says)
-    return [] if found == [DEFAULT_CONFIG] else ["--configfile", *found]
+    return [] if places == [DEFAULT_CONFIG] else ["--configfile", *places]
 
 
 def _name_in(place: Path) -> object:
@@ -269,11 +270,11 @@ def check_tasks(folder: Path, tasks: Iterable[Mapping[str, Any]]) -> None:
     Snakemake has described the tasks of all requested files by then.
     """
     keys = ("settings", "code", "coefficients")
-    here = {(one["function"], settings_digest(one), one["code"], one["coefficients"]) for one in tasks}
+    here = {(task["function"], settings_digest(task), task["code"], task["coefficients"]) for task in tasks}
     for name, entry in manifest.read(folder)["files"].items():
         if (entry["function"], *(entry[key] for key in keys)) in here:
             continue
-        alike = [one[1:] for one in here if one[0] == entry["function"]]
-        differs = [key for i, key in enumerate(keys) if all(one[i] != entry[key] for one in alike)] or ["settings"]
+        alike = [digests for function, *digests in here if function == entry["function"]]
+        differs = [key for i, key in enumerate(keys) if all(told[i] != entry[key] for told in alike)] or ["settings"]
         message = f"{folder / name} was made with other {' and '.join(differs)}"
         raise RefusedError(f"{message}; a run of the workflow brings it up to date")

@@ -11,12 +11,13 @@ import fcntl
 import json
 import os
 import platform
+import re
 import secrets
 import shutil
 import subprocess
 import sys
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -29,13 +30,13 @@ from nearharmonic.systems import systems
 from nearharmonic_paper.config import Config
 from nearharmonic_paper.experiments.paper.run import totals_in
 from nearharmonic_paper.record import history, manifest
-from nearharmonic_paper.record.history import dead_in
 from nearharmonic_paper.tasks.job import LEADER
 from nearharmonic_paper.tasks.provenance import (
     PACKAGE,
     PACKAGES,
     ROOT,
     RUN,
+    Receipts,
     coefficients_digest,
     damaged_receipts,
     digest_of_file,
@@ -86,13 +87,11 @@ def package_digest(root: Path = ROOT) -> str:
 
 def versions() -> dict[str, str]:
     """Return the versions of Python, of this package and of the installed :data:`LIBRARIES`."""
-    found = {"python": platform.python_version()}
+    installed = {"python": platform.python_version()}
     for name in (PACKAGE, *LIBRARIES):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            continue
-    return found
+        with suppress(PackageNotFoundError):
+            installed[name] = version(name)
+    return installed
 
 
 def machine() -> dict[str, Any]:
@@ -113,16 +112,11 @@ def revision(folder: Path) -> dict[str, Any]:
 
     Without git this is an OSError.
     """
-    commit = _git(folder, "rev-parse", "HEAD")
-    status = None if commit is None else _git(folder, "status", "--porcelain")
-    return {"commit": commit, "dirty": None if status is None else bool(status)}
-
-
-def _git(folder: Path, *arguments: str) -> str | None:
-    done = subprocess.run(
-        ["git", "-C", str(folder), *arguments], capture_output=True, text=True, check=False, timeout=20
-    )
-    return done.stdout.strip() if done.returncode == 0 else None
+    command = ["git", "-C", str(folder), "status", "--porcelain=v2", "--branch"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=20)
+    commit = re.search(r"^# branch\.oid ([0-9a-f]+)$", done.stdout, re.MULTILINE)  # no match before the first commit
+    changed = any(not line.startswith("#") for line in done.stdout.splitlines())
+    return {"commit": commit[1], "dirty": changed} if commit else {"commit": None, "dirty": None}
 
 
 # --- State of a folder of results at the end of a run: sizes and times of all its files, and the end of its history.
@@ -136,25 +130,24 @@ RECORD = (history.HISTORY, manifest.MANIFEST)
 Observed = list[int] | None
 
 
-def save(folder: Path, makeable: Iterable[str]) -> None:
+def save(folder: Path, makeable: Iterable[str], receipts: Receipts) -> None:
     """Write the state of ``folder`` after a run; files that are not as their job wrote them count as unknown."""
     told = manifest.read(folder)
     unknown = {*told["changed"], *told["unrecorded"]}
-    receipts = (place.relative_to(folder).as_posix() for place, _ in receipts_in(folder))
-    names = sorted({*makeable, *told["files"], *RECORD, *receipts} - unknown)
+    places = (place.relative_to(folder).as_posix() for place, _ in receipts)
+    names = sorted({*makeable, *told["files"], *RECORD, *places} - unknown)
     files = {name: _observed(folder, name) for name in names} | {name: [] for name in sorted(unknown)}
     lines = history.lines_of(folder / history.HISTORY)
-    head = lost_line(folder) or (lines[-1].digest if lines else None)
+    head = lost_line(folder, lines) or (lines[-1].digest if lines else None)
     write_text(folder / STATE, json.dumps(sealed({"files": files, "head": head})) + "\n")
 
 
-def lost_line(folder: Path) -> str | None:
-    """Return the digest of the last line of the history at the last :func:`save`, if it is neither there nor recorded.
+def lost_line(folder: Path, lines: Iterable[history.Line]) -> str | None:
+    """Return the digest of the last line of the history at the last :func:`save`, if the ``lines`` do not have it.
 
     The chain of digests in the history shows every other loss.
     """
     head = _saved(folder).get("head")
-    lines = history.lines_of(folder / history.HISTORY)
     known = {digest for line in lines for digest in (line.digest, *line.known)}
     return head if isinstance(head, str) and head not in known else None
 
@@ -175,11 +168,11 @@ def damaged_files(folder: Path, makeable: Collection[str], different: Collection
     names = set(makeable) if different is None else set(makeable).intersection(different)
     there = [name for name in sorted(names) if os.path.lexists(folder / name)]
     entries = manifest.entries_of(folder) if there else {}
-    found = {name for name in there if name not in entries or manifest.is_changed(folder / name, entries[name])}
+    damaged = {name for name in there if name not in entries or manifest.is_changed(folder / name, entries[name])}
     inputs = {name: set(entry.get("inputs", ())) for name, entry in entries.items()}
-    while more := {name for name in makeable if found & inputs.get(name, set())} - found:
-        found |= more
-    return sorted(name for name in found if os.path.lexists(folder / name))
+    while more := {name for name in makeable if damaged & inputs.get(name, set())} - damaged:
+        damaged |= more
+    return sorted(name for name in damaged if os.path.lexists(folder / name))
 
 
 def _saved(folder: Path) -> dict[str, Any]:
@@ -193,10 +186,10 @@ def _saved(folder: Path) -> dict[str, Any]:
 def _observed(folder: Path, name: str) -> Observed:
     """Return size and time of a file; None if there is none."""
     try:
-        found = os.stat(f"{folder}/{name}")  # noqa: PTH116 - pathlib takes longer than the system
+        state = os.stat(f"{folder}/{name}")  # noqa: PTH116 - pathlib takes longer than the system
     except OSError:
         return None
-    return [found.st_size, found.st_mtime_ns]
+    return [state.st_size, state.st_mtime_ns]
 
 
 def _is_broken(folder: Path, name: str) -> bool:
@@ -296,7 +289,7 @@ class WorkflowRun:
         if not os.access(self._folder, os.W_OK):
             return
         different = differing(self._folder)
-        if different == set() and not dead_in(self._folder) and not (self._folder / ASIDE).exists():
+        if different == set() and not history.dead_in(self._folder) and not (self._folder / ASIDE).exists():
             return
         try:
             lock(self._folder)
@@ -310,7 +303,7 @@ class WorkflowRun:
                 remove_parts(self._folder)
             with self._warning("damaged receipts are not removed"):
                 self._remove_damaged_receipts()
-            self._complete()
+            self._complete(receipts_in(self._folder))
         with self._warning("damaged files are not made again"):
             atexit.register(restore, self._folder)
             for name in damaged_files(self._folder, self._makeable, different):
@@ -345,33 +338,33 @@ class WorkflowRun:
     def end(self, exit_status: int) -> None:
         """Write manifest and history at the end of a run, whose ``exit_status`` is that of Snakemake."""
         restore(self._folder)
-        ended = datetime.now(UTC)
+        receipts, ended = receipts_in(self._folder), datetime.now(UTC)
         self._told |= {
             "status": "failed" if exit_status else "ok",
             "exit_status": exit_status,
             "end": _stamp(ended),
             "duration": round((ended - self._began).total_seconds(), 3),
             "cpu_seconds": round(sum(os.times()[:4]), 2),
-            "made": names_made_by(self._folder, self.id),
+            "made": names_made_by(receipts, self.id),
         }
         with self._warning("the evaluations are not recorded"):
-            self._told |= self._counts()
-        self._complete(ends=True)
+            self._told |= self._counts(receipts)
+        self._complete(receipts, ends=True)
 
-    def _complete(self, *, ends: bool = False) -> None:
+    def _complete(self, receipts: Receipts, *, ends: bool = False) -> None:
         """Write the manifest, the line of the history if the run ``ends``, and the state for the next start."""
         with self._warning("the manifest is not written"):
-            changed = manifest.write(self._folder, self._makeable, self._configfiles)
-            if changed:
+            if changed := manifest.write(self._folder, self._makeable, self._configfiles, receipts):
                 self._warn("", f"changed since their jobs wrote them: {', '.join(changed)} in {self._folder}")
         if ends:
             with self._warning("the history is not written"):
                 try:
-                    history.append(self._folder, self._told, lost_line(self._folder))
+                    lines = history.lines_of(self._folder / history.HISTORY)
+                    history.append(self._folder, self._told, lost_line(self._folder, lines))
                 finally:
                     history.unmark(self._folder, self.id)
         with self._warning("the next start looks at all files"):
-            save(self._folder, self._makeable)
+            save(self._folder, self._makeable, receipts)
 
     def _remove_damaged_receipts(self) -> None:
         """Remove damaged receipts: the manifest has the entries of their files, or their jobs run again."""
@@ -387,12 +380,11 @@ class WorkflowRun:
         """Return True if a job of this run made the file ``name``."""
         return name in self._told.get("made", ())
 
-    def _counts(self) -> dict[str, int | None]:
+    def _counts(self, receipts: Receipts) -> dict[str, int | None]:
         """Numbers of jobs that ran and of those whose results were there, and of evaluations."""
-        new: list[dict[str, dict[str, Any]]] = []
-        old: list[dict[str, dict[str, Any]]] = []
-        for place, files in receipts_in(self._folder):
-            (new if place.stat().st_mtime >= self._began.timestamp() else old).append(files)
+        began = self._began.timestamp()
+        new = [files for place, files in receipts if place.stat().st_mtime >= began]
+        old = [files for place, files in receipts if place.stat().st_mtime < began]
         counts: dict[str, int | None] = {
             "jobs_run": len(new),
             "jobs_reused": sum(not files.keys().isdisjoint(self._makeable) for files in old),

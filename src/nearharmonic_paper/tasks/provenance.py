@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import atexit
+import gc
 import json
 import os
 import sys
@@ -13,6 +14,7 @@ from dataclasses import asdict, fields, is_dataclass
 from functools import cache, partial
 from hashlib import file_digest, sha256
 from importlib import import_module
+from importlib.util import resolve_name
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -35,7 +37,7 @@ Measuring = TypeVar("Measuring", bound=Callable[..., Any])
 PACKAGES = ("nearharmonic", "nearharmonic_paper", "nearharmonic_studies")
 PACKAGE = PACKAGES[0]
 ROOT = Path(__file__).parents[2]
-#: Maximum number of entries of the cache on disk, 150 bytes each. A larger cache is cleared.
+#: Maximum number of entries of the cache on disk, 150 bytes each.
 MOST_CACHED = 3000
 
 
@@ -67,14 +69,14 @@ def path_of(module: str, root: Path) -> Path:
 
 def reached(starts: Iterable[Node], following: Callable[[Node], Iterable[Node]]) -> set[Node]:
     """Return ``starts`` and all that follows from them, directly or not."""
-    found: set[Node] = set()
+    visited: set[Node] = set()
     waiting = list(starts)
     while waiting:
-        one = waiting.pop()
-        if one not in found:
-            found.add(one)
-            waiting += following(one)
-    return found
+        node = waiting.pop()
+        if node not in visited:
+            visited.add(node)
+            waiting += following(node)
+    return visited
 
 
 class _Modules:
@@ -83,11 +85,16 @@ class _Modules:
     def __init__(self, root: Path, parse: Callable[[bytes], Source]) -> None:
         self._root, self.parse = root, parse
         self.source, self.closure, self._imported = cache(self._source), cache(self._closure), cache(self._imports)
+        self.digest = cache(self._digest)
         self._is_module = cache(lambda name: path_of(name, root).is_file())
 
     def _closure(self, modules: tuple[str, ...]) -> tuple[str, ...]:
-        found = reached(modules, lambda name: [] if name in PACKAGES else [_above(name), *self._imported(name)])
-        return tuple(sorted(found - {*PACKAGES}))
+        names = reached(modules, lambda name: [] if name in PACKAGES else [_above(name), *self._imported(name)])
+        return tuple(sorted(names - {*PACKAGES}))
+
+    def _digest(self, versions: tuple[str, ...], modules: tuple[str, ...]) -> str:
+        told = (f"{module} {self.source(module).digest}" for module in self.closure(modules))
+        return sha256("".join(f"{line}\n" for line in (*versions, *told)).encode()).hexdigest()
 
     def _source(self, module: str) -> Source:
         path = path_of(module, self._root)
@@ -98,16 +105,12 @@ class _Modules:
     def _imports(self, module: str) -> list[str]:
         """Return the modules of the package that ``module`` imports; an imported name may be that of a function."""
         is_package = path_of(module, self._root).name == "__init__.py"
-        folders = (module if is_package else _above(module)).split(".")
-        found = []
+        imported = []
         for written in self.source(module).imports:
-            name = written.lstrip(".")
-            level = len(written) - len(name)
-            if level:
-                name = ".".join([*folders[: len(folders) - level + 1], *([name] if name else [])])
+            name = resolve_name(written, module if is_package else _above(module))
             if name.split(".")[0] in PACKAGES:
-                found += [place for place in (name, _above(name)) if place and self._is_module(place)]
-        return found
+                imported += [place for place in (name, _above(name)) if place and self._is_module(place)]
+        return imported
 
 
 def _above(name: str) -> str:
@@ -128,7 +131,7 @@ def _running() -> _Modules:
 class SourceCache:
     """On-disk cache of parsed sources, by the SHA-256 of their text.
 
-    Parsing the packages takes 2 s, reading the cache 10 ms. The file is in the folder of compiled code, which is
+    Parsing the packages takes 0.7 s, reading the cache 10 ms. The file is in the folder of compiled code, which is
     writable only for the user. Its name depends on the text of this module and on the version of Python. It is written
     at the end of the process.
     """
@@ -137,59 +140,68 @@ class SourceCache:
         version = sha256(Path(__file__).read_bytes() + sys.version.encode()).hexdigest()
         self._place = disk.place_of(f"sources-{version[:32]}")
         kept = disk.read(self._place) if self._place else None
-        self._known: dict[str, list[Any]] = json.loads(kept[1]) if kept else {}
-        self._met: dict[str, Source] = {}
+        self._known: dict[str, Sequence[Any]] = json.loads(kept[1]) if kept else {}
+        self._kept = len(self._known)
+        atexit.register(self.keep)
 
     def parsed(self, text: bytes) -> Source:
         """Return the result of the function :func:`parsed`, from the cache if possible."""
         key = sha256(text).hexdigest()
-        if key in self._known:
-            digest, imports = self._known[key]
-            return Source(digest, tuple(imports))
-        if not self._met:
-            atexit.register(self.keep)
-        return self._met.setdefault(key, parsed(text))
+        digest, imports = self._known[key] if key in self._known else self._known.setdefault(key, parsed(text))
+        return Source(digest, tuple(imports))
 
     def keep(self) -> None:
-        """Write the cache: all entries, or only the new ones if there are more than :data:`MOST_CACHED`."""
-        if self._place:
-            known = self._known if len(self._known) < MOST_CACHED else {}
-            disk.write(self._place, "sources", json.dumps({**known, **self._met}).encode())
+        """Write the newest :data:`MOST_CACHED` entries of the cache, if it has new ones."""
+        if self._place and len(self._known) > self._kept:
+            disk.write(self._place, "sources", json.dumps(dict([*self._known.items()][-MOST_CACHED:])).encode())
 
 
 @cache
 def parsed(text: bytes) -> Source:
     """Return digest and imports of a source file; imports under TYPE_CHECKING are left out."""
-    tree = ast.parse(text)
-    imports: set[str] = set()
-    for node in _statements(tree, skip=_is_for_type_checker):
-        if isinstance(node, ast.Import):
-            imports.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):  # a relative name keeps its dots
-            base, joint = "." * node.level + (node.module or ""), "." if node.module else ""
-            imports.update([base, *(f"{base}{joint}{alias.name}" for alias in node.names)])
-    return Source(_tree_digest(tree), tuple(sorted(imports)))
+    collects = gc.isenabled()
+    gc.disable()  # a tree is many objects and no garbage: collections would take three quarters of the time
+    try:
+        tree = ast.parse(text)
+        return Source(_tree_digest(tree), tuple(sorted({*_imports_in(tree)})))
+    finally:
+        if collects:
+            gc.enable()
 
 
 def _tree_digest(tree: ast.Module) -> str:
+    """Return the SHA-256 of the nodes of a syntax tree without docstrings, and of their fields, in an order of its own.
+
+    ``ast.dump`` takes twice as long. Contexts, such as that of a name that is assigned to, follow from the rest.
+    """
+    told, waiting = list[str](), list[Any]([tree])
     documented = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
-    for node in [*_statements(tree)]:
-        if isinstance(node, documented) and ast.get_docstring(node, clean=False):
-            del node.body[0]
-    return sha256(ast.dump(tree).encode()).hexdigest()
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, ast.AST):
+            if isinstance(part, documented) and ast.get_docstring(part, clean=False):
+                del part.body[0]
+            told.append(type(part).__name__)
+            waiting += [getattr(part, name, None) for name in part._fields if name != "ctx"]
+        elif isinstance(part, list):
+            told.append(f"{len(part)}")
+            waiting += part
+        else:
+            told.append(repr(part))
+    return sha256(" ".join(told).encode()).hexdigest()
 
 
-def _is_for_type_checker(node: ast.AST) -> bool:
-    return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
-
-
-def _statements(tree: ast.AST, skip: Callable[[ast.AST], bool] = lambda _: False) -> Iterator[ast.AST]:
-    """Yield ``tree`` and all its statements, at any depth. Expressions, which are most nodes, are not visited."""
-    waiting = [tree]
+def _imports_in(tree: ast.Module) -> Iterator[str]:
+    """Yield the dotted names of imports at any depth, a relative one with its dots; expressions are not visited."""
+    waiting: list[ast.AST] = [tree]
     while waiting:
         node = waiting.pop()
-        if not skip(node):
-            yield node
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base, joint = "." * node.level + (node.module or ""), "." if node.module else ""
+            yield from (base, *(f"{base}{joint}{alias.name}" for alias in node.names))
+        elif not (isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"):
             for part in ("body", "orelse", "finalbody", "handlers", "cases"):
                 waiting += getattr(node, part, ())
 
@@ -220,7 +232,7 @@ def _beside(folder: Path, path: Path) -> Iterator[Path]:
         for end in range(1, len(parts) + 1):
             stem = start.joinpath(*parts[:end])
             beside = (stem.with_suffix(".py"), stem / "__init__.py")
-            yield from (one for one in beside if one.is_relative_to(folder) and is_file(one))
+            yield from (file for file in beside if file.is_relative_to(folder) and is_file(file))
 
 
 def package_modules_of(place: str | os.PathLike[str]) -> set[str]:
@@ -232,10 +244,8 @@ def package_modules_of(place: str | os.PathLike[str]) -> set[str]:
 def digest_of_file(place: str | os.PathLike[str]) -> str:
     """Return the SHA-256 of the syntax trees of the files of :func:`files_of` without docstrings and comments."""
     first, *others = files_of(place)
-    digest = sha256(_source(first).digest.encode())
-    for path in others:
-        digest.update(f"{path.relative_to(first.parent).as_posix()} {_source(path).digest}\n".encode())
-    return digest.hexdigest()
+    told = (f"{path.relative_to(first.parent).as_posix()} {_source(path).digest}\n" for path in others)
+    return sha256("".join([_source(first).digest, *told]).encode()).hexdigest()
 
 
 def _source(path: Path) -> Source:
@@ -258,12 +268,12 @@ def definitions_of(problems: Iterable[str], methods: Iterable[str]) -> Definitio
     """Return the definitions of users' systems and integrators, by kind and name; {} if there are none."""
     defined = {"systems": (systems.definitions, problems), "integrators": (integrators.definitions, methods)}
     chosen = {kind: {n: every[n] for n in names if n in every} for kind, (every, names) in defined.items()}
-    return {kind: found for kind, found in chosen.items() if found}
+    return {kind: members for kind, members in chosen.items() if members}
 
 
 def files_in(definitions: Definitions) -> list[str]:
     """Return the paths of the users' files, sorted."""
-    return sorted({one.file for members in definitions.values() for one in members.values() if one.file is not None})
+    return sorted({own.file for members in definitions.values() for own in members.values() if own.file is not None})
 
 
 @contextmanager
@@ -279,14 +289,12 @@ def read_definitions(document: Mapping[str, Mapping[str, Mapping[str, Any]]]) ->
     from nearharmonic.systems.user_file import SystemDefinition
 
     kinds: dict[str, Any] = {"systems": SystemDefinition, "integrators": TableauDefinition}
+
+    def made(kind: str, told: Mapping[str, Any]) -> Any:
+        return kinds[kind](**{key: _frozen(value) for key, value in told.items()})
+
     try:
-        return {
-            kind: {
-                name: kinds[kind](**{key: _frozen(value) for key, value in one.items()})
-                for name, one in members.items()
-            }
-            for kind, members in document.items()
-        }
+        return {kind: {name: made(kind, told) for name, told in names.items()} for kind, names in document.items()}
     except (AttributeError, KeyError, TypeError) as error:
         raise NearharmonicError(f"no definition of a system or an integrator: {document!r}") from error
 
@@ -339,7 +347,7 @@ def digests(function: str, problems: Iterable[str], methods: Iterable[str]) -> d
     """Return ``code`` and ``coefficients`` of a task from its function and the names of its systems and integrators."""
     names = list(problems)
     coefficients = coefficients_digest(integrators[name] for name in methods)
-    files = {name: one.file for name, one in systems.definitions.items() if name in names and one.file is not None}
+    files = {name: own.file for name, own in systems.definitions.items() if name in names and own.file is not None}
     declared = [module for name in names if (module := systems.module_of(name)) is not None]
     imported = {module for place in files.values() for module in package_modules_of(place)}
     code = code_digest(function.partition(":")[0], *declared, *imported)
@@ -386,7 +394,7 @@ def code_digest(*modules: str, root: Path | None = None) -> str:
     TYPE_CHECKING do not. The digest includes versions of the libraries that affect numbers.
     """
     versions = tuple(f"{library} {library_version(library)}" for library in NUMERICAL_LIBRARIES)
-    return _digest_of_running(versions, modules) if root is None else _digest_of(versions, modules, root)
+    return _modules(root).digest(versions, modules)
 
 
 def command_digest(place: str | os.PathLike[str]) -> str:
@@ -394,20 +402,11 @@ def command_digest(place: str | os.PathLike[str]) -> str:
     return f"{digest_of_file(place)} {code_digest(*sorted(package_modules_of(place)))}"
 
 
-def _digest_of(versions: tuple[str, ...], modules: tuple[str, ...], root: Path | None = None) -> str:
-    told = (f"{module} {module_digest(module, root=root)}" for module in closure(*modules, root=root))
-    return sha256("".join(f"{line}\n" for line in (*versions, *told)).encode()).hexdigest()
-
-
-#: In the running package, whose files are read once, thousands of jobs ask for the same digest.
-_digest_of_running = cache(_digest_of)
-
-
 def coefficients_digest(tableaus: Iterable[Tableau]) -> str:
     """Return the SHA-256 of the fields of ``tableaus`` except remarks: names, labels, orders and coefficients."""
     names = [field.name for field in fields(Tableau) if field.name not in REMARKS]
-    entries = ({name: getattr(one, name) for name in names} for one in tableaus)
-    told = ({name: value for name, value in one.items() if name not in OPTIONAL or value} for one in entries)
+    entries = ({name: getattr(tableau, name) for name in names} for tableau in tableaus)
+    told = ({name: value for name, value in entry.items() if name not in OPTIONAL or value} for entry in entries)
     return sha256("\n".join(map(repr, told)).encode()).hexdigest()
 
 
@@ -447,6 +446,8 @@ BESIDE = ("logs", "docs")
 MARKED = "running"
 #: Marks a whole file as volatile, in place of columns.
 WHOLE = "*"
+#: Place and files by name of each receipt.
+Receipts = Iterable[tuple[Path, Mapping[str, dict[str, Any]]]]
 
 
 def measures_time(function: Measuring) -> Measuring:
@@ -517,9 +518,9 @@ def folder_of(log: str | os.PathLike[str]) -> Path:
     return Path(*parts[:end])
 
 
-def receipts_in(folder: Path) -> Iterator[tuple[Path, dict[str, dict[str, Any]]]]:
-    """Yield place and files by name of each receipt in a folder of results; damaged receipts are skipped."""
-    yield from ((place, files) for place, files in _receipts(folder) if files is not None)
+def receipts_in(folder: Path) -> Receipts:
+    """Return the receipts in a folder of results; damaged ones are skipped."""
+    return [(place, files) for place, files in _receipts(folder) if files is not None]
 
 
 def damaged_receipts(folder: Path) -> list[Path]:
@@ -527,10 +528,9 @@ def damaged_receipts(folder: Path) -> list[Path]:
     return [place for place, files in _receipts(folder) if files is None]
 
 
-def names_made_by(folder: Path, run: str) -> list[str]:
+def names_made_by(receipts: Receipts, run: str) -> list[str]:
     """Return the sorted names of the files that jobs of the workflow run with this id made."""
-    made = (name for _, files in receipts_in(folder) for name, entry in files.items() if entry["run"] == run)
-    return sorted(made)
+    return sorted(name for _, files in receipts for name, entry in files.items() if entry["run"] == run)
 
 
 def _receipts(folder: Path) -> Iterator[tuple[Path, dict[str, dict[str, Any]] | None]]:

@@ -127,7 +127,7 @@ class HistoryLine(BaseModel):
     """A run in the history."""
 
     model_config = Plain
-    id: Annotated[str, Field(pattern=r"^[\w.-]{1,100}$")]
+    id: Annotated[str, Field(pattern=r"^[\w.-]+$", max_length=100)]  # a repetition to 100 takes 30 ms to compile
     start: str
     config: dict[str, Any]
     status: str | None = None

@@ -211,7 +211,7 @@ def test_every_run_has_the_same_bits_again(results):
 @pytest.mark.slow
 def test_run_without_samples_has_the_same_numbers_again(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    folder = made(tmp_path, replace(SWEEP, samples=0), "reduced_run:integrate_and_reduce")
+    folder = made(tmp_path, replace(SWEEP, samples=0), "reductions:integrate_and_reduce")
     again = rerun(folder, 1000)
     assert len(again) == sum(sizes(folder)) > 6
     assert [run.differs for run in again] == [()] * len(again)

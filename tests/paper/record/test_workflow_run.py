@@ -17,7 +17,7 @@ from nearharmonic_paper.record import workflow_run as fingerprint
 from nearharmonic_paper.record import workflow_run as state
 from nearharmonic_paper.record.verify import faults
 from nearharmonic_paper.record.workflow_run import WorkflowRun, package_digest, revision
-from nearharmonic_paper.tasks.provenance import PACKAGES, ROOT, Receipt, task
+from nearharmonic_paper.tasks.provenance import PACKAGES, ROOT, Receipt, receipts_in, task
 
 SMOKE = Path(__file__).parents[3] / "config/smoke.yaml"
 MADE = ("cubes/a.h5", "cubes/b.h5", "tables/skipped.csv")
@@ -94,7 +94,7 @@ def test_lost_last_line_is_told_until_next_run_records_it(run, left):
     assert history_faults() == []
     lines = place.read_text().splitlines(keepends=True)
     place.write_text("".join(lines[:left]))
-    state.save(folder, MADE)  # a start that has nothing to do
+    state.save(folder, MADE, receipts_in(folder))  # a start that has nothing to do
     assert history_faults() == [f"has lost the last line that was written, or more; it has {left}"]
     run.end(0)
     assert history_faults() == []
