@@ -7,10 +7,11 @@ functions are stored in the cube without further code.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import fsum, nan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from nearharmonic.numerics.portable import totals
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -55,10 +56,10 @@ def exact_sum(values: xr.DataArray, dimension: str) -> xr.DataArray:
     """
     import xarray as xr
 
-    summed: xr.DataArray = xr.apply_ufunc(_exact_sum, values, input_core_dims=[[dimension]], vectorize=True)
+    summed: xr.DataArray = xr.apply_ufunc(_exact_sum, values, input_core_dims=[[dimension]])
     return summed
 
 
-def _exact_sum(row: Any) -> float:
-    known = row[~np.isnan(row)]
-    return fsum(known) if known.size else nan
+def _exact_sum(rows: Any) -> Any:
+    known = ~np.isnan(rows)
+    return np.where(known.any(axis=-1), totals(np.where(known, rows, 0.0)), np.nan)

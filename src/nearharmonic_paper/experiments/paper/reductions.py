@@ -75,12 +75,11 @@ def perihelion_linearity(runs: xr.Dataset) -> xr.Dataset:
     })  # fmt: skip
 
 
-def _over_samples(fit: Callable[..., tuple[float, float]], runs: xr.Dataset) -> Iterator[xr.DataArray]:
+def _over_samples(fit: Callable[..., tuple[Any, Any]], runs: xr.Dataset) -> Iterator[xr.DataArray]:
     """The two numbers of a ``fit`` to times and perihelion angles of each run, NaN for a run that diverged."""
     found = xr.apply_ufunc(
-        fit, runs.t, runs.perihelion_angle, input_core_dims=[["sample"], ["sample"]], output_core_dims=[[], []],
-        vectorize=True,
-    )  # fmt: skip
+        fit, runs.t, runs.perihelion_angle, input_core_dims=[["sample"], ["sample"]], output_core_dims=[[], []]
+    )
     return (value.where(runs.status == "ok") for value in found)
 
 
