@@ -241,12 +241,13 @@ def trend_linearity(t: Any, angle: Any) -> tuple[Any, Any]:
     x, y, count, place = _centred(x, there), _centred(y, there), there.sum(axis=-1)[..., None], np.arange(x.shape[-1])
     with np.errstate(all="ignore"):
         spread, half = totals(y * y), (count + 1) // 2
-        residual = y - (totals(x * y) / totals(x * x))[..., None] * x
+        residual = np.where(there, y - (totals(x * y) / totals(x * x))[..., None] * x, 0.0)
         determination = 1 - totals(residual * residual) / np.where(spread, spread, np.nan)
         sides = (_centred(x, there & side) for side in (place < half, place >= count - half))
         first, second = (totals(one * y) / totals(one * one) for one in sides)
         halves = second / np.where(first, first, np.nan)
-    return tuple(np.where(count[..., 0] > 2, one, np.nan) for one in (determination, halves))
+    few = there.sum(axis=-1) < 3
+    return np.where(few, np.nan, determination), np.where(few, np.nan, halves)
 
 
 def _unwrapped(t: Any, angle: Any) -> tuple[Floats, Floats, Bools]:

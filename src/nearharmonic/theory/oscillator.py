@@ -196,10 +196,10 @@ def _step_polynomials(tableau: Tableau) -> StepPolynomials:
 @lru_cache(maxsize=2048)
 def rotation_errors(tableau: Tableau, power: int) -> tuple[Fraction, ...]:
     """Return what K11, K12, K21 and K22 have more of a power of tau than the exact rotation."""
-    sign = Fraction((1, 1, -1, -1)[power % 4], factorial(power))
-    exact = (sign, 0, 0, sign) if power % 2 == 0 else (0, sign, -sign, 0)
+    none, term = Fraction(0), Fraction((1, 1, -1, -1)[power % 4], factorial(power))
+    exact = (none, term, -term, none) if power % 2 else (term, none, none, term)
     rows = _step_polynomials(tableau)
-    return tuple((row[power] if power < len(row) else 0) - x for row, x in zip(rows, exact, strict=True))
+    return tuple((row[power] if power < len(row) else none) - x for row, x in zip(rows, exact, strict=True))
 
 
 def _errors(terms: Sequence[Fraction], highest: int, variable: Variable) -> Iterator[Fraction]:

@@ -16,7 +16,9 @@ from nearharmonic.numerics.portable import totals
 if TYPE_CHECKING:
     import xarray as xr
 
-    Reduction = Callable[[xr.Dataset], xr.DataArray | xr.Dataset]
+    from nearharmonic.output.store import Variable
+
+    Reduction = Callable[[xr.Dataset], xr.DataArray | xr.Dataset | Variable]
 
 
 class Reductions:
@@ -37,16 +39,16 @@ class Reductions:
     def of(self, dataset: xr.Dataset, over: str = "sample") -> xr.Dataset:
         """Return the results of all reductions over a dimension whose variables are in ``dataset``.
 
-        A DataArray gets the name of its function.
+        A DataArray, or a described variable, gets the name of its function.
         """
         import xarray as xr
 
-        found = xr.Dataset()
+        found: dict[Any, Any] = {}
         for function, needs, along in self._declared:
             if along == over and all(name in dataset for name in needs):
                 result = function(dataset)
-                found.update(result if isinstance(result, xr.Dataset) else {function.__name__: result})
-        return found
+                found |= dict(result.data_vars) if isinstance(result, xr.Dataset) else {function.__name__: result}
+        return xr.Dataset(found)
 
 
 def exact_sum(values: xr.DataArray, dimension: str) -> xr.DataArray:
