@@ -246,15 +246,14 @@ def trend_linearity(t: Any, angle: Any) -> tuple[Any, Any]:
         sides = (_centred(x, there & side) for side in (place < half, place >= count - half))
         first, second = (totals(one * y) / totals(one * one) for one in sides)
         halves = second / np.where(first, first, np.nan)
-    few = there.sum(axis=-1) < 3
-    return np.where(few, np.nan, determination), np.where(few, np.nan, halves)
+    return np.where(count[..., 0], determination, np.nan), np.where(count[..., 0], halves, np.nan)
 
 
 def _unwrapped(t: Any, angle: Any) -> tuple[Floats, Floats, Bools]:
-    """``t`` and the unwrapped ``angle`` where both are finite, behind them 0, and where there are points."""
+    """``t`` and unwrapped ``angle`` where both are finite, behind them 0, and where a row has three points or more."""
     finite = np.isfinite(angle) & np.isfinite(t)
     order = np.argsort(~finite, axis=-1, kind="stable")
-    there = np.take_along_axis(finite, order, axis=-1)
+    there = np.take_along_axis(finite & (finite.sum(axis=-1, keepdims=True) > 2), order, axis=-1)
     x, y = (np.where(there, np.take_along_axis(row, order, axis=-1), 0.0) for row in (t, angle))
     return x, np.where(there, np.unwrap(y), 0.0), there
 
