@@ -361,7 +361,7 @@ def kicks_and_drifts(tableau: Tableau) -> tuple[Powers, Powers]:
     """Return the drifts c_1, c_2, ..., and first, for each, the kick d_h just before it: 0 before the first drift of
     ABA.
     """
-    kicks, drifts = [Fraction(d) for d in tableau.kick], [Fraction(c) for c in tableau.drift]
+    kicks, drifts, _ = map(list, tableau.exact_rows)
     return (kicks[: len(drifts)] if tableau.first == "kick" else [Fraction(0), *kicks]), drifts
 
 

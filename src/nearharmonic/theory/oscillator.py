@@ -103,9 +103,12 @@ def zeta(
 
     They are for q_a = -p_a = 1 and m = k = 1. Arguments and errors are those of :func:`kappa`.
     """
-    tableau = tableau_of(integrator, first)
-    highest = lambda_max(tableau, variable=variable)
-    K = _step_polynomials(tableau)
+    return _zeta(tableau_of(integrator, first), variable)
+
+
+@lru_cache(maxsize=256)
+def _zeta(tableau: Tableau, variable: Variable) -> tuple[Fraction, ...]:
+    highest, K = lambda_max(tableau, variable=variable), _step_polynomials(tableau)
     from_q, from_p = (K.K11, K.K12) if variable == "position" else (K.K21, K.K22)
     return tuple(a - b for a, b in zip(from_q, from_p, strict=True))[: highest + 1]
 

@@ -213,6 +213,10 @@ class Curves:
 
     def errors(self, names: Sequence[str], variable: str = "max_energy_error") -> Floats:
         """Return a row of errors for each method; infinite where the run diverged."""
+        return self._errors(tuple(names), variable)
+
+    @once
+    def _errors(self, names: tuple[str, ...], variable: str) -> Floats:
         found = self.rows(names, variable)
         return np.where(np.isnan(found), np.inf, found)
 
