@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from hashlib import sha256
 from io import BytesIO
-from itertools import count
+from itertools import count, groupby
+from operator import itemgetter
 from pathlib import Path, PurePath
 from shlex import quote
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -619,11 +620,11 @@ def _stored(group: Any, name: str, values: np.ndarray) -> Any:
 def _compressed(chunk: np.ndarray) -> bytes:
     """Return what the filters shuffle and gzip may write for a chunk, with noise as it is."""
     planes: Any = np.ascontiguousarray(chunk.reshape(-1).view(np.uint8).reshape(-1, chunk.itemsize).T)
+    noise = [np.bincount(one).max() < NOISE * one.size for one in planes[:, :: planes.shape[1] // SAMPLED + 1]]
+    noise[-1] = False
     pieces = [ZLIB_HEADER]
-    low = len(planes) - 1 if chunk.dtype.kind == "f" and len(planes[0]) > SAMPLED else 0
-    for i, plane in enumerate(planes):
-        some = plane[:: len(plane) // SAMPLED + 1]
-        is_noise = i < low and np.bincount(some).max() < NOISE * len(some)
-        packing = zlib.compressobj(0 if is_noise else GZIP_LEVEL, wbits=-zlib.MAX_WBITS)
-        pieces += packing.compress(plane), packing.flush(zlib.Z_FULL_FLUSH)
+    for is_noise, several in groupby(zip(noise, planes, strict=True), itemgetter(0)):
+        level = 0 if is_noise and chunk.dtype.kind == "f" and planes.shape[1] > SAMPLED else GZIP_LEVEL
+        packing = zlib.compressobj(level, wbits=-zlib.MAX_WBITS)
+        pieces += [*(packing.compress(plane) for _, plane in several), packing.flush(zlib.Z_FULL_FLUSH)]
     return b"".join([*pieces, LAST_BLOCK, zlib.adler32(planes).to_bytes(4, "big")])
