@@ -213,22 +213,12 @@ def power_law(x: Floats, y: Floats) -> tuple[float, float]:
 
 
 def linear_trend(t: Any, angle: Any) -> tuple[Any, Any]:
-    """Return the slope of an unwrapped angle (..., n) in rad against ``t`` (..., n), and half the width of its 95 %
-    interval, both (...).
+    """Return the slope of an unwrapped angle in rad against ``t``, and half the width of its 95 % interval, by rows.
 
     Points that are not finite are excluded; both are NaN with fewer than three points. The residuals are periodic
     rather than independent, so over complete orbits the interval is too wide rather than too narrow.
     """
-    x, y, there = _unwrapped(t, angle)
-    x, about, freedom = _centred(x, there), _centred(y, there), np.maximum(there.sum(axis=-1) - 2, 0)
-    with np.errstate(all="ignore"):
-        spread = totals(x * x)
-        slope = totals(x * y) / spread
-        residual = np.where(there, about - slope[..., None] * x, 0.0)
-        deviation = np.sqrt(totals(residual * residual) / freedom / spread)
-    student = {n: student_975(n) if n else np.nan for n in np.unique(freedom).tolist()}
-    width = np.vectorize(student.get, otypes=[float])(freedom) * deviation
-    return np.where(freedom, slope, np.nan), width
+    return line_fit(*_unwrapped(t, angle))
 
 
 def trend_linearity(t: Any, angle: Any) -> tuple[Any, Any]:
@@ -238,24 +228,23 @@ def trend_linearity(t: Any, angle: Any) -> tuple[Any, Any]:
     denominator is zero.
     """
     x, y, there = _unwrapped(t, angle)
-    x, y, count, place = _centred(x, there), _centred(y, there), there.sum(axis=-1)[..., None], np.arange(x.shape[-1])
+    y, count, place = _centred(y, there), there.sum(axis=-1)[..., None], np.arange(x.shape[-1])
     with np.errstate(all="ignore"):
         spread, half = totals(y * y), (count + 1) // 2
         residual = np.where(there, y - (totals(x * y) / totals(x * x))[..., None] * x, 0.0)
-        determination = 1 - totals(residual * residual) / np.where(spread, spread, np.nan)
         sides = (_centred(x, there & side) for side in (place < half, place >= count - half))
         first, second = (totals(one * y) / totals(one * one) for one in sides)
-        halves = second / np.where(first, first, np.nan)
-    return np.where(count[..., 0], determination, np.nan), np.where(count[..., 0], halves, np.nan)
+        determination = np.where(spread, 1 - totals(residual * residual) / spread, np.nan)
+        return determination, np.where(first, second / first, np.nan)
 
 
 def _unwrapped(t: Any, angle: Any) -> tuple[Floats, Floats, Bools]:
-    """``t`` and unwrapped ``angle`` where both are finite, behind them 0, and where a row has three points or more."""
+    """``t`` less its mean and unwrapped ``angle`` where both are finite, then 0, and where there are three or more."""
     finite = np.isfinite(angle) & np.isfinite(t)
     order = np.argsort(~finite, axis=-1, kind="stable")
     there = np.take_along_axis(finite & (finite.sum(axis=-1, keepdims=True) > 2), order, axis=-1)
     x, y = (np.where(there, np.take_along_axis(row, order, axis=-1), 0.0) for row in (t, angle))
-    return x, np.where(there, np.unwrap(y), 0.0), there
+    return _centred(x, there), np.where(there, np.unwrap(y), 0.0), there
 
 
 def _centred(x: Floats, there: Bools) -> Floats:
@@ -265,21 +254,22 @@ def _centred(x: Floats, there: Bools) -> Floats:
     return np.where(there, x - means[..., None], 0.0)
 
 
-def line_slope(x: Floats, y: Floats) -> float:
-    """Return the slope of :func:`line_fit` alone, for abscissas ``x`` (n,) of mean 0 and ordinates ``y`` (n,)."""
-    return dot(x, y) / dot(x, x)
+def line_fit(x: Floats, y: Floats, there: Any = True) -> tuple[Any, Any]:
+    """Return the slopes of rows of ``y`` against ``x``, both (..., n), by least squares, and half the width of their
+    95 % intervals; NaN with fewer than three points.
 
-
-def line_fit(x: Floats, y: Floats) -> tuple[float, float]:
-    """Return the slope of ``y`` against ``x``, both (n,), by least squares, and half the width of its 95 % interval.
-
-    The mean of x is 0, and n > 2. The interval assumes independent residuals.
+    The mean of x is 0. Points that are not ``there`` do not count; x and y are 0 at them. The interval assumes
+    independent residuals.
     """
-    spread = dot(x, x)
-    slope = dot(x, y) / spread
-    residual = y - mean(y) - slope * x
-    deviation = sqrt(dot(residual, residual) / (x.size - 2) / spread)
-    return slope, student_975(x.size - 2) * deviation
+    there = np.broadcast_to(there, x.shape)
+    freedom = np.maximum(there.sum(axis=-1) - 2, 0)
+    with np.errstate(all="ignore"):
+        spread = totals(x * x)
+        slope = totals(x * y) / spread
+        residual = np.where(there, _centred(y, there) - slope[..., None] * x, 0.0)
+        deviation = np.sqrt(totals(residual * residual) / freedom / spread)
+    student = np.vectorize({n: student_975(n) if n else np.nan for n in np.unique(freedom).tolist()}.get)(freedom)
+    return np.where(freedom, slope, np.nan)[()], student * deviation
 
 
 def mean(x: Floats) -> float:
