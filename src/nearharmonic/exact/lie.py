@@ -8,7 +8,6 @@ from fractions import Fraction
 from functools import cache, reduce
 from itertools import combinations, pairwise, product
 from math import gcd
-from operator import mul
 from typing import NamedTuple
 
 from nearharmonic.exact.words import LETTERS
@@ -162,20 +161,28 @@ def surviving_rows(elements: Sequence[Hamiltonian], potential_degree: int) -> It
 
 #: An element of the free Lie algebra, as coefficients of words.
 Element = dict[str, int]
-#: A vector up to a positive factor, so that its entries can be integers.
-Components = list[int]
+#: A vector up to a positive factor, so that its entries can be integers: those that are not 0, by index. One in ten is.
+Components = dict[int, int]
 
 
 class Condition(NamedTuple):
     """One independent order condition of a degree.
 
-    ``weights`` are numbers for the Lyndon words of the degree, in lexicographic order; the largest modulus is 1. A step
-    fulfils the condition if the weighted sum of the coefficients of its logarithm on these words is 0. The squares of
-    these sums, each divided by its ``scale``, add up to the square of the norm.
+    ``numbers`` has integers for the Lyndon words of the degree, ``words`` in lexicographic order, by index and without
+    zeros; ``largest`` is the largest modulus. A step fulfils the condition if the sum of the coefficients of its
+    logarithm on these words, times the numbers, is 0. The squares of these sums over ``largest``, each divided by its
+    ``scale``, add up to the square of the norm.
     """
 
-    weights: tuple[Fraction, ...]
+    numbers: Components
+    words: int
+    largest: int
     scale: Fraction
+
+    @property
+    def weights(self) -> tuple[Fraction, ...]:
+        """The numbers of all words over the largest modulus."""
+        return tuple(Fraction(self.numbers.get(i, 0), self.largest) for i in range(self.words))
 
 
 @cache
@@ -229,23 +236,24 @@ def conditions(degree: int, *, quadratic: bool, potential_degree: int | None = N
     to_basis = _to_basis(degree)
     if potential_degree is None:
         vanishing = [_on_lyndon_words(x, degree) for x in _ideal(degree)] if quadratic else []
-        normals = _orthogonal([[_dot(row, x) for row in to_basis] for x in vanishing], _units(len(to_basis)))
+        within = [{i: c for i, row in enumerate(to_basis) if (c := _dot(row, x))} for x in vanishing]
+        normals = _orthogonal(within, _units(len(to_basis)))
     else:
         elements = [hamiltonian(word) for word in lyndon_words(degree)]
-        normals = _orthogonal([], surviving_rows(elements, potential_degree))
+        rows = surviving_rows(elements, potential_degree)
+        normals = _orthogonal([], ({i: c for i, c in enumerate(row) if c} for row in rows))
     found = []
     for normal in normals:
-        row = [0] * len(to_basis)
-        for a, coordinates in zip(normal, to_basis, strict=True):
-            if a:
-                row = _combination(1, row, a, coordinates)
-        largest = max(map(abs, row))
-        found.append(Condition(tuple(Fraction(x, largest) for x in row), Fraction(_dot(normal, normal), largest**2)))
+        row: Components = {}
+        for i, a in normal.items():
+            row = _combination(1, row, a, to_basis[i])
+        largest = max(map(abs, row.values()))
+        found.append(Condition(row, len(to_basis), largest, Fraction(_dot(normal, normal), largest**2)))
     return tuple(found)
 
 
 def _on_lyndon_words(x: Element, degree: int) -> Components:
-    return [x.get(word, 0) for word in lyndon_words(degree)]
+    return {i: x[word] for i, word in enumerate(lyndon_words(degree)) if x.get(word)}
 
 
 @cache
@@ -257,8 +265,8 @@ def _to_basis(degree: int) -> list[Components]:
     size = len(lyndon_words(degree))
     rows = _units(size)
     for j, word in enumerate(lyndon_words(degree)):
-        for i, x in enumerate(_on_lyndon_words(bracketing(word), degree)):
-            if i > j and x:
+        for i, x in _on_lyndon_words(bracketing(word), degree).items():
+            if i > j:
                 rows[i] = _combination(1, rows[i], -x, rows[j])
     return rows
 
@@ -300,11 +308,10 @@ def _independent(candidates: Sequence[Element], degree: int) -> list[Element]:
     for x in candidates:
         row = _on_lyndon_words(x, degree)
         for pivot, other in echelon:
-            if row[pivot]:
+            if pivot in row:
                 row = _primitive(_combination(other[pivot], row, -row[pivot], other))
-        lead = next((i for i, a in enumerate(row) if a), None)
-        if lead is not None:
-            echelon.append((lead, row))
+        if row:
+            echelon.append((min(row), row))
             chosen.append(x)
     return chosen
 
@@ -321,24 +328,29 @@ def _orthogonal(before: Sequence[Components], vectors: Iterable[Components]) -> 
             along = _dot(rest, other)
             if along:
                 rest = _primitive(_combination(square, rest, -along, other))
-        if any(rest):
+        if rest:
             found.append((rest, _dot(rest, rest)))
     return [vector for vector, _ in found[len(before) :]]
 
 
 def _units(size: int) -> list[Components]:
-    return [[int(i == j) for j in range(size)] for i in range(size)]
+    return [{i: 1} for i in range(size)]
 
 
 def _combination(a: int, x: Components, b: int, y: Components) -> Components:
-    return [a * u + b * v if v else a * u for u, v in zip(x, y, strict=True)]
+    total = {i: a * c for i, c in x.items()}
+    for i, c in y.items():
+        total[i] = total.get(i, 0) + b * c
+        if not total[i]:
+            del total[i]
+    return total
 
 
 def _primitive(vector: Components) -> Components:
     """The shortest vector of integers in the same direction."""
-    divisor = gcd(*vector)
-    return [x // divisor for x in vector] if divisor > 1 else vector
+    divisor = gcd(*vector.values())
+    return {i: c // divisor for i, c in vector.items()} if divisor > 1 else vector
 
 
 def _dot(x: Components, y: Components) -> int:
-    return sum(map(mul, x, y))
+    return 0 if x.keys().isdisjoint(y) else sum(c * y[i] for i, c in x.items() if i in y)

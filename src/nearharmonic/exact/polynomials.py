@@ -9,9 +9,10 @@ from decimal import Decimal
 from fractions import Fraction
 from itertools import accumulate, pairwise
 from itertools import product as cartesian
-from math import gcd, isqrt, lcm
+from math import isqrt, lcm
 from typing import Any, NamedTuple, TypeVar
 
+from gmpy2 import gcd
 from mpmath import inf, iv, lu_solve, matrix, mp, mpf, nstr
 from mpmath.libmp import to_rational
 
@@ -157,7 +158,7 @@ def positive_roots(polynomial: Polynomial) -> list[Fraction]:
             # start/width is an integer of at least 111 bits, so start is at least 2^110 times the width.
             missing = max(0, NARROW_BITS + 1 - (start // width).bit_length())
             start, width, bits = _narrowed(p, _Cell(start, width, bits), missing)
-        roots.append(Fraction(start, 1 << bits))
+        roots.append(Fraction(int(start), 1 << bits))
     return sorted(roots)
 
 
@@ -168,7 +169,7 @@ def real_roots(polynomial: Polynomial, precision: int) -> list[Fraction]:
     for cell in _isolated(p, -bound, bound):
         level = precision + (2 * bound - 1).bit_length()
         start, width, bits = _narrowed(p, cell, max(0, level - cell.bits)) if cell.width else cell
-        roots.append(Fraction(2 * start + width, 2 << bits))
+        roots.append(Fraction(int(2 * start + width), 2 << bits))
     return sorted(roots)
 
 

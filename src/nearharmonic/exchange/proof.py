@@ -174,9 +174,8 @@ def residuals(step: Step, degree: int, *, quadratic: bool, potential_degree: int
     if degree % 2 == 0 and is_palindrome(step, exactly=True):
         return [Residual(degree, Fraction(0), Fraction(0)) for _ in rows]
     errors = errors_on_words(step, degree)
-    weights = [row.weights for row in rows]
-    allowed = allowances(step, degree, weights)
-    return [Residual(degree, weighted(w, errors), most) for w, most in zip(weights, allowed, strict=True)]
+    allowed = allowances(step, degree, [row.weights for row in rows])
+    return [Residual(degree, weighted(row, errors), most) for row, most in zip(rows, allowed, strict=True)]
 
 
 def allowances(step: Step, degree: int, weights: Sequence[Sequence[Fraction]]) -> list[Fraction]:

@@ -151,6 +151,12 @@ class Composition(OneStepMethod):
         """True if the method has modified potentials."""
         return bool(self.square)
 
+    @cached_property
+    def exact_rows(self) -> tuple[tuple[Fraction, ...], ...]:
+        """Kicks, drifts and squares as exact rational numbers; squares are 0 without such a row."""
+        rows = self.kick, self.drift, self.square or ("0",) * len(self.kick)
+        return tuple(tuple(map(Fraction, row)) for row in rows)
+
     @property
     def kernel_options(self) -> dict[str, Any]:
         """Settings that the compiled code depends on."""
@@ -169,8 +175,7 @@ class Composition(OneStepMethod):
         no first kick. If ``rounded``, products of coefficients and powers of tau are rounded to doubles before
         additions.
         """
-        rows = (self.kick, -tau), (self.drift, tau), (self.square or ("0",) * len(self.kick), tau**3)
-        found = ([Fraction(c) * factor if factor != 1 else Fraction(c) for c in row] for row, factor in rows)
+        found = ([c * factor for c in row] for row, factor in zip(self.exact_rows, (-tau, tau, tau**3), strict=True))
         kicks, drifts, squares = ([Fraction(float(c)) for c in row] if rounded else row for row in found)
         nothing = Fraction(0)
         if self.first == "kick":
@@ -466,11 +471,15 @@ class Tableau(Composition):
             raise bad_setting("first", first, what)
         if first not in _OTHER:
             raise bad_setting("first", first, "it is 'drift' or 'kick'")
+        return self._exchanged
+
+    @cached_property
+    def _exchanged(self) -> Tableau:
         # A Nystrom method loses its order. Any consistent composition has order 1, and any symmetric one has order 2.
         order = self.order if self.requires is None else 1 + self.symmetric
         return replace(
-            self, first=first, kick=self.drift, drift=self.kick, order=order, requires=None, harmonic_order=None,
-            generalised_order=None,
+            self, first=_OTHER[self.first], kick=self.drift, drift=self.kick, order=order, requires=None,
+            harmonic_order=None, generalised_order=None,
         )  # fmt: skip
 
     def rows_exact(self) -> tuple[tuple[Fraction, ...], tuple[Fraction, ...]]:

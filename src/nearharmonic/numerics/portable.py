@@ -75,6 +75,24 @@ def total(terms: Any) -> float:
         return fsum(values.ravel().tolist()) if np.isfinite(values).all() else float(values.sum())
 
 
+def totals(rows: Any) -> Floats:
+    """Return what :func:`total` does for each row (..., n) of an array (...).
+
+    Rounds take the leading bits of all terms of a row, as many as add up without rounding: Rump, Ogita & Oishi (2008),
+    SIAM J. Sci. Comput. 31, 189.
+    """
+    left = np.asarray(rows, dtype=float)
+    shape, spare, parts = left.shape[:-1], left.shape[-1].bit_length() + 1, [np.zeros(left.shape[:-1])]
+    if not np.abs(left).max(initial=0.0) < 2.0**900:  # also for NaN
+        return np.array([total(row) for row in left.reshape(-1, left.shape[-1])]).reshape(shape)
+    while left.any():
+        unit = np.ldexp(1.0, np.frexp(np.abs(left).max(axis=-1, keepdims=True))[1] + spare)
+        high = left + unit - unit
+        parts.append(high.sum(axis=-1))
+        left = left - high
+    return np.array([fsum(one) for one in np.stack(parts, axis=-1).reshape(-1, len(parts)).tolist()]).reshape(shape)
+
+
 def dot(one: Any, other: Any) -> float:
     """Return the exact sum of the rounded products of elements, rounded once."""
     return total(np.asarray(one) * np.asarray(other))
@@ -194,58 +212,64 @@ def power_law(x: Floats, y: Floats) -> tuple[float, float]:
     return line_fit(abscissas - mean(abscissas), log(y))
 
 
-def linear_trend(t: Any, angle: Any) -> tuple[float, float]:
-    """Return the slope of an unwrapped angle (n,) in rad against ``t`` (n,), and half the width of its 95 % interval.
+def linear_trend(t: Any, angle: Any) -> tuple[Any, Any]:
+    """Return the slope of an unwrapped angle in rad against ``t``, and half the width of its 95 % interval, by rows.
 
     Points that are not finite are excluded; both are NaN with fewer than three points. The residuals are periodic
     rather than independent, so over complete orbits the interval is too wide rather than too narrow.
     """
-    x, y = _unwrapped(t, angle)
-    if x.size < 3:
-        return float("nan"), float("nan")
-    return line_fit(x - mean(x), y)
+    return line_fit(*_unwrapped(t, angle))
 
 
-def trend_linearity(t: Any, angle: Any) -> tuple[float, float]:
+def trend_linearity(t: Any, angle: Any) -> tuple[Any, Any]:
     """Return R^2 of the fit of :func:`linear_trend`, and the slope of the second half of the points over the first's.
 
     For an odd number of points, both halves contain the middle one. NaN with fewer than three points, or if a
     denominator is zero.
     """
-    x, y = _unwrapped(t, angle)
-    if x.size < 3:
-        return float("nan"), float("nan")
-    x, y = x - mean(x), y - mean(y)
-    spread, half = dot(y, y), (x.size + 1) // 2
-    residual = y - line_slope(x, y) * x
-    first, second = (line_slope(x[part] - mean(x[part]), y[part]) for part in (slice(half), slice(-half, None)))
-    return (
-        1 - dot(residual, residual) / spread if spread else float("nan"),
-        second / first if first else float("nan"),
-    )
+    x, y, there = _unwrapped(t, angle)
+    y, count, place = _centred(y, there), there.sum(axis=-1)[..., None], np.arange(x.shape[-1])
+    with np.errstate(all="ignore"):
+        spread, half = totals(y * y), (count + 1) // 2
+        residual = np.where(there, y - (totals(x * y) / totals(x * x))[..., None] * x, 0.0)
+        sides = (_centred(x, there & side) for side in (place < half, place >= count - half))
+        first, second = (totals(one * y) / totals(one * one) for one in sides)
+        determination = np.where(spread, 1 - totals(residual * residual) / spread, np.nan)
+        return determination, np.where(first, second / first, np.nan)
 
 
-def _unwrapped(t: Any, angle: Any) -> tuple[Floats, Floats]:
-    """``t`` and the unwrapped ``angle`` at the points where both are finite."""
+def _unwrapped(t: Any, angle: Any) -> tuple[Floats, Floats, Bools]:
+    """``t`` less its mean and unwrapped ``angle`` where both are finite, then 0, and where there are three or more."""
     finite = np.isfinite(angle) & np.isfinite(t)
-    return t[finite], np.unwrap(angle[finite])
+    order = np.argsort(~finite, axis=-1, kind="stable")
+    there = np.take_along_axis(finite & (finite.sum(axis=-1, keepdims=True) > 2), order, axis=-1)
+    x, y = (np.where(there, np.take_along_axis(row, order, axis=-1), 0.0) for row in (t, angle))
+    return _centred(x, there), np.where(there, np.unwrap(y), 0.0), there
 
 
-def line_slope(x: Floats, y: Floats) -> float:
-    """Return the slope of :func:`line_fit` alone, for abscissas ``x`` (n,) of mean 0 and ordinates ``y`` (n,)."""
-    return dot(x, y) / dot(x, x)
+def _centred(x: Floats, there: Bools) -> Floats:
+    """``x`` less the mean of each row where there are points, and 0 elsewhere."""
+    with np.errstate(invalid="ignore"):
+        means = totals(np.where(there, x, 0.0)) / there.sum(axis=-1)
+    return np.where(there, x - means[..., None], 0.0)
 
 
-def line_fit(x: Floats, y: Floats) -> tuple[float, float]:
-    """Return the slope of ``y`` against ``x``, both (n,), by least squares, and half the width of its 95 % interval.
+def line_fit(x: Floats, y: Floats, there: Any = True) -> tuple[Any, Any]:
+    """Return the slopes of rows of ``y`` against ``x``, both (..., n), by least squares, and half the width of their
+    95 % intervals; NaN with fewer than three points.
 
-    The mean of x is 0, and n > 2. The interval assumes independent residuals.
+    The mean of x is 0. Points that are not ``there`` do not count; x and y are 0 at them. The interval assumes
+    independent residuals.
     """
-    spread = dot(x, x)
-    slope = dot(x, y) / spread
-    residual = y - mean(y) - slope * x
-    deviation = sqrt(dot(residual, residual) / (x.size - 2) / spread)
-    return slope, student_975(x.size - 2) * deviation
+    there = np.broadcast_to(there, x.shape)
+    freedom = np.maximum(there.sum(axis=-1) - 2, 0)
+    with np.errstate(all="ignore"):
+        spread = totals(x * x)
+        slope = totals(x * y) / spread
+        residual = np.where(there, _centred(y, there) - slope[..., None] * x, 0.0)
+        deviation = np.sqrt(totals(residual * residual) / freedom / spread)
+    student = np.vectorize({n: student_975(n) if n else np.nan for n in np.unique(freedom).tolist()}.get)(freedom)
+    return np.where(freedom, slope, np.nan)[()], student * deviation
 
 
 def mean(x: Floats) -> float:

@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable
 from fractions import Fraction
 from functools import lru_cache
-from itertools import pairwise
+from itertools import count, pairwise
 from math import sqrt
 from numbers import Integral
 from typing import Any, NamedTuple
 
 from nearharmonic.errors import TableauError, bad_setting
 from nearharmonic.exact.lie import conditions, lyndon_words
-from nearharmonic.exact.words import logarithm, oscillator_errors, words
+from nearharmonic.exact.words import logarithm, words
 from nearharmonic.integrators.tableau import HIGHEST_ORDER, First, Tableau
 from nearharmonic.numerics.written import is_real
 from nearharmonic.theory.order_conditions import HIGHEST_DECLARED, errors_of, proved_order, step_of, tolerance, weighted
-from nearharmonic.theory.oscillator import method_of, tableau_of
+from nearharmonic.theory.oscillator import method_of, rotation_errors, tableau_of
 
 # --- Orders of an integrator, proved from its printed coefficients in exact arithmetic, and its leading error terms.
 
 #: Order up to which methods are examined by default; the number of words doubles with each order.
 HIGHEST = 8
-#: Length of the words that are examined first for a generalised order: most methods fail at these.
-_SHORT = 7
 
 
 class ErrorTerm(NamedTuple):
@@ -163,14 +161,13 @@ def harmonic_orders_of(integrator: str | Tableau, *, first: First | None = None)
     Arguments and errors are those of :func:`order_of`.
     """
     tableau = tableau_of(integrator, first)
-    E = oscillator_errors(step_of(tableau))
     return HarmonicOrders(
-        position=_first_power(tableau, E.K11, E.K12) - 1,
-        momentum=_first_power(tableau, E.K21, E.K22) - 1,
+        position=_first_power(tableau, lambda K11, K12, K21, K22: (K11, K12)) - 1,
+        momentum=_first_power(tableau, lambda K11, K12, K21, K22: (K21, K22)) - 1,
         # The conserved ellipse -K21 q^2 + (K11 - K22) q p + K12 p^2 is a circle except for K12 + K21 and K11 - K22; one
         # power of tau cancels. The error of the trace 2 cos(phase) is 2 sin(tau) times the error of the phase.
-        energy=_first_power(tableau, E.defect, E.difference) - 1,
-        phase=_first_power(tableau, E.trace) - 2,
+        energy=_first_power(tableau, lambda K11, K12, K21, K22: (K12 + K21, K11 - K22)) - 1,
+        phase=_first_power(tableau, lambda K11, K12, K21, K22: (K11 + K22,)) - 2,
     )
 
 
@@ -214,9 +211,8 @@ def leading_errors(
             raise bad_setting("highest", most, f"the order of {tableau.name} is larger")
         terms.append(ErrorTerm(order + 1, error_norm(tableau, order + 1, quadratic=quadratic)))
     general, nystrom = terms
-    E = oscillator_errors(step_of(tableau))
-    degree = _first_power(tableau, *E)
-    norm = sqrt(sum((entry[degree] ** 2 for entry in E), Fraction(0)))
+    degree = _first_power(tableau, lambda *K: K)
+    norm = sqrt(sum((entry**2 for entry in rotation_errors(tableau, degree)), Fraction(0)))
     return LeadingErrors(general, nystrom, ErrorTerm(degree, norm))
 
 
@@ -228,13 +224,13 @@ def error_norm(integrator: str | Tableau, degree: int, *, quadratic: bool = Fals
     tableau = tableau_of(integrator, first)
     errors = errors_of(tableau, _integer("degree", degree))
     rows = conditions(degree, quadratic=quadratic)
-    return sqrt(sum((weighted(row.weights, errors) ** 2 / row.scale for row in rows), Fraction(0)))
+    return sqrt(sum((weighted(row, errors) ** 2 / row.scale for row in rows), Fraction(0)))
 
 
 @lru_cache(maxsize=512)
 def _first_failure(tableau: Tableau, kicks: int, highest: int) -> int:
     """Return the order of the first error term with exactly ``kicks`` letters B, at most ``highest``."""
-    length = min(highest, _SHORT)
+    length = min(highest, tableau.order + 1)
     while True:
         # On words of even length the logarithm of a symmetric step vanishes.
         wanted = [w for w in words(length, kicks) if w.count("B") == kicks and (len(w) % 2 or not tableau.symmetric)]
@@ -242,7 +238,7 @@ def _first_failure(tableau: Tableau, kicks: int, highest: int) -> int:
         failing = [len(word) - 1 for word in wanted if abs(found[word] - (word == "B")) > tolerance(tableau, len(word))]
         if failing or length == highest:
             return min(failing, default=highest)
-        length = min(highest, 2 * length)
+        length = min(highest, length + 4)
 
 
 def _first_nystrom_failure(tableau: Tableau, kicks: int, highest: int) -> int:
@@ -252,19 +248,20 @@ def _first_nystrom_failure(tableau: Tableau, kicks: int, highest: int) -> int:
         counts = [word.count("B") for word in lyndon_words(degree)]
         for row in conditions(degree, quadratic=True):
             # Each condition has words with the same number of kicks.
-            here = any(w and n == kicks for w, n in zip(row.weights, counts, strict=True))
-            if here and abs(weighted(row.weights, errors)) > allowed:
+            if any(counts[i] == kicks for i in row.numbers) and abs(weighted(row, errors)) > allowed:
                 return degree - 1
     return highest
 
 
-def _first_power(tableau: Tableau, *rows: Sequence[Fraction]) -> int:
-    """Return the first power of tau at which one of ``rows`` is not zero within the guaranteed digits.
+def _first_power(tableau: Tableau, of: Callable[..., tuple[Fraction, ...]]) -> int:
+    """Return the first power of tau at which a number ``of`` the errors K11, K12, K21 and K22 of the step matrix is not
+    zero within the guaranteed digits: two powers beyond those of the step at the latest.
 
     A matrix entry is the sum of all words of n letters of the step. The total error of these words is at most m
     10^-digits M^(n-1) / (n-1)!, which is less than the error allowed for their logarithm.
     """
-    return next(n for n in range(1, len(rows[0])) if any(abs(row[n]) > 2 * tolerance(tableau, n) for row in rows))
+    sizes = ((n, map(abs, of(*rotation_errors(tableau, n)))) for n in count(1))
+    return next(n for n, found in sizes if any(x > 2 * tolerance(tableau, n) for x in found))
 
 
 def _highest(tableau: Tableau, asked: int | None) -> int:
@@ -364,7 +361,7 @@ def kicks_and_drifts(tableau: Tableau) -> tuple[Powers, Powers]:
     """Return the drifts c_1, c_2, ..., and first, for each, the kick d_h just before it: 0 before the first drift of
     ABA.
     """
-    kicks, drifts = [Fraction(d) for d in tableau.kick], [Fraction(c) for c in tableau.drift]
+    kicks, drifts, _ = map(list, tableau.exact_rows)
     return (kicks[: len(drifts)] if tableau.first == "kick" else [Fraction(0), *kicks]), drifts
 
 

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nearharmonic.exact.lie import conditions, logarithm_weights, lyndon_words
+from nearharmonic.exact.lie import Condition, conditions, logarithm_weights, lyndon_words
 from nearharmonic.exact.words import LETTERS, Factor, Step, composed, logarithm, word_slopes, word_sums
 from nearharmonic.integrators.tableau import Composition, First, Tableau
 from nearharmonic.numerics.portable import Floats
@@ -54,6 +54,7 @@ def _size(tableau: Tableau) -> Fraction:
     return plain + Fraction(ceil(1000 * float(160 * squares) ** (1 / 3)), 1000)
 
 
+@lru_cache(maxsize=256)
 def step_of(tableau: Tableau) -> Step:
     """Return one step, with modified kicks as products of B and C, which commute for quadratic T.
 
@@ -78,9 +79,10 @@ def proved_order(tableau: Tableau, highest: int, *, quadratic: bool, potential_d
     """
     for degree in range(1, highest + 1):
         errors, allowed = errors_of(tableau, degree), tolerance(tableau, degree)
-        rows = conditions(degree, quadratic=quadratic, potential_degree=potential_degree)
-        if any(abs(weighted(row.weights, errors)) > allowed for row in rows):
-            return degree - 1
+        if any(errors[0]):
+            rows = conditions(degree, quadratic=quadratic, potential_degree=potential_degree)
+            if any(abs(weighted(row, errors)) > allowed for row in rows):
+                return degree - 1
     return highest
 
 
@@ -101,12 +103,10 @@ def errors_on_words(step: Sequence[Factor], degree: int) -> tuple[tuple[int, ...
     return tuple(x.numerator * (unit // x.denominator) for x in errors), unit
 
 
-def weighted(weights: tuple[Fraction, ...], errors: tuple[tuple[int, ...], int]) -> Fraction:
-    """Return the sum of ``errors``, numerators and their denominator, each times its weight."""
+def weighted(row: Condition, errors: tuple[tuple[int, ...], int]) -> Fraction:
+    """Return the sum of ``errors``, numerators and their denominator, each times its weight in a condition."""
     numerators, denominator = errors
-    unit = lcm(*(w.denominator for w in weights))
-    total = sum(w.numerator * (unit // w.denominator) * x for w, x in zip(weights, numerators, strict=True))
-    return Fraction(total, unit * denominator)
+    return Fraction(sum(n * numerators[i] for i, n in row.numbers.items()), row.largest * denominator)
 
 
 # --- Symmetric steps, given by half of their coefficients, and their order conditions, which are linear in word sums.

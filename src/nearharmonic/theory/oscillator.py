@@ -103,9 +103,12 @@ def zeta(
 
     They are for q_a = -p_a = 1 and m = k = 1. Arguments and errors are those of :func:`kappa`.
     """
-    tableau = tableau_of(integrator, first)
-    highest = lambda_max(tableau, variable=variable)
-    K = _step_polynomials(tableau)
+    return _zeta(tableau_of(integrator, first), variable)
+
+
+@lru_cache(maxsize=256)
+def _zeta(tableau: Tableau, variable: Variable) -> tuple[Fraction, ...]:
+    highest, K = lambda_max(tableau, variable=variable), _step_polynomials(tableau)
     from_q, from_p = (K.K11, K.K12) if variable == "position" else (K.K21, K.K22)
     return tuple(a - b for a, b in zip(from_q, from_p, strict=True))[: highest + 1]
 
@@ -191,6 +194,15 @@ def _closed_form(tableau: Tableau) -> _ClosedForm:
 @lru_cache(maxsize=256)
 def _step_polynomials(tableau: Tableau) -> StepPolynomials:
     return oscillator(step_of(tableau))
+
+
+@lru_cache(maxsize=2048)
+def rotation_errors(tableau: Tableau, power: int) -> tuple[Fraction, ...]:
+    """Return what K11, K12, K21 and K22 have more of a power of tau than the exact rotation."""
+    none, term = Fraction(0), Fraction((1, 1, -1, -1)[power % 4], factorial(power))
+    exact = (none, term, -term, none) if power % 2 else (term, none, none, term)
+    rows = _step_polynomials(tableau)
+    return tuple((row[power] if power < len(row) else none) - x for row, x in zip(rows, exact, strict=True))
 
 
 def _errors(terms: Sequence[Fraction], highest: int, variable: Variable) -> Iterator[Fraction]:

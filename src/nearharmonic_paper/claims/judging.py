@@ -10,7 +10,7 @@ import numpy as np
 
 from nearharmonic.math import log
 from nearharmonic.numerics import portable
-from nearharmonic.numerics.portable import PLATEAU, Bools, Floats, line_slope, mean
+from nearharmonic.numerics.portable import PLATEAU, Bools, Floats, dot, mean
 from nearharmonic.output.store import double_runs
 from nearharmonic_paper.claims.claim import Decision, Results, Verdict, combined, label, once, require, short
 
@@ -213,6 +213,10 @@ class Curves:
 
     def errors(self, names: Sequence[str], variable: str = "max_energy_error") -> Floats:
         """Return a row of errors for each method; infinite where the run diverged."""
+        return self._errors(tuple(names), variable)
+
+    @once
+    def _errors(self, names: tuple[str, ...], variable: str) -> Floats:
         found = self.rows(names, variable)
         return np.where(np.isnan(found), np.inf, found)
 
@@ -313,7 +317,8 @@ def local_slopes(curves: Curves, name: str) -> Floats:
     require(dense, f"the results have fewer than three step sizes in {2 * WINDOW:g} decades, too few for a local slope")
     for i, near in enumerate(around):
         if near.sum() >= FEWEST and good[near].all():
-            found[i] = line_slope(x[near] - mean(x[near]), y[near])
+            abscissas = x[near] - mean(x[near])
+            found[i] = dot(abscissas, y[near]) / dot(abscissas, abscissas)
     return found
 
 

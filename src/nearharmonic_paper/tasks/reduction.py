@@ -7,15 +7,18 @@ functions are stored in the cube without further code.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import fsum, nan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from nearharmonic.numerics.portable import totals
+
 if TYPE_CHECKING:
     import xarray as xr
 
-    Reduction = Callable[[xr.Dataset], xr.DataArray | xr.Dataset]
+    from nearharmonic.output.store import Variable
+
+    Reduction = Callable[[xr.Dataset], xr.DataArray | xr.Dataset | Variable]
 
 
 class Reductions:
@@ -36,16 +39,16 @@ class Reductions:
     def of(self, dataset: xr.Dataset, over: str = "sample") -> xr.Dataset:
         """Return the results of all reductions over a dimension whose variables are in ``dataset``.
 
-        A DataArray gets the name of its function.
+        A DataArray, or a described variable, gets the name of its function.
         """
         import xarray as xr
 
-        found = xr.Dataset()
+        found: dict[Any, Any] = {}
         for function, needs, along in self._declared:
             if along == over and all(name in dataset for name in needs):
                 result = function(dataset)
-                found.update(result if isinstance(result, xr.Dataset) else {function.__name__: result})
-        return found
+                found |= dict(result.data_vars) if isinstance(result, xr.Dataset) else {function.__name__: result}
+        return xr.Dataset(found)
 
 
 def exact_sum(values: xr.DataArray, dimension: str) -> xr.DataArray:
@@ -55,10 +58,10 @@ def exact_sum(values: xr.DataArray, dimension: str) -> xr.DataArray:
     """
     import xarray as xr
 
-    summed: xr.DataArray = xr.apply_ufunc(_exact_sum, values, input_core_dims=[[dimension]], vectorize=True)
+    summed: xr.DataArray = xr.apply_ufunc(_exact_sum, values, input_core_dims=[[dimension]])
     return summed
 
 
-def _exact_sum(row: Any) -> float:
-    known = row[~np.isnan(row)]
-    return fsum(known) if known.size else nan
+def _exact_sum(rows: Any) -> Any:
+    known = ~np.isnan(rows)
+    return np.where(known.any(axis=-1), totals(np.where(known, rows, 0.0)), np.nan)

@@ -62,7 +62,7 @@ def test_coordinates_in_the_lyndon_basis_put_an_element_together_again(degree):
     known = [Fraction(element.get(word, 0)) for word in lie.lyndon_words(degree)]
     rebuilt = {}
     for row, word in zip(lie._to_basis(degree), lie.lyndon_words(degree), strict=True):
-        coordinate = sum(a * b for a, b in zip(row, known, strict=True))
+        coordinate = sum(a * known[i] for i, a in row.items())
         for other, number in lie.bracketing(word).items():
             rebuilt[other] = rebuilt.get(other, 0) + coordinate * number
     assert {word: c for word, c in rebuilt.items() if c} == {word: c for word, c in element.items() if c}
@@ -127,7 +127,7 @@ def test_in_a_mechanical_system_just_the_ideal_vanishes(degree):
         known = [polynomial.get(word, 0) for word in lie.lyndon_words(degree)]
         total = {}
         for row, f in zip(to_basis, basis, strict=True):
-            coordinate = sum(a * b for a, b in zip(row, known, strict=True))
+            coordinate = sum(a * known[i] for i, a in row.items())
             for powers, c in f.items() if coordinate else ():
                 total[powers] = total.get(powers, 0) + coordinate * c
         assert not any(total.values())

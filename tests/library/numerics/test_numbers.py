@@ -33,6 +33,7 @@ from nearharmonic.numerics.portable import (
     product,
     student_975,
     total,
+    totals,
     trend_linearity,
 )
 from nearharmonic.numerics.written import any_decimal_of, decimal_of, exact_number, fraction_of, integer_of, is_integer
@@ -48,6 +49,26 @@ numbers = st.floats(-1e100, 1e100)
 @given(st.lists(numbers))
 def test_a_total_is_the_exact_sum_rounded_once(terms):
     assert total(terms) == float(sum(map(Fraction, terms)))
+
+
+@given(st.lists(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=5, max_size=5), max_size=4))
+def test_totals_of_rows_are_exact_sums_rounded_once_whatever_their_sizes(rows):
+    terms = [[x / 8 for x in row] for row in rows]  # no sum is beyond the range of doubles
+    assert totals(np.array(terms).reshape(-1, 5)).tolist() == [float(sum(map(Fraction, row))) for row in terms]
+
+
+def test_totals_of_long_rows_neither_lose_nor_reorder_bits():
+    sizes = 10.0 ** np.random.default_rng(4).uniform(-30, 30, (3, 4, 700))
+    terms = sizes * np.random.default_rng(5).normal(size=sizes.shape)
+    terms = np.concatenate([terms, -terms[..., ::-1], np.full((3, 4, 1), 1e-40)], axis=-1)
+    assert totals(terms[..., :700]).tolist() == [[float(sum(map(Fraction, x))) for x in y[..., :700]] for y in terms]
+    assert (totals(terms) == 1e-40).all()
+
+
+def test_totals_of_other_rows_are_those_of_a_total():
+    rows = np.array([[1.0, np.inf], [np.inf, -np.inf], [np.nan, 1.0], [1e308, -1e308], [2.0, 3.0], [0.0, 0.0]])
+    np.testing.assert_array_equal(totals(rows), [total(row) for row in rows])
+    assert totals(np.zeros((2, 0))).tolist() == [0.0, 0.0]
 
 
 @given(st.lists(st.tuples(numbers, numbers)))
@@ -235,6 +256,16 @@ def test_samples_that_are_missing_do_not_enter_a_trend():
     t, angle = np.array([0.0, 1.0, np.nan, 2.0, 3.0, 4.0]), np.array([0.0, 1.0, 0.0, 1.0, 2.0, np.nan])
     assert linear_trend(t, angle) == linear_trend(np.arange(4.0), np.array([0.0, 1.0, 1.0, 2.0]))
     assert np.isnan(linear_trend(t[:3], angle[:3])).all()
+
+
+def test_rows_have_the_trends_that_they_have_alone():
+    random = np.random.default_rng(6)
+    t, angle = np.sort(random.uniform(0, 100, (6, 40))), np.cumsum(random.uniform(-2, 3, (6, 40)), axis=1)
+    angle[1, 7], angle[2, 20:], t[3, :30], angle[4, 2:], angle[5] = np.nan, np.nan, np.inf, np.nan, np.nan
+    for fit in (linear_trend, trend_linearity):
+        alone = [fit(*(row[np.isfinite(x) & np.isfinite(y)] for row in (x, y))) for x, y in zip(t, angle, strict=True)]
+        np.testing.assert_array_equal(np.transpose(fit(t, angle)), alone)
+        assert np.isnan(alone).all(axis=1).tolist() == [False] * 4 + [True] * 2
 
 
 @pytest.mark.parametrize("points", [3, 4, 7, 50])

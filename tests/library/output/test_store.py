@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 
+import h5netcdf
 import h5py
 import numpy as np
 import pytest
@@ -119,6 +120,80 @@ def test_large_arrays_are_compressed_in_chunks_that_can_be_cached(tmp_path):
         assert file["q"].chunks == (13, 10_000)  # 13 rows of 80 kB fit into 1 MiB
         assert (file["q"].compression, file["q"].shuffle) == ("gzip", True)
         assert file["steps"].compression is None
+
+
+@pytest.fixture
+def large():
+    random = np.random.default_rng(7)
+    noise, ends = random.normal(size=(300, 500)), np.arange(500) >= random.integers(1, 500, (300, 1))
+    return {
+        "noise": described(["run", "sample"], noise),
+        "padded": described(["run", "sample"], np.where(ends, np.nan, noise)),
+        "smooth": described(["run", "sample"], np.broadcast_to(2.0 ** np.arange(-250, 250), (300, 500))),
+        "counts": described(["run", "sample"], np.broadcast_to(np.arange(500) % 250, (300, 500))),
+        "single": described(["sample", "run"], noise.T.astype("<f4")),
+        "swapped": described(["run", "sample"], noise.astype(">f8")),
+        "bytes": described(["sample", "place"], random.integers(-9, 9, (500, 900)).astype(np.int8)),
+        "states": described(["run", "sample", "component"], random.normal(size=(300, 500, 2))),  # in three chunks
+    }
+
+
+def test_hdf5_reads_every_bit_of_large_arrays(tmp_path, large):
+    store.write(tmp_path / "large.h5", large, {})
+    with h5py.File(tmp_path / "large.h5") as file:
+        for name, (_, values, _) in large.items():
+            assert file[name].dtype == values.dtype
+            assert file[name][()].tobytes() == np.ascontiguousarray(values).tobytes(), name
+            assert (file[name].compression, file[name].shuffle) == ("gzip", True)
+
+
+def test_noise_takes_no_more_than_its_bytes_and_what_repeats_takes_few(tmp_path, large):
+    store.write(tmp_path / "large.h5", large, {})
+    with h5py.File(tmp_path / "large.h5") as file:
+        share = {name: file[name].id.get_storage_size() / file[name].nbytes for name in large}
+    assert share["noise"] < 0.92  # the highest byte of a double repeats
+    assert share["smooth"] < 0.13  # one byte of eight is stored as it is
+    assert share["counts"] < 0.02  # no byte of an integer is noise
+    assert share["padded"] < 0.7  # half of its numbers are missing
+
+
+@pytest.mark.parametrize("values", [np.array([True]), np.array([1j]), np.zeros(1, "f2"), np.zeros(1, "m8[s]")])
+def test_a_type_that_no_reader_accepts_is_refused(tmp_path, values):
+    with pytest.raises(NearharmonicError, match=f"'good' has values of type {values.dtype}".replace("[", r"\[")):
+        store.write(tmp_path / "0.h5", {"good": described(["run"], values)}, {})
+
+
+def structure_of(path):
+    """Attributes by object and name, but those that point to objects, and the order of members of each group."""
+    found = {}
+
+    def note(name, member):
+        found[name] = list(member) if isinstance(member, h5py.Group) else (member.dtype, member.shape, member.maxshape)
+        for key in {*member.attrs} - {"_NCProperties", "DIMENSION_LIST", "REFERENCE_LIST"}:
+            value = np.asarray(member.attrs[key])
+            found[name, key] = value.dtype, value.shape, value.tolist()
+
+    with h5py.File(path) as file:
+        note("/", file)
+        file.visititems(note)
+    return found
+
+
+def test_files_have_the_structure_that_h5netcdf_gives_them(tmp_path, variables):
+    del variables["status"]  # has other notes in a file
+    variables |= {one: described([one], np.arange(n)) for one, n in (("sample", 500), ("component", 2))}
+    names = {"format": store.FORMAT, "Conventions": "CF-1.11", "count": 3, "text": "é"}
+    store.write(tmp_path / "ours.h5", variables, names, {"extended": variables})
+    with h5netcdf.File(tmp_path / "theirs.h5", "w") as file:
+        file.attrs.update(names)
+        for group in (file, file.create_group("extended")):
+            group.dimensions = {"tau_per_stage": 3, "sample": 500, "component": 2}
+            for name, (dims, values, notes) in variables.items():
+                group.create_variable(name, dims, data=np.asarray(values)).attrs.update(notes)
+    ours, theirs = (structure_of(tmp_path / f"{name}.h5") for name in ("ours", "theirs"))
+    for found in (ours, theirs):
+        found["/"].remove("extended")  # it is made before or behind the variables
+    assert ours == theirs
 
 
 def test_a_group_has_dimensions_of_its_own(tmp_path, variables):

@@ -217,18 +217,19 @@ class _Plane:
     """Steps of a method on a system with all coordinates except one at rest at zero."""
 
     def __init__(self, tableau: Tableau, system: System, component: int, tau: float) -> None:
-        self._system, self._component, self._tau = system, component, tau
+        self._system, self._component, self._tau, self._grad_T = system, component, tau, system.formulas().grad_T
+        self._before, self._behind = [0.0] * component, [0.0] * (system.dimension - component - 1)
         self._parameters, self._drift_first = system.constants(float), tableau.first == "drift"
         self.pairs = list(zip_longest(map(float, tableau.drift), map(float, tableau.kick), fillvalue=0.0))
 
     def _embed(self, value: Any) -> tuple[Any, ...]:
-        return tuple(value if i == self._component else 0.0 for i in range(self._system.dimension))
+        return (*self._before, value, *self._behind)
 
     def hamiltonian(self, q: Any, p: Any) -> Any:
         return self._system.energy(self._embed(q), self._embed(p), self._parameters)
 
     def _velocity(self, p: float) -> float:
-        return float(self._system.formulas().grad_T(self._embed(p), *self._parameters)[self._component])
+        return float(self._grad_T(self._embed(p), *self._parameters)[self._component])
 
     def _force(self, q: float) -> float:
         return -float(self._system.grad_V(self._embed(q), *self._parameters)[self._component])

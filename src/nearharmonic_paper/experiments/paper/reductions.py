@@ -9,9 +9,9 @@ No integration depends on this module, except one that keeps reduced numbers alo
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from math import inf
+from math import inf, nan
 from typing import Any
 
 import numpy as np
@@ -21,10 +21,10 @@ from nearharmonic.engine.description import SINCE, drift_variables
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.engine.setup import energy_at_start
 from nearharmonic.integrators import integrators
-from nearharmonic.numerics.portable import linear_trend, trend_linearity
+from nearharmonic.numerics.portable import Floats, linear_trend, trend_linearity
 from nearharmonic.numerics.portable import observed_order as order_of_curve
 from nearharmonic.output import store
-from nearharmonic.output.store import Contents, Variables, assembled, described, variables_of
+from nearharmonic.output.store import Contents, Variable, Variables, assembled, described, variable, variables_of
 from nearharmonic.systems import systems
 from nearharmonic.systems.system import System
 from nearharmonic_paper.experiments.paper.run import COORDINATES, PAPER, Completion, Run, integrate, integrate_run
@@ -34,62 +34,62 @@ reduction = Reductions()
 
 
 @reduction("block_max_energy_error", "status")
-def max_energy_error(runs: xr.Dataset) -> xr.DataArray:
+def max_energy_error(runs: xr.Dataset) -> Variable:
     """Maximum over every step of |H - H0|/|H0|; infinite for a run that left its energy surface."""
-    return _over_every_step(runs, runs.block_max_energy_error, runs.block_max_energy_error.max("sample"))
+    blocks = runs.block_max_energy_error
+    return _over_every_step(runs, blocks, np.fmax.reduce(blocks.values, axis=1))
 
 
 @reduction("block_mean_energy_error", "block_steps", "steps", "status")
-def mean_energy_error(runs: xr.Dataset) -> xr.DataArray:
+def mean_energy_error(runs: xr.Dataset) -> Variable:
     """Mean over every step of |H - H0|/|H0|; infinite for a run that left its energy surface."""
-    blocks = (runs.block_mean_energy_error * runs.block_steps).where(runs.status == "ok")
-    return _over_every_step(runs, runs.block_mean_energy_error, exact_sum(blocks, "sample") / runs.steps)
+    means = runs.block_mean_energy_error
+    blocks = xr.DataArray(_of_whole_runs(runs, (means.values * runs.block_steps.values).T).T, dims=means.dims)
+    return _over_every_step(runs, means, exact_sum(blocks, "sample").values / runs.steps.values)
 
 
-def _over_every_step(runs: xr.Dataset, blocks: xr.DataArray, values: xr.DataArray) -> xr.DataArray:
+def _over_every_step(runs: xr.Dataset, blocks: xr.DataArray, values: Floats) -> Variable:
     text = blocks.attrs["long_name"].replace(SINCE, "over every step, inf if diverged")
-    return values.where(runs.status != "diverged", inf).assign_attrs(described(text, blocks.attrs["units"]))
+    found = np.where(runs.status.values == "diverged", inf, values)
+    return variable("tau_per_stage", found, text, blocks.attrs["units"])
+
+
+def _of_whole_runs(runs: xr.Dataset, values: Any) -> Floats:
+    """``values`` (..., R) of R runs, NaN for a run that diverged."""
+    return np.where(runs.status.values == "ok", values, nan)
 
 
 @reduction("t", "perihelion_angle", "status")
 def perihelion_advance(runs: xr.Dataset) -> xr.Dataset:
     """Advance of the perihelion per orbit, signed, and the half width of its 95 % interval, by regression."""
     period = orbital_period(systems[runs.attrs["system"]])
-    slope, width = (value * period for value in _over_samples(linear_trend, runs))
+    fit = linear_trend(runs.t.values, runs.perihelion_angle.values)
+    slope, width = (_of_whole_runs(runs, value) * period for value in fit)
     interval = "half width of the 95 % interval of the perihelion advance per orbit"
     return xr.Dataset({
-        "perihelion_advance": slope.assign_attrs(described("perihelion advance per orbit", "rad")),
-        "perihelion_advance_interval": width.assign_attrs(described(interval, "rad")),
+        "perihelion_advance": variable("tau_per_stage", slope, "perihelion advance per orbit", "rad"),
+        "perihelion_advance_interval": variable("tau_per_stage", width, interval, "rad"),
     })  # fmt: skip
 
 
 @reduction("t", "perihelion_angle", "status")
 def perihelion_linearity(runs: xr.Dataset) -> xr.Dataset:
     """Coefficient of determination of the regression for the perihelion advance, and the ratio of its two halves."""
-    determination, halves = _over_samples(trend_linearity, runs)
+    fit = trend_linearity(runs.t.values, runs.perihelion_angle.values)
+    determination, halves = (_of_whole_runs(runs, value) for value in fit)
     line = "coefficient of determination R^2 of the perihelion angle as a linear function of time"
     ratio = "perihelion advance in the second half of the samples over that in the first"
     return xr.Dataset({
-        "perihelion_advance_linearity": determination.assign_attrs(described(line)),
-        "perihelion_advance_halves": halves.assign_attrs(described(ratio)),
+        "perihelion_advance_linearity": variable("tau_per_stage", determination, line),
+        "perihelion_advance_halves": variable("tau_per_stage", halves, ratio),
     })  # fmt: skip
 
 
-def _over_samples(fit: Callable[..., tuple[float, float]], runs: xr.Dataset) -> Iterator[xr.DataArray]:
-    """The two numbers of a ``fit`` to times and perihelion angles of each run, NaN for a run that diverged."""
-    found = xr.apply_ufunc(
-        fit, runs.t, runs.perihelion_angle, input_core_dims=[["sample"], ["sample"]], output_core_dims=[[], []],
-        vectorize=True,
-    )  # fmt: skip
-    return (value.where(runs.status == "ok") for value in found)
-
-
 @reduction("tau", "perihelion_angle")
-def evaluations_per_orbit(runs: xr.Dataset) -> xr.DataArray:
+def evaluations_per_orbit(runs: xr.Dataset) -> Variable:
     """Force evaluations in one period of the exact orbit."""
     period, stages = orbital_period(systems[runs.attrs["system"]]), integrators[runs.attrs["integrator"]].stages
-    evaluations: xr.DataArray = period / runs.tau * stages
-    return evaluations.assign_attrs(described("force evaluations per orbit"))
+    return variable("tau_per_stage", period / runs.tau.values * stages, "force evaluations per orbit")
 
 
 @reduction("q", "p", "status")
@@ -199,6 +199,8 @@ def cube_of(system: str, methods: Mapping[str, xr.Dataset]) -> xr.Dataset:
 
 def joined(parts: Sequence[xr.Dataset], dimension: str) -> xr.Dataset:
     """Return ``parts`` along ``dimension``, with fill values for missing variables of a part."""
+    if len(parts) == 1 and all(dimension in one.dims for one in parts[0].data_vars.values()):
+        return parts[0]
     names = {name for part in parts for name in part.data_vars}
     return xr.concat(
         parts, dimension, data_vars="all", coords="minimal", compat="override", join="outer",

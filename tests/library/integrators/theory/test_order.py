@@ -139,7 +139,9 @@ def test_degree_of_a_potential_below_two_is_refused(degree):
 def test_the_nystrom_norm_is_the_distance_to_what_vanishes(name, degree):
     # Double precision suffices: least squares of well-scaled columns.
     found = logarithm(step_of(integrators[name]), lie.lyndon_words(degree))
-    matrix = np.array([[float(x) for x in row] for row in lie._to_basis(degree)])
+    matrix = np.zeros((len(lie.lyndon_words(degree)),) * 2)
+    for i, row in enumerate(lie._to_basis(degree)):
+        matrix[i, list(row)] = list(row.values())
     error = matrix @ [float(found[word]) for word in lie.lyndon_words(degree)]
     ideal = matrix @ np.array(
         [[x.get(word, 0) for x in lie._ideal(degree)] for word in lie.lyndon_words(degree)], dtype=float
