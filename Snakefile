@@ -1,6 +1,5 @@
 """The paper from its config to its figures: config -> plan -> integrate -> reduce -> render."""
 
-import atexit
 import gc
 import os
 import sys
@@ -8,7 +7,6 @@ import sys
 from snakemake.utils import min_version
 
 from nearharmonic_paper.config import CONFIGS, checked_configs
-from nearharmonic_paper.experiments.paper.run import summary_line
 from nearharmonic_paper.record.workflow_run import WorkflowRun
 
 min_version("9.0")
@@ -75,14 +73,8 @@ onstart:
 
 onsuccess:
     record_end(exit_status=0)
-    # Only a run that made the table again prints the summary.
-    if THIS_RUN.made("tables/skipped.csv"):
-        print(summary_line(f"{RESULTS}/tables/skipped.csv"))
-    if THIS_RUN.made(CLAIMS):
-        print(verdicts(f"{RESULTS}/{CLAIMS}"))
-    if Path(f"{RESULTS}/report.html").exists():
-        # Snakemake prints its log file and its time after this.
-        atexit.register(print, f"Open the page of results: {RESULTS}/report.html", flush=True)
+    if not IS_TOUCHED:
+        print(*closing_lines(), sep="\n", flush=True)
 
 
 onerror:
