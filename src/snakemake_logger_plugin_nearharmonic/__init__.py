@@ -171,7 +171,7 @@ class LogHandler(LogHandlerBase):
         """Print a record in Snakemake's words, if neither the bar nor the lines of groups replace it."""
         text, event = self.format(record), getattr(record, "event", None)
         routine = ROUTINE if self._has_failed else (*ROUTINE, "Complete log")  # Snakemake's log file explains errors
-        is_routine = event in REPLACED or (event is None and text.startswith(routine))
+        is_routine = event in REPLACED or (record.levelno < logging.WARNING and text.startswith(routine))
         if not is_routine and text not in {"", "None"}:  # a record may have no text
             colour = self._colours.get(record.levelno, "")
             self._write(f"{colour}{text}{PLAIN}" if colour else text)
