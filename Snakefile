@@ -1,5 +1,6 @@
 """The paper from its config to its figures: config -> plan -> integrate -> reduce -> render."""
 
+import atexit
 import gc
 import os
 import sys
@@ -10,7 +11,7 @@ from nearharmonic_paper.config import CONFIGS, checked_configs
 from nearharmonic_paper.record.workflow_run import WorkflowRun
 
 min_version("9.0")
-# Collections of garbage take a fifth of a dry run: what is loaded while this file is read stays.
+# Collections of garbage take a fifth of a dry run: what is loaded while this file is read stays to the end.
 gc.disable()
 
 
@@ -65,9 +66,16 @@ if not (IS_JOB or IS_TOUCHED):
 
 gc.freeze()
 gc.enable()
+atexit.register(gc.freeze)
+# Snakemake looks for tables of pandas among parameters, if pandas is there: its import takes a fifth of a start that
+# finds nothing to do, and no parameter is such a table.
+if not IS_JOB:
+    sys.modules.setdefault("pandas", None)
 
 
 onstart:
+    if sys.modules.get("pandas") is None:
+        del sys.modules["pandas"]
     record_start()
 
 
