@@ -8,11 +8,10 @@ import sys
 from snakemake.utils import min_version
 
 from nearharmonic_paper.config import CONFIGS, checked_configs
-from nearharmonic_paper.experiments.paper.run import summary_line
 from nearharmonic_paper.record.workflow_run import WorkflowRun
 
 min_version("9.0")
-# Collections of garbage take a fifth of a dry run: what is loaded while this file is read stays.
+# Collections of garbage take a fifth of a dry run: what is loaded while this file is read stays to the end.
 gc.disable()
 # Snakemake would load pandas for 0.3 s at each start, to look for its tables among parameters; there are none.
 sys.modules["pandas"] = None
@@ -69,6 +68,7 @@ if not (IS_JOB or IS_TOUCHED):
 
 gc.freeze()
 gc.enable()
+atexit.register(gc.freeze)
 
 
 onstart:
@@ -77,14 +77,8 @@ onstart:
 
 onsuccess:
     record_end(exit_status=0)
-    # Only a run that made the table again prints the summary.
-    if THIS_RUN.made("tables/skipped.csv"):
-        print(summary_line(f"{RESULTS}/tables/skipped.csv"))
-    if THIS_RUN.made(CLAIMS):
-        print(verdicts(f"{RESULTS}/{CLAIMS}"))
-    if Path(f"{RESULTS}/report.html").exists():
-        # Snakemake prints its log file and its time after this.
-        atexit.register(print, f"Open the page of results: {RESULTS}/report.html", flush=True)
+    if not IS_TOUCHED:
+        print(*closing_lines(), sep="\n", flush=True)
 
 
 onerror:

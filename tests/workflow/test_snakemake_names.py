@@ -10,6 +10,7 @@ RULES, HANDLERS, CLI = "snakefiles/rules.rst", "snakefiles/rules.rst, onstart", 
 PLUGIN = "the README of snakemake-interface-executor-plugins"
 #: The README shows remote executors alone; these are abstract members and the base class of Snakemake's local one.
 INTERFACE = "the classes of snakemake-interface-executor-plugins"
+LOGGER = "the README of snakemake-interface-logger-plugins"
 #: Names, as our sources write them, and the page of the documentation of Snakemake that has them.
 DOCUMENTED = {
     "workflow.cores": RULES,
@@ -35,6 +36,13 @@ DOCUMENTED = {
     "job.name": PLUGIN,
     "job.jobid": INTERFACE,
     "workflow.deployment_settings": INTERFACE,
+    "snakemake_interface_logger_plugins.base import LogHandlerBase": LOGGER,
+    "snakemake_interface_logger_plugins.common import LogEvent": LOGGER,
+    # Of a record: fields of the events, and settings of the logger.
+    **{f"record.{name}": LOGGER for name in ("event", "done", "total", "jobid", "job_id", "rule_name", "wildcards")},
+    **{f"record.{name}": LOGGER for name in ("input", "output", "log")},
+    **{f"asked.{name}": LOGGER for name in ("dryrun", "verbose", "debug_dag", "nocolor")},
+    "self.common_settings": LOGGER,
     # Of a job, as of the object of a script, and in the properties that a jobscript gets.
     "job.input": RULES,
     "job.output": RULES,
@@ -48,6 +56,12 @@ OF_JOBS = (
     "src/snakemake_executor_plugin_nearharmonic_forkserver/__init__.py",
     "src/nearharmonic_paper/tasks/job.py",
 )
+
+
+#: A source whose ``asked`` are Snakemake's settings; the fields of its records are asked for by name.
+OF_RECORDS = "src/snakemake_logger_plugin_nearharmonic/__init__.py"
+#: A field of a record, or of that of the start of its job.
+FIELD = re.compile(r'getattr\((?:record|started), ["\']([a-z_]+)["\']')
 
 
 def names_in(text, *objects):
@@ -64,7 +78,9 @@ def test_every_name_of_snakemake_is_documented():
     for path in (ROOT / "Snakefile", *ROOT.glob("workflow/**/*.smk")):
         found |= {*names_in(path.read_text(encoding="utf-8"), "workflow", "rules")}
     for path in (*ROOT.glob("src/**/*.py"), *ROOT.glob("workflow/**/*.py")):
-        own = ("job", "self") if str(path.relative_to(ROOT)) in OF_JOBS else ()
-        names = {*names_in(path.read_text(encoding="utf-8"), "snakemake", *own)}
+        place, text = str(path.relative_to(ROOT)), path.read_text(encoding="utf-8")
+        own = ("job", "self") if place in OF_JOBS else ("asked", "self") if place == OF_RECORDS else ()
+        names = {*names_in(text, "snakemake", *own)}
+        names |= {f"record.{name}" for name in FIELD.findall(text)} if place == OF_RECORDS else set()
         found |= {name for name in names if not name.startswith("self.") or name in DOCUMENTED}
     assert found == DOCUMENTED.keys()

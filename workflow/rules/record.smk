@@ -8,9 +8,10 @@ import warnings
 
 from nearharmonic.integrators import plain_integrators
 from nearharmonic_paper.experiments.paper.earlier import forget, keep
+from nearharmonic_paper.experiments.paper.run import summary_line
 from nearharmonic_paper.record.verify import check_tasks
 
-CLAIMS = "tables/claims.json"
+CLAIMS, OMISSIONS = "tables/claims.json", "tables/skipped.csv"
 #: Former names of targets, which warn, and their present names.
 FORMER = {"beyond": "sixth_order"}
 
@@ -87,9 +88,21 @@ def record_end(exit_status):
         THIS_RUN.end(exit_status)
 
 
-def verdicts(document):
-    """Return a line on the verdicts of this run, and the command that decides the open statements."""
-    from nearharmonic_paper.claims.claim import verdicts_line
-    from nearharmonic.output.store import workflow_command
+def closing_lines():
+    """Return what this run made: figures, verdicts, what was left out, time, and the page of results."""
+    told = THIS_RUN.told
+    figures = {Path(name).stem for name in told["made"] if name.startswith("figures/")}
+    if figures:
+        yield f"Figures: {len(figures)} in {RESULTS}/figures"
+    if CLAIMS in told["made"]:
+        from nearharmonic_paper.claims.claim import verdicts_line
+        from nearharmonic.output.store import workflow_command
 
-    return verdicts_line(document, workflow_command(document))
+        document = f"{RESULTS}/{CLAIMS}"
+        yield verdicts_line(document, workflow_command(document)).replace("Of", "Verdicts: of", 1)
+    if OMISSIONS in told["made"]:
+        yield f"Left out: {summary_line(f'{RESULTS}/{OMISSIONS}')}"
+    work = f"{told['jobs_run'] or 0} jobs, {told['evaluations'] or 0:.2g} force evaluations"
+    yield f"Time: {told['duration']:.1f} s, {told['cpu_seconds']:.1f} s of CPU: {work}"
+    if Path(f"{RESULTS}/report.html").exists():
+        yield f"Page: {RESULTS}/report.html"

@@ -272,13 +272,14 @@ class WorkflowRun:
     ) -> None:
         self._folder, self._config, self._makeable, self._configfiles = Path(folder), config, makeable, configfiles
         self._began = datetime.now(UTC)
-        self._told: dict[str, Any] = {}
+        #: What the history tells of this run.
+        self.told: dict[str, Any] = {}
         self._warned: set[str] = set()
 
     @property
     def id(self) -> str:
         """The id of the run: start time and a random number."""
-        return str(self._told.get("id", ""))
+        return str(self.told.get("id", ""))
 
     def prepare(self, *, is_dry: bool = False) -> None:
         """Close the record of killed runs, and set damaged files and all that was made from them aside.
@@ -314,7 +315,7 @@ class WorkflowRun:
     def begin(self, command: Sequence[str], targets: Sequence[str], cores: int | None) -> None:
         """Record the start: write a marker, and pass the ids of run and process to the jobs."""
         lock(self._folder)
-        self._told = dict.fromkeys(FIELDS) | {
+        self.told = dict.fromkeys(FIELDS) | {
             "id": f"{self._began:%Y%m%dT%H%M%SZ}-{secrets.token_hex(4)}",
             "config": {},
             "versions": {},
@@ -328,18 +329,18 @@ class WorkflowRun:
         }
         os.environ |= {RUN: self.id, LEADER: f"{platform.node()}:{os.getpid()}"}  # jobs inherit them
         with self._warning("the run is not recorded in full"):
-            self._told |= fingerprint(self._config)
-            self._told |= machine()
+            self.told |= fingerprint(self._config)
+            self.told |= machine()
         with self._warning("the commit is not recorded"):
-            self._told |= revision(Path())
+            self.told |= revision(Path())
         with self._warning("the history is not written"):
-            history.mark(self._folder, self._told)
+            history.mark(self._folder, self.told)
 
     def end(self, exit_status: int) -> None:
         """Write manifest and history at the end of a run, whose ``exit_status`` is that of Snakemake."""
         restore(self._folder)
         receipts, ended = receipts_in(self._folder), datetime.now(UTC)
-        self._told |= {
+        self.told |= {
             "status": "failed" if exit_status else "ok",
             "exit_status": exit_status,
             "end": _stamp(ended),
@@ -348,7 +349,7 @@ class WorkflowRun:
             "made": names_made_by(receipts, self.id),
         }
         with self._warning("the evaluations are not recorded"):
-            self._told |= self._counts(receipts)
+            self.told |= self._counts(receipts)
         self._complete(receipts, ends=True)
 
     def _complete(self, receipts: Receipts, *, ends: bool = False) -> None:
@@ -360,7 +361,7 @@ class WorkflowRun:
             with self._warning("the history is not written"):
                 try:
                     lines = history.lines_of(self._folder / history.HISTORY)
-                    history.append(self._folder, self._told, lost_line(self._folder, lines))
+                    history.append(self._folder, self.told, lost_line(self._folder, lines))
                 finally:
                     history.unmark(self._folder, self.id)
         with self._warning("the next start looks at all files"):
@@ -375,10 +376,6 @@ class WorkflowRun:
             listed = ", ".join([*map(str, damaged[:3]), *(["..."] if len(damaged) > 3 else [])])
             says = "receipts are not as their jobs wrote them, and are removed"
             self._warn("receipts", f"{len(damaged)} {says}: {listed}")
-
-    def made(self, name: str) -> bool:
-        """Return True if a job of this run made the file ``name``."""
-        return name in self._told.get("made", ())
 
     def _counts(self, receipts: Receipts) -> dict[str, int | None]:
         """Numbers of jobs that ran and of those whose results were there, and of evaluations."""

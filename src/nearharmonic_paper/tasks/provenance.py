@@ -460,8 +460,7 @@ class Receipt:
     """Files that one job wrote."""
 
     def __init__(self, log: str | os.PathLike[str], inputs: Iterable[str] = ()) -> None:
-        self._place = Path(log).with_suffix(".json")
-        self._folder = folder_of(log)
+        self._place, self._folder = Path(log).with_suffix(".json"), folder_of(log)
         self._files: dict[str, dict[str, Any]] = {}
         self._inputs = {name: identity(self._folder / name) for name in sorted(self._results(inputs))}
 
@@ -492,9 +491,10 @@ class Receipt:
             }
 
     def write(self) -> None:
-        """Write the receipt beside the log; a failure is a warning in the log."""
+        """Write the receipt, with the CPU seconds of the job, beside the log; a failure is a warning in the log."""
+        told = {"files": self._files, "cpu_seconds": round(sum(os.times()[:4]), 3)}
         try:
-            write_text(self._place, json.dumps(sealed({"files": self._files}), indent=1) + "\n")
+            write_text(self._place, json.dumps(sealed(told), indent=1) + "\n")
         except OSError as error:
             print(f"warning: no receipt: {error}")
 

@@ -280,8 +280,6 @@ ALL = "all"
 #: The rows of totals, by their ``what``.
 DONE, FULL, SAVED = "done", "full grid", "saved"
 FULL_GRID = "every step size in double and extended, each observable in a pass of its own, no early stop"
-#: Smallest share of the full grid whose reason is named in the summary.
-TOLD = 0.01
 NOT_ASKED = "the config does not ask for this precision"
 
 
@@ -333,15 +331,9 @@ def totals_in(text: str) -> Totals:
 
 
 def summary_line(path: str | os.PathLike[str]) -> str:
-    """Return the totals of the table at ``path`` in one line; reasons for less than 1 % are counted."""
-    _, done, full, saved = totals_in(Path(path).read_text(encoding="utf-8"))
-    shares = [f"{number / full:.0%} {reason}" for reason, number in saved.items() if number / full >= TOLD]
-    rest = len(saved) - len(shares)
-    shares += [f"{rest} more below {TOLD:.0%} each"] * (rest > 0)
-    return (
-        f"{done / full:.0%} of the full grid of {full:.2g} force evaluations was needed; skipped, as it changes no "
-        f"result: {'; '.join(shares)}. Details: {os.fspath(path)}"
-    )
+    """Return the totals of the table at ``path`` in one line."""
+    _, done, full, _ = totals_in(Path(path).read_text(encoding="utf-8"))
+    return f"{1 - done / full:.0%} of {full:.2g} force evaluations, which change no result: {os.fspath(path)}"
 
 
 def omissions_table(sweeps: Sequence[Sweep], integrators: Sequence[str], **cubes: str) -> dict[str, Table]:

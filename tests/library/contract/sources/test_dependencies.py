@@ -25,7 +25,11 @@ PINNED = {normal(name) for name in re.findall(r"^([\w.-]+)==", (ROOT / "constrai
 PEERS = ROOT / "src/nearharmonic_paper/experiments/work_precision/peers.py"
 #: Modules for one library each, which an extra of the same name installs.
 ADAPTERS = ROOT / "src/nearharmonic/adapters"
-PLUGINS = {"snakemake_executor_plugin_nearharmonic", "snakemake_executor_plugin_nearharmonic_forkserver"}
+PLUGINS = {
+    "snakemake_executor_plugin_nearharmonic",
+    "snakemake_executor_plugin_nearharmonic_forkserver",
+    "snakemake_logger_plugin_nearharmonic",
+}
 OURS = {"nearharmonic", "nearharmonic_paper", "nearharmonic_studies", *PLUGINS}
 PYTHON = [*(ROOT / "src").rglob("*.py"), *(ROOT / "workflow").rglob("*.py")]
 #: Rules are not Python: they are read line by line.
