@@ -105,8 +105,8 @@ def _draw_satisfied(axes: Axes, satisfied: xr.DataArray, labels: list[str]) -> N
 
 # --- Figure 4: advance of Mercury's perihelion caused by the integrator, against force evaluations per orbit.
 
-#: Each point is a dot with a bar, 1.5 mm wide.
-COLUMNS = 100
+#: Points of a method, 1.5 mm wide each; and multiple of an advance up to which its bar is within its dot on any axis.
+COLUMNS, HIDDEN = 100, 0.005
 
 
 @house_style
@@ -137,8 +137,8 @@ def fig4_perihelion(cube: xr.Dataset) -> Figure:
 
 def _draw_method(axes: Axes, one: Advances) -> None:
     style, x = style_of(one.line.integrator), one.evaluations
-    known, bars = np.where(one.known, one.size, np.nan), np.where(one.known, one.interval, np.nan)
-    axes.errorbar(x, known, yerr=bars, fmt="none", ecolor=style.colour, elinewidth=0.8)
+    known, seen = np.where(one.known, one.size, np.nan), one.known & (one.interval > HIDDEN * one.size)
+    axes.errorbar(x[seen], one.size[seen], yerr=one.interval[seen], fmt="none", ecolor=style.colour, elinewidth=0.8)
     axes.plot(x, known, color=style.colour, linewidth=0.5, marker=".", markersize=3.2)
     axes.plot(x, known, markevery=mark_every(*one.line.turn, int(one.known.sum()), marks=8), **style.points())
     axes.plot(x, np.where(one.unknown, one.size, np.nan), **style.points(marker="x", markersize=4, alpha=0.5))

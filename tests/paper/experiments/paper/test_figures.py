@@ -241,6 +241,12 @@ def test_error_bars_are_intervals_of_nonzero_advances(advance_cube):
         assert to_hex(colour) == look_of(name)[0]
 
 
+def test_bars_that_their_dots_would_hide_are_left_out(advance_cube):
+    short = advance_cube.assign(perihelion_advance_interval=4e-3 * abs(advance_cube.perihelion_advance))
+    for _, _, (bars,) in fig4_perihelion.fig4_perihelion(short).axes[0].containers:
+        assert bars.get_segments() == []
+
+
 def test_the_second_axis_reads_arcseconds_per_century(advance_cube):
     axes = fig4_perihelion.fig4_perihelion(advance_cube).axes[0]
     (century,) = axes.child_axes
