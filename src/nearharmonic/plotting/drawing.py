@@ -27,6 +27,7 @@ from nearharmonic.plotting.plot import CUBE, MEMBER, PROFILE, RANKING, TRAJECTOR
 from nearharmonic.plotting.profile import SPARE_COLOURS, Line, range_of
 from nearharmonic.plotting.style import (
     DASHED,
+    LEGEND,
     draw_floor,
     draw_profile,
     draw_profiles,
@@ -50,8 +51,6 @@ if TYPE_CHECKING:
 TOLD = ("system", "precision", "summation", "first", "t_end", "split")
 #: Dashes of the second, third, ... Dataset of one integrator; extended precision has the dashes of the figures.
 DASHES = ("solid", (0, (6, 2)), (0, (1, 1)), (0, (6, 2, 1, 2)))
-#: Place of a legend above the panels.
-LEGEND: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.545, 0.995), "ncols": 4, "columnspacing": 1.8}
 #: Indicators of chaos over time: name, label, and scale of the axis.
 INDICATORS = (
     ("lyapunov_exponent", r"largest exponent, $\ln(|\delta|/|\delta_0|)/t$", "log"),
@@ -580,7 +579,7 @@ def truncator(figure: Figure, given: Sequence[xr.Dataset]) -> Callable[[float], 
     energy.set_position((lower.x0, lower.y0, upper.width, upper.height))
     orbit.set_position((upper.x0, upper.y1 - lower.height, lower.width, lower.height))
     for axes, letter in ((orbit, "A"), (energy, "B")):
-        panel_letter(axes, letter, axes.get_title(loc="left").partition("  ")[2])
+        panel_letter(axes, letter, axes.get_title(loc="left"))
     figure.draw_without_rendering()  # the limits of complete curves
     curves = [(orbit.lines[2 * k], energy.lines[k]) for k in range(len(given))]
     whole = [[np.array(line.get_xydata()) for line in pair] for pair in curves]

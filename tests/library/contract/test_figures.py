@@ -182,8 +182,9 @@ def test_a_figure_names_each_method_or_curve(name):
 @pytest.mark.parametrize("name", fast_for_the_paper(DECLARED))
 def test_panels_are_lettered_in_order_and_both_axes_are_labelled(name):
     figure = figure_of(name)
+    letters = [text.get_text() for text in figure.findobj(Text) if text.get_fontweight() == "bold"]
     titles = [text.get_text() for text in figure.findobj(Text)]
-    letters = [title[len(r"$\mathbf{")] for title in titles if title.startswith(r"$\mathbf{")]
+    letters += [title[len(r"$\mathbf{")] for title in titles if title.startswith(r"$\mathbf{")]
     assert letters == [*"ABCDEFGHI"[: len(letters)]]
     parts = figure.subfigs or [figure]
     for part in parts:

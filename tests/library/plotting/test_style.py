@@ -114,6 +114,23 @@ def test_an_axis_with_nothing_to_show_still_has_a_range(values):
     axes.figure.draw_without_rendering()
 
 
+def test_ticks_of_logarithmic_axes_are_plain_text_at_one_two_and_five():
+    for least, most, major, minor in (
+        (3e-4, 3, ["10⁻³", "10⁻²", "10⁻¹", "10⁰"], [""]),
+        (0.15, 6, ["10⁰"], ["2×10⁻¹", "5×10⁻¹", "2×10⁰", "5×10⁰"]),
+    ):
+        axis = line_on_log_axes([least, most], [1, 1])[0].xaxis
+        axis.axes.set_xlim(least, most)
+        for shown, at, label in (
+            (major, axis.get_majorticklocs(), axis.major),
+            (minor, axis.get_minorticklocs(), axis.minor),
+        ):
+            inside = at[(at >= least) & (at <= most)]
+            texts = [label.formatter(value) for value in inside]
+            assert texts == shown * (len(texts) // len(shown))
+            assert {f"{value:e}"[:8] for value in inside} <= {"1.000000", "2.000000", "5.000000"}
+
+
 def places(stem):
     return [stem.parent / f"{stem.name}.{suffix}" for suffix in ("pdf", "svg", "png")]
 

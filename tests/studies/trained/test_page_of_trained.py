@@ -25,7 +25,7 @@ def test_gains_stand_in_panel_of_their_ensemble_with_their_intervals():
     cube = made.contest()
     drawn = trained_gain(cube)
     one, other = drawn.axes
-    assert [axes.get_title(loc="left").split("  ")[1] for axes in (one, other)] == ["one", "other"]
+    assert [axes.get_title(loc="left") for axes in (one, other)] == ["one", "other"]
     for axes, places in ((one, (0, 2)), (other, (1,))):
         curves = [line for line in axes.lines if line.get_label()[0] != "_"]
         assert len(curves) == len(places)

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
+from nearharmonic.output.table import power_of_ten
 from nearharmonic.plotting.profile import problem_of
 from nearharmonic.plotting.style import (
     Style,
@@ -59,7 +60,7 @@ def fig2_decomposition(terms: xr.Dataset) -> Figure:
     _draw_satisfied(lower, (kappa < SATISFIED_BELOW), labels)
     panel_letter(upper, "A", "error terms that remain")
     right_title(upper, "simple harmonic oscillator, one step")
-    panel_letter(lower, "B", rf"error terms that vanish ($\kappa_\lambda < 10^{{{log10(SATISFIED_BELOW):.0f}}}$)")
+    panel_letter(lower, "B", f"error terms that vanish (below {power_of_ten(round(log10(SATISFIED_BELOW)))})")
     lower.set_xlabel(r"order, $\lambda$")
     lower.xaxis.set_major_locator(MultipleLocator(1))
     handles = method_handles(map(str, terms["integrator"].values), labels, markersize=4)
@@ -104,8 +105,8 @@ def _draw_satisfied(axes: Axes, satisfied: xr.DataArray, labels: list[str]) -> N
 
 # --- Figure 4: advance of Mercury's perihelion caused by the integrator, against force evaluations per orbit.
 
-#: Each point is a dot with a bar, 1.5 mm wide.
-COLUMNS = 100
+#: Points of a method, 1.5 mm wide each; and multiple of an advance up to which its bar is within its dot on any axis.
+COLUMNS, HIDDEN = 100, 0.005
 
 
 @house_style
@@ -136,8 +137,8 @@ def fig4_perihelion(cube: xr.Dataset) -> Figure:
 
 def _draw_method(axes: Axes, one: Advances) -> None:
     style, x = style_of(one.line.integrator), one.evaluations
-    known, bars = np.where(one.known, one.size, np.nan), np.where(one.known, one.interval, np.nan)
-    axes.errorbar(x, known, yerr=bars, fmt="none", ecolor=style.colour, elinewidth=0.8)
+    known, seen = np.where(one.known, one.size, np.nan), one.known & (one.interval > HIDDEN * one.size)
+    axes.errorbar(x[seen], one.size[seen], yerr=one.interval[seen], fmt="none", ecolor=style.colour, elinewidth=0.8)
     axes.plot(x, known, color=style.colour, linewidth=0.5, marker=".", markersize=3.2)
     axes.plot(x, known, markevery=mark_every(*one.line.turn, int(one.known.sum()), marks=8), **style.points())
     axes.plot(x, np.where(one.unknown, one.size, np.nan), **style.points(marker="x", markersize=4, alpha=0.5))
@@ -178,18 +179,21 @@ def fig6_displaced(cube: xr.Dataset) -> Figure:
         axes.set_ylabel(r"$|\Delta H/H_0|$")
     panels[-1].set_xlabel("iteration")
     handles = [
-        Line2D([], [], color=colour, label=rf"$q_x$ = {_power(float(each))} at the start", **_look(i))
-        for i, (each, colour) in enumerate(zip(cube["displacement"].values, _COLOURS, strict=False))
+        Line2D([], [], color=colour, label=power_of_ten(round(log10(each))) if each else "0", **_look(i))
+        for i, (each, colour) in enumerate(zip(cube["displacement"].values.tolist(), _COLOURS, strict=False))
     ]
     handles.append(Line2D([], [], color="#404040", linestyle="none", label="leaves its energy surface", **_LEFT))
-    drawn.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.54, 0.998), ncols=3, columnspacing=2.0)
+    drawn.legend(
+        handles=handles, title="$q_x$ at the start", loc="upper center", bbox_to_anchor=(0.54, 0.998), ncols=6,
+        columnspacing=1.8,
+    )  # fmt: skip
     return drawn
 
 
 def _draw(axes: Axes, runs: xr.Dataset, limit: float) -> None:
     iteration = runs["iteration"].values
     axes.axhline(limit, color="#404040", linestyle=(0, (6, 3)), linewidth=0.9, zorder=1.5)
-    text = rf"surface left beyond $|\Delta H/H_0|$ = {limit:g}"
+    text = f"surface left beyond an energy error of {limit:g}"
     write_beside(axes, text, (0.012, limit), (0, -4), xycoords=("axes fraction", "data"), va="top")
     for i, colour in enumerate(_COLOURS[: runs.sizes["displacement"]]):
         run = runs.isel(displacement=i)
@@ -207,11 +211,6 @@ def _draw(axes: Axes, runs: xr.Dataset, limit: float) -> None:
 def _look(place: int) -> dict[str, Any]:
     """Look of a line: broad for the plane itself, which comes first."""
     return {"linewidth": 1.2 if place else 2.0}
-
-
-def _power(number: float) -> str:
-    """Return the text of a power of ten, or zero."""
-    return f"$10^{{{np.log10(number):.0f}}}$" if number else "0"
 
 
 # --- Figure 6: substeps of two methods in phase space, coloured by the signs of the next coefficients.
@@ -270,16 +269,16 @@ def _draw_panel(drawn: Figure, axes: Axes, panel: xr.Dataset) -> None:
     axes.contour(q_grid, p_grid, H, levels=shades.levels, colors="#8795a5", linewidths=0.5)
     axes.contour(q_grid, p_grid, H, levels=panel["H"].values[:1, 0], **_SURFACE)
     bar = drawn.colorbar(shades, ax=axes, pad=0.02, fraction=0.046, aspect=28)
-    bar.ax.set_title("$H$", fontsize=8.5, pad=4)
+    bar.ax.set_title("H", fontsize=8.5, fontstyle="italic", y=1.0, pad=4)
     bar.ax.tick_params(labelsize=7.5)
     legs = "steps-post" if panel.attrs["first"] == "drift" else "steps-pre"
     for iteration in panel["iteration"].values:
         _draw_iteration(axes, panel.sel(iteration=iteration), legs)
     axes.set_xlim(q_grid[0], q_grid[-1])
     axes.set_ylim(p_grid[0], p_grid[-1])
-    moving = rf"_{'xyz'[panel.attrs['component']]}" if panel.attrs["component"] else ""
-    axes.set_xlabel(f"$q{moving}$")
-    axes.set_ylabel(f"$p{moving}$")
+    moving = panel.attrs["component"]
+    for letter, label in (("q", axes.set_xlabel), ("p", axes.set_ylabel)):
+        label(f"${letter}_{'xyz'[moving]}$" if moving else letter, fontstyle="italic")
     axes.grid(visible=False)
     for says, place, ha, va in (
         (_energy_statement(panel), (0.03, 0.03), "left", "bottom"),
@@ -297,16 +296,16 @@ def _energy_statement(panel: xr.Dataset) -> str:
     later = (
         f"leaves its energy surface at iteration {left_at}"
         if left_at
-        else rf"up to {_scientific(float(panel['max_energy_error']))} in {followed} iterations"
+        else f"up to {_scientific(float(panel['max_energy_error']))} in {followed} iterations"
     )
-    return rf"$|\Delta H/H_0|$ = {_scientific(error)} after {iterations} iterations," + "\n" + later
+    return f"energy error {_scientific(error)} after {iterations} iterations,\n{later}"
 
 
 def _scientific(number: float) -> str:
     if not isfinite(number):  # the path has overflowed
-        return r"$\infty$"
+        return "∞"
     mantissa, exponent = f"{number:.1e}".split("e")
-    return rf"${mantissa}\times10^{{{int(exponent)}}}$"
+    return f"{mantissa}×{power_of_ten(int(exponent))}"
 
 
 def _draw_iteration(axes: Axes, path: xr.Dataset, legs: str) -> None:

@@ -126,7 +126,7 @@ State = tuple[float, float]
 Window = tuple[State, State]
 
 #: Points per axis of that grid: contours look smooth in print.
-GRID = 161
+GRID = 81
 #: Number of further iterations of a path, to check that it stays on its energy surface.
 FOLLOWED = 1000
 

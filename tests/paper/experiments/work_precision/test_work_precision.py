@@ -353,7 +353,7 @@ def test_times_of_a_file_are_panels_with_their_errors(tmp_path):
         },
         {"fastest method here, regularised": {3: 1e-6, 4: 1e-12}},
     ]
-    titles = [axes.get_title(loc="left").partition("  ")[2] for axes in figure.axes]
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
     assert titles == [f"Sun-Mercury orbit, e = {e}, $t$ = 87660 h" for e in ("0.2", "0.9")]
 
 
