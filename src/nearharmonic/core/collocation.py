@@ -11,10 +11,10 @@ from nearharmonic.core.reals import (
     POINT,
     REAL,
     STAGES,
+    VOID,
     absolute,
     all_greater,
     all_zero,
-    compiled,
     larger,
     largest_modulus,
     linked,
@@ -22,7 +22,6 @@ from nearharmonic.core.reals import (
     load_real,
     load_stages,
     store,
-    types,
     where_greater,
     where_zero,
     zero_like,
@@ -65,7 +64,6 @@ def continuing(*, extended: bool) -> Any:
     """
     negligible, small = NEGLIGIBLE[extended], SMALL[extended]
 
-    @compiled
     def going(active, size, before, change, latest, count, vain):  # type: ignore[no-untyped-def]
         nothing = zero_like(active)
         found = where_greater(latest, negligible * size, active, nothing)
@@ -88,7 +86,6 @@ def missing(*, extended: bool) -> Any:
     """
     negligible, small, solved = NEGLIGIBLE[extended], SMALL[extended], SOLVED[extended]
 
-    @compiled
     def missed(active, size, before, change, latest, count):  # type: ignore[no-untyped-def]
         nothing = zero_like(size)
         allowed = where_zero(active, solved * size, small * size)
@@ -101,7 +98,6 @@ def missing(*, extended: bool) -> Any:
     return missed
 
 
-@compiled
 def counted(least, vain, latest):  # type: ignore[no-untyped-def]
     """The least change, and the number of changes since it, with the latest one; far above it, no more are needed."""
     nothing = zero_like(vain)
@@ -117,23 +113,19 @@ def iteration(form: Form, forces_behind: Any) -> Any:
     extended = form.extended
     going, missed = continuing(extended=extended), missing(extended=extended)
 
-    @compiled
     def largest(f):  # type: ignore[no-untyped-def]
         return largest_modulus(f[0] if extended else f)
 
-    @compiled
     def apart(f, g):  # type: ignore[no-untyped-def]
         if extended:
             return largest_modulus((f[0] - g[0]) + (f[1] - g[1]))
         return largest_modulus(f - g)
 
-    @compiled
     def kept(active, f, g):  # type: ignore[no-untyped-def]
         if extended:
             return where_zero(active, f[0], g[0]), where_zero(active, f[1], g[1])
         return where_zero(active, f, g)
 
-    @compiled
     def solve(f, step, parameters):  # type: ignore[no-untyped-def]
         size = largest(f)
         nothing = zero_like(size)
@@ -177,7 +169,7 @@ _dimension, _running, _counters = (linked_number(name) for name in ("dimension",
 _at_stages, _summed = linked("at_stages", STAGES), linked("summed", POINT)
 _weights, _times_nodes, _times_rest = (linked(name, STAGES) for name in ("weights", "times_nodes", "times_rest"))
 _by_position, _by_momentum, _by_guess = (linked(f"by_{name}", STAGES) for name in ("position", "momentum", "guess"))
-_PAIR, _PAIRS = types.UniTuple(POINT, 2), types.UniTuple(STAGES, 2)
+_PAIR, _PAIRS = (POINT, POINT), (STAGES, STAGES)
 
 
 def _by_accelerations(form: Form) -> tuple[Any, Any, Any]:
@@ -189,18 +181,15 @@ def _by_accelerations(form: Form) -> tuple[Any, Any, Any]:
     velocity, acceleration = linked("velocity", POINT), linked("stage_acceleration", STAGES)
     force, add = linked("stage_force", STAGES), compensated if form.compensated else plain
 
-    @compiled
     def begun(state, row, parameters):  # type: ignore[no-untyped-def]
         h, v = row[0], velocity(state[2], parameters)
         return _weights(-h), h, v, fma(h, _times_nodes(_at_stages(v)), _at_stages(state[0]))
 
-    @compiled
     def forces_behind(f, step, parameters):  # type: ignore[no-untyped-def]
         weights, h, _, ahead = step
         Q = fma(h, _by_position(acceleration(weights * f, parameters)), ahead)
         return force(Q, Q, parameters)
 
-    @compiled
     def ended(state, f, step, parameters):  # type: ignore[no-untyped-def]
         (q, q_low, p, p_low), (weights, h, v, _) = state, step
         increments = weights * f
@@ -221,18 +210,15 @@ def _by_oscillators(form: Form) -> tuple[Any, Any, Any]:
         linked(name, STAGES) for name in ("turned", "by_oscillators", "with_oscillators")
     )
 
-    @compiled
     def begun(state, row, parameters):  # type: ignore[no-untyped-def]
         (q, _, p, _), (h, _, moves, at) = state, row
         return _weights(-h), h, p, moves, at, turned(moves, at, _at_stages(q), _at_stages(h * p))
 
-    @compiled
     def forces_behind(n, step, parameters):  # type: ignore[no-untyped-def]
         _, _, _, moves, at, ahead = step
         Q = ahead - by_oscillators(moves, at, n)
         return force(Q, Q, parameters)
 
-    @compiled
     def ended(state, n, step, parameters):  # type: ignore[no-untyped-def]
         (q, q_low, p, p_low), (weights, h, v, moves, at, ahead) = state, step
         f = with_oscillators(moves, at, ahead - by_oscillators(moves, at, n), n)
@@ -251,23 +237,19 @@ def _by_momenta(form: Form) -> tuple[Any, Any, Any]:
     velocity, force = linked("stage_velocity", STAGES), linked("stage_force", STAGES)
     add = compensated if form.compensated else plain
 
-    @compiled
     def begun(state, row, parameters):  # type: ignore[no-untyped-def]
         h = row[0]
         return _weights(-h), _weights(h), _at_stages(state[0]), _at_stages(state[2])
 
-    @compiled
     def moved(f, step, parameters):  # type: ignore[no-untyped-def]
         kicks, drifts, _, p = step
         P = p + _by_momentum(kicks * f)
         return drifts * velocity(P, P, parameters)
 
-    @compiled
     def forces_behind(f, step, parameters):  # type: ignore[no-untyped-def]
         Q = step[2] + _by_momentum(moved(f, step, parameters))
         return force(Q, Q, parameters)
 
-    @compiled
     def ended(state, f, step, parameters):  # type: ignore[no-untyped-def]
         q, q_low, p, p_low = state
         p, p_low = add(p, p_low, 1.0, _summed(step[0] * f))
@@ -284,33 +266,28 @@ def _in_pairs(form: Form) -> tuple[Any, Any, Any]:
     weights, by_momentum = linked("weights_pairs", _PAIRS), linked("by_momentum_pairs", _PAIRS)
     summed = linked("summed_pairs", _PAIR)
 
-    @compiled
     def begun(state, row, parameters):  # type: ignore[no-untyped-def]
         (q, q_low, p, p_low), (h, h_low, moves, at) = state, row
         x, y = (_at_stages(q), _at_stages(q_low)), (_at_stages(p), _at_stages(p_low))
         return weights(-h, -h_low), weights(h, h_low), x, y, moves, at
 
-    @compiled
     def force(Q, step, parameters):  # type: ignore[no-untyped-def]
         found = pull(Q[0], Q[1], parameters)
         if turning:
             found = with_oscillators(step[4], step[5], Q[0], Q[1], found[0], found[1])
         return found
 
-    @compiled
     def moved(f, step, parameters):  # type: ignore[no-untyped-def]
         kicks, drifts, _, p, _, _ = step
         increments = dd_mul(kicks, f)
         P = dd_add(p, by_momentum(increments[0], increments[1]))
         return dd_mul(drifts, velocity(P[0], P[1], parameters))
 
-    @compiled
     def forces_behind(f, step, parameters):  # type: ignore[no-untyped-def]
         increments = moved(f, step, parameters)
         Q = dd_add(step[2], by_momentum(increments[0], increments[1]))
         return force(Q, step, parameters)
 
-    @compiled
     def ended(state, f, step, parameters):  # type: ignore[no-untyped-def]
         q, q_low, p, p_low = state
         kicks, drifts = dd_mul(step[0], f), moved(f, step, parameters)
@@ -334,12 +311,10 @@ def _step(form: Form) -> Any:
     solve = iteration(form, forces_behind)
     force = linked("force", _PAIR if extended else POINT)
 
-    @compiled
     def at_start(q, q_low, parameters):  # type: ignore[no-untyped-def]
         found = force(q, q_low, parameters)
         return _at_stages(found[0] if extended else found)
 
-    @compiled
     def step(state, row, parameters):  # type: ignore[no-untyped-def]
         q, q_low, p, p_low, f, ready, iterations, failed = state
         f = _by_guess(f)
@@ -358,18 +333,15 @@ def _step(form: Form) -> Any:
     return step
 
 
-@compiled
 def _first(state, moves, parameters):  # type: ignore[no-untyped-def]
     """No forces: a move finds those at its stages."""
     return 0
 
 
-@compiled
 def _behind(state, moves, row, parameters):  # type: ignore[no-untyped-def]
     return 0
 
 
-@compiled
 def _last(state, moves, row, parameters):  # type: ignore[no-untyped-def]
     return 0, zero_like(load_real(moves, 0))
 
@@ -380,22 +352,18 @@ def motion(form: Form) -> Motion:
         return _motion_in_memory(form)
     step = _step(form)
 
-    @compiled
     def load(rows, moves, parameters):  # type: ignore[no-untyped-def]
         q, q_low, p, p_low = load_state(rows, _running())
         f, at = load_stages(rows, _running() + 5 * _dimension()), _counters()
         counters = load_real(rows, at + READY), load_real(rows, at + ITERATIONS), load_real(rows, at + FAILED)
         return (q, q_low, p, p_low, f, *counters), load_state(rows, 0)
 
-    @compiled
     def move(state, row, f, parameters):  # type: ignore[no-untyped-def]
         return step(state, row, parameters)
 
-    @compiled
     def closed(state, row, f, parameters):  # type: ignore[no-untyped-def]
         return state[0], state[1], state[2], state[3]
 
-    @compiled
     def save(rows, state, seen):  # type: ignore[no-untyped-def]
         q, q_low, p, p_low, f, ready, iterations, failed = state
         store_state(rows, _running(), q, q_low, p, p_low)
@@ -416,30 +384,26 @@ def motion(form: Form) -> Motion:
 # for one coordinate. Forces and velocities are evaluated for one stage after the other, at the running state.
 
 _force_at, _velocity_at, _scratch, _stages = map(linked_number, ("force_at", "velocity_at", "scratch", "stages"))
-_force, _velocities = linked("force", types.void), linked("velocities", types.void)
+_force, _velocities = linked("force", VOID), linked("velocities", VOID)
 _sum_of_stages = linked("summed", REAL)
 
 
-@compiled
 def _copy(rows, source, to):  # type: ignore[no-untyped-def]
     for k in range(_dimension()):
         rows[to + k] = rows[source + k]
 
 
-@compiled
 def _from_stage(rows, stages, j, to):  # type: ignore[no-untyped-def]
     """Copy the numbers of one stage of all coordinates to the rows from ``to`` on."""
     for k in range(_dimension()):
         rows[to + k] = rows[stages + k * _stages() + j]
 
 
-@compiled
 def _to_stage(rows, source, stages, j):  # type: ignore[no-untyped-def]
     for k in range(_dimension()):
         rows[stages + k * _stages() + j] = rows[source + k]
 
 
-@compiled
 def _first_guess(rows, at):  # type: ignore[no-untyped-def]
     """Replace the forces of the last step by a guess of those of the next one; they begin at row ``at``."""
     d, s = _dimension(), _stages()
@@ -460,7 +424,6 @@ def _of_unit_masses(form: Form) -> tuple[Any, Any]:
     """
     add = compensated if form.compensated else plain
 
-    @compiled
     def positions(rows, h, at, places, start):  # type: ignore[no-untyped-def]
         weights = _weights(-h)
         for k in range(_dimension()):
@@ -469,7 +432,6 @@ def _of_unit_masses(form: Form) -> tuple[Any, Any]:
             drift = _times_nodes(load_real(rows, start + _dimension() + k) + zero_like(increments))
             store(rows, places + first, fma(h, drift + _by_position(increments), load_real(rows, start + k)))
 
-    @compiled
     def ended(rows, h, at, places, start):  # type: ignore[no-untyped-def]
         d, running, weights = _dimension(), _running(), _weights(-h)
         for k in range(d):
@@ -487,7 +449,6 @@ def _of_masses(form: Form) -> tuple[Any, Any]:
     """``positions`` and ``ended`` as above, for velocities that depend on all momenta."""
     add, timed = compensated if form.compensated else plain, form.timed
 
-    @compiled
     def drifts(rows, h, at, places, start):  # type: ignore[no-untyped-def]
         d, s, momentum = _dimension(), _stages(), _running() + 2 * _dimension()
         kicks, lengths = _weights(-h), _weights(h)
@@ -501,14 +462,12 @@ def _of_masses(form: Form) -> tuple[Any, Any]:
         for k in range(d):
             store(rows, places + k * s, lengths * load_stages(rows, places + k * s))
 
-    @compiled
     def positions(rows, h, at, places, start):  # type: ignore[no-untyped-def]
         drifts(rows, h, at, places, start)
         for k in range(_dimension()):
             first = places + k * _stages()
             store(rows, first, _by_momentum(load_stages(rows, first)) + load_real(rows, start + k))
 
-    @compiled
     def ended(rows, h, at, places, start):  # type: ignore[no-untyped-def]
         d, running, kicks = _dimension(), _running(), _weights(-h)
         drifts(rows, h, at, places, start)
@@ -531,7 +490,6 @@ def _solver(positions: Any) -> Any:
     """``solve(rows, h, at, places, start)``: the number of iterations, and False if they failed."""
     going, missed = continuing(extended=False), missing(extended=False)
 
-    @compiled
     def solve(rows, h, at, places, start):  # type: ignore[no-untyped-def]
         d, s = _dimension(), _stages()
         nothing = zero_like(h)
@@ -565,7 +523,6 @@ def _motion_in_memory(form: Form) -> Motion:
     positions, ended = _of_unit_masses(form) if form.unit_masses else _of_masses(form)
     solve = _solver(positions)
 
-    @compiled
     def move(rows, row, f, parameters):  # type: ignore[no-untyped-def]
         d, running, places, counters = _dimension(), _running(), _scratch(), _counters()
         at, start = running + 5 * d, places + d * _stages()
@@ -581,7 +538,6 @@ def _motion_in_memory(form: Form) -> Motion:
             rows[running] = nan
         return rows
 
-    @compiled
     def closed(rows, row, f, parameters):  # type: ignore[no-untyped-def]
         for part in range(4):
             _copy(rows, _running() + part * _dimension(), part * _dimension())

@@ -15,9 +15,8 @@ Formulas of many coordinates are compiled as loops, for one lane (:mod:`nearharm
 
 from __future__ import annotations
 
-import inspect
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -37,18 +36,15 @@ from nearharmonic.core.native import (
     run_passes,
     source_key,
 )
+from nearharmonic.core.reals import written
 from nearharmonic.core.tracing import Physics, Rules
 from nearharmonic.core.values import (
-    INDEX,
     PLACEHOLDERS,
     PREFIX,
     Kinds,
-    argument_types,
     define,
-    result_type,
     write_numbers,
 )
-from nearharmonic.errors import CompiledCodeError
 
 #: Instructions of a function of numba per unit of cost; loops in it are counted once.
 INSTRUCTIONS = 8
@@ -232,11 +228,11 @@ def _loops(entry: str, **choice: Any) -> tuple[str, bytes]:
     key = f"loops-{source_key(entry, repr(choice))}"
 
     def once() -> tuple[str, bytes]:
-        from nearharmonic.core import loops, stepper
+        from nearharmonic.core import loops
 
         made: dict[str, tuple[Signature, Callable[..., Any]]] = {
             "advance": (ADVANCE, loops.advance), "begin": (BEGIN, loops.begin), "land": (LAND, loops.land),
-            "run": (RUN, lambda: loops.run), "step": (STEP, stepper.step),
+            "run": (RUN, lambda: loops.run), "step": (STEP, loops.single_step),
         }  # fmt: skip
         if key not in _MADE:
             signature, function = made[entry]
@@ -247,38 +243,11 @@ def _loops(entry: str, **choice: Any) -> tuple[str, bytes]:
 
 
 def compiled_loops(function: Callable[..., Any], signature: Signature) -> tuple[str, bytes]:
-    """Return the name and the LLVM text of a function compiled by numba.
+    """Return the name and the LLVM text of a function of loops, for :func:`nearharmonic.core.reals.written`.
 
-    The function takes those arguments of the signature that it names: numbers, addresses of arrays, and lengths of
-    arrays. The code is not optimised, because the size of a number is not known yet.
+    The code is not optimised, because the size of a number is not known yet.
     """
-    from numba.core import config, registry
-    from numba.core.compiler_lock import global_compiler_lock
-
-    from nearharmonic.core.reals import SCALARS, compiled, types
-
-    kinds, taken = [], [*inspect.signature(function).parameters]
-    by_name = {argument.name: argument for argument in signature.arguments}
-    for name in taken:
-        argument = by_name.get(name)
-        scalar = SCALARS[argument.scalar] if argument else types.int64
-        kinds.append(types.CPointer(scalar) if argument and argument.dimensions else scalar)
-    # At its first use, numba fixes the optimisation level of all other code of the process.
-    registry.cpu_target.target_context.refresh()
-    with global_compiler_lock:
-        config.reload_config()  # or the compiler reloads it after a change of the environment
-        if config.DISABLE_JIT:
-            raise CompiledCodeError("NUMBA_DISABLE_JIT is set, so that kernels cannot be compiled: unset it")
-        level, config.OPT = config.OPT, config._OptLevel(0)
-        try:
-            jitted = compiled(function)
-            jitted.compile(tuple(kinds))
-        finally:
-            config.OPT = level
-    (made,) = jitted.overloads.values()
-    entry = _entry(made.fndesc.llvm_func_name, function.__name__, signature, taken)
-    module = join(binding.parse_assembly(made.library.get_llvm_str()), str(entry))
-    _make_one(module, function.__name__)
+    module = binding.parse_assembly(str(written(function, signature)))
     run_passes(module, "sroa", "simplify_cfg", "aggressive_dce", "simplify_cfg")  # once, not each time loops are linked
     return function.__name__, str(module).encode()
 
@@ -311,27 +280,3 @@ def linked_code(name: str, loops: bytes, written: ir.Module, kinds: Kinds, given
         for own in names:
             module.get_function(own).linkage = "internal"
     return name, object_code(module)
-
-
-def _entry(name: str, entry: str, signature: Signature, taken: Sequence[str]) -> ir.Module:
-    """A module with a C function that calls numba's function, which returns a status, and its result by an address."""
-    module = ir.Module()
-    names = [name for argument in signature.arguments for name in (argument.name, *argument.lengths)]
-    kinds, result = argument_types(signature), result_type(signature)
-    outer = ir.Function(module, ir.FunctionType(result, [INDEX.as_pointer()] if signature.packed else kinds), entry)
-    builder = ir.IRBuilder(outer.append_basic_block())
-    given = dict(zip(names, outer.args, strict=False))
-    if signature.packed:
-        slots = (builder.gep(outer.args[0], [INDEX(i)]) for i in range(len(names)))  # of 8 bytes each
-        pointers = (builder.bitcast(slot, kind.as_pointer()) for slot, kind in zip(slots, kinds, strict=True))
-        given = dict(zip(names, map(builder.load, pointers), strict=True))
-    address = ir.IntType(8).as_pointer()
-    returned = builder.alloca(result if signature.result else address)
-    arguments = [returned, builder.alloca(address), *(given[name] for name in taken)]
-    callee = ir.Function(module, ir.FunctionType(ir.IntType(32), [value.type for value in arguments]), name)
-    builder.call(callee, arguments)
-    if signature.result:
-        builder.ret(builder.load(returned))
-    else:
-        builder.ret_void()
-    return module

@@ -181,8 +181,9 @@ def object_code(module: Any) -> bytes:
 
     Arithmetic is not re-ordered, and loops are not vectorised: the code has explicit vectors.
     """
-    module.verify()
     machine = target_machine()
+    module.triple, module.data_layout = machine.triple, str(machine.target_data)
+    module.verify()
     options = binding.create_pipeline_tuning_options(speed_level=3)
     options.slp_vectorization = options.loop_vectorization = False
     builder = binding.create_pass_builder(machine, options)

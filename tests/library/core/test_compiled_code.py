@@ -31,7 +31,7 @@ from nearharmonic.core.disk import cache_folder
 from nearharmonic.core.emission import fingerprint, kinds_of, module_of
 from nearharmonic.core.layout import Signature, floats
 from nearharmonic.core.number import FUNCTIONS
-from nearharmonic.core.reals import NumbaFunctionError, compiled_code, jit
+from nearharmonic.core.numba_code import NumbaFunctionError, compiled_code, jit
 from nearharmonic.core.tracing import Rules
 from nearharmonic.core.values import Kinds
 from nearharmonic.engine.batch import integrate_batch
@@ -284,7 +284,7 @@ def test_two_functions_of_one_name_stay_apart(right, planted):
 
 
 CALLEE = """
-from nearharmonic.core.reals import jit
+from nearharmonic.core.numba_code import jit
 
 NUMBER = 2.0
 
@@ -293,7 +293,7 @@ def callee_of_a_test(x):
     return NUMBER * x
 """
 CALLER = """
-from nearharmonic.core.reals import jit
+from nearharmonic.core.numba_code import jit
 from callee_of_a_test import callee_of_a_test
 
 @jit
