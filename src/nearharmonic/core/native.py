@@ -121,20 +121,10 @@ def code_key(*parts: str, sources: Iterable[Path] = ()) -> str:
     return digest.hexdigest()
 
 
-def source_key(*parts: str) -> str:
-    """Digest of ``parts`` and of the dependencies of LLVM text, which is the same for every processor."""
-    return sha256(" ".join([_source_digest(), *parts]).encode()).hexdigest()
-
-
 @cache
 def core_digest() -> str:
     """Digest of the sources of ``core``, of the versions of the compilers and of the processor."""
-    return sha256(f"{_source_digest()} {processor()}".encode()).hexdigest()
-
-
-@cache
-def _source_digest() -> str:
-    text = sha256(f"{version('numba')} {version('llvmlite')}".encode())
+    text = sha256(f"{version('numba')} {version('llvmlite')} {processor()}".encode())
     for path in _SOURCES:
         text.update(path.read_bytes())
     return text.hexdigest()

@@ -28,32 +28,48 @@ from llvmlite import ir
 
 from nearharmonic.core import arithmetic
 from nearharmonic.core.layout import Argument, Signature
-from nearharmonic.core.values import DOUBLE, INDEX, PLACEHOLDERS, PREFIX, TRUTH, argument_types, intrinsic, result_type
+from nearharmonic.core.values import (
+    DOUBLE,
+    INDEX,
+    PREFIX,
+    TRUTH,
+    Kinds,
+    address,
+    argument_types,
+    folded,
+    in_every_lane,
+    intrinsic,
+    loaded,
+    numbers_of,
+    packed,
+    result_type,
+    zero,
+)
 
-#: Kinds of values: reals, points, parameters and stages, of which nothing is known before loops are linked,
-REAL, POINT, PARAMETERS, STAGES = "RPCS"
-#: doubles, integers, truth values, arrays of doubles and of integers; no value.
-TYPES: dict[str, ir.Type] = {
-    **{letter: ir.IntType(8).as_pointer(space) for letter, space in PLACEHOLDERS.items()},
-    "D": DOUBLE, "I": INDEX, "B": TRUTH, "A": DOUBLE.as_pointer(), "N": INDEX.as_pointer(), "V": ir.VoidType(),
-}  # fmt: skip
-VOID = "V"
-#: Numbers that are converted to the kind on their right beside one.
+#: Kinds of values: reals, points, parameters and stages, each a list of numbers of LLVM; doubles, integers, truth
+#: values, arrays of doubles and of integers; no value.
+REAL, POINT, PARAMETERS, STAGES, VOID = "RPCSV"
+#: Numbers that are converted to the kind on their right beside one, with their types.
 _RANKS = "BID"
+_TYPES = {"B": TRUTH, "I": INDEX, "D": DOUBLE}
 _SCALARS = {"int64": "I", "float64": "D", "bool": "B"}
 
 
 class Number:
-    """A value of the function that is being written."""
+    """A value of the function that is being written, or a variable of it: its place on the stack."""
 
     __slots__ = ("kind", "value")
 
-    def __init__(self, kind: str, value: ir.Value) -> None:
+    def __init__(self, kind: str, value: Any) -> None:
         self.kind, self.value = kind, value
+
+    @property
+    def is_list(self) -> bool:
+        return isinstance(self.value, list)
 
 
 class Variable(Number):
-    """A place on the stack, ``value``, for values of one kind."""
+    """A place on the stack for values of one kind."""
 
     __slots__ = ()
 
@@ -66,37 +82,102 @@ class Instruction:
 
 
 # --- Operations on reals and points, and functions that are linked later.
+#
+# An operation is one instruction per coordinate, rounded once, for any number of lanes. Beside a point, a real or a
+# double is the same in each coordinate.
 
 
-def _common(numbers: Sequence[Number]) -> str:
-    """The kind of the result of an operation: stages if an operand is, or a point, or a real."""
-    return next(kind for kind in (STAGES, POINT, REAL) if any(x.kind == kind for x in numbers))
+def _elementwise(emit: Callable[..., ir.Value], first: int = 0) -> Any:
+    """An operation whose result is of stages if an operand from ``first`` on is, or a point, or a real."""
 
-
-def _operation(name: str, result: str = "", first: int = 0) -> Any:
-    """An operation with a result of this kind, or else of the common kind of the operands from ``first`` on."""
-
-    def write(writer: Writer, *given: Any) -> Any:
+    def write(writer: Writer, *given: Any) -> Number:
         numbers = [writer.number(x) for x in given]
-        letters = "".join(x.kind for x in numbers)
-        return writer.call(f"{name}.{letters}", result or _common(numbers[first:]), numbers)
+        kind = next(kind for kind in (STAGES, POINT, REAL) if any(x.kind == kind for x in numbers[first:]))
+        columns = [writer.coordinates(x, kind) for x in numbers]
+        return Number(kind, [emit(writer.builder, *column) for column in zip(*columns, strict=True)])
 
     return Instruction(write)
 
 
+def _where(relation: str) -> Callable[..., ir.Value]:
+    return lambda b, x, y, yes, no: b.select(b.fcmp_ordered(relation, x, y), yes, no)
+
+
+def _larger(builder: ir.IRBuilder, x: ir.Value, y: ir.Value) -> ir.Value:
+    return _where(">")(builder, x, y, x, y)
+
+
 #: ``where_greater(x, y, yes, no)`` is ``yes`` in the lanes where x > y, else ``no``; ``where_zero(x, yes, no)`` asks
 #: for x = 0, and ``larger(x, y)`` is x where x > y, else y: a NaN in x is dropped.
-absolute, larger = _operation("absolute"), _operation("larger")
-where_greater, where_zero = _operation("where_greater", first=2), _operation("where_zero", first=1)
+absolute, larger = _elementwise(intrinsic("fabs")), _elementwise(_larger)
+where_greater = _elementwise(_where(">"), 2)
+where_zero = _elementwise(lambda b, x, yes, no: _where("==")(b, x, zero(x.type), yes, no), 1)
+
+
+def _everywhere(emit: Callable[..., ir.Value]) -> Any:
+    """A comparison of a real that is True if it is in every lane."""
+
+    def write(writer: Writer, *given: Any) -> Number:
+        found = emit(writer.builder, *(writer.coordinates(writer.number(x), REAL)[0] for x in given))
+        if writer.kinds.lanes > 1:
+            bits = writer.builder.bitcast(found, ir.IntType(writer.kinds.lanes))
+            found = writer.builder.icmp_unsigned("==", bits, ir.Constant(bits.type, (1 << writer.kinds.lanes) - 1))
+        return Number("B", found)
+
+    return Instruction(write)
+
+
 #: True if x <= bound, x > bound, or x = 0, in every lane; False for a NaN.
-all_within, all_greater, all_zero = (_operation(name, "B") for name in ("all_within", "all_greater", "all_zero"))
+all_within = _everywhere(lambda b, x, y: b.not_(b.fcmp_unordered(">", x, y)))
+all_greater = _everywhere(lambda b, x, y: b.fcmp_ordered(">", x, y))
+all_zero = _everywhere(lambda b, x: b.fcmp_ordered("==", x, zero(x.type)))
+
+
+def _largest_modulus(writer: Writer, point: Number) -> Number:
+    found = zero(point.value[0].type)
+    for x in point.value:
+        found = _larger(writer.builder, intrinsic("fabs")(writer.builder, x), found)
+    if point.kind == STAGES:
+        found = folded(writer.builder, found, writer.kinds, _larger)
+    return Number(REAL, [found])
+
+
 #: The largest |x| of the coordinates, in each lane.
-largest_modulus = _operation("largest_modulus", REAL)
+largest_modulus = Instruction(_largest_modulus)
+
+
+def _loader(kind: str) -> Any:
+    def write(writer: Writer, array: Number, row: Any) -> Number:
+        apart = writer.kinds.stages if kind == STAGES else 1
+        types, builder, at = writer.kinds.of(kind).elements, writer.builder, writer.as_kind(row, "I").value
+        places = (builder.add(at, INDEX(i * apart)) for i in range(len(types)))
+        found = [loaded(builder, array.value, at, writer.kinds, x) for at, x in zip(places, types, strict=True)]
+        return Number(kind, found)
+
+    return Instruction(write)
+
+
 #: ``load_...(array, row)`` returns the numbers in the rows from ``row`` on.
-load_real, load_point, load_parameters, load_stages = (_operation(f"load{kind}", kind) for kind in "RPCS")
+load_real, load_point, load_parameters, load_stages = map(_loader, (REAL, POINT, PARAMETERS, STAGES))
+
+
+def _store(writer: Writer, array: Number, row: Any, value: Any) -> None:
+    number, builder, at = writer.number(value), writer.builder, writer.as_kind(row, "I").value
+    apart = writer.kinds.stages if number.kind == STAGES else 1
+    for i, x in enumerate(number.value if number.is_list else [number.value]):
+        place = address(builder, array.value, builder.add(at, INDEX(i * apart)), writer.kinds, x.type)
+        builder.store(x, place).align = 8
+
+
+def _store_rest(writer: Writer, array: Number, row: Any, value: Number) -> None:
+    count = writer.kinds.dimension % writer.kinds.block
+    rest = [writer.builder.extract_element(value.value[0], ir.IntType(32)(i)) for i in range(count)]
+    _store(writer, array, row, Number(POINT, rest))
+
+
 #: ``store(array, row, value)`` stores a value in the rows from ``row`` on, ``store_rest`` only the coordinates of the
 #: value behind the last full block.
-store, store_rest = _operation("store", VOID), _operation("store_rest", VOID)
+store, store_rest = Instruction(_store), Instruction(_store_rest)
 
 
 def linked(name: str, result: Any) -> Any:
@@ -104,7 +185,26 @@ def linked(name: str, result: Any) -> Any:
 
     The result is of a kind, or a tuple of kinds.
     """
-    return Instruction(lambda writer, *given: writer.call(name, result, [writer.number(x) for x in given]))
+
+    def write(writer: Writer, *given: Any) -> Any:
+        builder, of = writer.builder, writer.kinds.of
+        numbers = [writer.number(x) for x in given]
+        values = [packed(builder, x.value, of(x.kind)) if x.is_list else x.value for x in numbers]
+        if isinstance(result, tuple):
+            kinds = list(map(of, result))
+            kind = ir.ArrayType(kinds[0], len(kinds)) if len(set(result)) == 1 else ir.LiteralStructType(kinds)
+        else:
+            kind = of(result)
+        module, symbol = builder.module, PREFIX + name
+        function = module.globals.get(symbol)
+        if function is None:
+            function = ir.Function(module, ir.FunctionType(kind, [x.type for x in values]), symbol)
+        found = builder.call(function, values)
+        if isinstance(result, tuple):
+            return tuple(writer.unpacked(builder.extract_value(found, i), kind) for i, kind in enumerate(result))
+        return None if result == VOID else writer.unpacked(found, result)
+
+    return Instruction(write)
 
 
 def linked_number(name: str) -> Any:
@@ -116,10 +216,10 @@ def at_address(signature: Signature) -> Any:
     """Return ``call(address, ...)``, which calls a C function; the lengths of an array follow the array."""
     pointer = ir.FunctionType(result_type(signature), argument_types(signature)).as_pointer()
 
-    def write(writer: Writer, address: Number, *given: Any) -> Any:
+    def write(writer: Writer, place: Number, *given: Any) -> Any:
         numbers, builder = [writer.number(x) for x in given], writer.builder
         passed = [builder.zext(x.value, ir.IntType(8)) if x.kind == "B" else x.value for x in numbers]
-        found = builder.call(builder.inttoptr(address.value, pointer), passed)
+        found = builder.call(builder.inttoptr(place.value, pointer), passed)
         return Number(_SCALARS[signature.result], found) if signature.result else None
 
     return Instruction(write)
@@ -128,7 +228,7 @@ def at_address(signature: Signature) -> Any:
 def _zero_like(writer: Writer, value: Any) -> Any:
     if isinstance(value, tuple):
         return tuple(_zero_like(writer, x) for x in value)
-    return Number(value.kind, ir.Constant(TYPES[value.kind], 0.0 if value.kind == "D" else None))
+    return Number(value.kind, [zero(x.type) for x in value.value] if value.is_list else zero(value.value.type))
 
 
 #: 0, or a tuple of zeros, of the kind of a value.
@@ -137,9 +237,9 @@ zero_like = Instruction(_zero_like)
 
 def _fma(writer: Writer, *given: Any) -> Any:
     numbers = [writer.number(x) for x in given]
-    if all(x.kind == "D" for x in numbers):
-        return Number("D", intrinsic("fma")(writer.builder, *(x.value for x in numbers)))
-    return _operation("fma").write(writer, *numbers)
+    if any(x.is_list for x in numbers):
+        return _elementwise(intrinsic("fma")).write(writer, *numbers)
+    return Number("D", intrinsic("fma")(writer.builder, *(x.value for x in numbers)))
 
 
 def _modulus(writer: Writer, x: Number) -> Number:
@@ -214,8 +314,8 @@ class Writer(ast.NodeVisitor):
     ``builder`` is at the place where they go. A value is a number, a tuple of values, or what Python knows already.
     """
 
-    def __init__(self, builder: ir.IRBuilder) -> None:
-        self.builder = builder
+    def __init__(self, builder: ir.IRBuilder, kinds: Kinds) -> None:
+        self.builder, self.kinds = builder, kinds
         self.names: dict[str, Any] = {}
         self.loops: list[tuple[ir.Block, ir.Block]] = []  # where ``continue`` and ``break`` go
         self.conditional = 0  # depth of statements that are executed or not
@@ -254,31 +354,26 @@ class Writer(ast.NodeVisitor):
     def as_kind(self, value: Any, kind: str) -> Number:
         """A number, which may be one of Python, as a truth value, an integer or a double."""
         if not isinstance(value, Number):
-            return Number(kind, ir.Constant(TYPES[kind], float(value) if kind == "D" else int(value)))
+            return Number(kind, ir.Constant(_TYPES[kind], float(value) if kind == "D" else int(value)))
         if value.kind == kind:
             return value
         if not (kind in _RANKS and value.kind in _RANKS and _RANKS.index(value.kind) < _RANKS.index(kind)):
             raise TypeError(f"a number of kind {value.kind} is none of kind {kind}")
-        convert = (
-            self.builder.zext if kind == "I" else self.builder.uitofp if value.kind == "B" else self.builder.sitofp
-        )
-        return Number(kind, convert(value.value, TYPES[kind]))
+        convert = "zext" if kind == "I" else "uitofp" if value.kind == "B" else "sitofp"
+        return Number(kind, getattr(self.builder, convert)(value.value, _TYPES[kind]))
 
-    def call(self, name: str, result: Any, numbers: Sequence[Number]) -> Any:
-        """Call a function that is linked later; its result is of a kind, or a tuple of kinds."""
-        kinds = [TYPES[kind] for kind in result]
-        if isinstance(result, tuple):
-            kind = ir.ArrayType(kinds[0], len(kinds)) if len(set(result)) == 1 else ir.LiteralStructType(kinds)
-        else:
-            (kind,) = kinds
-        symbol, module, values = PREFIX + name, self.builder.module, [x.value for x in numbers]
-        function = module.globals.get(symbol)
-        if function is None:
-            function = ir.Function(module, ir.FunctionType(kind, [x.type for x in values]), symbol)
-        found = self.builder.call(function, values)
-        if isinstance(result, tuple):
-            return tuple(Number(kind, self.builder.extract_value(found, i)) for i, kind in enumerate(result))
-        return None if result == VOID else Number(result, found)
+    def coordinates(self, number: Number, kind: str) -> list[ir.Value]:
+        """The coordinates of a number; a single one is repeated for each coordinate of a value of ``kind``."""
+        kinds = self.kinds.of(kind).elements
+        found = [
+            x if x.type == kinds[0] else in_every_lane(self.builder, x, kinds[0])
+            for x in (number.value if number.is_list else [self.as_kind(number, "D").value])
+        ]
+        return found * len(kinds) if len(found) == 1 else found
+
+    def unpacked(self, value: ir.Value, kind: str) -> Number:
+        """The result of a function that is linked."""
+        return Number(kind, numbers_of(self.builder, value) if isinstance(value.type, ir.BaseStructType) else value)
 
     def truth(self, number: Number) -> ir.Value:
         return number.value if number.kind == "B" else self._compared(ast.NotEq(), number, 0).value
@@ -317,7 +412,9 @@ class Writer(ast.NodeVisitor):
             return function.write(self, *given)
         if function in _KNOWN and any(isinstance(x, Number) for x in given):
             return _KNOWN[function](self, *given)
-        return Writer(self.builder).inlined(function, given) if isinstance(function, FunctionType) else function(*given)
+        if isinstance(function, FunctionType):
+            return Writer(self.builder, self.kinds).inlined(function, given)
+        return function(*given)
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> Any:
         x = self.visit(node.operand)
@@ -325,8 +422,8 @@ class Writer(ast.NodeVisitor):
             return Number("B", self.builder.not_(self.truth(x))) if isinstance(x, Number) else not x
         if not isinstance(x, Number):
             return -x
-        if x.kind in PLACEHOLDERS:
-            return _operation("neg").write(self, x)
+        if x.is_list:
+            return _elementwise(lambda b, y: b.fneg(y)).write(self, x)
         return Number(x.kind, (self.builder.fneg if x.kind == "D" else self.builder.neg)(x.value))
 
     def visit_BinOp(self, node: ast.BinOp) -> Any:
@@ -337,8 +434,8 @@ class Writer(ast.NodeVisitor):
         if not any(isinstance(x, Number) for x in operands):
             return of_python(*operands)
         numbers = [self.number(x) for x in operands]
-        if any(x.kind in PLACEHOLDERS for x in numbers):
-            return _operation(of_integers).write(self, *numbers)
+        if any(x.is_list for x in numbers):
+            return _elementwise(lambda b, x, y: getattr(b, of_doubles)(x, y)).write(self, *numbers)
         kind = "D" if not of_integers or any(x.kind == "D" for x in numbers) else "I"
         write = getattr(self.builder, of_doubles if kind == "D" else of_integers)
         return Number(kind, write(*(self.as_kind(x, kind).value for x in numbers)))
@@ -387,14 +484,20 @@ class Writer(ast.NodeVisitor):
 
     def _merged(self, *sides: tuple[Any, ir.Block]) -> Any:
         (x, _), (y, _) = sides
+        blocks = [block for _, block in sides]
         if isinstance(x, tuple):
-            blocks = [block for _, block in sides]
             return tuple(self._merged(*zip(pair, blocks, strict=True)) for pair in zip(x, y, strict=True))
         kind = next((one.kind for one in (x, y) if isinstance(one, Number)), None) or self.number(x).kind
-        found = self.builder.phi(TYPES[kind])
-        for value, block in sides:
-            found.add_incoming(self.as_kind(value, kind).value, block)
-        return Number(kind, found)
+        values = [self.as_kind(one, kind).value for one in (x, y)]
+        if isinstance(values[0], list):
+            return Number(kind, [self._phi(pair, blocks) for pair in zip(*values, strict=True)])
+        return Number(kind, self._phi(values, blocks))
+
+    def _phi(self, values: Sequence[ir.Value], blocks: Sequence[ir.Block]) -> ir.Value:
+        found = self.builder.phi(values[0].type)
+        for value, block in zip(values, blocks, strict=True):
+            found.add_incoming(value, block)
+        return found
 
     def _branches(self, test: Number) -> tuple[ir.Block, ir.Block]:
         """Branch by a test to one of two new blocks."""
@@ -408,21 +511,30 @@ class Writer(ast.NodeVisitor):
         """New variables for the numbers of a value."""
         if value is None or isinstance(value, tuple):
             return value and tuple(map(self._variable, value))
-        kind = self.number(value).kind
+        number = self.number(value)
         with self.builder.goto_entry_block():
-            return Variable(kind, self.builder.alloca(TYPES[kind]))
+            if number.is_list:
+                return Variable(number.kind, [self.builder.alloca(x.type) for x in number.value])
+            return Variable(number.kind, self.builder.alloca(number.value.type))
 
     def _loaded(self, variable: Any) -> Any:
         if isinstance(variable, tuple):
             return tuple(map(self._loaded, variable))
-        return Number(variable.kind, self.builder.load(variable.value)) if isinstance(variable, Variable) else variable
+        if not isinstance(variable, Variable):
+            return variable
+        if variable.is_list:
+            return Number(variable.kind, list(map(self.builder.load, variable.value)))
+        return Number(variable.kind, self.builder.load(variable.value))
 
     def _store(self, variable: Any, value: Any) -> None:
         if isinstance(variable, tuple):
             for one, x in zip(variable, value, strict=True):
                 self._store(one, x)
         elif variable is not None:
-            self.builder.store(self.as_kind(value, variable.kind).value, variable.value)
+            number = self.as_kind(value, variable.kind)
+            values, places = ([one.value] if not one.is_list else one.value for one in (number, variable))
+            for x, place in zip(values, places, strict=True):
+                self.builder.store(x, place)
 
     def _assign_name(self, name: str, value: Any) -> None:
         if name not in self.assigned:
@@ -535,7 +647,7 @@ class Writer(ast.NodeVisitor):
         self._repeat(node.body, body, again, behind)
 
 
-def written(function: Callable[..., Any], signature: Signature) -> ir.Module:
+def written(function: Callable[..., Any], signature: Signature, kinds_of_values: Kinds) -> ir.Module:
     """Return a module with a C function of this signature.
 
     The function takes those arguments of the signature that it names: numbers, addresses of arrays, and lengths of
@@ -557,7 +669,7 @@ def written(function: Callable[..., Any], signature: Signature) -> ir.Module:
     for number in taken:
         if number.kind == "B":
             number.value = builder.trunc(number.value, TRUTH)
-    writer = Writer(builder)
+    writer = Writer(builder, kinds_of_values)
     found = writer.inlined(function, taken)
     if signature.result:
         builder.ret(writer.as_kind(found, _SCALARS[signature.result]).value)

@@ -32,6 +32,7 @@ from nearharmonic.core.emission import fingerprint, kinds_of, module_of
 from nearharmonic.core.layout import Signature, floats
 from nearharmonic.core.number import FUNCTIONS
 from nearharmonic.core.numba_code import NumbaFunctionError, compiled_code, jit
+from nearharmonic.core.reals import written
 from nearharmonic.core.tracing import Rules
 from nearharmonic.core.values import Kinds
 from nearharmonic.engine.batch import integrate_batch
@@ -51,7 +52,7 @@ A, B = np.array([1.0, 2.0]), np.array([3.0, 4.0])
 
 
 def alone(function):
-    return kernel.linked_code(*kernel.compiled_loops(function, DOT), ir.Module(), Kinds(1, 1, 1))
+    return kernel.linked_code(written(function, DOT, Kinds(1, 1, 1)))
 
 
 @pytest.fixture(scope="module")
