@@ -16,7 +16,7 @@ from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from llvmlite import binding
@@ -34,8 +34,6 @@ _KINDS: dict[Scalar, tuple[Any, np.dtype[Any]]] = {
 }
 _PERMANENT: set[NativeFunction] = set()
 
-Found = TypeVar("Found")
-
 
 def native(key: str, signature: Signature, make: Callable[[], tuple[str, bytes]]) -> NativeFunction:
     """Load the C function kept under a key; make and keep it if it is absent or cannot be loaded.
@@ -43,37 +41,28 @@ def native(key: str, signature: Signature, make: Callable[[], tuple[str, bytes]]
     The key, the name of its file without suffix, must cover everything that the machine code depends on. ``make``
     returns the name of the symbol and an object file. New code that cannot be loaded raises a CompiledCodeError.
     """
-
-    def announced() -> tuple[str, bytes]:
-        with _announced():
-            return make()
-
-    return kept(key, announced, lambda name, code: loaded(name, code, signature))
-
-
-def kept(key: str, make: Callable[[], tuple[str, bytes]], load: Callable[[str, bytes], Found]) -> Found:
-    """Return what is loaded from the name and the code kept under a key, which are made and kept if need be."""
     place = disk.place_of(key)
-    found = _found(place, load)
+    found = _found(place, signature)
     if found is None:
         with disk.claimed(place):
             # Of many processes that start together, one compiles and the others wait.
-            found = _found(place, load)
+            found = _found(place, signature)
             if found is None:
-                name, code = make()
-                found = load(name, code)
+                with _announced():
+                    name, code = make()
+                found = loaded(name, code, signature)
                 if place:
                     disk.write(place, name, code)
     return found
 
 
-def _found(place: Path | None, load: Callable[[str, bytes], Found]) -> Found | None:
-    """Load from the file ``place``; None if it is absent or cannot be loaded, and then it is deleted."""
+def _found(place: Path | None, signature: Signature) -> NativeFunction | None:
+    """Load the function in the file ``place``; None if it is absent or cannot be loaded, and then it is deleted."""
     content = disk.read(place) if place else None
     if not place or not content:
         return None
     try:
-        return load(*content)
+        return loaded(*content, signature)
     except CompiledCodeError:
         disk.discard(place)
         return None

@@ -46,8 +46,7 @@ from nearharmonic.core.values import (
     zero,
 )
 
-#: Kinds of values: reals, points, parameters and stages, each a list of numbers of LLVM; doubles, integers, truth
-#: values, arrays of doubles and of integers; no value.
+#: Kinds of values, as in :mod:`nearharmonic.core.values`; beside them are N, an array of integers, and no value.
 REAL, POINT, PARAMETERS, STAGES, VOID = "RPCSV"
 #: Numbers that are converted to the kind on their right beside one, with their types.
 _RANKS = "BID"
@@ -56,20 +55,25 @@ _SCALARS = {"int64": "I", "float64": "D", "bool": "B"}
 
 
 class Number:
-    """A value of the function that is being written, or a variable of it: its place on the stack."""
+    """A value of the function that is being written, as one number of LLVM for each coordinate."""
 
-    __slots__ = ("kind", "value")
+    __slots__ = ("kind", "values")
 
-    def __init__(self, kind: str, value: Any) -> None:
-        self.kind, self.value = kind, value
+    def __init__(self, kind: str, *values: ir.Value) -> None:
+        self.kind, self.values = kind, values
 
     @property
-    def is_list(self) -> bool:
-        return isinstance(self.value, list)
+    def value(self) -> ir.Value:
+        """A single number."""
+        return self.values[0]
+
+    @property
+    def has_coordinates(self) -> bool:
+        return self.kind in (REAL, POINT, PARAMETERS, STAGES)
 
 
 class Variable(Number):
-    """A place on the stack for values of one kind."""
+    """The places on the stack of the numbers of a value."""
 
     __slots__ = ()
 
@@ -94,7 +98,7 @@ def _elementwise(emit: Callable[..., ir.Value], first: int = 0) -> Any:
         numbers = [writer.number(x) for x in given]
         kind = next(kind for kind in (STAGES, POINT, REAL) if any(x.kind == kind for x in numbers[first:]))
         columns = [writer.coordinates(x, kind) for x in numbers]
-        return Number(kind, [emit(writer.builder, *column) for column in zip(*columns, strict=True)])
+        return Number(kind, *(emit(writer.builder, *column) for column in zip(*columns, strict=True)))
 
     return Instruction(write)
 
@@ -134,16 +138,14 @@ all_zero = _everywhere(lambda b, x: b.fcmp_ordered("==", x, zero(x.type)))
 
 
 def _largest_modulus(writer: Writer, point: Number) -> Number:
-    found = zero(point.value[0].type)
-    for x in point.value:
+    found = zero(point.value.type)
+    for x in point.values:
         found = _larger(writer.builder, intrinsic("fabs")(writer.builder, x), found)
-    if point.kind == STAGES:
-        found = folded(writer.builder, found, writer.kinds, _larger)
-    return Number(REAL, [found])
+    return Number(REAL, folded(writer.builder, found, writer.kinds, _larger) if point.kind == STAGES else found)
 
 
 #: The largest |x| of the coordinates, in each lane.
-largest_modulus = Instruction(_largest_modulus)
+largest_modulus: Any = Instruction(_largest_modulus)
 
 
 def _loader(kind: str) -> Any:
@@ -151,8 +153,8 @@ def _loader(kind: str) -> Any:
         apart = writer.kinds.stages if kind == STAGES else 1
         types, builder, at = writer.kinds.of(kind).elements, writer.builder, writer.as_kind(row, "I").value
         places = (builder.add(at, INDEX(i * apart)) for i in range(len(types)))
-        found = [loaded(builder, array.value, at, writer.kinds, x) for at, x in zip(places, types, strict=True)]
-        return Number(kind, found)
+        pairs = zip(places, types, strict=True)
+        return Number(kind, *(loaded(builder, array.value, at, writer.kinds, x) for at, x in pairs))
 
     return Instruction(write)
 
@@ -164,20 +166,21 @@ load_real, load_point, load_parameters, load_stages = map(_loader, (REAL, POINT,
 def _store(writer: Writer, array: Number, row: Any, value: Any) -> None:
     number, builder, at = writer.number(value), writer.builder, writer.as_kind(row, "I").value
     apart = writer.kinds.stages if number.kind == STAGES else 1
-    for i, x in enumerate(number.value if number.is_list else [number.value]):
+    for i, x in enumerate(number.values):
         place = address(builder, array.value, builder.add(at, INDEX(i * apart)), writer.kinds, x.type)
         builder.store(x, place).align = 8
 
 
 def _store_rest(writer: Writer, array: Number, row: Any, value: Number) -> None:
     count = writer.kinds.dimension % writer.kinds.block
-    rest = [writer.builder.extract_element(value.value[0], ir.IntType(32)(i)) for i in range(count)]
-    _store(writer, array, row, Number(POINT, rest))
+    rest = (writer.builder.extract_element(value.value, ir.IntType(32)(i)) for i in range(count))
+    _store(writer, array, row, Number(POINT, *rest))
 
 
 #: ``store(array, row, value)`` stores a value in the rows from ``row`` on, ``store_rest`` only the coordinates of the
 #: value behind the last full block.
-store, store_rest = Instruction(_store), Instruction(_store_rest)
+store: Any = Instruction(_store)
+store_rest: Any = Instruction(_store_rest)
 
 
 def linked(name: str, result: Any) -> Any:
@@ -187,21 +190,16 @@ def linked(name: str, result: Any) -> Any:
     """
 
     def write(writer: Writer, *given: Any) -> Any:
-        builder, of = writer.builder, writer.kinds.of
-        numbers = [writer.number(x) for x in given]
-        values = [packed(builder, x.value, of(x.kind)) if x.is_list else x.value for x in numbers]
+        builder, of, module, symbol = writer.builder, writer.kinds.of, writer.builder.module, PREFIX + name
+        numbers = map(writer.number, given)
+        values = [packed(builder, x.values, of(x.kind)) if x.has_coordinates else x.value for x in numbers]
+        kinds = list(map(of, result))
+        same = len(set(result)) == 1
+        several = ir.ArrayType(kinds[0], len(kinds)) if same else ir.LiteralStructType(kinds)
+        kind = ir.FunctionType(several if isinstance(result, tuple) else kinds[0], [x.type for x in values])
+        found = builder.call(module.globals.get(symbol) or ir.Function(module, kind, symbol), values)
         if isinstance(result, tuple):
-            kinds = list(map(of, result))
-            kind = ir.ArrayType(kinds[0], len(kinds)) if len(set(result)) == 1 else ir.LiteralStructType(kinds)
-        else:
-            kind = of(result)
-        module, symbol = builder.module, PREFIX + name
-        function = module.globals.get(symbol)
-        if function is None:
-            function = ir.Function(module, ir.FunctionType(kind, [x.type for x in values]), symbol)
-        found = builder.call(function, values)
-        if isinstance(result, tuple):
-            return tuple(writer.unpacked(builder.extract_value(found, i), kind) for i, kind in enumerate(result))
+            return tuple(writer.unpacked(builder.extract_value(found, i), one) for i, one in enumerate(result))
         return None if result == VOID else writer.unpacked(found, result)
 
     return Instruction(write)
@@ -228,16 +226,16 @@ def at_address(signature: Signature) -> Any:
 def _zero_like(writer: Writer, value: Any) -> Any:
     if isinstance(value, tuple):
         return tuple(_zero_like(writer, x) for x in value)
-    return Number(value.kind, [zero(x.type) for x in value.value] if value.is_list else zero(value.value.type))
+    return Number(value.kind, *(zero(x.type) for x in value.values))
 
 
 #: 0, or a tuple of zeros, of the kind of a value.
-zero_like = Instruction(_zero_like)
+zero_like: Any = Instruction(_zero_like)
 
 
 def _fma(writer: Writer, *given: Any) -> Any:
     numbers = [writer.number(x) for x in given]
-    if any(x.is_list for x in numbers):
+    if any(x.has_coordinates for x in numbers):
         return _elementwise(intrinsic("fma")).write(writer, *numbers)
     return Number("D", intrinsic("fma")(writer.builder, *(x.value for x in numbers)))
 
@@ -322,14 +320,12 @@ class Writer(ast.NodeVisitor):
         self.exit: ir.Block | None = None  # where ``return`` in such a statement goes
         self.is_over, self.result = False, None
 
-    def inlined(self, function: FunctionType, given: Sequence[Any]) -> Any:
+    def inlined(self, function: Any, given: Sequence[Any]) -> Any:
         """Write a function for values of its arguments, and return its result."""
         code = function.__code__
         body, self.assigned = _source(code)
-        self.outer, self.cells = (
-            function.__globals__,
-            dict(zip(code.co_freevars, function.__closure__ or (), strict=True)),
-        )
+        self.outer = function.__globals__
+        self.cells = dict(zip(code.co_freevars, function.__closure__ or (), strict=True))
         for name, value in zip(code.co_varnames[: code.co_argcount], given, strict=True):
             self._assign_name(name, value)
         self._statements(body)
@@ -367,13 +363,13 @@ class Writer(ast.NodeVisitor):
         kinds = self.kinds.of(kind).elements
         found = [
             x if x.type == kinds[0] else in_every_lane(self.builder, x, kinds[0])
-            for x in (number.value if number.is_list else [self.as_kind(number, "D").value])
+            for x in (number if number.has_coordinates else self.as_kind(number, "D")).values
         ]
         return found * len(kinds) if len(found) == 1 else found
 
     def unpacked(self, value: ir.Value, kind: str) -> Number:
         """The result of a function that is linked."""
-        return Number(kind, numbers_of(self.builder, value) if isinstance(value.type, ir.BaseStructType) else value)
+        return Number(kind, *numbers_of(self.builder, value)) if kind in "RPCS" else Number(kind, value)
 
     def truth(self, number: Number) -> ir.Value:
         return number.value if number.kind == "B" else self._compared(ast.NotEq(), number, 0).value
@@ -422,7 +418,7 @@ class Writer(ast.NodeVisitor):
             return Number("B", self.builder.not_(self.truth(x))) if isinstance(x, Number) else not x
         if not isinstance(x, Number):
             return -x
-        if x.is_list:
+        if x.has_coordinates:
             return _elementwise(lambda b, y: b.fneg(y)).write(self, x)
         return Number(x.kind, (self.builder.fneg if x.kind == "D" else self.builder.neg)(x.value))
 
@@ -434,7 +430,7 @@ class Writer(ast.NodeVisitor):
         if not any(isinstance(x, Number) for x in operands):
             return of_python(*operands)
         numbers = [self.number(x) for x in operands]
-        if any(x.is_list for x in numbers):
+        if any(x.has_coordinates for x in numbers):
             return _elementwise(lambda b, x, y: getattr(b, of_doubles)(x, y)).write(self, *numbers)
         kind = "D" if not of_integers or any(x.kind == "D" for x in numbers) else "I"
         write = getattr(self.builder, of_doubles if kind == "D" else of_integers)
@@ -488,10 +484,8 @@ class Writer(ast.NodeVisitor):
         if isinstance(x, tuple):
             return tuple(self._merged(*zip(pair, blocks, strict=True)) for pair in zip(x, y, strict=True))
         kind = next((one.kind for one in (x, y) if isinstance(one, Number)), None) or self.number(x).kind
-        values = [self.as_kind(one, kind).value for one in (x, y)]
-        if isinstance(values[0], list):
-            return Number(kind, [self._phi(pair, blocks) for pair in zip(*values, strict=True)])
-        return Number(kind, self._phi(values, blocks))
+        pairs = zip(*(self.as_kind(one, kind).values for one in (x, y)), strict=True)
+        return Number(kind, *(self._phi(pair, blocks) for pair in pairs))
 
     def _phi(self, values: Sequence[ir.Value], blocks: Sequence[ir.Block]) -> ir.Value:
         found = self.builder.phi(values[0].type)
@@ -513,27 +507,21 @@ class Writer(ast.NodeVisitor):
             return value and tuple(map(self._variable, value))
         number = self.number(value)
         with self.builder.goto_entry_block():
-            if number.is_list:
-                return Variable(number.kind, [self.builder.alloca(x.type) for x in number.value])
-            return Variable(number.kind, self.builder.alloca(number.value.type))
+            return Variable(number.kind, *(self.builder.alloca(x.type) for x in number.values))
 
     def _loaded(self, variable: Any) -> Any:
         if isinstance(variable, tuple):
             return tuple(map(self._loaded, variable))
         if not isinstance(variable, Variable):
             return variable
-        if variable.is_list:
-            return Number(variable.kind, list(map(self.builder.load, variable.value)))
-        return Number(variable.kind, self.builder.load(variable.value))
+        return Number(variable.kind, *map(self.builder.load, variable.values))
 
     def _store(self, variable: Any, value: Any) -> None:
         if isinstance(variable, tuple):
             for one, x in zip(variable, value, strict=True):
                 self._store(one, x)
         elif variable is not None:
-            number = self.as_kind(value, variable.kind)
-            values, places = ([one.value] if not one.is_list else one.value for one in (number, variable))
-            for x, place in zip(values, places, strict=True):
+            for x, place in zip(self.as_kind(value, variable.kind).values, variable.values, strict=True):
                 self.builder.store(x, place)
 
     def _assign_name(self, name: str, value: Any) -> None:
@@ -665,10 +653,10 @@ def written(function: Callable[..., Any], signature: Signature, kinds_of_values:
         pointers = (builder.bitcast(slot, kind.as_pointer()) for slot, kind in zip(slots, kinds, strict=True))
         given = dict(zip(names, map(builder.load, pointers), strict=True))
     letters = {argument.name: _letter(argument) for argument in signature.arguments}
+    for name, letter in letters.items():
+        if letter == "B":
+            given[name] = builder.trunc(given[name], TRUTH)
     taken = [Number(letters.get(name, "I"), given[name]) for name in parameters_of(function).parameters]
-    for number in taken:
-        if number.kind == "B":
-            number.value = builder.trunc(number.value, TRUTH)
     writer = Writer(builder, kinds_of_values)
     found = writer.inlined(function, taken)
     if signature.result:

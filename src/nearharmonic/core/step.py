@@ -69,7 +69,7 @@ def update_of(form: Form) -> Any:
 def ahead_compensated(velocity: Any, acceleration: Any) -> Any:
     """A move whose position is ready one operation after the force, with compensated sums."""
 
-    def move(state, row, f, parameters):  # type: ignore[no-untyped-def]
+    def move(state, row, f, parameters):
         (q, q_low, p, p_low, late), (kick, drift, product, rest) = state, row
         v, a = velocity(p, parameters), acceleration(f, parameters)
         q, q_low = compensated(q, fma(drift, v, late) + q_low, product, a)
@@ -82,7 +82,7 @@ def ahead_compensated(velocity: Any, acceleration: Any) -> Any:
 def ahead_plain(velocity: Any, acceleration: Any) -> Any:
     """A move whose position is ready one operation after the force, with plain sums."""
 
-    def move(state, row, f, parameters):  # type: ignore[no-untyped-def]
+    def move(state, row, f, parameters):
         (q, q_low, p, p_low, late), (kick, drift, product, _) = state, row
         ahead = fma(drift, velocity(p, parameters), q)
         return fma(product, acceleration(f, parameters), ahead), q_low, fma(kick, f, p), p_low, late
@@ -93,7 +93,7 @@ def ahead_plain(velocity: Any, acceleration: Any) -> Any:
 def momentum_first(velocity: Any, update: Any) -> Any:
     """A kick and then a drift, by :func:`compensated`, :func:`plain` or :func:`double_double`."""
 
-    def move(state, row, f, parameters):  # type: ignore[no-untyped-def]
+    def move(state, row, f, parameters):
         (q, q_low, p, p_low, late), (kick, drift) = state, row
         p, p_low = update(p, p_low, kick, f)
         q, q_low = update(q, q_low, drift, velocity(p, p_low, parameters))
@@ -116,7 +116,7 @@ def modified(form: Form, move: Any) -> Any:
     """
     extended, ahead = form.extended, form.ahead
 
-    def modified_move(state, row, forces, parameters):  # type: ignore[no-untyped-def]
+    def modified_move(state, row, forces, parameters):
         (kick, drift, m), (f, g) = row, forces
         if extended:
             return move(state, ((1.0, 0.0), drift), dd_add(dd_mul(kick, f), dd_mul(m, g)), parameters)
@@ -138,7 +138,7 @@ def modified(form: Form, move: Any) -> Any:
 # at the end of a step have a separate shear.
 
 
-def rotated_compensated(state, row, f, parameters):  # type: ignore[no-untyped-def]
+def rotated_compensated(state, row, f, parameters):
     q, q_low, p, p_low, late = state
     kick, b, S, product, linear_product, rest, linear_rest, _ = row
     ahead = fma(S, p, fma(linear_product, q, late)) + q_low
@@ -148,7 +148,7 @@ def rotated_compensated(state, row, f, parameters):  # type: ignore[no-untyped-d
     return q, q_low, p, p_low, behind
 
 
-def rotated_plain(state, row, f, parameters):  # type: ignore[no-untyped-def]
+def rotated_plain(state, row, f, parameters):
     q, q_low, p, p_low, late = state
     kick, b, S, product, linear_product, _, _, _ = row
     ahead = fma(S, p, fma(linear_product, q, q))
@@ -156,7 +156,7 @@ def rotated_plain(state, row, f, parameters):  # type: ignore[no-untyped-def]
     return fma(product, f, ahead), q_low, p, p_low, late
 
 
-def rotated_double_double(state, row, f, parameters):  # type: ignore[no-untyped-def]
+def rotated_double_double(state, row, f, parameters):
     q, q_low, p, p_low, late = state
     kick, b, S, _ = row
     p, p_low = double_double(p, p_low, kick, f)
@@ -174,7 +174,7 @@ def sheared(form: Form) -> Any:
     """Return ``sheared(state, row)``: the state after the shear p += ... q that follows the move of a row."""
     update, extended = update_of(form), form.extended
 
-    def shear(state, row):  # type: ignore[no-untyped-def]
+    def shear(state, row):
         q, q_low, p, p_low, late = state
         if extended:
             p, p_low = update(p, p_low, row[-1], (q, q_low))
@@ -191,7 +191,7 @@ def rotation_loader(*, extended: bool) -> Any:
     if extended:
         b, b_low, S, S_low, shear, shear_low = columns
 
-        def load(moves, row):  # type: ignore[no-untyped-def]
+        def load(moves, row):
             return (
                 (load_real(moves, row), load_real(moves, row + 1)), (b(moves, row), b_low(moves, row)),
                 (S(moves, row), S_low(moves, row)), (shear(moves, row), shear_low(moves, row)),
@@ -200,7 +200,7 @@ def rotation_loader(*, extended: bool) -> Any:
         return load
     linear, drift, product, linear_product, rest, linear_rest, sheared = columns
 
-    def load_doubles(moves, row):  # type: ignore[no-untyped-def]
+    def load_doubles(moves, row):
         return (
             load_real(moves, row), linear(moves, row), drift(moves, row), product(moves, row),
             linear_product(moves, row), rest(moves, row), linear_rest(moves, row), sheared(moves, row),
@@ -222,12 +222,12 @@ def _rates(form: Form) -> Any:
     return (POINT, POINT) if form.extended else POINT
 
 
-def load_state(rows, at):  # type: ignore[no-untyped-def]
+def load_state(rows, at):
     d = _dimension()
     return load_point(rows, at), load_point(rows, at + d), load_point(rows, at + 2 * d), load_point(rows, at + 3 * d)
 
 
-def store_state(rows, at, q, q_low, p, p_low):  # type: ignore[no-untyped-def]
+def store_state(rows, at, q, q_low, p, p_low):
     d = _dimension()
     store(rows, at, q)
     store(rows, at + d, q_low)
@@ -235,7 +235,7 @@ def store_state(rows, at, q, q_low, p, p_low):  # type: ignore[no-untyped-def]
     store(rows, at + 3 * d, p_low)
 
 
-def _pair(moves, at):  # type: ignore[no-untyped-def]
+def _pair(moves, at):
     return load_real(moves, at), load_real(moves, at + 1)
 
 
@@ -256,7 +256,7 @@ def row_loader(form: Form) -> Any:
     return lambda moves, at: (load(moves, at), load(moves, at + parts))
 
 
-def with_time(q, q_low, before, low_before, drift):  # type: ignore[no-untyped-def]
+def with_time(q, q_low, before, low_before, drift):
     """The positions after a drift from those before, with a compensated sum for the one that is the time."""
     time, low = compensated(before, low_before, drift, zero_like(before) + 1.0)
     return _timed(time, q), _timed(low, q_low)
@@ -274,7 +274,7 @@ def _move(form: Form) -> Any:
     if not (resting or timed):
         return move
 
-    def move_some(state, row, f, parameters):  # type: ignore[no-untyped-def]
+    def move_some(state, row, f, parameters):
         q, q_low, p, p_low, late = move(state, row, f, parameters)
         if timed:
             q, q_low = with_time(q, q_low, state[0], state[1], row[DRIFT])
@@ -290,7 +290,7 @@ def _closed(form: Form, move: Any) -> Any:
     shear, turning = sheared(form), form.turning
     late_by = form.compensated and form.ahead
 
-    def closed(state, row, f, parameters):  # type: ignore[no-untyped-def]
+    def closed(state, row, f, parameters):
         state = move(state, row, f, parameters)
         if turning:
             state = shear(state, row)
@@ -320,27 +320,27 @@ def _forces(form: Form) -> tuple[Any, Any, Any]:
     force, square = linked("force", _rates(form)), linked("square", _rates(form))
     force_and_potential, without = linked("force_and_potential", (POINT, REAL)), _without(form)
 
-    def squared(state, f, needed, parameters):  # type: ignore[no-untyped-def]
+    def squared(state, f, needed, parameters):
         g = zero_like(f)
         if not all_zero(needed):
             g = without(needed, square(state[0], state[1], parameters))
         return g
 
-    def with_square(state, f, moves, row, parameters):  # type: ignore[no-untyped-def]
+    def with_square(state, f, moves, row, parameters):
         if modified:
             return f, squared(state, f, load_real(moves, row + _columns() - 1), parameters)
         return f
 
-    def first(state, moves, parameters):  # type: ignore[no-untyped-def]
+    def first(state, moves, parameters):
         c, f = load_real(moves, KICK), force(state[0], state[1], parameters)
         if modified:
             return without(c, f), without(c, squared(state, f, load_real(moves, m), parameters))
         return without(c, f)
 
-    def behind(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+    def behind(state, moves, row, parameters):
         return with_square(state, force(state[0], state[1], parameters), moves, row, parameters)
 
-    def last(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+    def last(state, moves, row, parameters):
         f, V = force_and_potential(state[0], state[1], parameters)
         return with_square(state, f, moves, row, parameters), V
 
@@ -356,7 +356,7 @@ def _opened(form: Form, row_of: Any, move: Any) -> Any:
         return lambda state, moves, parameters: state
     shear, extended = sheared(form), form.extended
 
-    def opened(state, moves, parameters):  # type: ignore[no-untyped-def]
+    def opened(state, moves, parameters):
         row = row_of(moves, 0)
         size = largest_modulus(row[-1][0] if extended else row[-1])
         nothing = zero_like((state[0], state[0]) if extended else state[0])
@@ -381,13 +381,13 @@ def motion(form: Form) -> Motion:
     opened = _opened(form, row_loader(form), move)
     first, behind, last = _forces(form)
 
-    def load(rows, moves, parameters):  # type: ignore[no-untyped-def]
+    def load(rows, moves, parameters):
         running = _running()
         q, q_low, p, p_low = load_state(rows, running)
         late = load_point(rows, running + 4 * _dimension())
         return opened((q, q_low, p, p_low, late), moves, parameters), load_state(rows, 0)
 
-    def save(rows, state, seen):  # type: ignore[no-untyped-def]
+    def save(rows, state, seen):
         q, q_low, p, p_low, late = state
         store_state(rows, _running(), q, q_low, p, p_low)
         store(rows, _running() + 4 * _dimension(), late)
@@ -407,7 +407,7 @@ _force_at, _force_plane, _velocity_at, _velocity_plane = (
 )
 
 
-def _put(rows, at, first, value):  # type: ignore[no-untyped-def]
+def _put(rows, at, first, value):
     """Replace a block of coordinates, or the coordinates behind the last full block."""
     if first + BLOCK <= _dimension():
         store(rows, at + first, value)
@@ -415,7 +415,7 @@ def _put(rows, at, first, value):  # type: ignore[no-untyped-def]
         store_rest(rows, at + first, value)
 
 
-def _load(rows, first):  # type: ignore[no-untyped-def]
+def _load(rows, first):
     """A block of the running state."""
     at = _running() + first
     return (*load_state(rows, at), load_point(rows, at + 4 * _dimension()))
@@ -436,7 +436,7 @@ def _move_of_unit_masses(form: Form) -> Any:
     force = _kept(_force_at, _force_plane, extended=form.extended)
     late_by = form.compensated and form.ahead
 
-    def moved(rows, row, to):  # type: ignore[no-untyped-def]
+    def moved(rows, row, to):
         d, running = _dimension(), _running()
         for first in range(0, d, BLOCK):
             q, q_low, p, p_low, late = move(_load(rows, first), row, force(rows, first), 0)
@@ -459,7 +459,7 @@ def _move_of_masses(form: Form) -> Any:
     velocity = _kept(_velocity_at, _velocity_plane, extended=form.extended)
     velocities = linked("velocities", VOID)
 
-    def moved(rows, row, to):  # type: ignore[no-untyped-def]
+    def moved(rows, row, to):
         d, running, (kick, drift) = _dimension(), _running(), row
         for first in range(0, d, BLOCK):
             _, _, p, p_low, _ = _load(rows, first)
@@ -481,12 +481,12 @@ def _move_of_masses(form: Form) -> Any:
     return moved
 
 
-def load_rows(rows, moves, parameters):  # type: ignore[no-untyped-def]
+def load_rows(rows, moves, parameters):
     """The running state and the output state, which are both in the rows."""
     return rows, rows
 
 
-def save_rows(rows, state, seen):  # type: ignore[no-untyped-def]
+def save_rows(rows, state, seen):
     pass
 
 
@@ -496,7 +496,7 @@ def _motion_in_memory(form: Form) -> Motion:
     force, force_and_potential = linked("force", VOID), linked("force_and_potential", REAL)
     parts = form.parts
 
-    def first(rows, moves, parameters):  # type: ignore[no-untyped-def]
+    def first(rows, moves, parameters):
         force(rows)
         nothing = load_real(moves, KICK)
         if all_zero(nothing):
@@ -505,18 +505,18 @@ def _motion_in_memory(form: Form) -> Motion:
                     store(rows, _force_at() + part * _force_plane() + i, zero_like(nothing))
         return 0
 
-    def move(rows, row, f, parameters):  # type: ignore[no-untyped-def]
+    def move(rows, row, f, parameters):
         moved(rows, row, _running())
         return rows
 
-    def behind(rows, moves, row, parameters):  # type: ignore[no-untyped-def]
+    def behind(rows, moves, row, parameters):
         force(rows)
         return 0
 
-    def last(rows, moves, row, parameters):  # type: ignore[no-untyped-def]
+    def last(rows, moves, row, parameters):
         return 0, force_and_potential(rows)
 
-    def closed(rows, row, f, parameters):  # type: ignore[no-untyped-def]
+    def closed(rows, row, f, parameters):
         moved(rows, row, 0)
         return rows
 

@@ -30,8 +30,8 @@ from nearharmonic.core import expression as size
 from nearharmonic.core.disk import cache_folder
 from nearharmonic.core.emission import fingerprint, kinds_of, module_of
 from nearharmonic.core.layout import Signature, floats
-from nearharmonic.core.number import FUNCTIONS
 from nearharmonic.core.numba_code import NumbaFunctionError, compiled_code, jit
+from nearharmonic.core.number import FUNCTIONS
 from nearharmonic.core.reals import written
 from nearharmonic.core.tracing import Rules
 from nearharmonic.core.values import Kinds
