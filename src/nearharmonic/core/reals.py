@@ -45,6 +45,7 @@ from nearharmonic.core.values import (
     result_type,
     zero,
 )
+from nearharmonic.errors import CompiledCodeError
 
 #: Kinds of values, as in :mod:`nearharmonic.core.values`; beside them are N, an array of integers, and no value.
 REAL, POINT, PARAMETERS, STAGES, VOID = "RPCSV"
@@ -292,7 +293,11 @@ def _functions(file: str) -> dict[tuple[int, tuple[str, ...]], Any]:
 @cache
 def _source(code: CodeType) -> tuple[list[ast.stmt], frozenset[str]]:
     """The statements of a function, and the names that are assigned more than once."""
-    node = _functions(code.co_filename)[code.co_firstlineno, code.co_varnames[: code.co_argcount]]
+    node = _functions(code.co_filename).get((code.co_firstlineno, code.co_varnames[: code.co_argcount]))
+    if node is None:
+        raise CompiledCodeError(
+            f"no source of {code.co_qualname} in {code.co_filename}, which a kernel is written from"
+        )
     body = [ast.Return(node.body)] if isinstance(node, ast.Lambda) else node.body
     assigned = Counter(argument.arg for argument in node.args.args)
     for inner in (inner for statement in body for inner in ast.walk(statement)):
@@ -423,6 +428,8 @@ class Writer(ast.NodeVisitor):
         return Number(x.kind, (self.builder.fneg if x.kind == "D" else self.builder.neg)(x.value))
 
     def visit_BinOp(self, node: ast.BinOp) -> Any:
+        if type(node.op) not in _BINARY:
+            self.generic_visit(node.op)
         return self._combined(node.op, self.visit(node.left), self.visit(node.right))
 
     def _combined(self, symbol: ast.operator, *operands: Any) -> Any:

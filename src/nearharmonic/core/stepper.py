@@ -34,7 +34,7 @@ from nearharmonic.core.layout import (
 )
 from nearharmonic.core.numba_code import jit
 from nearharmonic.core.values import TRUTH, argument_types, result_type
-from nearharmonic.errors import bad_setting
+from nearharmonic.errors import CompiledCodeError, bad_setting
 
 # --- Products of exact coefficients and powers of a run-time step size, each rounded once.
 #
@@ -363,6 +363,8 @@ def stepper(steps: Step) -> Any:
     compiled without these counters and passes addresses. It is compiled here, not for a caller, whose options such as
     ``fastmath`` would then apply to it.
     """
+    if numba.config.DISABLE_JIT:
+        raise CompiledCodeError("NUMBA_DISABLE_JIT is set, so that numba compiles no step: unset it")
     advance, d = _with_moves(steps), steps.dimension
     message = f"step of {steps.name}: expected arrays of {d} number{'s' if d > 1 else ''}"
 

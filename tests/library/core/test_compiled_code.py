@@ -8,7 +8,6 @@ import os
 import pickle
 import pwd
 import resource
-import shutil
 import stat
 import subprocess
 import sys
@@ -27,7 +26,6 @@ from llvmlite import ir
 import nearharmonic as nh
 from nearharmonic.core import disk, kernel, native
 from nearharmonic.core import expression as size
-from nearharmonic.core.disk import cache_folder
 from nearharmonic.core.emission import fingerprint, kinds_of, module_of
 from nearharmonic.core.layout import Signature, floats
 from nearharmonic.core.numba_code import NumbaFunctionError, compiled_code, jit
@@ -355,8 +353,6 @@ OSCILLATOR = nh.systems["sho"]
 
 @pytest.fixture
 def own_cache(tmp_path, monkeypatch):
-    for path in cache_folder().glob("loops-*.kernel"):  # numba takes most of the time for these
-        shutil.copy2(path, tmp_path)
     monkeypatch.setenv("NEARHARMONIC_CACHE_DIR", str(tmp_path))
     kernel_of.cache_clear()
     yield tmp_path
@@ -376,23 +372,19 @@ def kernels_in(folder):
 
 
 @pytest.mark.slow
-def test_a_numba_that_must_not_compile_is_one_clear_error(tmp_path):
-    """A new process: numba reads this variable when it is imported, too."""
+@pytest.mark.parametrize(
+    ("call", "answer"),
+    [
+        ("sweep('sho', 'ruth', [0.2]).steps.item()", "785"),
+        ("stepper('sho', 'ruth')", "CompiledCodeError: NUMBA_DISABLE_JIT is set, so that numba compiles no step"),
+    ],
+)
+def test_only_steps_for_numba_need_numba(tmp_path, call, answer):
+    """A new process: numba reads this variable when it is imported."""
     variables = os.environ | {"NUMBA_DISABLE_JIT": "1", "NEARHARMONIC_CACHE_DIR": str(tmp_path)}
-    text = "import nearharmonic as nh; nh.sweep('sho', 'ruth', [0.2])"
+    text = f"import sys, nearharmonic as nh; print(nh.{call}, 'numba' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", text], env=variables, capture_output=True, text=True, check=False)
-    assert "CompiledCodeError: NUMBA_DISABLE_JIT is set, so that kernels cannot be compiled: unset it" in done.stderr
-
-
-@pytest.mark.slow
-def test_loops_are_compiled_once_where_nothing_can_be_kept(monkeypatch):
-    monkeypatch.setenv("NEARHARMONIC_CACHE_DIR", "/proc/nearharmonic")  # read-only for root too
-    monkeypatch.setattr(kernel, "_MADE", {})
-    made, compiled = [], kernel.compiled_loops
-    monkeypatch.setattr(kernel, "compiled_loops", lambda *given: made.append(given[0].__name__) or compiled(*given))
-    for system in ("sho", "henon_heiles"):
-        run(nh.systems[system])
-    assert sorted(made) == ["advance", "begin", "run"]
+    assert f"{answer} False" in done.stdout or answer in done.stderr
 
 
 def test_a_kernel_is_made_once_and_a_comment_changes_nothing(own_cache):
@@ -531,11 +523,8 @@ def test_code_for_another_processor_computes_the_same_bits(own_cache, changed, p
 # --- Code of functions of numba: its digest, and what is refused
 
 
-#: In another order and with other counters, behind a loop that numba did not optimise.
+#: In another order and with other counters.
 ELSEWHERE = """
-from nearharmonic.core.layout import BEGIN
-from nearharmonic.core.kernel import compiled_loops
-compiled_loops(lambda rows: None, BEGIN)
 import nearharmonic as nh
 from support.methods import numba_potentials
 V, grad_V = numba_potentials.walled([1.0, 2.0, 3.0])
