@@ -22,7 +22,6 @@ from typing import Any
 from llvmlite import binding, ir
 from numpy.typing import NDArray
 
-from nearharmonic.core import loops
 from nearharmonic.core.emission import clocks, fingerprint, kinds_of, maps_module, module_of, moving
 from nearharmonic.core.layout import ADVANCE, BEGIN, LAND, RUN, STEP, Form, Signature, workspace
 from nearharmonic.core.native import (
@@ -34,7 +33,6 @@ from nearharmonic.core.native import (
     object_code,
     run_passes,
 )
-from nearharmonic.core.reals import written
 from nearharmonic.core.tracing import Physics, Rules
 from nearharmonic.core.values import PREFIX, Kinds, write_numbers
 
@@ -75,7 +73,7 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
     rules = Rules(physics, extended, compensated)
 
     def make() -> tuple[str, bytes]:
-        return linked_code(written(loops.run, RUN, Kinds(1, 1, 1)))
+        return linked_code(_written("run", RUN, Kinds(1, 1, 1)))
 
     def space(stages: int) -> tuple[NDArray[Any], ...]:
         more = room(physics, extended=extended)
@@ -107,8 +105,8 @@ def build_landing(
     module = maps_module(rules, maps)
 
     def make() -> tuple[str, bytes]:
-        land = loops.land(extended=extended, compensated=compensated)
-        return linked_code(written(land, LAND, kinds_of(rules, 1)), module)
+        land = _written("land", LAND, kinds_of(rules, 1), extended=extended, compensated=compensated)
+        return linked_code(land, module)
 
     # The formulas of the steps do not determine the maps, so the key covers the code of the maps.
     land = native(f"land-{code_key(str(module), f'{extended} {compensated}')}", LAND, make)
@@ -127,7 +125,8 @@ def build_step(physics: Physics, *, compensated: bool) -> NativeFunction:
     rules = Rules(physics, False, compensated)
 
     def make() -> tuple[str, bytes]:
-        return _linked(loops.single_step(_form(rules, "none")), STEP, rules, 1)
+        kinds = kinds_of(rules, 1)
+        return _linked(_written("single_step", STEP, kinds, form=_form(rules, "none")), rules, kinds)
 
     return native(f"step-{_key(rules, 1)}", STEP, make)
 
@@ -162,7 +161,8 @@ def _key(rules: Rules, width: int, *more: str) -> str:
 
 def _advance(rules: Rules, width: int, energy: str) -> NativeFunction:
     def make() -> tuple[str, bytes]:
-        return _linked(loops.advance(_form(rules, energy)), ADVANCE, rules, width, energy)
+        kinds = kinds_of(rules, width)
+        return _linked(_written("advance", ADVANCE, kinds, form=_form(rules, energy)), rules, kinds, energy)
 
     return native(f"advance-{_key(rules, width, energy)}", ADVANCE, make)
 
@@ -173,8 +173,8 @@ def _begin(rules: Rules, width: int, energy: str) -> NativeFunction | int:
         return 0
 
     def make() -> tuple[str, bytes]:
-        function = loops.begin(large=rules.physics.loops is not None, quick=rules.quick_energy)
-        return _linked(function, BEGIN, rules, width)
+        kinds, large = kinds_of(rules, width), rules.physics.loops is not None
+        return _linked(_written("begin", BEGIN, kinds, large=large, quick=rules.quick_energy), rules, kinds)
 
     return native(f"begin-{_key(rules, width)}", BEGIN, make)
 
@@ -192,12 +192,15 @@ def _form(rules: Rules, energy: str) -> Form:
     )  # fmt: skip
 
 
-def _linked(
-    function: Callable[..., Any], signature: Signature, rules: Rules, width: int, energy: str = "every"
-) -> tuple[str, bytes]:
+def _written(entry: str, signature: Signature, kinds: Kinds, **options: Any) -> ir.Module:
+    """Return a module with a function of loops, for the options of its form."""
+    from nearharmonic.core import loops, reals  # a process that finds its kernels on disk needs neither
+
+    return reals.written(getattr(loops, entry)(**options), signature, kinds)
+
+
+def _linked(module: ir.Module, rules: Rules, kinds: Kinds, energy: str = "every") -> tuple[str, bytes]:
     """Name and object code of a function of loops with the formulas of a system."""
-    kinds = kinds_of(rules, width)
-    module = written(function, signature, kinds)
     needed = {name.removeprefix(PREFIX) for name in module.globals}
     if rules.physics.loops is None:
         write = module_of

@@ -148,13 +148,13 @@ def _steps_to_next_sample(runs, at, mark, width, marks, samples):
     return count
 
 
-def run(  # noqa: PLR0912 (what a lane goes through, in order)
+def _run(  # noqa: PLR0912 (what a lane goes through, in order)
     advance, begin, measured, order, queued, marks, samples, scheme, start, size, resumed, resumptions, parameters,
     parameter_sets, parameter_columns, limit, scale, reference, stretch, stages, kick_first, moves, move_rows, columns,
     control, states, energy_error, worst, total, energy, running, running_rows, left_at, rows, numbers, fresh, lanes,
     coefficient_count, runs, width, at, mark,
 ):  # fmt: skip
-    """The function of :data:`nearharmonic.core.layout.RUN`, to be compiled.
+    """Pass the runs of a queue through the lanes.
 
     An idle lane stays at a regular point, the start of the first run: a NaN in it would stop the other lanes. A run has
     diverged when its energy error exceeds its limit; if no energy is measured, when its state is not finite.
@@ -216,6 +216,11 @@ def run(  # noqa: PLR0912 (what a lane goes through, in order)
                 runs[lane] = FREE
                 for k in range(running_rows):
                     running[r * running_rows + k] = rows[(first + k) * width + lane]
+
+
+def run() -> Callable[..., Any]:
+    """Return the function of :data:`nearharmonic.core.layout.RUN`, to be compiled."""
+    return _run
 
 
 # --- The loops of the inner kernel: steps of one trajectory, or of one in each lane, and the energy after each step.

@@ -1,7 +1,7 @@
 """On-disk cache of compiled object code, which is called without the compiler.
 
 numba takes longer to load than the integrations of a figure take. The key of a file covers the sources of ``core``, the
-versions of the compilers, the processor, and the parts that the caller names, so that a file is never stale.
+version of the compiler, the processor, and the parts that the caller names, so that a file is never stale.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from hashlib import sha256
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import llvmlite
 import numpy as np
 from llvmlite import binding
 from numpy.typing import NDArray
@@ -112,8 +112,8 @@ def code_key(*parts: str, sources: Iterable[Path] = ()) -> str:
 
 @cache
 def core_digest() -> str:
-    """Digest of the sources of ``core``, of the versions of the compilers and of the processor."""
-    text = sha256(f"{version('numba')} {version('llvmlite')} {processor()}".encode())
+    """Digest of the sources of ``core``, of the version of the compiler and of the processor."""
+    text = sha256(f"{llvmlite.__version__} {processor()}".encode())
     for path in _SOURCES:
         text.update(path.read_bytes())
     return text.hexdigest()
