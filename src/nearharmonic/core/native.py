@@ -1,6 +1,6 @@
 """On-disk cache of compiled object code, which is called without the compiler.
 
-numba takes longer to load than the integrations of a figure take. The key of a file covers the sources of ``core``, the
+A kernel takes longer to compile than many runs take. The key of a file covers the sources of ``core``, the
 version of the compiler, the processor, and the parts that the caller names, so that a file is never stale.
 """
 

@@ -1,13 +1,12 @@
 """The language of compiled loops: Python functions that are read and written as LLVM instructions.
 
 A *real* is a number, or one in each lane; a *point* is one real for each coordinate. *Stages* are points of the stages
-of an implicit method, side by side. Loops do not depend on the number of coordinates, the number of lanes, or the
-system: every operation on reals and points is a call of a function by its name (:mod:`nearharmonic.core.values`), and
-so is a formula of a system. These functions are linked to the loops, and inlined, for a system and a number of lanes.
+of an implicit method, side by side. The syntax tree of a loop is walked for a number of coordinates and of lanes. A
+formula of a system is a call of a function that is linked later.
 
-The functions use a part of Python: arithmetic, comparisons, tuples, arrays of numbers, ``if``, ``while``, ``for`` over
-``range``, and calls, which are inlined. What is known while the instructions are written, as an option of a form, is
-decided then; an integer or a double that is assigned twice is a variable.
+Functions of loops use a part of Python: arithmetic, comparisons, tuples, arrays of numbers, ``if``, ``while``, ``for``
+over ``range``, and calls, which are inlined. What is known while the instructions are written, such as an option of a
+form, is decided then. A name that is assigned more than once is a variable of one kind.
 """
 
 from __future__ import annotations
@@ -473,32 +472,15 @@ class Writer(ast.NodeVisitor):
         if not isinstance(test, Number):
             return yes() if test else no()
         then, other = self._branches(test)
-        behind = self.builder.append_basic_block("behind")
-        self.builder.position_at_end(then)
-        found, then = yes(), self.builder.block
-        self.builder.position_at_end(other)
-        otherwise, other = no(), self.builder.block
+        behind, variable = self.builder.append_basic_block("behind"), None
+        for block, compute in ((then, yes), (other, no)):
+            self.builder.position_at_end(block)
+            value = compute()
+            variable = variable or self._variable(value)
+            self._store(variable, value)
+            self.builder.branch(behind)
         self.builder.position_at_end(behind)
-        chosen = self._merged((found, then), (otherwise, other))
-        for block in (then, other):
-            with self.builder.goto_block(block):
-                self.builder.branch(behind)
-        return chosen
-
-    def _merged(self, *sides: tuple[Any, ir.Block]) -> Any:
-        (x, _), (y, _) = sides
-        blocks = [block for _, block in sides]
-        if isinstance(x, tuple):
-            return tuple(self._merged(*zip(pair, blocks, strict=True)) for pair in zip(x, y, strict=True))
-        kind = next((one.kind for one in (x, y) if isinstance(one, Number)), None) or self.number(x).kind
-        pairs = zip(*(self.as_kind(one, kind).values for one in (x, y)), strict=True)
-        return Number(kind, *(self._phi(pair, blocks) for pair in pairs))
-
-    def _phi(self, values: Sequence[ir.Value], blocks: Sequence[ir.Block]) -> ir.Value:
-        found = self.builder.phi(values[0].type)
-        for value, block in zip(values, blocks, strict=True):
-            found.add_incoming(value, block)
-        return found
+        return self._loaded(variable)
 
     def _branches(self, test: Number) -> tuple[ir.Block, ir.Block]:
         """Branch by a test to one of two new blocks."""
@@ -567,9 +549,6 @@ class Writer(ast.NodeVisitor):
         self.conditional -= 1
         if not self.builder.block.is_terminated:
             self.builder.branch(behind)
-
-    def visit_Pass(self, node: ast.Pass) -> None:
-        """No instruction."""
 
     def visit_Expr(self, node: ast.Expr) -> None:
         self.visit(node.value)
@@ -640,6 +619,8 @@ class Writer(ast.NodeVisitor):
         self.builder.position_at_end(body)
         self._assign(node.target, Number("I", i))
         self._repeat(node.body, body, again, behind)
+        if isinstance(node.target, ast.Name) and node.target.id not in self.assigned:
+            del self.names[node.target.id]  # it is one step further than that of Python
 
 
 def written(function: Callable[..., Any], signature: Signature, kinds_of_values: Kinds) -> ir.Module:

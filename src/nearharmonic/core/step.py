@@ -487,7 +487,7 @@ def load_rows(rows, moves, parameters):
 
 
 def save_rows(rows, state, seen):
-    pass
+    """Both are there already."""
 
 
 def _motion_in_memory(form: Form) -> Motion:
