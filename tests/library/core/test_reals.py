@@ -120,6 +120,18 @@ def test_a_variable_keeps_its_kind():
         written(mixed, ONE, Kinds(1, 1, 1))
 
 
+def test_a_counter_is_unknown_behind_its_loop():
+    """Python's is one step less than the one that ended the loop."""
+
+    def behind(n):
+        for i in range(n):
+            n += i
+        return 1.0 * i
+
+    with pytest.raises(AttributeError, match="'i'"):
+        written(behind, ONE, Kinds(1, 1, 1))
+
+
 def test_what_is_known_while_writing_is_not_asked_at_run_time():
     plain, branching = (
         str(written(function, ONE, Kinds(1, 1, 1)))
