@@ -42,14 +42,6 @@ def test_the_linter_asks_for_environments_and_for_nothing_else(project):
 
 
 @pytest.mark.slow
-def test_kernels_compile_one_system_at_a_time_to_share_code(project):
-    planned = project.snakemake("results/paper/logs/compile/sho.done", "-n", "--quiet", "host").stdout
-    assert "compiler=1" in planned  # what the job takes
-    profile = yaml.safe_load((project.folder / "profiles/default/config.yaml").read_text())
-    assert profile["resources"] == ["compiler=1"]  # what there is
-
-
-@pytest.mark.slow
 def test_one_shard_for_each_step_size_works(project):
     # Henon-Heiles has 11 step sizes in the smoke config: two decades of 5, ends included.
     assert project.jobs("fig3", *SMOKE, "--config", "shards=1000")["integrate"] == 3 * 11

@@ -1,9 +1,8 @@
-"""All rules, planned and run: inputs, cores and the compiler agree with the function of the rule."""
+"""All rules, planned and run: inputs and cores agree with the function of the rule."""
 
 from __future__ import annotations
 
 from inspect import Parameter, signature
-from pathlib import Path
 
 import pytest
 
@@ -86,28 +85,10 @@ def test_only_jobs_that_measure_times_have_all_cores(working, makers):
     }
 
 
-@pytest.mark.slow
-def test_kernels_are_compiled_by_one_job_at_a_time(planned, working, finished):
-    """Those that are called without one that compiled them before, and those of the jobs that compile alone."""
-    compiled = {
-        log
-        for log, files in read_by_jobs(finished.folder).items()
-        if any(Path(file).name.startswith("advance-") and file.endswith(".kernel") for file in files)
-    }
-    assert len(compiled) > 10
-    by_log = {job.log[0]: job for job in planned if job.log}
-    alone = [by_log[log] for log in compiled if not any("/compile/" in file for file in by_log[log].input)]
-    alone += [job for job in working if job.function.__name__ == "warm_up"]
-    assert {job.rule: job.compiler for job in alone} == dict.fromkeys(
-        ("compile", "stability_compile", "chaos", "displaced"), 1
-    )
-
-
 def test_run_waits_only_for_kernels_that_it_calls(working, makers):
     waiting = [(job, makers[file]) for job in working for file in job.input if file.endswith(".done")]
     assert {job.rule for job, _ in waiting} == {"integrate", "stability_run"}
     for job, compiling in waiting:
-        assert job.compiler == 0
         if job.rule == "integrate":
             sweep = job.task["settings"]["sweep"]
             asked = {"system": sweep["system"], "precisions": sweep["precision"]}

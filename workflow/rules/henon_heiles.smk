@@ -6,8 +6,6 @@ rule chaos:
         cube=CUBE("henon_heiles_chaos"),
     log:
         LOG("reduce/henon_heiles_chaos"),
-    resources:
-        compiler=1,  # like the compiling jobs, whose code it shares
     params:
         task=task("nearharmonic_paper.experiments.paper.orbits:chaos", integrator="babps8o7h", t_end=200_000),
     script:
@@ -19,8 +17,6 @@ rule displaced:
         cube=CUBE("substeps_displaced"),
     log:
         LOG("reduce/substeps_displaced"),
-    resources:
-        compiler=1,
     params:
         task=task("nearharmonic_paper.experiments.paper.orbits:displaced", integrator="babs7o7h", iterations=100_000),
     script:

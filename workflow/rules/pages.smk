@@ -117,8 +117,6 @@ for _page, (_function, _registries, _inputs, _others) in _PAGES.items():
             page=update(f"{DOCS}/{_page}.md"),
         log:
             LOG(f"pages/{_name}"),
-        resources:
-            compiler=int(_name == "methods"),
         params:
             # Its text as it is, and the names of all that its function looks up.
             task=lambda wildcards, page=_page, function=_function, registries=_registries: task(
@@ -145,8 +143,6 @@ for _page, (_command, _pictures) in _MEASURED.items():
         log:
             LOG(f"pages/{_name}"),
         threads: ALL_CORES if _name == "ranking" else 1  # nothing runs beside what is timed
-        resources:
-            compiler=int(_name not in ("gauss", "ranking")),
         params:
             python=sys.executable,
             docs=lambda wildcards: DOCS,

@@ -24,7 +24,8 @@ localrules:
 
 
 rule compile:
-    # One job per system, so that later parallel jobs find the kernels and do not compile them again.
+    # One job per system, so that later parallel jobs find the kernels and do not compile them again. What is common to
+    # all systems is compiled by the first of these jobs, and the others wait for it.
     output:
         touch(f"{RESULTS}/logs/compile/{{system}}.done"),
     log:
@@ -32,8 +33,6 @@ rule compile:
     wildcard_constraints:
         system="|".join(SWEEPS),
     priority: 1  # all runs wait for these
-    resources:
-        compiler=1,  # the profile allows one: half of the first system's kernel is common to all systems
     params:
         task=lambda wildcards: task(
             "nearharmonic.engine.trajectory:warm_up",

@@ -21,8 +21,6 @@ rule stability_compile:
     log:
         LOG("stability/{ensemble}/compile"),
     priority: 1  # all runs wait for these
-    resources:
-        compiler=1,  # as in the rule compile
     params:
         task=lambda wildcards: task("nearharmonic_paper.experiments.stability.run:warm_up", ensemble=wildcards.ensemble),
     script:

@@ -11,10 +11,10 @@ from nearharmonic.core.reals import (
     POINT,
     REAL,
     STAGES,
+    VOID,
     absolute,
     all_greater,
     all_zero,
-    compiled,
     larger,
     largest_modulus,
     linked,
@@ -22,7 +22,6 @@ from nearharmonic.core.reals import (
     load_real,
     load_stages,
     store,
-    types,
     where_greater,
     where_zero,
     zero_like,
@@ -65,8 +64,7 @@ def continuing(*, extended: bool) -> Any:
     """
     negligible, small = NEGLIGIBLE[extended], SMALL[extended]
 
-    @compiled
-    def going(active, size, before, change, latest, count, vain):  # type: ignore[no-untyped-def]
+    def going(active, size, before, change, latest, count, vain):
         nothing = zero_like(active)
         found = where_greater(latest, negligible * size, active, nothing)
         if count > 1:
@@ -88,8 +86,7 @@ def missing(*, extended: bool) -> Any:
     """
     negligible, small, solved = NEGLIGIBLE[extended], SMALL[extended], SOLVED[extended]
 
-    @compiled
-    def missed(active, size, before, change, latest, count):  # type: ignore[no-untyped-def]
+    def missed(active, size, before, change, latest, count):
         nothing = zero_like(size)
         allowed = where_zero(active, solved * size, small * size)
         found = where_greater(latest, allowed, nothing + 1.0, nothing)
@@ -101,8 +98,7 @@ def missing(*, extended: bool) -> Any:
     return missed
 
 
-@compiled
-def counted(least, vain, latest):  # type: ignore[no-untyped-def]
+def counted(least, vain, latest):
     """The least change, and the number of changes since it, with the latest one; far above it, no more are needed."""
     nothing = zero_like(vain)
     worse = where_greater(latest, HOPELESS * least, nothing + IN_VAIN, vain + 1.0)
@@ -117,24 +113,20 @@ def iteration(form: Form, forces_behind: Any) -> Any:
     extended = form.extended
     going, missed = continuing(extended=extended), missing(extended=extended)
 
-    @compiled
-    def largest(f):  # type: ignore[no-untyped-def]
+    def largest(f):
         return largest_modulus(f[0] if extended else f)
 
-    @compiled
-    def apart(f, g):  # type: ignore[no-untyped-def]
+    def apart(f, g):
         if extended:
             return largest_modulus((f[0] - g[0]) + (f[1] - g[1]))
         return largest_modulus(f - g)
 
-    @compiled
-    def kept(active, f, g):  # type: ignore[no-untyped-def]
+    def kept(active, f, g):
         if extended:
             return where_zero(active, f[0], g[0]), where_zero(active, f[1], g[1])
         return where_zero(active, f, g)
 
-    @compiled
-    def solve(f, step, parameters):  # type: ignore[no-untyped-def]
+    def solve(f, step, parameters):
         size = largest(f)
         nothing = zero_like(size)
         active, made, before, change, failed = nothing + 1.0, nothing, nothing, nothing, nothing
@@ -177,7 +169,7 @@ _dimension, _running, _counters = (linked_number(name) for name in ("dimension",
 _at_stages, _summed = linked("at_stages", STAGES), linked("summed", POINT)
 _weights, _times_nodes, _times_rest = (linked(name, STAGES) for name in ("weights", "times_nodes", "times_rest"))
 _by_position, _by_momentum, _by_guess = (linked(f"by_{name}", STAGES) for name in ("position", "momentum", "guess"))
-_PAIR, _PAIRS = types.UniTuple(POINT, 2), types.UniTuple(STAGES, 2)
+_PAIR, _PAIRS = (POINT, POINT), (STAGES, STAGES)
 
 
 def _by_accelerations(form: Form) -> tuple[Any, Any, Any]:
@@ -189,19 +181,16 @@ def _by_accelerations(form: Form) -> tuple[Any, Any, Any]:
     velocity, acceleration = linked("velocity", POINT), linked("stage_acceleration", STAGES)
     force, add = linked("stage_force", STAGES), compensated if form.compensated else plain
 
-    @compiled
-    def begun(state, row, parameters):  # type: ignore[no-untyped-def]
+    def begun(state, row, parameters):
         h, v = row[0], velocity(state[2], parameters)
         return _weights(-h), h, v, fma(h, _times_nodes(_at_stages(v)), _at_stages(state[0]))
 
-    @compiled
-    def forces_behind(f, step, parameters):  # type: ignore[no-untyped-def]
+    def forces_behind(f, step, parameters):
         weights, h, _, ahead = step
         Q = fma(h, _by_position(acceleration(weights * f, parameters)), ahead)
         return force(Q, Q, parameters)
 
-    @compiled
-    def ended(state, f, step, parameters):  # type: ignore[no-untyped-def]
+    def ended(state, f, step, parameters):
         (q, q_low, p, p_low), (weights, h, v, _) = state, step
         increments = weights * f
         p, p_low = add(p, p_low, 1.0, _summed(increments))
@@ -221,19 +210,16 @@ def _by_oscillators(form: Form) -> tuple[Any, Any, Any]:
         linked(name, STAGES) for name in ("turned", "by_oscillators", "with_oscillators")
     )
 
-    @compiled
-    def begun(state, row, parameters):  # type: ignore[no-untyped-def]
+    def begun(state, row, parameters):
         (q, _, p, _), (h, _, moves, at) = state, row
         return _weights(-h), h, p, moves, at, turned(moves, at, _at_stages(q), _at_stages(h * p))
 
-    @compiled
-    def forces_behind(n, step, parameters):  # type: ignore[no-untyped-def]
+    def forces_behind(n, step, parameters):
         _, _, _, moves, at, ahead = step
         Q = ahead - by_oscillators(moves, at, n)
         return force(Q, Q, parameters)
 
-    @compiled
-    def ended(state, n, step, parameters):  # type: ignore[no-untyped-def]
+    def ended(state, n, step, parameters):
         (q, q_low, p, p_low), (weights, h, v, moves, at, ahead) = state, step
         f = with_oscillators(moves, at, ahead - by_oscillators(moves, at, n), n)
         free = fma(h, _times_nodes(_at_stages(v)), _at_stages(q))
@@ -251,24 +237,20 @@ def _by_momenta(form: Form) -> tuple[Any, Any, Any]:
     velocity, force = linked("stage_velocity", STAGES), linked("stage_force", STAGES)
     add = compensated if form.compensated else plain
 
-    @compiled
-    def begun(state, row, parameters):  # type: ignore[no-untyped-def]
+    def begun(state, row, parameters):
         h = row[0]
         return _weights(-h), _weights(h), _at_stages(state[0]), _at_stages(state[2])
 
-    @compiled
-    def moved(f, step, parameters):  # type: ignore[no-untyped-def]
+    def moved(f, step, parameters):
         kicks, drifts, _, p = step
         P = p + _by_momentum(kicks * f)
         return drifts * velocity(P, P, parameters)
 
-    @compiled
-    def forces_behind(f, step, parameters):  # type: ignore[no-untyped-def]
+    def forces_behind(f, step, parameters):
         Q = step[2] + _by_momentum(moved(f, step, parameters))
         return force(Q, Q, parameters)
 
-    @compiled
-    def ended(state, f, step, parameters):  # type: ignore[no-untyped-def]
+    def ended(state, f, step, parameters):
         q, q_low, p, p_low = state
         p, p_low = add(p, p_low, 1.0, _summed(step[0] * f))
         q, q_low = add(q, q_low, 1.0, _summed(moved(f, step, parameters)))
@@ -284,34 +266,29 @@ def _in_pairs(form: Form) -> tuple[Any, Any, Any]:
     weights, by_momentum = linked("weights_pairs", _PAIRS), linked("by_momentum_pairs", _PAIRS)
     summed = linked("summed_pairs", _PAIR)
 
-    @compiled
-    def begun(state, row, parameters):  # type: ignore[no-untyped-def]
+    def begun(state, row, parameters):
         (q, q_low, p, p_low), (h, h_low, moves, at) = state, row
         x, y = (_at_stages(q), _at_stages(q_low)), (_at_stages(p), _at_stages(p_low))
         return weights(-h, -h_low), weights(h, h_low), x, y, moves, at
 
-    @compiled
-    def force(Q, step, parameters):  # type: ignore[no-untyped-def]
+    def force(Q, step, parameters):
         found = pull(Q[0], Q[1], parameters)
         if turning:
             found = with_oscillators(step[4], step[5], Q[0], Q[1], found[0], found[1])
         return found
 
-    @compiled
-    def moved(f, step, parameters):  # type: ignore[no-untyped-def]
+    def moved(f, step, parameters):
         kicks, drifts, _, p, _, _ = step
         increments = dd_mul(kicks, f)
         P = dd_add(p, by_momentum(increments[0], increments[1]))
         return dd_mul(drifts, velocity(P[0], P[1], parameters))
 
-    @compiled
-    def forces_behind(f, step, parameters):  # type: ignore[no-untyped-def]
+    def forces_behind(f, step, parameters):
         increments = moved(f, step, parameters)
         Q = dd_add(step[2], by_momentum(increments[0], increments[1]))
         return force(Q, step, parameters)
 
-    @compiled
-    def ended(state, f, step, parameters):  # type: ignore[no-untyped-def]
+    def ended(state, f, step, parameters):
         q, q_low, p, p_low = state
         kicks, drifts = dd_mul(step[0], f), moved(f, step, parameters)
         p, p_low = dd_add((p, p_low), summed(kicks[0], kicks[1]))
@@ -334,13 +311,11 @@ def _step(form: Form) -> Any:
     solve = iteration(form, forces_behind)
     force = linked("force", _PAIR if extended else POINT)
 
-    @compiled
-    def at_start(q, q_low, parameters):  # type: ignore[no-untyped-def]
+    def at_start(q, q_low, parameters):
         found = force(q, q_low, parameters)
         return _at_stages(found[0] if extended else found)
 
-    @compiled
-    def step(state, row, parameters):  # type: ignore[no-untyped-def]
+    def step(state, row, parameters):
         q, q_low, p, p_low, f, ready, iterations, failed = state
         f = _by_guess(f)
         if not all_greater(ready, zero_like(ready)):
@@ -358,19 +333,16 @@ def _step(form: Form) -> Any:
     return step
 
 
-@compiled
-def _first(state, moves, parameters):  # type: ignore[no-untyped-def]
+def _first(state, moves, parameters):
     """No forces: a move finds those at its stages."""
     return 0
 
 
-@compiled
-def _behind(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+def _behind(state, moves, row, parameters):
     return 0
 
 
-@compiled
-def _last(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+def _last(state, moves, row, parameters):
     return 0, zero_like(load_real(moves, 0))
 
 
@@ -380,23 +352,19 @@ def motion(form: Form) -> Motion:
         return _motion_in_memory(form)
     step = _step(form)
 
-    @compiled
-    def load(rows, moves, parameters):  # type: ignore[no-untyped-def]
+    def load(rows, moves, parameters):
         q, q_low, p, p_low = load_state(rows, _running())
         f, at = load_stages(rows, _running() + 5 * _dimension()), _counters()
         counters = load_real(rows, at + READY), load_real(rows, at + ITERATIONS), load_real(rows, at + FAILED)
         return (q, q_low, p, p_low, f, *counters), load_state(rows, 0)
 
-    @compiled
-    def move(state, row, f, parameters):  # type: ignore[no-untyped-def]
+    def move(state, row, f, parameters):
         return step(state, row, parameters)
 
-    @compiled
-    def closed(state, row, f, parameters):  # type: ignore[no-untyped-def]
+    def closed(state, row, f, parameters):
         return state[0], state[1], state[2], state[3]
 
-    @compiled
-    def save(rows, state, seen):  # type: ignore[no-untyped-def]
+    def save(rows, state, seen):
         q, q_low, p, p_low, f, ready, iterations, failed = state
         store_state(rows, _running(), q, q_low, p, p_low)
         store(rows, _running() + 5 * _dimension(), f)
@@ -416,31 +384,27 @@ def motion(form: Form) -> Motion:
 # for one coordinate. Forces and velocities are evaluated for one stage after the other, at the running state.
 
 _force_at, _velocity_at, _scratch, _stages = map(linked_number, ("force_at", "velocity_at", "scratch", "stages"))
-_force, _velocities = linked("force", types.void), linked("velocities", types.void)
+_force, _velocities = linked("force", VOID), linked("velocities", VOID)
 _sum_of_stages = linked("summed", REAL)
 
 
-@compiled
-def _copy(rows, source, to):  # type: ignore[no-untyped-def]
+def _copy(rows, source, to):
     for k in range(_dimension()):
         rows[to + k] = rows[source + k]
 
 
-@compiled
-def _from_stage(rows, stages, j, to):  # type: ignore[no-untyped-def]
+def _from_stage(rows, stages, j, to):
     """Copy the numbers of one stage of all coordinates to the rows from ``to`` on."""
     for k in range(_dimension()):
         rows[to + k] = rows[stages + k * _stages() + j]
 
 
-@compiled
-def _to_stage(rows, source, stages, j):  # type: ignore[no-untyped-def]
+def _to_stage(rows, source, stages, j):
     for k in range(_dimension()):
         rows[stages + k * _stages() + j] = rows[source + k]
 
 
-@compiled
-def _first_guess(rows, at):  # type: ignore[no-untyped-def]
+def _first_guess(rows, at):
     """Replace the forces of the last step by a guess of those of the next one; they begin at row ``at``."""
     d, s = _dimension(), _stages()
     if rows[_counters() + READY] == 0:
@@ -460,8 +424,7 @@ def _of_unit_masses(form: Form) -> tuple[Any, Any]:
     """
     add = compensated if form.compensated else plain
 
-    @compiled
-    def positions(rows, h, at, places, start):  # type: ignore[no-untyped-def]
+    def positions(rows, h, at, places, start):
         weights = _weights(-h)
         for k in range(_dimension()):
             first = k * _stages()
@@ -469,8 +432,7 @@ def _of_unit_masses(form: Form) -> tuple[Any, Any]:
             drift = _times_nodes(load_real(rows, start + _dimension() + k) + zero_like(increments))
             store(rows, places + first, fma(h, drift + _by_position(increments), load_real(rows, start + k)))
 
-    @compiled
-    def ended(rows, h, at, places, start):  # type: ignore[no-untyped-def]
+    def ended(rows, h, at, places, start):
         d, running, weights = _dimension(), _running(), _weights(-h)
         for k in range(d):
             increments = weights * load_stages(rows, at + k * _stages())
@@ -487,8 +449,7 @@ def _of_masses(form: Form) -> tuple[Any, Any]:
     """``positions`` and ``ended`` as above, for velocities that depend on all momenta."""
     add, timed = compensated if form.compensated else plain, form.timed
 
-    @compiled
-    def drifts(rows, h, at, places, start):  # type: ignore[no-untyped-def]
+    def drifts(rows, h, at, places, start):
         d, s, momentum = _dimension(), _stages(), _running() + 2 * _dimension()
         kicks, lengths = _weights(-h), _weights(h)
         for k in range(d):
@@ -501,15 +462,13 @@ def _of_masses(form: Form) -> tuple[Any, Any]:
         for k in range(d):
             store(rows, places + k * s, lengths * load_stages(rows, places + k * s))
 
-    @compiled
-    def positions(rows, h, at, places, start):  # type: ignore[no-untyped-def]
+    def positions(rows, h, at, places, start):
         drifts(rows, h, at, places, start)
         for k in range(_dimension()):
             first = places + k * _stages()
             store(rows, first, _by_momentum(load_stages(rows, first)) + load_real(rows, start + k))
 
-    @compiled
-    def ended(rows, h, at, places, start):  # type: ignore[no-untyped-def]
+    def ended(rows, h, at, places, start):
         d, running, kicks = _dimension(), _running(), _weights(-h)
         drifts(rows, h, at, places, start)
         for k in range(d):
@@ -531,8 +490,7 @@ def _solver(positions: Any) -> Any:
     """``solve(rows, h, at, places, start)``: the number of iterations, and False if they failed."""
     going, missed = continuing(extended=False), missing(extended=False)
 
-    @compiled
-    def solve(rows, h, at, places, start):  # type: ignore[no-untyped-def]
+    def solve(rows, h, at, places, start):
         d, s = _dimension(), _stages()
         nothing = zero_like(h)
         size, before, change, failed, active, made = nothing, nothing, nothing, nothing, nothing + 1.0, 0
@@ -565,8 +523,7 @@ def _motion_in_memory(form: Form) -> Motion:
     positions, ended = _of_unit_masses(form) if form.unit_masses else _of_masses(form)
     solve = _solver(positions)
 
-    @compiled
-    def move(rows, row, f, parameters):  # type: ignore[no-untyped-def]
+    def move(rows, row, f, parameters):
         d, running, places, counters = _dimension(), _running(), _scratch(), _counters()
         at, start = running + 5 * d, places + d * _stages()
         _first_guess(rows, at)
@@ -581,8 +538,7 @@ def _motion_in_memory(form: Form) -> Motion:
             rows[running] = nan
         return rows
 
-    @compiled
-    def closed(rows, row, f, parameters):  # type: ignore[no-untyped-def]
+    def closed(rows, row, f, parameters):
         for part in range(4):
             _copy(rows, _running() + part * _dimension(), part * _dimension())
         return rows

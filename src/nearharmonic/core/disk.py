@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 
-#: Seconds to wait for code that another process compiles; a kernel takes 1 to 10.
+#: Seconds to wait for code that another process compiles; a kernel of many coordinates takes 1 to 10.
 PATIENCE = 120.0
 #: Without it, opening a pipe would wait for its writer.
 _NO_WAIT = getattr(os, "O_NONBLOCK", 0)

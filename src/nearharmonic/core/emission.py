@@ -108,7 +108,7 @@ def module_of(rules: Rules, kinds: Kinds, needed: Container[str]) -> ir.Module:
 
 def module_with(numbers: Mapping[str, int]) -> ir.Module:
     """Return a module with functions that return integers."""
-    # The context is new: a module lists all types of its context, and numba's context has more in some processes.
+    # The context is new: a module lists all types of its context, and the global one has more in some processes.
     module = ir.Module("formulas", ir.Context())
     write_numbers(module, numbers)
     return module

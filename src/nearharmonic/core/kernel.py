@@ -15,9 +15,7 @@ Formulas of many coordinates are compiled as loops, for one lane (:mod:`nearharm
 
 from __future__ import annotations
 
-import inspect
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,24 +29,12 @@ from nearharmonic.core.native import (
     PreparedCall,
     code_key,
     join,
-    kept,
     native,
     object_code,
     run_passes,
-    source_key,
 )
 from nearharmonic.core.tracing import Physics, Rules
-from nearharmonic.core.values import (
-    INDEX,
-    PLACEHOLDERS,
-    PREFIX,
-    Kinds,
-    argument_types,
-    define,
-    result_type,
-    write_numbers,
-)
-from nearharmonic.errors import CompiledCodeError
+from nearharmonic.core.values import PREFIX, Kinds, write_numbers
 
 #: Instructions of a function of numba per unit of cost; loops in it are counted once.
 INSTRUCTIONS = 8
@@ -87,7 +73,7 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
     rules = Rules(physics, extended, compensated)
 
     def make() -> tuple[str, bytes]:
-        return linked_code(*_loops("run"), ir.Module(), Kinds(1, 1, 1))
+        return linked_code(_written("run", RUN, Kinds(1, 1, 1)))
 
     def space(stages: int) -> tuple[NDArray[Any], ...]:
         more = room(physics, extended=extended)
@@ -119,7 +105,8 @@ def build_landing(
     module = maps_module(rules, maps)
 
     def make() -> tuple[str, bytes]:
-        return linked_code(*_loops("land", extended=extended, compensated=compensated), module, kinds_of(rules, 1))
+        land = _written("land", LAND, kinds_of(rules, 1), extended=extended, compensated=compensated)
+        return linked_code(land, module)
 
     # The formulas of the steps do not determine the maps, so the key covers the code of the maps.
     land = native(f"land-{code_key(str(module), f'{extended} {compensated}')}", LAND, make)
@@ -136,7 +123,12 @@ def build_landing(
 def build_step(physics: Physics, *, compensated: bool) -> NativeFunction:
     """Load the function of a single step in double precision, without loops over coordinates, or compile it."""
     rules = Rules(physics, False, compensated)
-    return native(f"step-{_key(rules, 1)}", STEP, lambda: _linked("step", {"form": _form(rules, "none")}, rules, 1))
+
+    def make() -> tuple[str, bytes]:
+        kinds = kinds_of(rules, 1)
+        return _linked(_written("single_step", STEP, kinds, form=_form(rules, "none")), rules, kinds)
+
+    return native(f"step-{_key(rules, 1)}", STEP, make)
 
 
 def _place_of_stages(signature: Signature) -> int:
@@ -169,7 +161,8 @@ def _key(rules: Rules, width: int, *more: str) -> str:
 
 def _advance(rules: Rules, width: int, energy: str) -> NativeFunction:
     def make() -> tuple[str, bytes]:
-        return _linked("advance", {"form": _form(rules, energy)}, rules, width, energy)
+        kinds = kinds_of(rules, width)
+        return _linked(_written("advance", ADVANCE, kinds, form=_form(rules, energy)), rules, kinds, energy)
 
     return native(f"advance-{_key(rules, width, energy)}", ADVANCE, make)
 
@@ -178,8 +171,12 @@ def _begin(rules: Rules, width: int, energy: str) -> NativeFunction | int:
     """The function that resets tallies, 0 if the energy is never measured."""
     if energy == "none":
         return 0
-    choice = {"large": rules.physics.loops is not None, "quick": rules.quick_energy}
-    return native(f"begin-{_key(rules, width)}", BEGIN, lambda: _linked("begin", choice, rules, width))
+
+    def make() -> tuple[str, bytes]:
+        kinds, large = kinds_of(rules, width), rules.physics.loops is not None
+        return _linked(_written("begin", BEGIN, kinds, large=large, quick=rules.quick_energy), rules, kinds)
+
+    return native(f"begin-{_key(rules, width)}", BEGIN, make)
 
 
 def _form(rules: Rules, energy: str) -> Form:
@@ -195,143 +192,39 @@ def _form(rules: Rules, energy: str) -> Form:
     )  # fmt: skip
 
 
-def _linked(entry: str, choice: dict[str, Any], rules: Rules, width: int, energy: str = "every") -> tuple[str, bytes]:
+def _written(entry: str, signature: Signature, kinds: Kinds, **options: Any) -> ir.Module:
+    """Return a module with a function of loops, for the options of its form."""
+    from nearharmonic.core import loops, reals  # a process that finds its kernels on disk needs neither
+
+    return reals.written(getattr(loops, entry)(**options), signature, kinds)
+
+
+def _linked(module: ir.Module, rules: Rules, kinds: Kinds, energy: str = "every") -> tuple[str, bytes]:
     """Name and object code of a function of loops with the formulas of a system."""
-    name, text = _loops(entry, **choice)
-    given = "" if rules.physics.numba is None else rules.physics.numba.text
-    needed = frozenset(_FORMULA.findall(text.decode()))  # functions that loops call and do not define
+    needed = {name.removeprefix(PREFIX) for name in module.globals}
     if rules.physics.loops is None:
         write = module_of
     else:
         from nearharmonic.core.large import module_of as write
-    kinds = kinds_of(rules, width)
-    written = write(rules, kinds, needed - {"energy"} if energy == "none" else needed)
-    write_numbers(written, {"measuring": energy != "none", "at_every_step": energy == "every"})
-    return linked_code(name, text, written, kinds, given)
+    formulas = write(rules, kinds, needed - {"energy"} if energy == "none" else needed)
+    write_numbers(formulas, {"measuring": energy != "none", "at_every_step": energy == "every"})
+    return linked_code(module, formulas, "" if rules.physics.numba is None else rules.physics.numba.text)
 
 
-# --- Loops that numba compiled for a form, linked with the formulas of a system and optimised together.
-#
-# The loops of a form are cached as LLVM text, so that a new system of a known form does not need numba.
-
-#: Letters of the placeholder types in the LLVM text of loops.
-_LETTERS = {f"ptr addrspace({space})": letter for letter, space in PLACEHOLDERS.items()}
-#: A placeholder type with or without null, a phi instruction of one, and declarations of operations and of formulas.
-_TYPE = re.compile(rf"({'|'.join(map(re.escape, _LETTERS))})( null)?")
-_CHOICE = re.compile(rf"= phi ({'|'.join(map(re.escape, _LETTERS))}) .*")
-_OPERATION = re.compile(rf"^declare (.+) @({re.escape(PREFIX)}\w+\.\w+)\(", re.MULTILINE)
-_FORMULA = re.compile(rf"^declare .* @{re.escape(PREFIX)}(\w+)\(", re.MULTILINE)
-_MADE: dict[str, tuple[str, bytes]] = {}
-
-
-def _loops(entry: str, **choice: Any) -> tuple[str, bytes]:
-    """Name and text of a function that numba compiles for some options, from the cache or compiled into it.
-
-    If nothing can be kept on disk, each process compiles it once.
-    """
-    key = f"loops-{source_key(entry, repr(choice))}"
-
-    def once() -> tuple[str, bytes]:
-        from nearharmonic.core import loops, stepper
-
-        made: dict[str, tuple[Signature, Callable[..., Any]]] = {
-            "advance": (ADVANCE, loops.advance), "begin": (BEGIN, loops.begin), "land": (LAND, loops.land),
-            "run": (RUN, lambda: loops.run), "step": (STEP, stepper.step),
-        }  # fmt: skip
-        if key not in _MADE:
-            signature, function = made[entry]
-            _MADE[key] = compiled_loops(function(**choice), signature)
-        return _MADE[key]
-
-    return kept(key, once, lambda *found: found)
-
-
-def compiled_loops(function: Callable[..., Any], signature: Signature) -> tuple[str, bytes]:
-    """Return the name and the LLVM text of a function compiled by numba.
-
-    The function takes those arguments of the signature that it names: numbers, addresses of arrays, and lengths of
-    arrays. The code is not optimised, because the size of a number is not known yet.
-    """
-    from numba.core import config, registry
-    from numba.core.compiler_lock import global_compiler_lock
-
-    from nearharmonic.core.reals import SCALARS, compiled, types
-
-    kinds, taken = [], [*inspect.signature(function).parameters]
-    by_name = {argument.name: argument for argument in signature.arguments}
-    for name in taken:
-        argument = by_name.get(name)
-        scalar = SCALARS[argument.scalar] if argument else types.int64
-        kinds.append(types.CPointer(scalar) if argument and argument.dimensions else scalar)
-    # At its first use, numba fixes the optimisation level of all other code of the process.
-    registry.cpu_target.target_context.refresh()
-    with global_compiler_lock:
-        config.reload_config()  # or the compiler reloads it after a change of the environment
-        if config.DISABLE_JIT:
-            raise CompiledCodeError("NUMBA_DISABLE_JIT is set, so that kernels cannot be compiled: unset it")
-        level, config.OPT = config.OPT, config._OptLevel(0)
-        try:
-            jitted = compiled(function)
-            jitted.compile(tuple(kinds))
-        finally:
-            config.OPT = level
-    (made,) = jitted.overloads.values()
-    entry = _entry(made.fndesc.llvm_func_name, function.__name__, signature, taken)
-    module = join(binding.parse_assembly(made.library.get_llvm_str()), str(entry))
-    _make_one(module, function.__name__)
-    run_passes(module, "sroa", "simplify_cfg", "aggressive_dce", "simplify_cfg")  # once, not each time loops are linked
-    return function.__name__, str(module).encode()
-
-
-def _make_one(module: Any, name: str) -> None:
-    """Inline the functions that ``name`` calls, except those that are only declared or marked noinline."""
-    for function in module.functions:
-        if not function.is_declaration and function.name != name:
-            function.linkage = "internal"
-            if not any(b"noinline" in attribute for attribute in function.attributes):
-                function.add_function_attribute("alwaysinline")
-    run_passes(module, "always_inliner", "global_dead_code_eliminate")
-
-
-def linked_code(name: str, loops: bytes, written: ir.Module, kinds: Kinds, given: str = "") -> tuple[str, bytes]:
-    """Name and object code of loops linked with the module ``written`` of a system, for a number of lanes.
+def linked_code(module: ir.Module, formulas: ir.Module | None = None, given: str = "") -> tuple[str, bytes]:
+    """Name and object code of a function of loops, the first of its module, linked with the formulas of a system.
 
     ``given`` is the LLVM text of functions that the formulas call; LLVM may inline them.
     """
-    zero = "zeroinitializer"
-    text = _CHOICE.sub(lambda found: found[0].replace("[ null,", f"[ {zero},"), loops.decode())
-    text = _TYPE.sub(lambda found: f"{kinds.of(_LETTERS[found[1]])} {zero if found[2] else ''}", text)
-    for result, symbol in _OPERATION.findall(loops.decode()):
-        define(written, symbol, kinds, _LETTERS.get(result) or {"i1": "B", "void": "V"}[result])
-    module = join(binding.parse_assembly(text), str(written))
-    _make_one(module, name)
+    name = module.name
+    joined = join(binding.parse_assembly(str(module)), *([] if formulas is None else [str(formulas)]))
+    for function in joined.functions:
+        if not function.is_declaration and function.name != name:
+            function.linkage = "internal"
+    run_passes(joined, "always_inliner", "global_dead_code_eliminate")
     if given:
         names = [function.name for function in binding.parse_assembly(given).functions if not function.is_declaration]
-        join(module, given)
+        join(joined, given)
         for own in names:
-            module.get_function(own).linkage = "internal"
-    return name, object_code(module)
-
-
-def _entry(name: str, entry: str, signature: Signature, taken: Sequence[str]) -> ir.Module:
-    """A module with a C function that calls numba's function, which returns a status, and its result by an address."""
-    module = ir.Module()
-    names = [name for argument in signature.arguments for name in (argument.name, *argument.lengths)]
-    kinds, result = argument_types(signature), result_type(signature)
-    outer = ir.Function(module, ir.FunctionType(result, [INDEX.as_pointer()] if signature.packed else kinds), entry)
-    builder = ir.IRBuilder(outer.append_basic_block())
-    given = dict(zip(names, outer.args, strict=False))
-    if signature.packed:
-        slots = (builder.gep(outer.args[0], [INDEX(i)]) for i in range(len(names)))  # of 8 bytes each
-        pointers = (builder.bitcast(slot, kind.as_pointer()) for slot, kind in zip(slots, kinds, strict=True))
-        given = dict(zip(names, map(builder.load, pointers), strict=True))
-    address = ir.IntType(8).as_pointer()
-    returned = builder.alloca(result if signature.result else address)
-    arguments = [returned, builder.alloca(address), *(given[name] for name in taken)]
-    callee = ir.Function(module, ir.FunctionType(ir.IntType(32), [value.type for value in arguments]), name)
-    builder.call(callee, arguments)
-    if signature.result:
-        builder.ret(builder.load(returned))
-    else:
-        builder.ret_void()
-    return module
+            joined.get_function(own).linkage = "internal"
+    return name, object_code(joined)

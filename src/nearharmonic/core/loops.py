@@ -36,18 +36,18 @@ from nearharmonic.core.layout import (
     Form,
 )
 from nearharmonic.core.reals import (
+    VOID,
     absolute,
     all_greater,
     all_within,
     at_address,
-    compiled,
     larger,
     linked,
     linked_number,
     load_parameters,
+    load_point,
     load_real,
     store,
-    types,
     where_greater,
     zero_like,
 )
@@ -64,8 +64,7 @@ FREE, IDLE = -1, -2
 advance_at, begin_at = at_address(ADVANCE), at_address(BEGIN)
 
 
-@compiled
-def begin_tally(rows, fresh, lane, width, size, limit, scale, reference):  # type: ignore[no-untyped-def]
+def begin_tally(rows, fresh, lane, width, size, limit, scale, reference):
     """Start the tally of a lane with that of ``fresh``, and make its limit absolute.
 
     The given limit is relative to |H0|, to |T| if H0 = 0, or to ``scale`` if that is not 0.
@@ -84,8 +83,7 @@ def begin_tally(rows, fresh, lane, width, size, limit, scale, reference):  # typ
     rows[at + LIMIT * width] = limit * unit if unit != 0 else inf
 
 
-@compiled
-def latest_error(rows, lane, width, size, measured):  # type: ignore[no-untyped-def]
+def latest_error(rows, lane, width, size, measured):
     """|H - H0| of a lane; if no energy is measured, 0, or NaN for a state that is not finite."""
     if measured != NEVER:
         return abs(rows[(size + LATEST) * width + lane])
@@ -95,16 +93,14 @@ def latest_error(rows, lane, width, size, measured):  # type: ignore[no-untyped-
     return found
 
 
-@compiled
-def measure_alone(rows, lane, width, size, latest):  # type: ignore[no-untyped-def]
+def measure_alone(rows, lane, width, size, latest):
     """Set the tally to the latest error, if the energy is measured only at the samples."""
     at = size * width + lane
     rows[at + WORST * width] = rows[at + TOTAL * width] = latest
     rows[at + TOTAL_CARRY * width] = 0.0
 
 
-@compiled
-def record_errors(rows, lane, width, size, at, latest, energy_error, worst, total):  # type: ignore[no-untyped-def]
+def record_errors(rows, lane, width, size, at, latest, energy_error, worst, total):
     """Record the errors of the block of steps since the last sample, and start a new block."""
     first = size * width + lane
     energy_error[at] = latest
@@ -113,16 +109,14 @@ def record_errors(rows, lane, width, size, at, latest, energy_error, worst, tota
     rows[first + WORST * width] = rows[first + TOTAL * width] = rows[first + TOTAL_CARRY * width] = 0.0
 
 
-@compiled
-def _record(rows, lane, width, size, at, states, energy_error, worst, total):  # type: ignore[no-untyped-def]
+def _record(rows, lane, width, size, at, states, energy_error, worst, total):
     for k in range(size):
         states[at * size + k] = rows[k * width + lane]
     latest = rows[(size + LATEST) * width + lane]
     record_errors(rows, lane, width, size, at, latest, energy_error, worst, total)
 
 
-@compiled
-def _place(rows, lane, shape, start, r, parameters, row):  # type: ignore[no-untyped-def]
+def _place(rows, lane, shape, start, r, parameters, row):
     """Load the state and the parameters of a run into a lane."""
     width, size, running_rows, first, parameter_columns = shape
     for k in range(running_rows):
@@ -136,8 +130,7 @@ def _place(rows, lane, shape, start, r, parameters, row):  # type: ignore[no-unt
         rows[(size + TALLY + k) * width + lane] = parameters[row * parameter_columns + k]
 
 
-@compiled
-def _resume(rows, lanes, lane, shape, resumed, r, merged, columns):  # type: ignore[no-untyped-def]
+def _resume(rows, lanes, lane, shape, resumed, r, merged, columns):
     """Load the running state of a continued run into a lane, with the coefficients of a merged first move."""
     width, _, running_rows, first, _ = shape
     for k in range(running_rows):
@@ -146,8 +139,7 @@ def _resume(rows, lanes, lane, shape, resumed, r, merged, columns):  # type: ign
         lanes[column * width + lane] = lanes[(merged * columns + column) * width + lane]
 
 
-@compiled
-def _steps_to_next_sample(runs, at, mark, width, marks, samples):  # type: ignore[no-untyped-def]
+def _steps_to_next_sample(runs, at, mark, width, marks, samples):
     """Return the smallest number of steps of a lane to its next sample; :data:`FAR` if all lanes are idle."""
     count = FAR
     for lane in range(width):
@@ -156,13 +148,13 @@ def _steps_to_next_sample(runs, at, mark, width, marks, samples):  # type: ignor
     return count
 
 
-def run(  # type: ignore[no-untyped-def]  # noqa: PLR0912 (what a lane goes through, in order)
+def _run(  # noqa: PLR0912 (what a lane goes through, in order)
     advance, begin, measured, order, queued, marks, samples, scheme, start, size, resumed, resumptions, parameters,
     parameter_sets, parameter_columns, limit, scale, reference, stretch, stages, kick_first, moves, move_rows, columns,
     control, states, energy_error, worst, total, energy, running, running_rows, left_at, rows, numbers, fresh, lanes,
     coefficient_count, runs, width, at, mark,
 ):  # fmt: skip
-    """The function of :data:`nearharmonic.core.layout.RUN`, to be compiled.
+    """Pass the runs of a queue through the lanes.
 
     An idle lane stays at a regular point, the start of the first run: a NaN in it would stop the other lanes. A run has
     diverged when its energy error exceeds its limit; if no energy is measured, when its state is not finite.
@@ -226,6 +218,11 @@ def run(  # type: ignore[no-untyped-def]  # noqa: PLR0912 (what a lane goes thro
                     running[r * running_rows + k] = rows[(first + k) * width + lane]
 
 
+def run() -> Callable[..., Any]:
+    """Return the function of :data:`nearharmonic.core.layout.RUN`, to be compiled."""
+    return _run
+
+
 # --- The loops of the inner kernel: steps of one trajectory, or of one in each lane, and the energy after each step.
 #
 # :func:`advance` and :func:`begin` return the functions of :data:`nearharmonic.core.layout.ADVANCE` and ``BEGIN`` for a
@@ -237,8 +234,7 @@ _columns, _tally, _parameters = (linked_number(name) for name in ("columns", "ta
 _measuring, _at_every_step = linked_number("measuring"), linked_number("at_every_step")
 
 
-@compiled
-def _load_tally(rows, at):  # type: ignore[no-untyped-def]
+def _load_tally(rows, at):
     """The errors up to now, H0 as a pair, the rounding error of H in double, and the limit."""
     errors = load_real(rows, at + WORST), load_real(rows, at + TOTAL), load_real(rows, at + TOTAL_CARRY)
     H0 = load_real(rows, at + ENERGY), load_real(rows, at + ENERGY_LOW)
@@ -246,16 +242,14 @@ def _load_tally(rows, at):  # type: ignore[no-untyped-def]
     return (*errors, load_real(rows, at + LATEST)), H0, rounding, load_real(rows, at + LIMIT)
 
 
-@compiled
-def _store_errors(rows, at, worst, total, carry, latest):  # type: ignore[no-untyped-def]
+def _store_errors(rows, at, worst, total, carry, latest):
     store(rows, at + WORST, worst)
     store(rows, at + TOTAL, total)
     store(rows, at + TOTAL_CARRY, carry)
     store(rows, at + LATEST, latest)
 
 
-@compiled
-def _tallied(worst, total, carry, latest):  # type: ignore[no-untyped-def]
+def _tallied(worst, total, carry, latest):
     """The maximum and the sum of the energy errors, updated by the latest one."""
     size = absolute(latest)
     carried = carry + size
@@ -270,17 +264,14 @@ def _measure(form: Form) -> Any:
     """
     energy, potential, kinetic = (step.measured(name, large=form.large) for name in ("energy", "potential", "kinetic"))
 
-    @compiled
-    def difference(high, low, H0):  # type: ignore[no-untyped-def]
+    def difference(high, low, H0):
         return (high - H0[0]) + (low - H0[1])
 
-    @compiled
-    def exact(seen, height, kick_first, H0, rounding, parameters):  # type: ignore[no-untyped-def]
+    def exact(seen, height, kick_first, H0, rounding, parameters):
         high, low = energy(seen, parameters)
         return difference(high, low, H0)
 
-    @compiled
-    def quick(seen, height, kick_first, H0, rounding, parameters):  # type: ignore[no-untyped-def]
+    def quick(seen, height, kick_first, H0, rounding, parameters):
         V = height if kick_first else potential(seen, parameters)
         T = kinetic(seen, parameters)
         high, low = two_sum(T, V)
@@ -298,7 +289,7 @@ def advance(form: Form) -> Callable[..., Any]:
     load, first, move, behind, last, closed, save = (collocation if form.stages else step).motion(form)
     row_of, measure, quick = step.row_loader(form), _measure(form), form.quick
 
-    def advance(count, stages, kick_first, moves, rows):  # type: ignore[no-untyped-def]
+    def advance(count, stages, kick_first, moves, rows):
         tally, columns, parameters = _tally(), _columns(), load_parameters(rows, _parameters())
         state, seen = load(rows, moves, parameters)
         (worst, total, carry, latest), H0, rounding, limit = _load_tally(rows, tally)
@@ -338,7 +329,7 @@ def begin(*, large: bool, quick: bool) -> Callable[..., Any]:
     energies, rounding = (step.measured(name, large=large) for name in ("energies", "rounding"))
     load_state = step.load_state
 
-    def begin(rows):  # type: ignore[no-untyped-def]
+    def begin(rows):
         tally, parameters = _tally(), load_parameters(rows, _parameters())
         seen = rows if large else load_state(rows, 0)
         H, H_low, T, zero = energies(seen, parameters)
@@ -381,24 +372,21 @@ MANY = 2.0**52
 _dimension, _running, _counters = map(linked_number, ("dimension", "running", "counters"))
 #: ``_departed(start, first, rows, to)`` computes the state x, y of a physical start, the scale of its steps as a pair,
 #: and the largest |dt/ds| times a step of scale 1. ``_physical(state, to, first)``: the physical state.
-_departed, _physical = linked("departed", types.void), linked("physical", types.void)
+_departed, _physical = linked("departed", VOID), linked("physical", VOID)
 
 
-@compiled
-def _copy(source, to, count):  # type: ignore[no-untyped-def]
+def _copy(source, to, count):
     for k in range(count):
         to[k] = source[k]
 
 
-@compiled
-def _gap(rows, target):  # type: ignore[no-untyped-def]
+def _gap(rows, target):
     """The time from a state to a target, divided by 4: the last momentum of a state is -t/4."""
     D = _dimension()
     return (rows[3 * D - 1] + target[0]) + (rows[4 * D - 1] + target[1])
 
 
-@compiled
-def _radius(rows):  # type: ignore[no-untyped-def]
+def _radius(rows):
     """|u|^2."""
     total = rows[0] * rows[0]
     for k in range(1, _dimension() - 1):
@@ -409,8 +397,7 @@ def _radius(rows):  # type: ignore[no-untyped-def]
 def _coefficients(*, extended: bool) -> Any:
     """``coefficients(lanes, moves, first, rows, scale)``: those of a step ``scale`` times as long."""
 
-    @compiled
-    def coefficients(lanes, moves, first, rows, scale):  # type: ignore[no-untyped-def]
+    def coefficients(lanes, moves, first, rows, scale):
         square = dd_mul(scale, scale)
         for i in range(rows):
             at, to = first + PIECES * i, COLUMNS * i
@@ -423,8 +410,7 @@ def _coefficients(*, extended: bool) -> Any:
     return coefficients
 
 
-@compiled
-def _set_out(start, first, parameters, row, count, rows, numbers, trial, keep):  # type: ignore[no-untyped-def]
+def _set_out(start, first, parameters, row, count, rows, numbers, trial, keep):
     """Fill the rows at the start of a run; return the scale of its steps, and the largest |dt/ds| times the step."""
     D, running = _dimension(), _running()
     for k in range(numbers):
@@ -438,14 +424,12 @@ def _set_out(start, first, parameters, row, count, rows, numbers, trial, keep): 
     return (trial[4 * D], trial[4 * D + 1]), trial[4 * D + 2]
 
 
-@compiled
-def _steps(advance, count, form, lanes, rows):  # type: ignore[no-untyped-def]
+def _steps(advance, count, form, lanes, rows):
     stages, kick_first, coefficients, numbers = form
     return advance_at(advance, count, stages, kick_first, lanes, coefficients, rows, numbers)
 
 
-@compiled
-def _approach(advance, form, target, tau, reach, look, control, rows, lanes, trial, trial_lanes):  # type: ignore[no-untyped-def]
+def _approach(advance, form, target, tau, reach, look, control, rows, lanes, trial, trial_lanes):
     """Make all steps before a target; return their number, that with trial steps, and if the run diverged."""
     stretch, measured = look
     limited = measured < SAMPLES or measured == NEVER
@@ -478,8 +462,7 @@ def _approach(advance, form, target, tau, reach, look, control, rows, lanes, tri
     return at, made, False
 
 
-@compiled
-def _conclude(ends, first, count, state, at, made, rows):  # type: ignore[no-untyped-def]
+def _conclude(ends, first, count, state, at, made, rows):
     """Record the steps of a run, and the counters of an implicit method, which follow a state of so many rows."""
     ends[first], ends[first + 1] = at, made
     if count > state:
@@ -490,8 +473,7 @@ def _conclude(ends, first, count, state, at, made, rows):  # type: ignore[no-unt
 def _landing(coefficients: Any) -> Any:
     """``land(...)``: one step from ``rows`` to the target, into ``trial``; return the number of trial steps."""
 
-    @compiled
-    def land(look, form, moves, first, count, scale, target, rows, trial, lanes):  # type: ignore[no-untyped-def]
+    def land(look, form, moves, first, count, scale, target, rows, trial, lanes):
         D, running = _dimension(), _running()
         unit = moves[first + PIECES * count] * 0.25 * scale[0]
         part = (_gap(rows, target) / (unit * _radius(rows)), 0.0)
@@ -520,7 +502,7 @@ def land(*, extended: bool, compensated: bool) -> Callable[..., None]:
     coefficients, keep = _coefficients(extended=extended), 1.0 if compensated else 0.0
     land_on = _landing(coefficients)
 
-    def land(  # type: ignore[no-untyped-def]
+    def land(
         advance, look, begin, measured, order, queued, marks, samples, scheme, start, size, parameters, parameter_sets,
         parameter_columns, limit, scale, reference, stretch, stages, kick_first, moves, move_rows, columns, control,
         states, energy_error, worst, total, energy, ends, running_rows, left_at, rows, numbers, lanes,
@@ -576,3 +558,42 @@ def land(*, extended: bool, compensated: bool) -> Callable[..., None]:
             _conclude(ends, r * running_rows, running_rows, 5 * d, at, made, rows)
 
     return land
+
+
+# --- A single step on arrays of the caller, without energy or samples.
+#
+# It makes the moves of :func:`advance`, and is bitwise identical to a run of one step.
+
+
+def single_step(form: Form) -> Callable[..., Any]:
+    """Return the function of :data:`nearharmonic.core.layout.STEP`, to be compiled.
+
+    A run computes a force at its start even if it drifts first, and does not use it; a step does not compute it.
+    """
+    row_of, steps = step.row_loader(form), step.motion(form)
+    move, closed, first_force, force_behind = steps.move, steps.closed, steps.first, steps.behind
+    modified, compensated = form.modified, form.compensated
+
+    def step_alone(stages, kick_first, moves, parameters, q, carry_q, p, carry_p):
+        columns, given = _columns(), load_parameters(parameters, 0)
+        x, y = load_point(q, 0), load_point(p, 0)
+        low, y_low = zero_like(x), zero_like(y)
+        if compensated:
+            low, y_low = load_point(carry_q, 0), load_point(carry_p, 0)
+        state = x, low, y, y_low, zero_like(x)
+        f = zero_like((x, x) if modified else x)
+        if kick_first:
+            f = first_force(state, moves, given)
+        row = 0
+        for i in range(stages):
+            state = move(state, row_of(moves, row), f, given)
+            f = force_behind(state, moves, row, given)
+            row = (INNER + i) * columns
+        x, low, y, y_low = closed(state, row_of(moves, (stages + 1) * columns), f, given)
+        store(q, 0, x)
+        store(p, 0, y)
+        if compensated:
+            store(carry_q, 0, low)
+            store(carry_p, 0, y_low)
+
+    return step_alone

@@ -1,7 +1,7 @@
 """On-disk cache of compiled object code, which is called without the compiler.
 
-numba takes longer to load than the integrations of a figure take. The key of a file covers the sources of ``core``, the
-versions of the compilers, the processor, and the parts that the caller names, so that a file is never stale.
+A kernel takes longer to compile than many runs take. The key of a file covers the sources of ``core``, the
+version of the compiler, the processor, and the parts that the caller names, so that a file is never stale.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from hashlib import sha256
-from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
+import llvmlite
 import numpy as np
 from llvmlite import binding
 from numpy.typing import NDArray
@@ -34,8 +34,6 @@ _KINDS: dict[Scalar, tuple[Any, np.dtype[Any]]] = {
 }
 _PERMANENT: set[NativeFunction] = set()
 
-Found = TypeVar("Found")
-
 
 def native(key: str, signature: Signature, make: Callable[[], tuple[str, bytes]]) -> NativeFunction:
     """Load the C function kept under a key; make and keep it if it is absent or cannot be loaded.
@@ -43,37 +41,28 @@ def native(key: str, signature: Signature, make: Callable[[], tuple[str, bytes]]
     The key, the name of its file without suffix, must cover everything that the machine code depends on. ``make``
     returns the name of the symbol and an object file. New code that cannot be loaded raises a CompiledCodeError.
     """
-
-    def announced() -> tuple[str, bytes]:
-        with _announced():
-            return make()
-
-    return kept(key, announced, lambda name, code: loaded(name, code, signature))
-
-
-def kept(key: str, make: Callable[[], tuple[str, bytes]], load: Callable[[str, bytes], Found]) -> Found:
-    """Return what is loaded from the name and the code kept under a key, which are made and kept if need be."""
     place = disk.place_of(key)
-    found = _found(place, load)
+    found = _found(place, signature)
     if found is None:
         with disk.claimed(place):
             # Of many processes that start together, one compiles and the others wait.
-            found = _found(place, load)
+            found = _found(place, signature)
             if found is None:
-                name, code = make()
-                found = load(name, code)
+                with _announced():
+                    name, code = make()
+                found = loaded(name, code, signature)
                 if place:
                     disk.write(place, name, code)
     return found
 
 
-def _found(place: Path | None, load: Callable[[str, bytes], Found]) -> Found | None:
-    """Load from the file ``place``; None if it is absent or cannot be loaded, and then it is deleted."""
+def _found(place: Path | None, signature: Signature) -> NativeFunction | None:
+    """Load the function in the file ``place``; None if it is absent or cannot be loaded, and then it is deleted."""
     content = disk.read(place) if place else None
     if not place or not content:
         return None
     try:
-        return load(*content)
+        return loaded(*content, signature)
     except CompiledCodeError:
         disk.discard(place)
         return None
@@ -121,20 +110,10 @@ def code_key(*parts: str, sources: Iterable[Path] = ()) -> str:
     return digest.hexdigest()
 
 
-def source_key(*parts: str) -> str:
-    """Digest of ``parts`` and of the dependencies of LLVM text, which is the same for every processor."""
-    return sha256(" ".join([_source_digest(), *parts]).encode()).hexdigest()
-
-
 @cache
 def core_digest() -> str:
-    """Digest of the sources of ``core``, of the versions of the compilers and of the processor."""
-    return sha256(f"{_source_digest()} {processor()}".encode()).hexdigest()
-
-
-@cache
-def _source_digest() -> str:
-    text = sha256(f"{version('numba')} {version('llvmlite')}".encode())
+    """Digest of the sources of ``core``, of the version of the compiler and of the processor."""
+    text = sha256(f"{llvmlite.__version__} {processor()}".encode())
     for path in _SOURCES:
         text.update(path.read_bytes())
     return text.hexdigest()
@@ -181,8 +160,9 @@ def object_code(module: Any) -> bytes:
 
     Arithmetic is not re-ordered, and loops are not vectorised: the code has explicit vectors.
     """
-    module.verify()
     machine = target_machine()
+    module.triple, module.data_layout = machine.triple, str(machine.target_data)
+    module.verify()
     options = binding.create_pipeline_tuning_options(speed_level=3)
     options.slp_vectorization = options.loop_vectorization = False
     builder = binding.create_pass_builder(machine, options)

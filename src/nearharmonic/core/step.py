@@ -12,8 +12,8 @@ from nearharmonic.core.layout import BLOCK, DRIFT, KICK, PRODUCT, REST, SQUARE, 
 from nearharmonic.core.reals import (
     POINT,
     REAL,
+    VOID,
     all_zero,
-    compiled,
     largest_modulus,
     linked,
     linked_number,
@@ -21,7 +21,6 @@ from nearharmonic.core.reals import (
     load_real,
     store,
     store_rest,
-    types,
     where_zero,
     zero_like,
 )
@@ -45,7 +44,6 @@ from nearharmonic.core.reals import (
 # ``row`` holds the coefficients of the move, and ``force`` is the force at the position of the state.
 
 
-@compiled
 def compensated(y: Any, carry: Any, c: Any, rate: Any) -> Any:
     """y += c rate; the rounding error goes into the carry (Kahan 1965, doi:10.1145/363707.363723)."""
     increment = fma(c, rate, carry)
@@ -53,13 +51,11 @@ def compensated(y: Any, carry: Any, c: Any, rate: Any) -> Any:
     return total, increment + (y - total)
 
 
-@compiled
 def plain(y: Any, carry: Any, c: Any, rate: Any) -> Any:
     """y += c rate; the carry stays 0."""
     return fma(c, rate, y), carry
 
 
-@compiled
 def double_double(y: Any, low: Any, c: Any, rate: Any) -> Any:
     """y += c rate, each a pair."""
     return dd_add((y, low), dd_mul(c, rate))
@@ -73,8 +69,7 @@ def update_of(form: Form) -> Any:
 def ahead_compensated(velocity: Any, acceleration: Any) -> Any:
     """A move whose position is ready one operation after the force, with compensated sums."""
 
-    @compiled
-    def move(state, row, f, parameters):  # type: ignore[no-untyped-def]
+    def move(state, row, f, parameters):
         (q, q_low, p, p_low, late), (kick, drift, product, rest) = state, row
         v, a = velocity(p, parameters), acceleration(f, parameters)
         q, q_low = compensated(q, fma(drift, v, late) + q_low, product, a)
@@ -87,8 +82,7 @@ def ahead_compensated(velocity: Any, acceleration: Any) -> Any:
 def ahead_plain(velocity: Any, acceleration: Any) -> Any:
     """A move whose position is ready one operation after the force, with plain sums."""
 
-    @compiled
-    def move(state, row, f, parameters):  # type: ignore[no-untyped-def]
+    def move(state, row, f, parameters):
         (q, q_low, p, p_low, late), (kick, drift, product, _) = state, row
         ahead = fma(drift, velocity(p, parameters), q)
         return fma(product, acceleration(f, parameters), ahead), q_low, fma(kick, f, p), p_low, late
@@ -99,8 +93,7 @@ def ahead_plain(velocity: Any, acceleration: Any) -> Any:
 def momentum_first(velocity: Any, update: Any) -> Any:
     """A kick and then a drift, by :func:`compensated`, :func:`plain` or :func:`double_double`."""
 
-    @compiled
-    def move(state, row, f, parameters):  # type: ignore[no-untyped-def]
+    def move(state, row, f, parameters):
         (q, q_low, p, p_low, late), (kick, drift) = state, row
         p, p_low = update(p, p_low, kick, f)
         q, q_low = update(q, q_low, drift, velocity(p, p_low, parameters))
@@ -123,8 +116,7 @@ def modified(form: Form, move: Any) -> Any:
     """
     extended, ahead = form.extended, form.ahead
 
-    @compiled
-    def modified_move(state, row, forces, parameters):  # type: ignore[no-untyped-def]
+    def modified_move(state, row, forces, parameters):
         (kick, drift, m), (f, g) = row, forces
         if extended:
             return move(state, ((1.0, 0.0), drift), dd_add(dd_mul(kick, f), dd_mul(m, g)), parameters)
@@ -146,8 +138,7 @@ def modified(form: Form, move: Any) -> Any:
 # at the end of a step have a separate shear.
 
 
-@compiled
-def rotated_compensated(state, row, f, parameters):  # type: ignore[no-untyped-def]
+def rotated_compensated(state, row, f, parameters):
     q, q_low, p, p_low, late = state
     kick, b, S, product, linear_product, rest, linear_rest, _ = row
     ahead = fma(S, p, fma(linear_product, q, late)) + q_low
@@ -157,8 +148,7 @@ def rotated_compensated(state, row, f, parameters):  # type: ignore[no-untyped-d
     return q, q_low, p, p_low, behind
 
 
-@compiled
-def rotated_plain(state, row, f, parameters):  # type: ignore[no-untyped-def]
+def rotated_plain(state, row, f, parameters):
     q, q_low, p, p_low, late = state
     kick, b, S, product, linear_product, _, _, _ = row
     ahead = fma(S, p, fma(linear_product, q, q))
@@ -166,8 +156,7 @@ def rotated_plain(state, row, f, parameters):  # type: ignore[no-untyped-def]
     return fma(product, f, ahead), q_low, p, p_low, late
 
 
-@compiled
-def rotated_double_double(state, row, f, parameters):  # type: ignore[no-untyped-def]
+def rotated_double_double(state, row, f, parameters):
     q, q_low, p, p_low, late = state
     kick, b, S, _ = row
     p, p_low = double_double(p, p_low, kick, f)
@@ -185,8 +174,7 @@ def sheared(form: Form) -> Any:
     """Return ``sheared(state, row)``: the state after the shear p += ... q that follows the move of a row."""
     update, extended = update_of(form), form.extended
 
-    @compiled
-    def shear(state, row):  # type: ignore[no-untyped-def]
+    def shear(state, row):
         q, q_low, p, p_low, late = state
         if extended:
             p, p_low = update(p, p_low, row[-1], (q, q_low))
@@ -203,8 +191,7 @@ def rotation_loader(*, extended: bool) -> Any:
     if extended:
         b, b_low, S, S_low, shear, shear_low = columns
 
-        @compiled
-        def load(moves, row):  # type: ignore[no-untyped-def]
+        def load(moves, row):
             return (
                 (load_real(moves, row), load_real(moves, row + 1)), (b(moves, row), b_low(moves, row)),
                 (S(moves, row), S_low(moves, row)), (shear(moves, row), shear_low(moves, row)),
@@ -213,8 +200,7 @@ def rotation_loader(*, extended: bool) -> Any:
         return load
     linear, drift, product, linear_product, rest, linear_rest, sheared = columns
 
-    @compiled
-    def load_doubles(moves, row):  # type: ignore[no-untyped-def]
+    def load_doubles(moves, row):
         return (
             load_real(moves, row), linear(moves, row), drift(moves, row), product(moves, row),
             linear_product(moves, row), rest(moves, row), linear_rest(moves, row), sheared(moves, row),
@@ -233,17 +219,15 @@ _moved, _timed = linked("moved", POINT), linked("timed", POINT)
 
 
 def _rates(form: Form) -> Any:
-    return types.UniTuple(POINT, 2) if form.extended else POINT
+    return (POINT, POINT) if form.extended else POINT
 
 
-@compiled
-def load_state(rows, at):  # type: ignore[no-untyped-def]
+def load_state(rows, at):
     d = _dimension()
     return load_point(rows, at), load_point(rows, at + d), load_point(rows, at + 2 * d), load_point(rows, at + 3 * d)
 
 
-@compiled
-def store_state(rows, at, q, q_low, p, p_low):  # type: ignore[no-untyped-def]
+def store_state(rows, at, q, q_low, p, p_low):
     d = _dimension()
     store(rows, at, q)
     store(rows, at + d, q_low)
@@ -251,32 +235,28 @@ def store_state(rows, at, q, q_low, p, p_low):  # type: ignore[no-untyped-def]
     store(rows, at + 3 * d, p_low)
 
 
-@compiled
-def _pair(moves, at):  # type: ignore[no-untyped-def]
+def _pair(moves, at):
     return load_real(moves, at), load_real(moves, at + 1)
 
 
 def row_loader(form: Form) -> Any:
     """Return ``load(moves, row)``, the coefficients of a move for :mod:`nearharmonic.core.step`."""
     if form.stages:
-        return compiled(lambda moves, at: (load_real(moves, at), load_real(moves, at + 1), moves, at))
+        return lambda moves, at: (load_real(moves, at), load_real(moves, at + 1), moves, at)
     if form.turning:
         return rotation_loader(extended=form.extended)
     load, parts = _pair if form.extended else load_real, form.parts
     if form.modified:
-        return compiled(lambda moves, at: (load(moves, at), load(moves, at + parts), load(moves, at + SQUARE * parts)))
+        return lambda moves, at: (load(moves, at), load(moves, at + parts), load(moves, at + SQUARE * parts))
     if form.ahead:
-        return compiled(
-            lambda moves, at: (
+        return lambda moves, at: (
                 load_real(moves, at + KICK), load_real(moves, at + DRIFT), load_real(moves, at + PRODUCT),
                 load_real(moves, at + REST),
-            )
-        )  # fmt: skip
-    return compiled(lambda moves, at: (load(moves, at), load(moves, at + parts)))
+            )  # fmt: skip
+    return lambda moves, at: (load(moves, at), load(moves, at + parts))
 
 
-@compiled
-def with_time(q, q_low, before, low_before, drift):  # type: ignore[no-untyped-def]
+def with_time(q, q_low, before, low_before, drift):
     """The positions after a drift from those before, with a compensated sum for the one that is the time."""
     time, low = compensated(before, low_before, drift, zero_like(before) + 1.0)
     return _timed(time, q), _timed(low, q_low)
@@ -294,8 +274,7 @@ def _move(form: Form) -> Any:
     if not (resting or timed):
         return move
 
-    @compiled
-    def move_some(state, row, f, parameters):  # type: ignore[no-untyped-def]
+    def move_some(state, row, f, parameters):
         q, q_low, p, p_low, late = move(state, row, f, parameters)
         if timed:
             q, q_low = with_time(q, q_low, state[0], state[1], row[DRIFT])
@@ -311,8 +290,7 @@ def _closed(form: Form, move: Any) -> Any:
     shear, turning = sheared(form), form.turning
     late_by = form.compensated and form.ahead
 
-    @compiled
-    def closed(state, row, f, parameters):  # type: ignore[no-untyped-def]
+    def closed(state, row, f, parameters):
         state = move(state, row, f, parameters)
         if turning:
             state = shear(state, row)
@@ -327,8 +305,8 @@ def _closed(form: Form, move: Any) -> Any:
 def _without(form: Form) -> Any:
     """``without(coefficient, rates)``: 0 in the lanes where the coefficient is 0."""
     if form.extended:
-        return compiled(lambda c, f: (where_zero(c, 0.0, f[0]), where_zero(c, 0.0, f[1])))
-    return compiled(lambda c, f: where_zero(c, 0.0, f))
+        return lambda c, f: (where_zero(c, 0.0, f[0]), where_zero(c, 0.0, f[1]))
+    return lambda c, f: where_zero(c, 0.0, f)
 
 
 def _forces(form: Form) -> tuple[Any, Any, Any]:
@@ -340,34 +318,29 @@ def _forces(form: Form) -> tuple[Any, Any, Any]:
     """
     modified, m = form.modified, SQUARE * form.parts
     force, square = linked("force", _rates(form)), linked("square", _rates(form))
-    force_and_potential, without = linked("force_and_potential", types.Tuple((POINT, REAL))), _without(form)
+    force_and_potential, without = linked("force_and_potential", (POINT, REAL)), _without(form)
 
-    @compiled
-    def squared(state, f, needed, parameters):  # type: ignore[no-untyped-def]
+    def squared(state, f, needed, parameters):
         g = zero_like(f)
         if not all_zero(needed):
             g = without(needed, square(state[0], state[1], parameters))
         return g
 
-    @compiled
-    def with_square(state, f, moves, row, parameters):  # type: ignore[no-untyped-def]
+    def with_square(state, f, moves, row, parameters):
         if modified:
             return f, squared(state, f, load_real(moves, row + _columns() - 1), parameters)
         return f
 
-    @compiled
-    def first(state, moves, parameters):  # type: ignore[no-untyped-def]
+    def first(state, moves, parameters):
         c, f = load_real(moves, KICK), force(state[0], state[1], parameters)
         if modified:
             return without(c, f), without(c, squared(state, f, load_real(moves, m), parameters))
         return without(c, f)
 
-    @compiled
-    def behind(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+    def behind(state, moves, row, parameters):
         return with_square(state, force(state[0], state[1], parameters), moves, row, parameters)
 
-    @compiled
-    def last(state, moves, row, parameters):  # type: ignore[no-untyped-def]
+    def last(state, moves, row, parameters):
         f, V = force_and_potential(state[0], state[1], parameters)
         return with_square(state, f, moves, row, parameters), V
 
@@ -380,11 +353,10 @@ def _opened(form: Form, row_of: Any, move: Any) -> Any:
     Such a move has no kick by the force, and ends with a shear. It is complete here: its coefficients are then reset.
     """
     if not form.turning:
-        return compiled(lambda state, moves, parameters: state)
+        return lambda state, moves, parameters: state
     shear, extended = sheared(form), form.extended
 
-    @compiled
-    def opened(state, moves, parameters):  # type: ignore[no-untyped-def]
+    def opened(state, moves, parameters):
         row = row_of(moves, 0)
         size = largest_modulus(row[-1][0] if extended else row[-1])
         nothing = zero_like((state[0], state[0]) if extended else state[0])
@@ -409,15 +381,13 @@ def motion(form: Form) -> Motion:
     opened = _opened(form, row_loader(form), move)
     first, behind, last = _forces(form)
 
-    @compiled
-    def load(rows, moves, parameters):  # type: ignore[no-untyped-def]
+    def load(rows, moves, parameters):
         running = _running()
         q, q_low, p, p_low = load_state(rows, running)
         late = load_point(rows, running + 4 * _dimension())
         return opened((q, q_low, p, p_low, late), moves, parameters), load_state(rows, 0)
 
-    @compiled
-    def save(rows, state, seen):  # type: ignore[no-untyped-def]
+    def save(rows, state, seen):
         q, q_low, p, p_low, late = state
         store_state(rows, _running(), q, q_low, p, p_low)
         store(rows, _running() + 4 * _dimension(), late)
@@ -437,8 +407,7 @@ _force_at, _force_plane, _velocity_at, _velocity_plane = (
 )
 
 
-@compiled
-def _put(rows, at, first, value):  # type: ignore[no-untyped-def]
+def _put(rows, at, first, value):
     """Replace a block of coordinates, or the coordinates behind the last full block."""
     if first + BLOCK <= _dimension():
         store(rows, at + first, value)
@@ -446,8 +415,7 @@ def _put(rows, at, first, value):  # type: ignore[no-untyped-def]
         store_rest(rows, at + first, value)
 
 
-@compiled
-def _load(rows, first):  # type: ignore[no-untyped-def]
+def _load(rows, first):
     """A block of the running state."""
     at = _running() + first
     return (*load_state(rows, at), load_point(rows, at + 4 * _dimension()))
@@ -456,20 +424,19 @@ def _load(rows, first):  # type: ignore[no-untyped-def]
 def _kept(at: Any, plane: Any, *, extended: bool) -> Any:
     """Return ``load(rows, i)``, which loads a block of rates that are stored from ``at`` on."""
     if extended:
-        return compiled(lambda rows, i: (load_point(rows, at() + i), load_point(rows, at() + plane() + i)))
-    return compiled(lambda rows, i: load_point(rows, at() + i))
+        return lambda rows, i: (load_point(rows, at() + i), load_point(rows, at() + plane() + i))
+    return lambda rows, i: load_point(rows, at() + i)
 
 
 def _move_of_unit_masses(form: Form) -> Any:
     """``moved(rows, row, to)``: a move from the running state to the rows from ``to`` on."""
-    same, extended = compiled(lambda x, parameters: x), form.extended
-    velocity = same if form.ahead else compiled(lambda p, low, parameters: (p, low) if extended else p)
+    same, extended = lambda x, parameters: x, form.extended
+    velocity = same if form.ahead else lambda p, low, parameters: (p, low) if extended else p
     move = move_of(form, velocity, same)
     force = _kept(_force_at, _force_plane, extended=form.extended)
     late_by = form.compensated and form.ahead
 
-    @compiled
-    def moved(rows, row, to):  # type: ignore[no-untyped-def]
+    def moved(rows, row, to):
         d, running = _dimension(), _running()
         for first in range(0, d, BLOCK):
             q, q_low, p, p_low, late = move(_load(rows, first), row, force(rows, first), 0)
@@ -490,10 +457,9 @@ def _move_of_masses(form: Form) -> Any:
     update, timed = update_of(form), form.timed
     force = _kept(_force_at, _force_plane, extended=form.extended)
     velocity = _kept(_velocity_at, _velocity_plane, extended=form.extended)
-    velocities = linked("velocities", types.void)
+    velocities = linked("velocities", VOID)
 
-    @compiled
-    def moved(rows, row, to):  # type: ignore[no-untyped-def]
+    def moved(rows, row, to):
         d, running, (kick, drift) = _dimension(), _running(), row
         for first in range(0, d, BLOCK):
             _, _, p, p_low, _ = _load(rows, first)
@@ -515,25 +481,22 @@ def _move_of_masses(form: Form) -> Any:
     return moved
 
 
-@compiled
-def load_rows(rows, moves, parameters):  # type: ignore[no-untyped-def]
+def load_rows(rows, moves, parameters):
     """The running state and the output state, which are both in the rows."""
     return rows, rows
 
 
-@compiled
-def save_rows(rows, state, seen):  # type: ignore[no-untyped-def]
-    pass
+def save_rows(rows, state, seen):
+    """Both are there already."""
 
 
 def _motion_in_memory(form: Form) -> Motion:
     """As :func:`motion`, for states in memory."""
     moved = _move_of_unit_masses(form) if form.unit_masses else _move_of_masses(form)
-    force, force_and_potential = linked("force", types.void), linked("force_and_potential", REAL)
+    force, force_and_potential = linked("force", VOID), linked("force_and_potential", REAL)
     parts = form.parts
 
-    @compiled
-    def first(rows, moves, parameters):  # type: ignore[no-untyped-def]
+    def first(rows, moves, parameters):
         force(rows)
         nothing = load_real(moves, KICK)
         if all_zero(nothing):
@@ -542,22 +505,18 @@ def _motion_in_memory(form: Form) -> Motion:
                     store(rows, _force_at() + part * _force_plane() + i, zero_like(nothing))
         return 0
 
-    @compiled
-    def move(rows, row, f, parameters):  # type: ignore[no-untyped-def]
+    def move(rows, row, f, parameters):
         moved(rows, row, _running())
         return rows
 
-    @compiled
-    def behind(rows, moves, row, parameters):  # type: ignore[no-untyped-def]
+    def behind(rows, moves, row, parameters):
         force(rows)
         return 0
 
-    @compiled
-    def last(rows, moves, row, parameters):  # type: ignore[no-untyped-def]
+    def last(rows, moves, row, parameters):
         return 0, force_and_potential(rows)
 
-    @compiled
-    def closed(rows, row, f, parameters):  # type: ignore[no-untyped-def]
+    def closed(rows, row, f, parameters):
         moved(rows, row, 0)
         return rows
 
@@ -571,11 +530,11 @@ def measured(name: str, *, large: bool) -> Any:
     absolute and relative; "potential" and "kinetic" are V and T in double.
     """
     numbers = {"potential": 1, "kinetic": 1, "energies": 4}.get(name, 2)
-    function = linked(name, REAL if numbers == 1 else types.UniTuple(REAL, numbers))
+    function = linked(name, REAL if numbers == 1 else (REAL,) * numbers)
     if large:
-        return compiled(lambda rows, parameters: function(rows))
+        return lambda rows, parameters: function(rows)
     if name == "potential":
-        return compiled(lambda seen, parameters: function(seen[0], seen[1], parameters))
+        return lambda seen, parameters: function(seen[0], seen[1], parameters)
     if name == "kinetic":
-        return compiled(lambda seen, parameters: function(seen[2], parameters))
-    return compiled(lambda seen, parameters: function(*seen, parameters))
+        return lambda seen, parameters: function(seen[2], parameters)
+    return lambda seen, parameters: function(*seen, parameters)

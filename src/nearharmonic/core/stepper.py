@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import update_wrapper
@@ -17,27 +17,24 @@ from numba.core import cgutils, errors
 from numba.core import types as numba_types
 from numba.extending import intrinsic, overload, typeof_impl
 
-from nearharmonic.core import reals  # noqa: F401 (it lets numba compile two_product)
 from nearharmonic.core.arithmetic import fma, two_product, two_sum
 from nearharmonic.core.layout import (
     COLUMNS,
     DRIFT,
-    INNER,
     KICK,
     PRODUCT,
     REST,
     SQUARE,
     TALLY,
     Floats,
-    Form,
     Signature,
     aligned_zeros,
     running_at,
     running_rows,
 )
-from nearharmonic.core.reals import at_address, jit, linked_number, load_parameters, load_point, store, zero_like
-from nearharmonic.core.step import motion, row_loader
-from nearharmonic.errors import bad_setting
+from nearharmonic.core.numba_code import jit
+from nearharmonic.core.values import TRUTH, argument_types, result_type
+from nearharmonic.errors import CompiledCodeError, bad_setting
 
 # --- Products of exact coefficients and powers of a run-time step size, each rounded once.
 #
@@ -366,6 +363,8 @@ def stepper(steps: Step) -> Any:
     compiled without these counters and passes addresses. It is compiled here, not for a caller, whose options such as
     ``fastmath`` would then apply to it.
     """
+    if numba.config.DISABLE_JIT:
+        raise CompiledCodeError("NUMBA_DISABLE_JIT is set, so that numba compiles no step: unset it")
     advance, d = _with_moves(steps), steps.dimension
     message = f"step of {steps.name}: expected arrays of {d} number{'s' if d > 1 else ''}"
 
@@ -470,6 +469,25 @@ def _in_memory(step: Step) -> Any:
     return advanced
 
 
+def at_address(signature: Signature) -> Any:
+    """Return ``call(address, ...)``, which calls a C function without a result that is used."""
+    kinds = argument_types(signature)
+    pointer = ir.FunctionType(result_type(signature), kinds).as_pointer()
+
+    @intrinsic
+    def call(typing, *given):  # type: ignore[no-untyped-def]
+        def codegen(context, builder, signed, values):  # type: ignore[no-untyped-def]
+            address, *passed = (builder.extract_value(values[0], i) for i in range(1 + len(kinds)))
+            passed = [builder.zext(x, kind) if x.type == TRUTH else x for x, kind in zip(passed, kinds, strict=True)]
+            builder.call(builder.inttoptr(address, pointer), passed)
+            return context.get_dummy_value()
+
+        arguments = given[0] if len(given) == 1 and isinstance(given[0], tuple) else given  # as numba calls it
+        return types.void(types.StarArgTuple(arguments)), codegen
+
+    return call
+
+
 def _stack(count: int) -> Any:
     """Return a function that returns the address of ``count`` doubles on the stack of its caller."""
 
@@ -503,44 +521,3 @@ def _fixed(address: int, kind: Any) -> Any:
         return kind(), codegen
 
     return place
-
-
-# --- A single step on arrays of the caller, without energy or samples.
-#
-# It makes the moves of :mod:`nearharmonic.core.loops`, and is bitwise identical to a run of one step.
-
-_columns = linked_number("columns")
-
-
-def step(form: Form) -> Callable[..., Any]:
-    """Return the function of :data:`nearharmonic.core.layout.STEP`, to be compiled.
-
-    A run computes a force at its start even if it drifts first, and does not use it; a step does not compute it.
-    """
-    row_of, steps = row_loader(form), motion(form)
-    move, closed, first_force, force_behind = steps.move, steps.closed, steps.first, steps.behind
-    modified, compensated = form.modified, form.compensated
-
-    def step(stages, kick_first, moves, parameters, q, carry_q, p, carry_p):  # type: ignore[no-untyped-def]
-        columns, given = _columns(), load_parameters(parameters, 0)
-        x, y = load_point(q, 0), load_point(p, 0)
-        low, y_low = zero_like(x), zero_like(y)
-        if compensated:
-            low, y_low = load_point(carry_q, 0), load_point(carry_p, 0)
-        state = x, low, y, y_low, zero_like(x)
-        f = zero_like((x, x) if modified else x)
-        if kick_first:
-            f = first_force(state, moves, given)
-        row = 0
-        for i in range(stages):
-            state = move(state, row_of(moves, row), f, given)
-            f = force_behind(state, moves, row, given)
-            row = (INNER + i) * columns
-        x, low, y, y_low = closed(state, row_of(moves, (stages + 1) * columns), f, given)
-        store(q, 0, x)
-        store(p, 0, y)
-        if compensated:
-            store(carry_q, 0, low)
-            store(carry_p, 0, y_low)
-
-    return step

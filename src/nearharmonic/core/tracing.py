@@ -13,7 +13,7 @@ from nearharmonic.core.values import LLVMValue
 
 if TYPE_CHECKING:
     from nearharmonic.core.layout import StageTable
-    from nearharmonic.core.reals import NumbaCode
+    from nearharmonic.core.numba_code import NumbaCode
     from nearharmonic.core.terms import LoopedEnergy
 
 

@@ -16,20 +16,15 @@ from numpy.typing import NDArray
 
 from nearharmonic.core.layout import BLOCK, Signature
 
-# --- LLVM operations on reals and points, for given numbers of coordinates and lanes.
+# --- Types of reals and points, for given numbers of coordinates and lanes, and the functions that loops call.
 #
-# Compiled loops (:mod:`nearharmonic.core.reals`) call them by names that tell their operands, as in
-# ``nearharmonic.fma.RPP``: R is a real, P a point, S the points of the stages of an implicit method, D a double that
-# is the same in every lane, C the parameters, I an integer, A an array of doubles. A result may also be B, a truth
-# value, or V, none. An operation is one instruction per coordinate, rounded once, for any number of lanes.
+# A letter stands for a type: R is a real, P a point, S the points of the stages of an implicit method, D a double that
+# is the same in every lane, C the parameters, I an integer, A an array of doubles, B a truth value, V none.
 #
 # A coordinate of S is one vector of ``stages * lanes`` doubles: all lanes of the first stage, of the second, and so on.
 
 PREFIX = "nearharmonic."
 DOUBLE, INDEX, TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
-#: Address spaces of pointers that replace a real, a point, the parameters and the points of stages until loops are
-#: linked. LLVM does not change such pointers, as they point to nothing.
-PLACEHOLDERS = {"R": 1001, "P": 1002, "C": 1003, "S": 1004}
 #: LLVM types of the numbers of a :class:`nearharmonic.core.layout.Signature`.
 SCALARS: dict[str, ir.Type] = {"int64": INDEX, "float64": DOUBLE, "bool": ir.IntType(8)}
 
@@ -59,32 +54,8 @@ def intrinsic(name: str) -> Callable[..., ir.Value]:
     return emit
 
 
-def _zero(kind: ir.Type) -> ir.Constant:
+def zero(kind: ir.Type) -> ir.Constant:
     return ir.Constant(kind, [0.0] * kind.count if isinstance(kind, ir.VectorType) else 0.0)
-
-
-def _where(relation: str) -> Callable[..., ir.Value]:
-    return lambda b, x, y, yes, no: b.select(b.fcmp_ordered(relation, x, y), yes, no)
-
-
-#: Operations on one coordinate.
-ELEMENTWISE: dict[str, Callable[..., ir.Value]] = {
-    "add": lambda b, x, y: b.fadd(x, y),
-    "sub": lambda b, x, y: b.fsub(x, y),
-    "mul": lambda b, x, y: b.fmul(x, y),
-    "neg": lambda b, x: b.fneg(x),
-    "fma": intrinsic("fma"),
-    "absolute": intrinsic("fabs"),
-    "larger": lambda b, x, y: _where(">")(b, x, y, x, y),
-    "where_greater": _where(">"),
-    "where_zero": lambda b, x, yes, no: _where("==")(b, x, _zero(x.type), yes, no),
-}
-#: Comparisons of a real with another in one lane; over all lanes.
-ALL: dict[str, Callable[..., ir.Value]] = {
-    "all_within": lambda b, x, y: b.not_(b.fcmp_unordered(">", x, y)),
-    "all_greater": lambda b, x, y: b.fcmp_ordered(">", x, y),
-    "all_zero": lambda b, x: b.fcmp_ordered("==", x, _zero(x.type)),
-}
 
 
 @dataclass(frozen=True)
@@ -114,47 +85,6 @@ class Kinds:
         return {"D": DOUBLE, "I": INDEX, "A": DOUBLE.as_pointer(), "B": TRUTH, "V": ir.VoidType()}[letter]
 
 
-def define(module: ir.Module, symbol: str, kinds: Kinds, result: str) -> None:
-    """Define the operation of this name in a module."""
-    _, name, letters = symbol.split(".")
-    function = declare(module, symbol, [kinds.of(letter) for letter in letters], kinds.of(result))
-    builder = ir.IRBuilder(function.append_basic_block())
-    values = function.args
-    if name in ELEMENTWISE:
-        kind = kinds.of(result)
-        columns = [_coordinates(builder, x, kind) for x in values]
-        builder.ret(packed(builder, [ELEMENTWISE[name](builder, *c) for c in zip(*columns, strict=True)], kind))
-    elif name in ALL:
-        found = ALL[name](builder, *(builder.extract_value(x, 0) for x in values))
-        if kinds.lanes > 1:
-            bits = builder.bitcast(found, ir.IntType(kinds.lanes))
-            found = builder.icmp_unsigned("==", bits, ir.Constant(bits.type, (1 << kinds.lanes) - 1))
-        builder.ret(found)
-    elif name == "largest_modulus":
-        kind = kinds.of(letters)
-        found = _zero(kind.elements[0])
-        for x in _coordinates(builder, values[0], kind):
-            found = ELEMENTWISE["larger"](builder, ELEMENTWISE["absolute"](builder, x), found)
-        if letters == "S":
-            found = folded(builder, found, kinds, ELEMENTWISE["larger"])
-        builder.ret(packed(builder, [found], kinds.of("R")))
-    elif name.startswith("load"):
-        kind, apart = kinds.of(result), kinds.stages if result == "S" else 1
-        places = (builder.add(values[1], INDEX(i * apart)) for i in range(len(kind.elements)))
-        found = [loaded(builder, values[0], at, kinds, x) for at, x in zip(places, kind.elements, strict=True)]
-        builder.ret(packed(builder, found, kind))
-    elif name.startswith("store"):
-        array, row, value = values
-        numbers, apart = _numbers_of(builder, value), kinds.stages if letters[2] == "S" else 1
-        if name == "store_rest":  # the coordinates behind the last full block
-            count = kinds.dimension % kinds.block
-            numbers = [builder.extract_element(numbers[0], ir.IntType(32)(i)) for i in range(count)]
-        for i, x in enumerate(numbers):
-            at = builder.add(row, INDEX(i * apart))
-            builder.store(x, _place(builder, array, at, kinds, x.type)).align = 8
-        builder.ret_void()
-
-
 def declare(
     module: ir.Module, symbol: str, kinds: Sequence[ir.Type], result: ir.Type, *, inlined: bool = True
 ) -> ir.Function:
@@ -165,15 +95,7 @@ def declare(
     return function
 
 
-def _coordinates(builder: ir.IRBuilder, value: ir.Value, kind: ir.Type) -> list[ir.Value]:
-    """The coordinates of a value; a single number is repeated for each coordinate of a value of ``kind``."""
-    numbers = [value] if value.type == DOUBLE else _numbers_of(builder, value)
-    element = kind.elements[0]
-    found = [x if x.type == element else in_every_lane(builder, x, element) for x in numbers]
-    return found * len(kind.elements) if len(found) == 1 else found
-
-
-def _numbers_of(builder: ir.IRBuilder, value: ir.Value) -> list[ir.Value]:
+def numbers_of(builder: ir.IRBuilder, value: ir.Value) -> list[ir.Value]:
     return [builder.extract_value(value, i) for i in range(len(value.type.elements))]
 
 
@@ -220,13 +142,13 @@ def packed(builder: ir.IRBuilder, numbers: Any, kind: ir.Type) -> ir.Value:
     return value
 
 
-def _place(builder: ir.IRBuilder, array: ir.Value, row: ir.Value, kinds: Kinds, element: ir.Type) -> ir.Value:
+def address(builder: ir.IRBuilder, array: ir.Value, row: ir.Value, kinds: Kinds, element: ir.Type) -> ir.Value:
     return builder.bitcast(builder.gep(array, [builder.mul(row, INDEX(kinds.lanes))]), element.as_pointer())
 
 
 def loaded(builder: ir.IRBuilder, array: ir.Value, row: ir.Value, kinds: Kinds, element: ir.Type) -> ir.Value:
     """A number of this type that begins at a row."""
-    found = builder.load(_place(builder, array, row, kinds, element))
+    found = builder.load(address(builder, array, row, kinds, element))
     found.align = 8
     return found
 
@@ -560,7 +482,7 @@ def write_function(
     function = declare(module, f"{PREFIX}{name}", given, result, inlined=inlined)
     builder = ir.IRBuilder(function.append_basic_block())
     arguments = [
-        [LLVMValue(builder, number) for number in _numbers_of(builder, x)]
+        [LLVMValue(builder, number) for number in numbers_of(builder, x)]
         if isinstance(x.type, ir.BaseStructType)
         else x
         for x in function.args

@@ -12,7 +12,7 @@ import numpy as np
 from llvmlite import ir
 from numba.extending import intrinsic
 
-from nearharmonic.core.reals import jit, jit_compiled, types
+from nearharmonic.core.numba_code import jit, jit_compiled, types
 from nearharmonic.errors import bad_setting
 from nearharmonic.math import cos, log
 from nearharmonic.numerics.portable import Floats

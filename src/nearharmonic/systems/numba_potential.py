@@ -21,7 +21,7 @@ from nearharmonic.systems.formulas import Components as Vector
 from nearharmonic.systems.formulas import Energy
 
 if TYPE_CHECKING:
-    from nearharmonic.core.reals import NumbaCode
+    from nearharmonic.core.numba_code import NumbaCode
 
 
 #: Step of a difference of gradients, relative to the coordinates: truncation and rounding errors are then equally
@@ -44,7 +44,7 @@ class NumbaPotential:
     @cached_property
     def code(self) -> NumbaCode:
         """Code of both functions, which numba must be able to compile for doubles, and which return the right types."""
-        from nearharmonic.core.reals import NumbaFunctionError, compiled_code
+        from nearharmonic.core.numba_code import NumbaFunctionError, compiled_code
 
         try:
             return compiled_code(self.V, self.grad_V, self.dimension, self.parameters)
@@ -91,7 +91,7 @@ class NumbaPotential:
 
 def _emitted(formula: str, count: int, q: Vector, parameters: Vector) -> Vector | None:
     """Results of a call in a kernel, in double precision; None if the arguments are not values of a kernel."""
-    from nearharmonic.core.reals import called
+    from nearharmonic.core.numba_code import called
     from nearharmonic.core.tracing import Double, DoubleDouble
 
     like = next((x for x in q if isinstance(x, Double | DoubleDouble)), None)

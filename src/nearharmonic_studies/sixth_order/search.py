@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from mpmath import mp, mpf
 
-from nearharmonic.core.reals import jit
+from nearharmonic.core.numba_code import jit
 from nearharmonic.engine.trajectory import sweep
 from nearharmonic.exact.lie import conditions, lyndon_words
 from nearharmonic.exact.words import LETTERS

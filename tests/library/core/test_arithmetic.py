@@ -60,18 +60,17 @@ def test_a_compensated_update_keeps_what_a_plain_one_drops():
     """Increments of 1e-10 on 1e6, where half an ulp is 6e-11: plain rounds each up to 1.2e-10, the carry keeps all."""
     state, plain = (1e6, 0.0), (1e6, 0.0)
     for _ in range(10_000):
-        state = step.compensated.py_func(*state, 0.1, 1e-9)
-        plain = step.plain.py_func(*plain, 0.1, 1e-9)
+        state = step.compensated(*state, 0.1, 1e-9)
+        plain = step.plain(*plain, 0.1, 1e-9)
     wanted = Fraction(1e6) + 10_000 * Fraction(0.1) * Fraction(1e-9)
     assert state[1] != 0.0
     assert abs(exact(state) - wanted) < Fraction(1, 10**15)
     assert abs(exact(plain) - wanted) > Fraction(1, 10**7)
 
 
-def test_a_move_makes_up_for_the_rounding_of_its_product(monkeypatch):
+def test_a_move_makes_up_for_the_rounding_of_its_product():
     """From rest by a force of 1; a second move, without a kick or a drift, adds what the first one lacks."""
-    monkeypatch.setattr(step, "compensated", step.compensated.py_func)
-    move = step.ahead_compensated(lambda p, parameters: p, lambda f, parameters: f).py_func
+    move = step.ahead_compensated(lambda p, parameters: p, lambda f, parameters: f)
     q, kick, drift = 0.3, 0.1, 0.6
     rest = Fraction(kick) * Fraction(drift) - Fraction(kick * drift)
     assert Fraction(float(rest)) == rest != 0

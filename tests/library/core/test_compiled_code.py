@@ -8,7 +8,6 @@ import os
 import pickle
 import pwd
 import resource
-import shutil
 import stat
 import subprocess
 import sys
@@ -16,7 +15,6 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from fractions import Fraction
-from importlib.metadata import version
 from pathlib import Path
 
 import numba
@@ -27,11 +25,11 @@ from llvmlite import ir
 import nearharmonic as nh
 from nearharmonic.core import disk, kernel, native
 from nearharmonic.core import expression as size
-from nearharmonic.core.disk import cache_folder
 from nearharmonic.core.emission import fingerprint, kinds_of, module_of
 from nearharmonic.core.layout import Signature, floats
+from nearharmonic.core.numba_code import NumbaFunctionError, compiled_code, jit
 from nearharmonic.core.number import FUNCTIONS
-from nearharmonic.core.reals import NumbaFunctionError, compiled_code, jit
+from nearharmonic.core.reals import written
 from nearharmonic.core.tracing import Rules
 from nearharmonic.core.values import Kinds
 from nearharmonic.engine.batch import integrate_batch
@@ -51,7 +49,7 @@ A, B = np.array([1.0, 2.0]), np.array([3.0, 4.0])
 
 
 def alone(function):
-    return kernel.linked_code(*kernel.compiled_loops(function, DOT), ir.Module(), Kinds(1, 1, 1))
+    return kernel.linked_code(written(function, DOT, Kinds(1, 1, 1)))
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +101,7 @@ signature, code, place = pickle.loads(Path(sys.argv[1]).read_bytes())
 good = place.read_bytes()
 header = good.index(code[1])
 damaged = [good[:i] + bytes([good[i] ^ 1 << i % 8]) + good[i + 1:]
-           for i in (*range(header), *range(header, len(good), 17), len(good) - 1)]
+           for i in (*range(header), *range(header, len(good), 13), len(good) - 1)]
 damaged += [good[:n] for n in (*range(0, header, 5), *range(header, len(good), 41), len(good) - 1)]
 damaged += [good + b"x", b"\\n" * 200, code[1]]
 for content in damaged:
@@ -284,7 +282,7 @@ def test_two_functions_of_one_name_stay_apart(right, planted):
 
 
 CALLEE = """
-from nearharmonic.core.reals import jit
+from nearharmonic.core.numba_code import jit
 
 NUMBER = 2.0
 
@@ -293,7 +291,7 @@ def callee_of_a_test(x):
     return NUMBER * x
 """
 CALLER = """
-from nearharmonic.core.reals import jit
+from nearharmonic.core.numba_code import jit
 from callee_of_a_test import callee_of_a_test
 
 @jit
@@ -354,8 +352,6 @@ OSCILLATOR = nh.systems["sho"]
 
 @pytest.fixture
 def own_cache(tmp_path, monkeypatch):
-    for path in cache_folder().glob("loops-*.kernel"):  # numba takes most of the time for these
-        shutil.copy2(path, tmp_path)
     monkeypatch.setenv("NEARHARMONIC_CACHE_DIR", str(tmp_path))
     kernel_of.cache_clear()
     yield tmp_path
@@ -375,23 +371,19 @@ def kernels_in(folder):
 
 
 @pytest.mark.slow
-def test_a_numba_that_must_not_compile_is_one_clear_error(tmp_path):
-    """A new process: numba reads this variable when it is imported, too."""
+@pytest.mark.parametrize(
+    ("call", "answer"),
+    [
+        ("sweep('sho', 'ruth', [0.2]).steps.item()", "2500"),
+        ("stepper('sho', 'ruth')", "CompiledCodeError: NUMBA_DISABLE_JIT is set, so that numba compiles no step"),
+    ],
+)
+def test_only_steps_for_numba_need_numba(tmp_path, call, answer):
+    """A new process: numba reads this variable when it is imported."""
     variables = os.environ | {"NUMBA_DISABLE_JIT": "1", "NEARHARMONIC_CACHE_DIR": str(tmp_path)}
-    text = "import nearharmonic as nh; nh.sweep('sho', 'ruth', [0.2])"
+    text = f"import sys, nearharmonic as nh; print(nh.{call}, 'numba' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", text], env=variables, capture_output=True, text=True, check=False)
-    assert "CompiledCodeError: NUMBA_DISABLE_JIT is set, so that kernels cannot be compiled: unset it" in done.stderr
-
-
-@pytest.mark.slow
-def test_loops_are_compiled_once_where_nothing_can_be_kept(monkeypatch):
-    monkeypatch.setenv("NEARHARMONIC_CACHE_DIR", "/proc/nearharmonic")  # read-only for root too
-    monkeypatch.setattr(kernel, "_MADE", {})
-    made, compiled = [], kernel.compiled_loops
-    monkeypatch.setattr(kernel, "compiled_loops", lambda *given: made.append(given[0].__name__) or compiled(*given))
-    for system in ("sho", "henon_heiles"):
-        run(nh.systems[system])
-    assert sorted(made) == ["advance", "begin", "run"]
+    assert f"{answer} False" in done.stdout or answer in done.stderr
 
 
 def test_a_kernel_is_made_once_and_a_comment_changes_nothing(own_cache):
@@ -451,8 +443,8 @@ def test_an_array_of_the_wrong_kind_is_refused():
 
 
 def forget():
-    """Forget what is known about sources, compilers and processor."""
-    for found in (native._source_digest, native.core_digest, native.processor, kernel_of):
+    """Forget what is known about sources, compiler and processor."""
+    for found in (native.core_digest, native.processor, kernel_of):
         found.cache_clear()
 
 
@@ -464,12 +456,11 @@ def changed(monkeypatch):
     forget()
 
 
-@pytest.mark.parametrize("compiler", ["numba", "llvmlite"])
-def test_another_version_of_a_compiler_has_another_key(changed, compiler):
+def test_another_version_of_the_compiler_has_another_key(changed):
     before = native.code_key()
     forget()
     assert native.code_key() == before
-    changed.setattr(native, "version", lambda name: "0.0" if name == compiler else version(name))
+    changed.setattr(native.llvmlite, "__version__", "0.0")
     forget()
     assert native.code_key() != before
 
@@ -530,11 +521,8 @@ def test_code_for_another_processor_computes_the_same_bits(own_cache, changed, p
 # --- Code of functions of numba: its digest, and what is refused
 
 
-#: In another order and with other counters, behind a loop that numba did not optimise.
+#: In another order and with other counters.
 ELSEWHERE = """
-from nearharmonic.core.layout import BEGIN
-from nearharmonic.core.kernel import compiled_loops
-compiled_loops(lambda rows: None, BEGIN)
 import nearharmonic as nh
 from support.methods import numba_potentials
 V, grad_V = numba_potentials.walled([1.0, 2.0, 3.0])

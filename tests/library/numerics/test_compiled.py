@@ -8,7 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from nearharmonic.core.reals import jit
+from nearharmonic.core.numba_code import jit
 from nearharmonic.numerics.compiled import (
     Damping,
     distinct,

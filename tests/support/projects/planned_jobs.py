@@ -45,6 +45,5 @@ if __name__ == "__main__":
             "log": list(job.log),
             "params": dict(job.params.items()),
             "threads": job.threads,
-            "compiler": job.resources.get("compiler", 0),
         }
         print(json.dumps(told, default=asdict))

@@ -15,7 +15,7 @@ import numpy as np
 from gmpy2 import mpz
 from mpmath import mp, mpf
 
-from nearharmonic.core.reals import jit
+from nearharmonic.core.numba_code import jit
 from nearharmonic.exact import words
 from nearharmonic.exact.polynomials import (
     GUARD,
