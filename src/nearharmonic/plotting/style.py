@@ -110,9 +110,8 @@ def keep_inside(figure: Figure) -> None:
 def panel_letter(axes: Axes, letter: str | int, says: str = "") -> None:
     """Write a letter, or that of a number from 0, in bold above the upper left corner of ``axes``, and a title."""
     bold = letter if isinstance(letter, str) else ascii_uppercase[letter % len(ascii_uppercase)]
-    indent = 13 / 72 * axes.figure.dpi / axes.bbox.width
     axes.set_title(bold, x=0, ha="left", y=1.0, fontsize=9, pad=4, fontweight="bold")
-    axes.set_title(says, loc="left", x=indent, y=1.0, fontsize=9, pad=4)
+    axes.set_title(says, loc="left", x=13 / 72 * axes.figure.dpi / axes.bbox.width, y=1.0, fontsize=9, pad=4)
 
 
 def right_title(axes: Axes, says: str) -> None:
@@ -145,10 +144,11 @@ def log_scale(axes: Axes, directions: str) -> None:
 
 
 def log_ticks(axis: Axis) -> None:
-    """Label powers of ten if there is space, on a logarithmic axis, and ticks at 2 and 5 of them on a short one."""
+    """Label powers of ten if there is space, on a logarithmic axis, and 2 and 5 between them on a short one."""
     axis.set_major_locator(LogLocator(base=10, numticks=15))
-    axis.set_minor_locator(LogLocator(base=10, subs=(2, 5), numticks=10))
-    # Few ticks, each of which is five artists; and plain text, as formulas are parsed anew for each file.
+    least, most = axis.get_view_interval()
+    axis.set_minor_locator(LogLocator(base=10, subs=(2, 5) if 0 < 100 * least < most else "auto", numticks=10))
+    # Few ticks, as each is five artists; and plain text, as formulas are parsed anew for each file.
     axis.set_major_formatter(FuncFormatter(lambda value, _: power_of_ten(round(log10(value)))))
     # An axis of less than two decades may have no power of ten, or a single one.
     axis.set_minor_formatter(FuncFormatter(lambda value, _: _two_or_five(value, axis)))
