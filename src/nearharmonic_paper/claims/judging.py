@@ -308,18 +308,24 @@ def local_slopes(curves: Curves, name: str) -> Floats:
     If no step size has as many around it, the grid is too coarse whatever the errors are: this is
     :class:`Undecided`.
     """
-    error, places = curves.errors([name])[0], portable.log10(curves.x)
+    error, windows = curves.errors([name])[0], _windows(curves)
     good = np.isfinite(error) & (error > 0)
-    x, y = log(curves.x), log(np.where(good, error, 1.0))
-    found = np.full(curves.x.size, np.nan)
-    around = [np.abs(places - place) <= WINDOW + _ROUNDED for place in places]
-    dense = any(near.sum() >= FEWEST for near in around)
+    y, found = log(np.where(good, error, 1.0)), np.full(curves.x.size, np.nan)
+    dense = any(near.size >= FEWEST for near, _, _ in windows)
     require(dense, f"the results have fewer than three step sizes in {2 * WINDOW:g} decades, too few for a local slope")
-    for i, near in enumerate(around):
-        if near.sum() >= FEWEST and good[near].all():
-            abscissas = x[near] - mean(x[near])
-            found[i] = dot(abscissas, y[near]) / dot(abscissas, abscissas)
+    for i, (near, abscissas, spread) in enumerate(windows):
+        if near.size >= FEWEST and good[near].all():
+            found[i] = dot(abscissas, y[near]) / spread
     return found
+
+
+@once
+def _windows(curves: Curves) -> list[tuple[Any, Floats, float]]:
+    """Return the places around each step size, their logarithms less the mean, and the sum of the squares of these."""
+    places, x = portable.log10(curves.x), log(curves.x)
+    around = [np.flatnonzero(np.abs(places - place) <= WINDOW + _ROUNDED) for place in places]
+    abscissas = [x[near] - mean(x[near]) for near in around]
+    return [(near, one, dot(one, one)) for near, one in zip(around, abscissas, strict=True)]
 
 
 def judged(found: Piece) -> Verdict:
