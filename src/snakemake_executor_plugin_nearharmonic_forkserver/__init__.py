@@ -15,14 +15,15 @@ import subprocess
 import sys
 import threading
 from contextlib import suppress
-from multiprocessing.connection import Pipe
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from snakemake_interface_executor_plugins.executors.base import SubmittedJobInfo
 from snakemake_interface_executor_plugins.executors.real import RealExecutor
 from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
-from snakemake_interface_executor_plugins.settings import CommonSettings, ExecMode
+from snakemake_interface_executor_plugins.settings import CommonSettings, ExecMode, ExecutorSettingsBase
 
 #: Names by which Snakemake finds what a plugin has.
 common_settings = CommonSettings(
@@ -37,6 +38,46 @@ FORKS = hasattr(os, "fork") and sys.platform != "darwin"
 THREADS = tuple(f"{name}_THREADS" for name in ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "VECLIB_MAXIMUM", "NUMEXPR_NUM"))
 
 
+class Server:
+    """The process that forks, and this end of its pipe."""
+
+    def __init__(self) -> None:
+        self.pipe, its_end = Pipe()
+        command = [sys.executable, "-P", "-m", f"{__name__}.server", str(its_end.fileno())]
+        environment = {**os.environ, **dict.fromkeys(THREADS, "1")}
+        self.process = subprocess.Popen(command, pass_fds=[its_end.fileno()], env=environment)
+        its_end.close()
+
+    def send(self, request: Any) -> None:
+        """Send a request, if the server is there."""
+        with suppress(OSError):  # who listens is told that it has ended
+            self.pipe.send(request)
+
+    def end(self, how: signal.Signals | None = None) -> None:
+        """Wait for its end, after its jobs or after a signal to them."""
+        self.send(how)
+        self.process.wait()
+
+
+@dataclass
+class ExecutorSettings(ExecutorSettingsBase):  # type: ignore[misc]
+    """No settings: Snakemake makes this object if the executor is chosen, before it reads the workflow."""
+
+    #: A server that is started beside the reading of the workflow.
+    early: ClassVar[list[Server]] = []
+    is_chosen: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        """Note the choice."""
+        type(self).is_chosen = FORKS
+
+
+def expect_jobs() -> None:
+    """Start the server, which imports while Snakemake plans the jobs, if this executor will run them."""
+    if ExecutorSettings.is_chosen:
+        ExecutorSettings.early.append(Server())
+
+
 class Executor(RealExecutor):  # type: ignore[misc]
     """Local executor whose jobs are forks of a server, in the module ``server`` beside this one."""
 
@@ -44,7 +85,7 @@ class Executor(RealExecutor):  # type: ignore[misc]
         """Make the executor of other jobs; the server starts with the first job."""
         self._local = ExecutorPluginRegistry().get_plugin("local").executor(self.workflow, self.logger)
         self._running: dict[int, SubmittedJobInfo] = {}
-        self._server: subprocess.Popen[bytes] | None = None
+        self._server: Server | None = None
 
     def run_job(self, job: Any) -> None:
         """Run a job in a fork of the server, or as Snakemake does."""
@@ -52,7 +93,9 @@ class Executor(RealExecutor):  # type: ignore[misc]
             self._local.run_job(job)
             return
         if self._server is None:
-            self._server = self._started()
+            self._server = ExecutorSettings.early.pop() if ExecutorSettings.early else Server()
+            self._listener = threading.Thread(target=self._listen, args=[self._server.pipe], daemon=True)
+            self._listener.start()
         if not self._listener.is_alive():  # the server was killed
             self._local.run_job(job)
             return
@@ -64,30 +107,16 @@ class Executor(RealExecutor):  # type: ignore[misc]
         environment = {
             **os.environ,
             **dict.fromkeys(THREADS, str(ours.threads)),
-            LEADER: f"{platform.node()}:{self._server.pid}",  # a job ends with the server, and this with Snakemake
+            # A job ends with the server, and this with Snakemake.
+            LEADER: f"{platform.node()}:{self._server.process.pid}",
         }
-        self._send((job.jobid, ours.modules, str(Path.cwd()), environment, pickle.dumps(ours)))
+        self._server.send((job.jobid, ours.modules, str(Path.cwd()), environment, pickle.dumps(ours)))
 
-    def _started(self) -> subprocess.Popen[bytes]:
-        """Return a new server; start the thread that waits for the ends of its jobs."""
-        self._connection, its_end = Pipe()
-        command = [sys.executable, "-P", "-m", f"{__name__}.server", str(its_end.fileno())]
-        environment = {**os.environ, **dict.fromkeys(THREADS, "1")}
-        server = subprocess.Popen(command, pass_fds=[its_end.fileno()], env=environment)
-        its_end.close()
-        self._listener = threading.Thread(target=self._listen, daemon=True)
-        self._listener.start()
-        return server
-
-    def _send(self, request: Any) -> None:
-        with suppress(OSError):  # the listener tells that the server has ended
-            self._connection.send(request)
-
-    def _listen(self) -> None:
+    def _listen(self, pipe: Connection) -> None:
         """Report the ends of jobs until the server ends; jobs that run then have failed."""
         with suppress(EOFError, OSError):
             while True:
-                jobid, status = self._connection.recv()
+                jobid, status = pipe.recv()
                 info = self._running.pop(jobid)
                 if status == 0:
                     self.report_job_success(info)
@@ -102,8 +131,7 @@ class Executor(RealExecutor):  # type: ignore[misc]
         """End the server after its jobs."""
         self._local.shutdown()
         if self._server is not None:
-            self._send(None)
-            self._server.wait()
+            self._server.end()
         for thread in threading.enumerate():
             if isinstance(thread, threading.Timer):
                 thread.cancel()  # those of the limit of jobs per second would hold the end for one second
@@ -111,8 +139,7 @@ class Executor(RealExecutor):  # type: ignore[misc]
     def cancel(self) -> None:
         """End the jobs that run, and the server."""
         if self._server is not None:
-            self._send(signal.SIGINT)
-            self._server.wait()
+            self._server.end(signal.SIGINT)
         self._local.cancel()
 
     @property

@@ -15,8 +15,14 @@ from importlib import import_module
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-#: Imported while there is nothing else to do, in this order.
-PRELOADED = ("h5netcdf", "xarray", "matplotlib.backends.backend_pdf", "matplotlib.backends.backend_svg")
+#: Imported before the first job.
+FIRST = ("nearharmonic_paper.tasks.job", "nearharmonic.core.kernel")
+#: Imported while no job begins or ends, in this order and in small steps, as jobs wait meanwhile.
+PRELOADED = (
+    "nearharmonic.engine.description", "h5py", "mpmath", "nearharmonic.theory", "pandas", "xarray", "matplotlib", "matplotlib.text", "matplotlib.axes",
+    "matplotlib.figure", "matplotlib.backends.backend_pdf", "matplotlib.backends.backend_svg", "PIL.PngImagePlugin",
+    "nearharmonic.plotting.style", "nearharmonic_paper.tasks.schema",
+)  # fmt: skip
 #: Seconds until interrupted jobs are killed.
 PATIENCE = 5.0
 
@@ -33,11 +39,13 @@ def serve(descriptor: int) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of Ctrl-C; the jobs get one too, and Snakemake says what follows
     requests, unloaded = Connection(descriptor), [*PRELOADED]
     jobs: Jobs = {}
-    _load(["nearharmonic_paper.tasks.job"])
+    _load(FIRST)
     while True:
         ready: list[Any] = wait([requests, *jobs], timeout=0 if unloaded else None)
         if not ready:
             _load([unloaded.pop(0)])
+            if not unloaded:
+                _load_definitions()
         for source in ready:
             if source is not requests:
                 _answer(requests, jobs, source)
@@ -63,6 +71,16 @@ def _load(modules: Iterable[str]) -> None:
             with suppress(Exception):
                 import_module(module)
             gc.freeze()  # collections in forks would copy all pages of memory
+
+
+def _load_definitions() -> None:
+    """Load all methods and systems, which a registry imports when they are asked for."""
+    from nearharmonic.integrators import integrators
+    from nearharmonic.systems import systems
+
+    for registry in (integrators, systems):
+        for name in registry:
+            registry[name]
 
 
 def _fork(jobs: Jobs, number: int, job: list[Any]) -> None:

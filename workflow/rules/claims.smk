@@ -13,6 +13,7 @@ rule decide_claims:
         document=f"{RESULTS}/tables/claims.json",
     log:
         LOG("tables/claims"),
+    priority: 1  # the page waits for it
     params:
         own=digest_of_own(),  # statements that the code digest of the task does not cover
         task=lambda wildcards: claims_task(),

@@ -19,6 +19,7 @@ from nearharmonic_paper.tasks.experiment import figures_of
 from nearharmonic_paper.tasks.experiment import experiments
 from nearharmonic_paper.tasks.provenance import task
 from nearharmonic_paper.tasks.provenance import RUN as RUN_ID
+from snakemake_executor_plugin_nearharmonic_forkserver import expect_jobs
 
 if ADOPTING in os.environ:
     task, TASKS = noting(task)
@@ -36,6 +37,9 @@ if not IS_JOB:
     warn_of_name(CONFIG.name, CONFIGFILES)
 
 RESULTS = f"results/{CONFIG.name}"
+IS_NEW = not os.path.exists(f"{RESULTS}/manifest.json") or not {"-F", "--forceall"}.isdisjoint(sys.argv)
+if IS_NEW and not (IS_JOB or IS_DRY or IS_TOUCHED):
+    expect_jobs()
 SWEEPS = {sweep.system: sweep for sweep in CONFIG.sweeps}
 METHODS = CONFIG.methods
 EXPERIMENTS = experiments()

@@ -6,6 +6,7 @@ rule chaos:
         cube=CUBE("henon_heiles_chaos"),
     log:
         LOG("reduce/henon_heiles_chaos"),
+    priority: 2  # the claims wait for it
     params:
         task=task("nearharmonic_paper.experiments.paper.orbits:chaos", integrator="babps8o7h", t_end=200_000),
     script:
@@ -17,6 +18,7 @@ rule displaced:
         cube=CUBE("substeps_displaced"),
     log:
         LOG("reduce/substeps_displaced"),
+    priority: 2  # the claims wait for it
     params:
         task=task("nearharmonic_paper.experiments.paper.orbits:displaced", integrator="babs7o7h", iterations=100_000),
     script:

@@ -32,7 +32,7 @@ rule compile:
         LOG("compile/{system}"),
     wildcard_constraints:
         system="|".join(SWEEPS),
-    priority: 1  # all runs wait for these
+    priority: 3  # all runs wait for these
     params:
         task=lambda wildcards: task(
             "nearharmonic.engine.trajectory:warm_up",
@@ -50,6 +50,7 @@ rule integrate:
         run=RUN("{system}/{integrator}/{shard}"),
     log:
         LOG("integrate/{system}/{integrator}/{shard}"),
+    priority: 2  # cubes, claims and page wait for the last run; figures are drawn beside these
     params:
         # Without samples, a run file holds reduced numbers.
         task=lambda wildcards: (
@@ -69,6 +70,7 @@ rule reduce_method:
         reduced=f"{RESULTS}/reduced/{{system}}/{{integrator}}.h5",
     log:
         LOG("reduce/{system}/{integrator}"),
+    priority: 2
     params:
         task=lambda wildcards: task(
             "nearharmonic_paper.experiments.paper.reductions:reduce_method",
@@ -86,6 +88,7 @@ rule reduce:
         cube=CUBE("{system}"),
     log:
         LOG("reduce/{system}"),
+    priority: 2
     wildcard_constraints:
         system="|".join(SWEEPS),  # other cubes have rules of their own
     params:
@@ -103,6 +106,7 @@ rule decompose:
         cube=CUBE("sho_terms"),
     log:
         LOG("reduce/sho_terms"),
+    priority: 2
     params:
         task=task("nearharmonic_paper.experiments.paper.tableaus:decompose", integrators=CONFIG.decomposed),
     script:
@@ -131,6 +135,7 @@ rule paper_tables:
         **PAPER_TABLES,
     log:
         LOG("tables/paper_tables"),
+    priority: 2  # the claims wait for it
     params:
         task=task("nearharmonic_paper.experiments.paper.tableaus:paper_tables", integrators=CONFIG.compared),
     script:

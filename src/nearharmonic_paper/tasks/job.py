@@ -310,7 +310,8 @@ class FrozenJob:
     @property
     def modules(self) -> set[str]:
         """Dotted names of the modules of its functions."""
-        return {task["function"].partition(":")[0] for task in self.tasks}
+        functions = [*(task["function"] for task in self.tasks), getattr(self.params, "earlier", "")]
+        return {function.partition(":")[0] for function in functions if function}
 
     def execute(self) -> None:
         """Run the job, without results of an earlier run of it."""
