@@ -26,7 +26,7 @@ DOCUMENTED = {
     "snakemake_interface_executor_plugins.executors.base import SubmittedJobInfo": PLUGIN,
     "snakemake_interface_executor_plugins.executors.real import RealExecutor": INTERFACE,
     "snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry": INTERFACE,
-    "snakemake_interface_executor_plugins.settings import CommonSettings, ExecMode": PLUGIN,
+    "snakemake_interface_executor_plugins.settings import CommonSettings, ExecMode, ExecutorSettingsBase": PLUGIN,
     "snakemake_interface_executor_plugins.executors.remote import RemoteExecutor": PLUGIN,
     "snakemake_interface_executor_plugins.settings import CommonSettings, ExecutorSettingsBase": PLUGIN,
     "self.workflow": PLUGIN,
