@@ -157,5 +157,9 @@ class Executor(RealExecutor):  # type: ignore[misc]
 
 
 def _has_task(job: Any) -> bool:
-    """Return True for a job of functions of the packages, False for a shell command."""
-    return any(name in {"task", "tasks", "documents"} for name, _ in job.params.items())
+    """Return True for a job of functions of the packages, which is no shell command and makes all of its files anew.
+
+    Snakemake keeps the pages that a job updates, and gives them back if it fails.
+    """
+    is_page = any("docs" in Path(file).parts for file in job.output)
+    return not is_page and any(name in {"task", "tasks", "documents"} for name, _ in job.params.items())
