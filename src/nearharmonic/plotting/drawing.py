@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -33,10 +32,10 @@ from nearharmonic.plotting.style import (
     draw_profiles,
     error_label,
     house_style,
-    keep_inside,
     log_scale,
     new_figure,
     panel_letter,
+    png,
     right_title,
     say_if_empty,
     style_of,
@@ -80,12 +79,6 @@ class Run(NamedTuple):
 @house_style
 def draw(source: str, kind: str, given: Sequence[xr.Dataset], axes: Sequence[str] | None) -> Figure:
     """Draw Datasets of the kind ``source`` as :func:`nearharmonic.plot` does."""
-    drawn = _drawn(source, kind, given, axes)
-    keep_inside(drawn)
-    return drawn
-
-
-def _drawn(source: str, kind: str, given: Sequence[xr.Dataset], axes: Sequence[str] | None) -> Figure:
     if source in (CUBE, RANKING):
         return (draw_profile if source == CUBE else _ranking)(given[0])
     runs = runs_of(given)
@@ -194,17 +187,14 @@ def _add_legend(drawn: Figure, runs: Sequence[Run], **changes: Any) -> None:
 # --- A figure for each content ----------------------------------------------------------------------------------------
 
 
-def stages_of(dataset: xr.Dataset) -> int:
-    """Return the evaluations of the force per step, without the evaluation that starts the first step."""
-    done = np.where(dataset["diverged_at"] > 0, dataset["diverged_at"], dataset["steps"])
-    return int((int(dataset["evaluations"][0]) - (dataset.attrs["first"] == "kick")) // done[0])
-
-
 def _profiles(runs: Sequence[Run]) -> Figure:
     curves = []
     for i, (one, _, _) in enumerate(runs):
         ascending = one.sortby("tau")
-        ascending = ascending.assign_coords(tau_per_stage=ascending["tau"] / stages_of(one))
+        done = np.where(one["diverged_at"] > 0, one["diverged_at"], one["steps"])
+        # Evaluations of the force per step, without the one that starts the first step.
+        stages = int((int(one["evaluations"][0]) - (one.attrs["first"] == "kick")) // done[0])
+        ascending = ascending.assign_coords(tau_per_stage=ascending["tau"] / stages)
         curves.append(Line(str(one.attrs["integrator"]), "", ascending, (i, len(runs))))
     given = [run.dataset for run in runs]
     handles = [Line2D([], [], label=run.label, **run.line()) for run in runs]
@@ -328,8 +318,8 @@ def _ranking(ranking: xr.Dataset) -> Figure:
         axes.axhline(bound, color="#595959", linewidth=0.8, linestyle=(0, (6, 3)))
         log_scale(axes, "xy")
         axes.set(xlim=_between_labels(x), ylim=_between_labels([*errors.values, bound]))
-    left.set_xlabel("evaluations of the force")
-    left.set_ylabel("position error" if measure == "position_error" else error_label(errors.attrs))
+    says = "position error" if measure == "position_error" else error_label(errors.attrs)
+    left.set(xlabel="evaluations of the force", ylabel=says)
     right.set_xlabel("time (ms)")
     panel_letter(left, "A", "error and evaluations")
     panel_letter(right, "B", "error and time")
@@ -410,7 +400,9 @@ def _draw_states(axes: Axes, runs: Sequence[Run], kind: str, asked: Sequence[str
     pair = pair_of(given[0], kind, asked)
     for run in runs:
         if kind == "section":
-            _draw_points(axes, run.dataset, pair)
+            colours = colormaps["cividis"](np.linspace(0, 0.9, run.dataset.sizes["member"]))  # the darker part
+            for colour, x, y in zip(colours, *(_column(run.dataset, quantity) for quantity in pair), strict=True):
+                axes.plot(x, y, ".", markersize=3 if x.size < 300 else 1.5, markeredgewidth=0, color=colour)
         else:
             _draw_curve(axes, run.dataset, pair, run.thin())
     units = [_common_unit(given, name) for name, _ in pair]
@@ -445,14 +437,6 @@ def _draw_curve(axes: Axes, one: xr.Dataset, pair: Pair, line: Mapping[str, Any]
         line["markerfacecolor"] = line["color"]
     axes.plot(*(columns if smooth is None else smooth), **line)
     axes.plot(x[:1], y[:1], marker="o", markersize=5, color="#404040", linestyle="none", zorder=4)
-
-
-def _draw_points(axes: Axes, one: xr.Dataset, pair: Pair) -> None:
-    """Draw the crossings of a section as points, in one colour for each member."""
-    colours = colormaps["cividis"](np.linspace(0, 0.9, one.sizes["member"]))  # as dark as can be told from paper
-    for member, colour in enumerate(colours):
-        x, y = (_column(one, quantity)[member] for quantity in pair)
-        axes.plot(x, y, ".", markersize=3 if x.size < 300 else 1.5, markeredgewidth=0, color=colour)
 
 
 def _largest_turn(x: Floats, y: Floats) -> float:
@@ -519,8 +503,6 @@ def _rates_of(one: xr.Dataset) -> Callable[[Floats], Floats] | None:
 
 # --- Frames of films, as a GIF file or in an HTML page ----------------------------------------------------------------
 
-#: Pixels per inch.
-DPI = 90
 _PAGE = """<!DOCTYPE html>
 <meta charset="utf-8"><title>{title}</title>
 <style>body{{font:14px sans-serif;text-align:center}}img{{max-width:100%}}input{{width:60%}}</style>
@@ -557,15 +539,12 @@ def film_page(given: Sequence[xr.Dataset], frames: int, fps: int, title: str | N
 
 @house_style
 def _pictures(given: Sequence[xr.Dataset], frames: int, title: str | None) -> list[bytes]:
-    """Return the frames as PNG files."""
+    """Return the frames as PNG files with 90 pixels per inch."""
     figure = plot(given, title=title)
     show, found = truncator(figure, given), []
-    figure.set_dpi(DPI)
     for k in range(frames):
         show(k / (frames - 1))
-        picture = BytesIO()
-        FigureCanvasAgg(figure).print_png(picture)  # type: ignore[no-untyped-call]
-        found.append(picture.getvalue())
+        found.append(png(figure, 90))
     return found
 
 

@@ -106,6 +106,7 @@ def plot(
         raise bad_setting("axes", axes, "two quantities of an orbit, a phase space or a section, and this has none")
     drawing = with_matplotlib("drawing", "a plot")
     drawn: Figure = drawing.draw(source, chosen, given, axes)
+    with_matplotlib("style", "a plot").keep_inside(drawn)
     if title is not None:
         drawing.write_above(drawn, title)
     return drawn

@@ -122,7 +122,7 @@ def picture(svg: str) -> str:
 
 def thumbnail(png: Path) -> str:
     """Return a small picture of a PNG file as a data URI."""
-    from PIL import Image
+    from PIL import Image, WebPImagePlugin  # noqa: F401  else Pillow loads its forty plugins to find that of WebP
 
     with Image.open(png) as whole:
         height = round(_WIDTH * whole.height / whole.width)

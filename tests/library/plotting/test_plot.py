@@ -419,7 +419,7 @@ def test_film_that_fails_leaves_the_earlier_file(run, tmp_path, monkeypatch):
     def fail(*_):
         raise MemoryError
 
-    monkeypatch.setattr(FigureCanvasAgg, "print_png", fail)
+    monkeypatch.setattr(FigureCanvasAgg, "draw", fail)
     with pytest.raises(MemoryError):
         nh.animate(run, place, frames=2)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == {"orbit.gif": b"old"}

@@ -16,6 +16,7 @@ from matplotlib import colormaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from PIL import Image
 
 import nearharmonic as nh
 from nearharmonic.integrators import BENCHMARKED, integrators
@@ -159,6 +160,17 @@ def test_saving_writes_three_formats_with_the_same_bytes_each_time(tmp_path):
     assert [int.from_bytes(first[2].read_bytes()[i : i + 4], "big") for i in (16, 20)] == [400, 300]
 
 
+def test_png_has_the_pixels_that_matplotlib_draws_and_the_title_in_any_script(tmp_path):
+    figure = plain_figure()
+    figure.set_label("Hénon–Heiles: τ")
+    (path,) = save(figure, [tmp_path / "fig.png"])
+    figure.set_dpi(200)
+    house_style(figure.canvas.draw)()
+    with Image.open(path) as read:
+        assert np.array_equal(read, np.asarray(figure.canvas.buffer_rgba())[..., :3])
+        assert (read.info["Title"], *map(round, read.info["dpi"])) == ("Hénon–Heiles", 200, 200)
+
+
 @pytest.mark.parametrize("failing", ["pdf", "svg", "png"])
 def test_figure_that_fails_to_draw_leaves_old_files_in_place(tmp_path, monkeypatch, failing):
     figure = plain_figure()
@@ -170,7 +182,11 @@ def test_figure_that_fails_to_draw_leaves_old_files_in_place(tmp_path, monkeypat
         if format == failing:
             raise MemoryError
 
+    def draw(canvas):
+        raise MemoryError
+
     monkeypatch.setattr(figure, "savefig", savefig)
+    monkeypatch.setattr(FigureCanvasAgg, "draw", draw)
     with pytest.raises(MemoryError):
         save(figure, places(tmp_path / "fig"))
     left = ["pdf", "svg", "png"][["pdf", "svg", "png"].index(failing) :]
