@@ -15,6 +15,7 @@ from functools import cache, partial
 from hashlib import file_digest, sha256
 from importlib import import_module
 from importlib.util import resolve_name
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -39,6 +40,7 @@ PACKAGE = PACKAGES[0]
 ROOT = Path(__file__).parents[2]
 #: Maximum number of entries of the cache on disk, 150 bytes each.
 MOST_CACHED = 3000
+_DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
 class Source(NamedTuple):
@@ -172,23 +174,37 @@ def parsed(text: bytes) -> Source:
 def _tree_digest(tree: ast.Module) -> str:
     """Return the SHA-256 of the nodes of a syntax tree without docstrings, and of their fields, in an order of its own.
 
-    ``ast.dump`` takes twice as long. Contexts, such as that of a name that is assigned to, follow from the rest.
+    ``ast.dump`` takes four times as long.
     """
-    told, waiting = list[str](), list[Any]([tree])
-    documented = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+    told, waiting = list[object](), list[Any]([tree])
     while waiting:
         part = waiting.pop()
-        if isinstance(part, ast.AST):
-            if isinstance(part, documented) and ast.get_docstring(part, clean=False):
-                del part.body[0]
-            told.append(type(part).__name__)
-            waiting += [getattr(part, name, None) for name in part._fields if name != "ctx"]
-        elif isinstance(part, list):
-            told.append(f"{len(part)}")
+        kind: Any = type(part)
+        if kind is ast.Name:  # a third of the nodes
+            told += ("Name", part.id)
+        elif kind is list:
+            told.append(len(part))
             waiting += part
+        elif fields_of := _fields_of(kind):
+            if kind in _DOCUMENTED and ast.get_docstring(part, clean=False):
+                del part.body[0]
+            told.append(kind.__name__)
+            waiting += fields_of(part)
         else:
-            told.append(repr(part))
-    return sha256(" ".join(told).encode()).hexdigest()
+            told.append(part)
+    return sha256(repr(told).encode()).hexdigest()
+
+
+@cache
+def _fields_of(kind: type) -> Callable[[Any], Iterable[Any]] | None:
+    """Return a function for the fields of nodes of one kind; None if it is no kind of node.
+
+    Contexts, such as that of a name that is assigned to, follow from the rest; comments on types are not parsed.
+    """
+    if not issubclass(kind, ast.AST):
+        return None
+    names = [name for name in kind._fields if name not in {"ctx", "type_comment"}]
+    return attrgetter(*names) if len(names) > 1 else lambda node: [getattr(node, name) for name in names]
 
 
 def _imports_in(tree: ast.Module) -> Iterator[str]:
