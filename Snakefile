@@ -11,7 +11,7 @@ from nearharmonic_paper.config import CONFIGS, checked_configs
 from nearharmonic_paper.record.workflow_run import WorkflowRun
 
 min_version("9.0")
-# Collections of garbage take a fifth of a dry run: what is loaded while this file is read stays to the end.
+# Collections of garbage take a fifth of a dry run: rules and planned jobs stay to the end.
 gc.disable()
 # Snakemake would load pandas for 0.3 s at each start, to look for its tables among parameters; there are none.
 sys.modules["pandas"] = None
@@ -66,13 +66,13 @@ if not (IS_JOB or IS_TOUCHED):
     THIS_RUN.prepare(is_dry=IS_DRY)
 
 
-gc.freeze()
-gc.enable()
 atexit.register(gc.freeze)
 
 
 onstart:
     record_start()
+    gc.freeze()
+    gc.enable()
 
 
 onsuccess:

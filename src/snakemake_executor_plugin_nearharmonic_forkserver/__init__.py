@@ -78,6 +78,13 @@ def expect_jobs() -> None:
         ExecutorSettings.early.append(Server())
 
 
+def cancel_timers() -> None:
+    """Cancel the timers of Snakemake's limit of jobs per time, which would hold the end of its process."""
+    for thread in threading.enumerate():
+        if isinstance(thread, threading.Timer):
+            thread.cancel()
+
+
 class Executor(RealExecutor):  # type: ignore[misc]
     """Local executor whose jobs are forks of a server, in the module ``server`` beside this one."""
 
@@ -132,9 +139,7 @@ class Executor(RealExecutor):  # type: ignore[misc]
         self._local.shutdown()
         if self._server is not None:
             self._server.end()
-        for thread in threading.enumerate():
-            if isinstance(thread, threading.Timer):
-                thread.cancel()  # those of the limit of jobs per second would hold the end for one second
+        cancel_timers()
 
     def cancel(self) -> None:
         """End the jobs that run, and the server."""

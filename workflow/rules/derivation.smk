@@ -9,7 +9,7 @@ rule derive_coefficients:
         LOG("derive"),
     priority: 1  # the longest job on one core starts first, so that no core is idle at the end
     params:
-        task=task("nearharmonic_paper.experiments.derivation.run:derive", settings=CONFIG.derive),
+        task=lambda wildcards: task("nearharmonic_paper.experiments.derivation.run:derive", settings=CONFIG.derive),
     script:
         "../scripts/task.py"
 

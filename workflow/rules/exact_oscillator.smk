@@ -9,8 +9,12 @@ TWO_STEPS["exact_oscillator"] = {
     "run": RUN("exact_oscillator/trajectories"),
     "results": {"cube": CUBE("exact_oscillator"), "table": TABLE("exact_oscillator")},
     "logs": ("exact_oscillator/run", "exact_oscillator/errors"),
-    "measure": task("nearharmonic_paper.experiments.exact_oscillator.run:measure", **EXACT_OSCILLATOR),
-    "reduce": task("nearharmonic_paper.experiments.exact_oscillator.reductions:reduce", **EXACT_OSCILLATOR),
+    "measure": lambda wildcards: task(
+        "nearharmonic_paper.experiments.exact_oscillator.run:measure", **EXACT_OSCILLATOR
+    ),
+    "reduce": lambda wildcards: task(
+        "nearharmonic_paper.experiments.exact_oscillator.reductions:reduce", **EXACT_OSCILLATOR
+    ),
 }
 
 
@@ -23,7 +27,7 @@ rule exact_oscillator_times:
         LOG("exact_oscillator/times"),
     threads: ALL_CORES  # no other job runs during the timing
     params:
-        task=task(
+        task=lambda wildcards: task(
             "nearharmonic_paper.experiments.exact_oscillator.reductions:measure_times",
             exact=CONFIG.exact_oscillator.methods,
             settings=CONFIG.exact_oscillator,

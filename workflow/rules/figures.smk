@@ -14,7 +14,7 @@ for _cube in dict.fromkeys(one.cube for one in FIGURES):
             LOG(f"figures/{_cube or 'substeps'}"),
         params:
             **LOOK,
-            tasks={one.stem: task(one.draw, **one.settings) for one in _figures},
+            tasks=lambda wildcards, figures=_figures: {one.stem: task(one.draw, **one.settings) for one in figures},
             captions={one.stem: one.caption for one in _figures},
         script:
             "../scripts/draw.py"

@@ -8,7 +8,9 @@ rule chaos:
         LOG("reduce/henon_heiles_chaos"),
     priority: 2  # the claims wait for it
     params:
-        task=task("nearharmonic_paper.experiments.paper.orbits:chaos", integrator="babps8o7h", t_end=200_000),
+        task=lambda wildcards: task(
+            "nearharmonic_paper.experiments.paper.orbits:chaos", integrator="babps8o7h", t_end=200_000
+        ),
     script:
         "../scripts/task.py"
 
@@ -20,6 +22,8 @@ rule displaced:
         LOG("reduce/substeps_displaced"),
     priority: 2  # the claims wait for it
     params:
-        task=task("nearharmonic_paper.experiments.paper.orbits:displaced", integrator="babs7o7h", iterations=100_000),
+        task=lambda wildcards: task(
+            "nearharmonic_paper.experiments.paper.orbits:displaced", integrator="babs7o7h", iterations=100_000
+        ),
     script:
         "../scripts/task.py"

@@ -181,7 +181,7 @@ if DOCS == "docs":
             LOG("pages/verdicts"),
         params:
             own=digest_of_own(),
-            task=task(
+            task=lambda wildcards: task(
                 "nearharmonic_paper.claims.documents:verdicts",
                 folder=RESULTS,
                 readme="README.md",

@@ -108,7 +108,9 @@ rule decompose:
         LOG("reduce/sho_terms"),
     priority: 2
     params:
-        task=task("nearharmonic_paper.experiments.paper.tableaus:decompose", integrators=CONFIG.decomposed),
+        task=lambda wildcards: task(
+            "nearharmonic_paper.experiments.paper.tableaus:decompose", integrators=CONFIG.decomposed
+        ),
     script:
         "../scripts/task.py"
 
@@ -121,7 +123,7 @@ rule skipped:
     log:
         LOG("tables/skipped"),
     params:
-        task=task(
+        task=lambda wildcards: task(
             "nearharmonic_paper.experiments.paper.run:omissions_table",
             sweeps=CONFIG.sweeps,
             integrators=CONFIG.methods,
@@ -137,7 +139,9 @@ rule paper_tables:
         LOG("tables/paper_tables"),
     priority: 2  # the claims wait for it
     params:
-        task=task("nearharmonic_paper.experiments.paper.tableaus:paper_tables", integrators=CONFIG.compared),
+        task=lambda wildcards: task(
+            "nearharmonic_paper.experiments.paper.tableaus:paper_tables", integrators=CONFIG.compared
+        ),
     script:
         "../scripts/task.py"
 

@@ -18,7 +18,7 @@ rule figure_of_regularised:
     log:
         LOG("pages/figure_of_regularised"),
     params:
-        task=task("nearharmonic_paper.experiments.work_precision.figures:figure_of_file"),
+        task=lambda wildcards: task("nearharmonic_paper.experiments.work_precision.figures:figure_of_file"),
     script:
         "../scripts/task.py"
 
@@ -35,7 +35,9 @@ for _stem, _colours in _SHOWN.items():
         log:
             LOG(f"pages/{_stem}"),
         params:
-            task=task("nearharmonic_paper.report.shown:few_colours", colours=_colours),
+            task=lambda wildcards, colours=_colours: task(
+                "nearharmonic_paper.report.shown:few_colours", colours=colours
+            ),
         script:
             "../scripts/task.py"
 

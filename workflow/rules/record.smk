@@ -10,6 +10,7 @@ from nearharmonic.integrators import plain_integrators
 from nearharmonic_paper.experiments.paper.earlier import forget, keep
 from nearharmonic_paper.experiments.paper.run import summary_line
 from nearharmonic_paper.record.verify import check_tasks
+from snakemake_executor_plugin_nearharmonic_forkserver import cancel_timers
 
 CLAIMS, OMISSIONS = "tables/claims.json", "tables/skipped.csv"
 #: Former names of targets, which warn, and their present names.
@@ -82,6 +83,7 @@ def record_start():
 
 def record_end(exit_status):
     """Write the manifest and the line of the history."""
+    cancel_timers()  # also those of interrupted runs and of other executors
     if not IS_TOUCHED:
         if not exit_status:
             forget(Path(RESULTS))

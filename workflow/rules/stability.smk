@@ -6,8 +6,12 @@ TWO_STEPS["kinetic_energy"] = {
     "run": RUN("stability/kinetic_energy"),
     "results": {"cube": CUBE("kinetic_energy"), "table": TABLE("kinetic_energy")},
     "logs": ("stability/kinetic_energy_run", "stability/kinetic_energy"),
-    "measure": task("nearharmonic_paper.experiments.stability.run:kinetic_energy_measure", integrators=CONFIG.methods),
-    "reduce": task("nearharmonic_paper.experiments.stability.reductions:kinetic_energy", integrators=CONFIG.methods),
+    "measure": lambda wildcards: task(
+        "nearharmonic_paper.experiments.stability.run:kinetic_energy_measure", integrators=CONFIG.methods
+    ),
+    "reduce": lambda wildcards: task(
+        "nearharmonic_paper.experiments.stability.reductions:kinetic_energy", integrators=CONFIG.methods
+    ),
 }
 
 
@@ -71,7 +75,9 @@ rule linear_stability_cube:
     log:
         LOG("stability/linear"),
     params:
-        task=task("nearharmonic_paper.experiments.stability.reductions:linear", integrators=CONFIG.methods),
+        task=lambda wildcards: task(
+            "nearharmonic_paper.experiments.stability.reductions:linear", integrators=CONFIG.methods
+        ),
     script:
         "../scripts/task.py"
 

@@ -34,7 +34,7 @@ rule structure_cube:
     log:
         LOG("stability/conservation"),
     params:
-        task=task(
+        task=lambda wildcards: task(
             "nearharmonic_paper.experiments.stability.reductions:structure",
             integrators=CONFIG.stepwise,
             t_end=STRUCTURE_T_END,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import atexit
+import itertools
 import shutil
 from dataclasses import dataclass, replace
 
@@ -36,6 +38,10 @@ def edited(package, module, line="_EDITED = 1"):
     with (package / module).open("a", encoding="utf-8") as file:
         file.write(f"{line}\n")
     return package
+
+
+def tree_digest(text):
+    return sources.parsed(text.encode()).digest
 
 
 def digests(root):
@@ -91,6 +97,19 @@ def test_a_comment_or_a_docstring_is_no_edit(package):
 def test_a_string_that_is_no_docstring_is_code(package):
     names = ["x = 'a'\n", "x = 'b'\n", "def f():\n    x = 1\n    'a'\n", "def f():\n    x = 1\n    'b'\n"]
     assert len({sources.parsed(text.encode()).digest for text in names}) == 4
+
+
+def test_texts_have_the_same_digest_exactly_if_the_library_prints_the_same_tree():
+    texts = "1|1.0|True|'1'|b'1'|1j|...|None|x|'x'|x.a|x .a|Name|f(x)|f(x,)|f(*x)|f(x=x)|[x]|(x)|(x,)|{x}|{**x}|x[0]"
+    texts += "|x[0:]|x+y|x - y|x-y|x<y<z|not x|x: int|(x): int|x = y|x += y|assert x|lambda a: a|lambda *, a: a"
+    texts += (
+        "|f'{x}'|f'{x!r}'|[x for x in y]|global x|import a|import a as b|lambda a: a|from . import a|from .. import a"
+    )
+    codes = [f"pass\n{text}" for text in texts.split("|")]
+    printed = {code: ast.dump(ast.parse(code)) for code in codes}
+    pairs = [*itertools.combinations(codes, 2)]
+    same = [pair for pair in pairs if len({*map(tree_digest, pair)}) == 1]
+    assert same == [pair for pair in pairs if len({printed[code] for code in pair}) == 1] != []
 
 
 @pytest.mark.slow

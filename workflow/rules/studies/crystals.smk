@@ -47,7 +47,9 @@ rule crystals_averages:
     log:
         LOG("crystals/averages"),
     params:
-        task=task("nearharmonic_studies.crystals.run:averages", names=AVERAGED, settings=CONFIG.crystals),
+        task=lambda wildcards: task(
+            "nearharmonic_studies.crystals.run:averages", names=AVERAGED, settings=CONFIG.crystals
+        ),
     script:
         "../../scripts/task.py"
 
@@ -63,7 +65,7 @@ rule crystals_cube:
     log:
         LOG("crystals/cube"),
     params:
-        task=task(
+        task=lambda wildcards: task(
             "nearharmonic_studies.crystals.results:reduce",
             names=CONFIG.crystals.methods,
             settings=CONFIG.crystals,

@@ -29,7 +29,7 @@ rule samplers_limits:
     log:
         LOG("samplers/limits"),
     params:
-        task=task("nearharmonic_studies.samplers.run:measure_limits", settings=CONFIG.samplers),
+        task=lambda wildcards: task("nearharmonic_studies.samplers.run:measure_limits", settings=CONFIG.samplers),
     script:
         "../../scripts/task.py"
 
@@ -42,7 +42,7 @@ rule samplers_gaussians:
     log:
         LOG("samplers/gaussians"),
     params:
-        task=task("nearharmonic_studies.samplers.run:gaussians", settings=CONFIG.samplers),
+        task=lambda wildcards: task("nearharmonic_studies.samplers.run:gaussians", settings=CONFIG.samplers),
     script:
         "../../scripts/task.py"
 
@@ -75,7 +75,7 @@ rule samplers_cube:
     log:
         LOG("samplers/cube"),
     params:
-        task=task("nearharmonic_studies.samplers.results:reduce", settings=CONFIG.samplers),
+        task=lambda wildcards: task("nearharmonic_studies.samplers.results:reduce", settings=CONFIG.samplers),
     script:
         "../../scripts/task.py"
 

@@ -10,7 +10,9 @@ rule search_sixth_order:
     priority: 2  # two cores are free together only at the start
     threads: 2
     params:
-        task=task("nearharmonic_studies.sixth_order.search:search", settings=CONFIG.beyond, integrators=CONFIG.methods),
+        task=lambda wildcards: task(
+            "nearharmonic_studies.sixth_order.search:search", settings=CONFIG.beyond, integrators=CONFIG.methods
+        ),
     script:
         "../../scripts/task.py"
 

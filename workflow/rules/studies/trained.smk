@@ -18,22 +18,22 @@ TWO_STEPS["trained_proof"] = {
         "methods": TABLE("trained_methods"),
     },
     "logs": ("trained/proof_run", "trained/proof"),
-    "measure": task("nearharmonic_studies.trained.run:proof_measure", **PROOF),
-    "reduce": task("nearharmonic_studies.trained.reductions:reduce_proof", **PROOF),
+    "measure": lambda wildcards: task("nearharmonic_studies.trained.run:proof_measure", **PROOF),
+    "reduce": lambda wildcards: task("nearharmonic_studies.trained.reductions:reduce_proof", **PROOF),
 }
 TWO_STEPS["trained_ideas"] = {
     "run": RUN("trained/ideas"),
     "results": {"cube": CUBE("trained_ideas"), "table": TABLE("trained_ideas")},
     "logs": ("trained/ideas_run", "trained/ideas"),
-    "measure": task("nearharmonic_studies.trained.run:ideas_measure", **IDEAS),
-    "reduce": task("nearharmonic_studies.trained.reductions:reduce_ideas", **IDEAS),
+    "measure": lambda wildcards: task("nearharmonic_studies.trained.run:ideas_measure", **IDEAS),
+    "reduce": lambda wildcards: task("nearharmonic_studies.trained.reductions:reduce_ideas", **IDEAS),
 }
 TWO_STEPS["trained_long"] = {
     "run": RUN("trained/long"),
     "results": {"table": TABLE("trained_long")},
     "logs": ("trained/long_run", "trained/long"),
-    "measure": task("nearharmonic_studies.trained.run:long_runs_measure", **LONG),
-    "reduce": task("nearharmonic_studies.trained.reductions:reduce_long_runs", **LONG),
+    "measure": lambda wildcards: task("nearharmonic_studies.trained.run:long_runs_measure", **LONG),
+    "reduce": lambda wildcards: task("nearharmonic_studies.trained.reductions:reduce_long_runs", **LONG),
 }
 
 
@@ -46,7 +46,7 @@ rule trained_times_table:
         LOG("trained/times"),
     threads: ALL_CORES  # no other job runs during the timing
     params:
-        task=task("nearharmonic_studies.trained.run:measure_times", **PROOF),
+        task=lambda wildcards: task("nearharmonic_studies.trained.run:measure_times", **PROOF),
     script:
         "../../scripts/task.py"
 

@@ -40,6 +40,6 @@ rule register_trained:
     log:
         LOG("trained/registration"),
     params:
-        task=task("nearharmonic_studies.trained.search:register"),
+        task=lambda wildcards: task("nearharmonic_studies.trained.search:register"),
     script:
         "../../scripts/task.py"
