@@ -83,13 +83,14 @@ def totals(rows: Any) -> Floats:
     """
     left = np.asarray(rows, dtype=float)
     shape, spare, parts = left.shape[:-1], left.shape[-1].bit_length() + 1, [np.zeros(left.shape[:-1])]
-    if not np.abs(left).max(initial=0.0) < 2.0**900:  # also for NaN
-        return np.array([total(row) for row in left.reshape(-1, left.shape[-1])]).reshape(shape)
-    while left.any():
-        unit = np.ldexp(1.0, np.frexp(np.abs(left).max(axis=-1, keepdims=True))[1] + spare)
-        high = left + unit - unit
+    while (largest := np.maximum(left.max(-1, initial=0.0), -left.min(-1, initial=0.0))).any():
+        if not largest.max() < 2.0**900:  # also for NaN
+            return np.array([total(row) for row in left.reshape(-1, left.shape[-1])]).reshape(shape)
+        unit = np.ldexp(1.0, np.frexp(largest)[1] + spare)[..., None]
+        high = left + unit
+        high -= unit
         parts.append(high.sum(axis=-1))
-        left = left - high
+        left = np.subtract(left, high, out=high)
     return np.array([fsum(one) for one in np.stack(parts, axis=-1).reshape(-1, len(parts)).tolist()]).reshape(shape)
 
 

@@ -487,8 +487,8 @@ def _variables(group: Any, leave_out: Collection[str]) -> Iterator[tuple[str, Va
 
 #: Level 1 compresses trajectories, whose low bits are noise, as well as level 4 within a percent, in half the time.
 GZIP_LEVEL = 1
-#: Bytes: below this size compression costs more (a chunk index) than it saves.
-WORTH_COMPRESSING = 1024
+#: Bytes: below this size compression costs more (a chunk index, and the time for it) than it saves.
+WORTH_COMPRESSING = 8192
 #: Bytes: HDF5 caches chunks up to this size; larger chunks are decompressed again at every partial read.
 LARGEST_CHUNK = 2**20
 #: The bytes of one significance of many doubles, but the highest, are noise if no value has this share of a sample of
@@ -594,7 +594,7 @@ def _flags(name: str, values: np.ndarray, notes: dict[str, Any]) -> tuple[np.nda
 
 
 def _stored(group: Any, name: str, values: np.ndarray) -> Any:
-    """Create a variable; large ones are compressed in chunks, which contain as many trailing axes as fit."""
+    """Create a variable; large ones are compressed in chunks of equal size, with as many trailing axes as fit."""
     import h5py
 
     if values.dtype.kind in "UO":
@@ -604,7 +604,8 @@ def _stored(group: Any, name: str, values: np.ndarray) -> Any:
     chunks: list[int] = []
     size = values.itemsize
     for length in reversed(values.shape):
-        chunks.insert(0, min(length, max(1, LARGEST_CHUNK // size)))
+        pieces = -(-length // max(1, LARGEST_CHUNK // size))
+        chunks.insert(0, -(-length // pieces))
         size *= length
     made = group.create_dataset(
         name, values.shape, values.dtype, chunks=tuple(chunks), compression="gzip", compression_opts=GZIP_LEVEL,
@@ -612,14 +613,15 @@ def _stored(group: Any, name: str, values: np.ndarray) -> Any:
     )  # fmt: skip
     for place in made.iter_chunks():
         part = values[place]
-        whole = np.pad(part, [(0, full - size) for full, size in zip(chunks, part.shape, strict=True)])
-        made.id.write_direct_chunk([along.start for along in place], _compressed(whole))
+        if part.shape != made.chunks:
+            part = np.pad(part, [(0, full - size) for full, size in zip(chunks, part.shape, strict=True)])
+        made.id.write_direct_chunk([along.start for along in place], _compressed(part))
     return made
 
 
 def _compressed(chunk: np.ndarray) -> bytes:
     """Return what the filters shuffle and gzip may write for a chunk, with noise as it is."""
-    planes: Any = np.ascontiguousarray(chunk.reshape(-1).view(np.uint8).reshape(-1, chunk.itemsize).T)
+    planes: Any = np.ascontiguousarray(chunk.ravel().view(np.uint8).reshape(-1, chunk.itemsize).T)
     noise = [np.bincount(one).max() < NOISE * one.size for one in planes[:, :: planes.shape[1] // SAMPLED + 1]]
     noise[-1] = False
     pieces = [ZLIB_HEADER]

@@ -153,8 +153,9 @@ def numbers_of(system: str, paths: Iterable[str]) -> xr.Dataset:
 
 
 def _left_out(system: str) -> tuple[str, ...]:
-    """States, the largest part of a run file: only drifts of invariants need them, and the paper does without."""
-    return ("q", "p", "q_low", "p_low") if system in PAPER else ()
+    """Large parts of a run file that no reduction needs; states are for drifts of invariants, which the paper lacks."""
+    unused = () if "energy_error" in reduction.needs else ("energy_error",)
+    return (*unused, *(("q", "p", "q_low", "p_low") if system in PAPER else ()))
 
 
 def numbers(runs: xr.Dataset) -> xr.Dataset:
