@@ -77,15 +77,18 @@ def _load(modules: Iterable[str]) -> None:
 
 
 def _load_definitions() -> None:
-    """Load all methods and systems, which a registry imports when they are asked for; digest the sources of kernels."""
+    """Load methods and systems, which a registry imports when they are asked for, digests and versions of libraries."""
     from nearharmonic.core.native import core_digest
     from nearharmonic.integrators import integrators
     from nearharmonic.systems import systems
+    from nearharmonic_paper.tasks.provenance import LIBRARIES, library_version
 
     for registry in (integrators, systems):
         for name in registry:
             registry[name]
     core_digest()
+    for library in LIBRARIES:
+        library_version(library)
 
 
 def _check(names: Iterable[str]) -> None:

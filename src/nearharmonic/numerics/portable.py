@@ -213,22 +213,28 @@ def power_law(x: Floats, y: Floats) -> tuple[float, float]:
     return line_fit(abscissas - mean(abscissas), log(y))
 
 
-def linear_trend(t: Any, angle: Any) -> tuple[Any, Any]:
-    """Return the slope of an unwrapped angle in rad against ``t``, and half the width of its 95 % interval, by rows.
+def unwrapped(t: Any, angle: Any) -> tuple[Floats, Floats, Bools]:
+    """Return the points of :func:`line_fit` for rows of ``t`` and of an angle in rad: x, y, and where there are some.
 
-    Points that are not finite are excluded; both are NaN with fewer than three points. The residuals are periodic
-    rather than independent, so over complete orbits the interval is too wide rather than too narrow.
+    x is ``t`` less its mean and y the unwrapped angle, at points where both are finite, in front of zeros; a row of
+    fewer than three such points has none. The residuals of an angle are periodic rather than independent, so over
+    complete orbits the interval of its slope is too wide rather than too narrow.
     """
-    return line_fit(*_unwrapped(t, angle))
+    finite = np.isfinite(angle) & np.isfinite(t)
+    if (finite[..., 1:] > finite[..., :-1]).any():
+        order = np.argsort(~finite, axis=-1, kind="stable")
+        t, angle, finite = (np.take_along_axis(row, order, axis=-1) for row in (t, angle, finite))
+    there = finite & (finite.sum(axis=-1, keepdims=True) > 2)
+    x, y = (np.where(there, row, 0.0) for row in (t, angle))
+    return _centred(x, there), np.where(there, np.unwrap(y), 0.0), there
 
 
-def trend_linearity(t: Any, angle: Any) -> tuple[Any, Any]:
-    """Return R^2 of the fit of :func:`linear_trend`, and the slope of the second half of the points over the first's.
+def trend_linearity(x: Floats, y: Floats, there: Bools) -> tuple[Any, Any]:
+    """Return R^2 of the fit of points of :func:`unwrapped`, and the slope of their second half over the first's.
 
     For an odd number of points, both halves contain the middle one. NaN with fewer than three points, or if a
     denominator is zero.
     """
-    x, y, there = _unwrapped(t, angle)
     y, count, place = _centred(y, there), there.sum(axis=-1)[..., None], np.arange(x.shape[-1])
     with np.errstate(all="ignore"):
         spread, half = totals(y * y), (count + 1) // 2
@@ -237,15 +243,6 @@ def trend_linearity(t: Any, angle: Any) -> tuple[Any, Any]:
         first, second = (totals(one * y) / totals(one * one) for one in sides)
         determination = np.where(spread, 1 - totals(residual * residual) / spread, np.nan)
         return determination, np.where(first, second / first, np.nan)
-
-
-def _unwrapped(t: Any, angle: Any) -> tuple[Floats, Floats, Bools]:
-    """``t`` less its mean and unwrapped ``angle`` where both are finite, then 0, and where there are three or more."""
-    finite = np.isfinite(angle) & np.isfinite(t)
-    order = np.argsort(~finite, axis=-1, kind="stable")
-    there = np.take_along_axis(finite & (finite.sum(axis=-1, keepdims=True) > 2), order, axis=-1)
-    x, y = (np.where(there, np.take_along_axis(row, order, axis=-1), 0.0) for row in (t, angle))
-    return _centred(x, there), np.where(there, np.unwrap(y), 0.0), there
 
 
 def _centred(x: Floats, there: Bools) -> Floats:

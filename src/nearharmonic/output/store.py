@@ -390,8 +390,8 @@ def attributes_in(member: Any) -> dict[str, Any]:
 
     A TypeError says that an attribute is neither numbers nor texts.
     """
-    names = (name for name in member.attrs if not name.startswith("_") and name not in SCALES)
-    named = {name: member.attrs[name] for name in names}
+    attributes = member.attrs
+    named = {name: attributes[name] for name in attributes if not name.startswith("_") and name not in SCALES}
     for name, value in named.items():
         if not all(isinstance(one, PLAIN) for one in np.asarray(value, object).flat):
             raise TypeError(f"attribute {name} is neither numbers nor texts")
@@ -442,7 +442,7 @@ def read(path: str | os.PathLike[str], group: str | None = None, *, leave_out: C
     with checked(path) as file:
         if group is not None and group not in _groups_in(file):
             raise unusable(path, f"has no readable group {group!r}")
-        return _dataset(file, file if group is None else file[group], leave_out)
+        return _dataset(attributes_in(file), file if group is None else file[group], leave_out)
 
 
 def read_precisions(path: str | os.PathLike[str], *, leave_out: Collection[str] = ()) -> dict[str, xr.Dataset]:
@@ -451,19 +451,19 @@ def read_precisions(path: str | os.PathLike[str], *, leave_out: Collection[str] 
     Errors are those of :func:`read`.
     """
     with checked(path) as file:
-        groups = {"double": file} | {name: file[name] for name in _groups_in(file)}
-        found = {precision: _dataset(file, group, leave_out) for precision, group in groups.items()}
+        groups, notes = {"double": file} | {name: file[name] for name in _groups_in(file)}, attributes_in(file)
+        found = {precision: _dataset(notes, group, leave_out) for precision, group in groups.items()}
     # The root of a file without runs in double precision is empty.
     return {precision: runs for precision, runs in found.items() if runs.data_vars}
 
 
-def _dataset(file: Any, group: Any, leave_out: Collection[str]) -> xr.Dataset:
+def _dataset(attributes: Mapping[str, Any], group: Any, leave_out: Collection[str]) -> xr.Dataset:
     import xarray as xr
 
     variables = dict(_variables(group, leave_out))
     # CF conventions, section 5: this attribute names auxiliary coordinates.
     named = {name for _, _, notes in variables.values() for name in notes.pop("coordinates", "").split()}
-    return xr.Dataset(variables, attrs=attributes_in(file)).set_coords([name for name in variables if name in named])
+    return xr.Dataset(variables, attrs=attributes).set_coords([name for name in variables if name in named])
 
 
 def _variables(group: Any, leave_out: Collection[str]) -> Iterator[tuple[str, Variable]]:
