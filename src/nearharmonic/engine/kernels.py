@@ -161,11 +161,11 @@ EXTENDED_TIMES = {1: 1.0, WIDTH: 1.05, 2 * WIDTH: 1.5, 4 * WIDTH: 2.4}
 MEMBERS_TOGETHER = 4
 
 
-def most_lanes_of(system: System, numerics: Numerics, step: Composition) -> int:
-    """Return the SIMD lanes for many runs of ``system``: one where V is a function of numba."""
+def most_lanes_of(system: System, numerics: Numerics, step: Composition | None = None) -> int:
+    """Return the SIMD lanes for many runs of ``system``, by default explicit: one where V is a function of numba."""
     if numba_potential(system) is not None:
         return 1
-    if step.implicit:
+    if step is not None and step.implicit:
         return 1 if numerics.precision == "extended" else MEMBERS_TOGETHER
     d = system.formulas().dimension
     return most_lanes(d, compensated=numerics.compensated, extended=numerics.precision == "extended")
