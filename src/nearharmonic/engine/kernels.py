@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from math import isfinite
 from typing import TYPE_CHECKING
@@ -183,18 +183,17 @@ def most_lanes(dimension: int, *, compensated: bool, extended: bool) -> int:
     return width
 
 
-def lanes_for(steps: Integers, most: int, times: Mapping[int, float] = TIMES) -> int:
-    """Return the lanes with which runs of so many ``steps`` (R,) are done first.
+def with_lanes(numerics: Numerics, steps: Integers, system: System, step: Composition) -> Numerics:
+    """Return ``numerics`` with the lanes that runs of so many ``steps`` (R,) are done first with, or with its own.
 
     A queue of runs takes as long as its longest run, or as all steps shared by the lanes if that is more.
     """
-    longest, total = int(steps.max()), int(steps.sum())
-    return min((w for w in times if w <= most), key=lambda w: max(longest, total / w) * times[w])
-
-
-def with_lanes(numerics: Numerics, steps: Integers, system: System, step: Composition) -> Numerics:
-    """Return ``numerics`` with the lanes that runs of so many steps are done first with, unless it has its own."""
     if numerics.width is not None:
         return numerics
     most, times = most_lanes_of(system, numerics, step), EXTENDED_TIMES if numerics.precision == "extended" else TIMES
-    return replace(numerics, width=most if step.implicit and steps.size >= most else lanes_for(steps, most, times))
+    if step.implicit and steps.size >= most:
+        return replace(numerics, width=most)
+    longest, total = int(steps.max()), int(steps.sum())
+    return replace(
+        numerics, width=min((w for w in times if w <= most), key=lambda w: max(longest, total / w) * times[w])
+    )

@@ -630,11 +630,8 @@ def _warn_of_plunge(problem: Setup, start: Floats, paths: Trajectories, constant
 
 
 def warm_up(system: str, precisions: Sequence[str] = ("double",)) -> dict[str, Any]:
-    """Compile the kernels for sweeps of ``system`` into the cache, so that jobs side by side find them there.
-
-    In two registers of lanes, the longest run of a sweep takes about as long as all others share the lanes.
-    """
+    """Compile the kernels for sweeps of ``system`` into the cache, so that jobs side by side find them there."""
     for numerics in (replace(STANDARD, precision=precision) for precision in precisions):
-        width = min(2 * WIDTH, most_lanes_of(systems[system], numerics))
+        width = min(2 * WIDTH, most_lanes_of(systems[system], numerics))  # of more, a sweep lets some idle
         kernel_of(systems[system], replace(numerics, width=width))
     return {}

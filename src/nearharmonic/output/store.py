@@ -601,8 +601,7 @@ def _stored(group: Any, name: str, values: np.ndarray) -> Any:
         return group.create_dataset(name, data=values.astype(object), dtype=h5py.string_dtype(), track_order=True)
     if values.nbytes < WORTH_COMPRESSING:
         return group.create_dataset(name, data=values, track_order=True)
-    chunks: list[int] = []
-    size = values.itemsize
+    chunks, size = list[int](), values.itemsize
     for length in reversed(values.shape):
         pieces = -(-length // max(1, LARGEST_CHUNK // size))
         chunks.insert(0, -(-length // pieces))

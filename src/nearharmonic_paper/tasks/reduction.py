@@ -36,11 +36,6 @@ class Reductions:
 
         return declare
 
-    @property
-    def needs(self) -> set[str]:
-        """Names of the variables that one or another reduction needs."""
-        return {name for _, needs, _ in self._declared for name in needs}
-
     def of(self, dataset: xr.Dataset, over: str = "sample") -> xr.Dataset:
         """Return the results of all reductions over a dimension whose variables are in ``dataset``.
 

@@ -65,10 +65,8 @@ def perihelion_advance(runs: xr.Dataset) -> xr.Dataset:
 
     The latter are the coefficient of determination of the regression, and the ratio of its two halves.
     """
-    period, points = (
-        orbital_period(systems[runs.attrs["system"]]),
-        unwrapped(runs.t.values, runs.perihelion_angle.values),
-    )
+    period = orbital_period(systems[runs.attrs["system"]])
+    points = unwrapped(runs.t.values, runs.perihelion_angle.values)
     slope, width = (_of_whole_runs(runs, value) * period for value in line_fit(*points))
     determination, halves = (_of_whole_runs(runs, value) for value in trend_linearity(*points))
     interval = "half width of the 95 % interval of the perihelion advance per orbit"
@@ -143,21 +141,17 @@ def numbers_of(system: str, paths: Iterable[str]) -> xr.Dataset:
             if "precision" in runs.dims:
                 return runs  # those of all files of a method
             shards.setdefault(precision, []).append(numbers(runs))
-    curves = {name: _in_order(joined(parts, "tau_per_stage")) for name, parts in shards.items()}
+    for parts in shards.values():  # each has increasing step sizes
+        parts.sort(key=lambda runs: runs.tau_per_stage.values.tolist())
+    curves = {name: joined(parts, "tau_per_stage") for name, parts in shards.items()}
     whole = joined([one.expand_dims(precision=[name]) for name, one in curves.items()], "precision")
     whole["precision"].attrs |= described("precision")
     return whole
 
 
-def _in_order(curves: xr.Dataset) -> xr.Dataset:
-    increasing = curves.indexes["tau_per_stage"].is_monotonic_increasing
-    return curves if increasing else curves.sortby("tau_per_stage")
-
-
 def _left_out(system: str) -> tuple[str, ...]:
-    """Large parts of a run file that no reduction needs; states are for drifts of invariants, which the paper lacks."""
-    unused = () if "energy_error" in reduction.needs else ("energy_error",)
-    return (*unused, *(("q", "p", "q_low", "p_low") if system in PAPER else ()))
+    """States, the largest part of a run file: only drifts of invariants need them, and the paper does without."""
+    return ("q", "p", "q_low", "p_low") if system in PAPER else ()
 
 
 def numbers(runs: xr.Dataset) -> xr.Dataset:
