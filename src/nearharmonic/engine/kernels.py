@@ -193,7 +193,5 @@ def with_lanes(numerics: Numerics, steps: Integers, system: System, step: Compos
     most, times = most_lanes_of(system, numerics, step), EXTENDED_TIMES if numerics.precision == "extended" else TIMES
     if step.implicit and steps.size >= most:
         return replace(numerics, width=most)
-    longest, total = int(steps.max()), int(steps.sum())
-    return replace(
-        numerics, width=min((w for w in times if w <= most), key=lambda w: max(longest, total / w) * times[w])
-    )
+    longest, total, widths = int(steps.max()), int(steps.sum()), [w for w in times if w <= most]
+    return replace(numerics, width=min(widths, key=lambda w: max(longest, total / w) * times[w]))
