@@ -19,9 +19,10 @@ from typing import Any
 FIRST = ("nearharmonic_paper.tasks.job", "nearharmonic.core.kernel")
 #: Imported while no job begins or ends, in this order and in small steps, as jobs wait meanwhile.
 PRELOADED = (
-    "nearharmonic.engine.description", "h5py", "mpmath", "nearharmonic.theory", "pandas", "xarray", "matplotlib", "matplotlib.text", "matplotlib.axes",
-    "matplotlib.figure", "matplotlib.backends.backend_pdf", "matplotlib.backends.backend_svg", "PIL.PngImagePlugin",
-    "nearharmonic.plotting.style", "nearharmonic_paper.tasks.schema",
+    "nearharmonic.engine.description", "h5py", "mpmath", "nearharmonic.theory", "pandas", "xarray", "matplotlib",
+    "matplotlib.text", "matplotlib.axes", "matplotlib.figure", "matplotlib.backends.backend_pdf",
+    "matplotlib.backends.backend_svg", "PIL.PngImagePlugin", "nearharmonic.plotting.style",
+    "nearharmonic_paper.tasks.schema",
 )  # fmt: skip
 #: Seconds until interrupted jobs are killed.
 PATIENCE = 5.0
@@ -33,8 +34,9 @@ Jobs = dict[int, tuple[int, int]]
 def serve(descriptor: int) -> None:
     """Fork a process for each request at the pipe ``descriptor``; answer with its number and exit status at its end.
 
-    A request is a number, the modules of the job, its folder, its environment, and the pickled job; None asks to end
-    after all jobs, and SIGINT to interrupt them. If the process at the other end is no longer there, they are killed.
+    A request is a number, the modules of the job, its systems, its folder, its environment, and the pickled job; None
+    asks to end after all jobs, and SIGINT to interrupt them. If the process at the other end is no longer there, they
+    are killed.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # of Ctrl-C; the jobs get one too, and Snakemake says what follows
     requests, unloaded = Connection(descriptor), [*PRELOADED]
@@ -59,8 +61,9 @@ def serve(descriptor: int) -> None:
             if isinstance(request, signal.Signals):
                 _end(jobs, request)
                 return
-            number, modules, *job = request
+            number, modules, names, *job = request
             _load(modules)
+            _check(names)
             _fork(jobs, number, job)
 
 
@@ -74,13 +77,29 @@ def _load(modules: Iterable[str]) -> None:
 
 
 def _load_definitions() -> None:
-    """Load all methods and systems, which a registry imports when they are asked for."""
+    """Load methods and systems, which a registry imports when they are asked for, digests and versions of libraries."""
+    from nearharmonic.core.native import core_digest
     from nearharmonic.integrators import integrators
     from nearharmonic.systems import systems
+    from nearharmonic_paper.tasks.provenance import LIBRARIES, library_version
 
     for registry in (integrators, systems):
         for name in registry:
             registry[name]
+    core_digest()
+    for library in LIBRARIES:
+        library_version(library)
+
+
+def _check(names: Iterable[str]) -> None:
+    """Trace and check the formulas of registered systems for all jobs to come; a job tells what is wrong with them."""
+    from nearharmonic.engine.kernels import STANDARD, cost_of
+    from nearharmonic.systems import systems
+
+    for name in names:
+        if name in systems.registered:
+            with suppress(Exception):
+                cost_of(systems[name], STANDARD)
 
 
 def _fork(jobs: Jobs, number: int, job: list[Any]) -> None:

@@ -154,16 +154,18 @@ REGISTERS = 32
 #: register are bound by the same chain of operations; from two registers on the processor's throughput begins to count.
 #: Measured on planar systems: ``python benchmarks/kernels.py``.
 TIMES = {1: 1.0, WIDTH: 1.2, 2 * WIDTH: 2.0, 4 * WIDTH: 3.6}
+#: The same in extended precision, whose longer chains leave the processor more time for a second register.
+EXTENDED_TIMES = {1: 1.0, WIDTH: 1.05, 2 * WIDTH: 1.5, 4 * WIDTH: 2.4}
 #: Members of an ensemble that an implicit method solves together, beside its stages. One is bound by a chain of
 #: operations; four took 0.75 to 0.9 of its time a member, eight 1.1 to 1.2, on a processor with AVX2.
 MEMBERS_TOGETHER = 4
 
 
-def most_lanes_of(system: System, numerics: Numerics, step: Composition) -> int:
-    """Return the SIMD lanes for many runs of ``system``: one where V is a function of numba."""
+def most_lanes_of(system: System, numerics: Numerics, step: Composition | None = None) -> int:
+    """Return the SIMD lanes for many runs of ``system``, by default explicit: one where V is a function of numba."""
     if numba_potential(system) is not None:
         return 1
-    if step.implicit:
+    if step is not None and step.implicit:
         return 1 if numerics.precision == "extended" else MEMBERS_TOGETHER
     d = system.formulas().dimension
     return most_lanes(d, compensated=numerics.compensated, extended=numerics.precision == "extended")
@@ -181,18 +183,15 @@ def most_lanes(dimension: int, *, compensated: bool, extended: bool) -> int:
     return width
 
 
-def lanes_for(steps: Integers, most: int) -> int:
-    """Return the lanes with which runs of so many ``steps`` (R,) are done first.
+def with_lanes(numerics: Numerics, steps: Integers, system: System, step: Composition) -> Numerics:
+    """Return ``numerics`` with the lanes that runs of so many ``steps`` (R,) are done first with, or with its own.
 
     A queue of runs takes as long as its longest run, or as all steps shared by the lanes if that is more.
     """
-    longest, total = int(steps.max()), int(steps.sum())
-    return min((w for w in TIMES if w <= most), key=lambda w: max(longest, total / w) * TIMES[w])
-
-
-def with_lanes(numerics: Numerics, steps: Integers, system: System, step: Composition) -> Numerics:
-    """Return ``numerics`` with the lanes that runs of so many steps are done first with, unless it has its own."""
     if numerics.width is not None:
         return numerics
-    most = most_lanes_of(system, numerics, step)
-    return replace(numerics, width=most if step.implicit and steps.size >= most else lanes_for(steps, most))
+    most, times = most_lanes_of(system, numerics, step), EXTENDED_TIMES if numerics.precision == "extended" else TIMES
+    if step.implicit and steps.size >= most:
+        return replace(numerics, width=most)
+    longest, total, widths = int(steps.max()), int(steps.sum()), [w for w in times if w <= most]
+    return replace(numerics, width=min(widths, key=lambda w: max(longest, total / w) * times[w]))

@@ -24,9 +24,9 @@ from nearharmonic.engine.description import (
     trajectory_dataset,
     trajectory_variables,
 )
-from nearharmonic.engine.kernels import STANDARD, kernel_of, physics_of
+from nearharmonic.engine.kernels import STANDARD, kernel_of, most_lanes_of, physics_of
 from nearharmonic.engine.numbers import list_of, moves, parameters_at_run_time, standard_parameters, standard_start
-from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_TAUS, checked_samples, checked_tau
+from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_TAUS, WIDTH, checked_samples, checked_tau
 from nearharmonic.engine.setup import Setup, Start, asked_steps, start_of, warn_of_step
 from nearharmonic.errors import SettingError, bad_setting, warn_caller
 from nearharmonic.integrators.tableau import Tableau
@@ -630,7 +630,8 @@ def _warn_of_plunge(problem: Setup, start: Floats, paths: Trajectories, constant
 
 
 def warm_up(system: str, precisions: Sequence[str] = ("double",)) -> dict[str, Any]:
-    """Compile the kernels of ``system`` into the cache, so that jobs side by side find them there."""
-    for precision in precisions:
-        kernel_of(systems[system], replace(STANDARD, precision=precision))
+    """Compile the kernels for sweeps of ``system`` into the cache, so that jobs side by side find them there."""
+    for numerics in (replace(STANDARD, precision=precision) for precision in precisions):
+        width = min(2 * WIDTH, most_lanes_of(systems[system], numerics))  # of more, a sweep lets some idle
+        kernel_of(systems[system], replace(numerics, width=width))
     return {}

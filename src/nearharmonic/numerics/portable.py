@@ -83,13 +83,14 @@ def totals(rows: Any) -> Floats:
     """
     left = np.asarray(rows, dtype=float)
     shape, spare, parts = left.shape[:-1], left.shape[-1].bit_length() + 1, [np.zeros(left.shape[:-1])]
-    if not np.abs(left).max(initial=0.0) < 2.0**900:  # also for NaN
-        return np.array([total(row) for row in left.reshape(-1, left.shape[-1])]).reshape(shape)
-    while left.any():
-        unit = np.ldexp(1.0, np.frexp(np.abs(left).max(axis=-1, keepdims=True))[1] + spare)
-        high = left + unit - unit
+    while (largest := np.maximum(left.max(-1, initial=0.0), -left.min(-1, initial=0.0))).any():
+        if not largest.max() < 2.0**900:  # also for NaN
+            return np.array([total(row) for row in left.reshape(-1, left.shape[-1])]).reshape(shape)
+        unit = np.ldexp(1.0, np.frexp(largest)[1] + spare)[..., None]
+        high = left + unit
+        high -= unit
         parts.append(high.sum(axis=-1))
-        left = left - high
+        left = np.subtract(left, high, out=high)
     return np.array([fsum(one) for one in np.stack(parts, axis=-1).reshape(-1, len(parts)).tolist()]).reshape(shape)
 
 
@@ -212,22 +213,28 @@ def power_law(x: Floats, y: Floats) -> tuple[float, float]:
     return line_fit(abscissas - mean(abscissas), log(y))
 
 
-def linear_trend(t: Any, angle: Any) -> tuple[Any, Any]:
-    """Return the slope of an unwrapped angle in rad against ``t``, and half the width of its 95 % interval, by rows.
+def unwrapped(t: Any, angle: Any) -> tuple[Floats, Floats, Bools]:
+    """Return the points of :func:`line_fit` for rows of ``t`` and of an angle in rad: x, y, and where there are some.
 
-    Points that are not finite are excluded; both are NaN with fewer than three points. The residuals are periodic
-    rather than independent, so over complete orbits the interval is too wide rather than too narrow.
+    x is ``t`` less its mean and y the unwrapped angle, at points where both are finite, in front of zeros; a row of
+    fewer than three such points has none. The residuals of an angle are periodic rather than independent, so over
+    complete orbits the interval of its slope is too wide rather than too narrow.
     """
-    return line_fit(*_unwrapped(t, angle))
+    finite = np.isfinite(angle) & np.isfinite(t)
+    if (finite[..., 1:] > finite[..., :-1]).any():
+        order = np.argsort(~finite, axis=-1, kind="stable")
+        t, angle, finite = (np.take_along_axis(row, order, axis=-1) for row in (t, angle, finite))
+    there = finite & (finite.sum(axis=-1, keepdims=True) > 2)
+    x, y = (np.where(there, row, 0.0) for row in (t, angle))
+    return _centred(x, there), np.where(there, np.unwrap(y), 0.0), there
 
 
-def trend_linearity(t: Any, angle: Any) -> tuple[Any, Any]:
-    """Return R^2 of the fit of :func:`linear_trend`, and the slope of the second half of the points over the first's.
+def trend_linearity(x: Floats, y: Floats, there: Bools) -> tuple[Any, Any]:
+    """Return R^2 of the fit of points of :func:`unwrapped`, and the slope of their second half over the first's.
 
     For an odd number of points, both halves contain the middle one. NaN with fewer than three points, or if a
     denominator is zero.
     """
-    x, y, there = _unwrapped(t, angle)
     y, count, place = _centred(y, there), there.sum(axis=-1)[..., None], np.arange(x.shape[-1])
     with np.errstate(all="ignore"):
         spread, half = totals(y * y), (count + 1) // 2
@@ -236,15 +243,6 @@ def trend_linearity(t: Any, angle: Any) -> tuple[Any, Any]:
         first, second = (totals(one * y) / totals(one * one) for one in sides)
         determination = np.where(spread, 1 - totals(residual * residual) / spread, np.nan)
         return determination, np.where(first, second / first, np.nan)
-
-
-def _unwrapped(t: Any, angle: Any) -> tuple[Floats, Floats, Bools]:
-    """``t`` less its mean and unwrapped ``angle`` where both are finite, then 0, and where there are three or more."""
-    finite = np.isfinite(angle) & np.isfinite(t)
-    order = np.argsort(~finite, axis=-1, kind="stable")
-    there = np.take_along_axis(finite & (finite.sum(axis=-1, keepdims=True) > 2), order, axis=-1)
-    x, y = (np.where(there, np.take_along_axis(row, order, axis=-1), 0.0) for row in (t, angle))
-    return _centred(x, there), np.where(there, np.unwrap(y), 0.0), there
 
 
 def _centred(x: Floats, there: Bools) -> Floats:

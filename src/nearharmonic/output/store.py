@@ -390,8 +390,8 @@ def attributes_in(member: Any) -> dict[str, Any]:
 
     A TypeError says that an attribute is neither numbers nor texts.
     """
-    names = (name for name in member.attrs if not name.startswith("_") and name not in SCALES)
-    named = {name: member.attrs[name] for name in names}
+    attributes = member.attrs
+    named = {name: attributes[name] for name in attributes if not name.startswith("_") and name not in SCALES}
     for name, value in named.items():
         if not all(isinstance(one, PLAIN) for one in np.asarray(value, object).flat):
             raise TypeError(f"attribute {name} is neither numbers nor texts")
@@ -442,7 +442,7 @@ def read(path: str | os.PathLike[str], group: str | None = None, *, leave_out: C
     with checked(path) as file:
         if group is not None and group not in _groups_in(file):
             raise unusable(path, f"has no readable group {group!r}")
-        return _dataset(file, file if group is None else file[group], leave_out)
+        return _dataset(attributes_in(file), file if group is None else file[group], leave_out)
 
 
 def read_precisions(path: str | os.PathLike[str], *, leave_out: Collection[str] = ()) -> dict[str, xr.Dataset]:
@@ -451,19 +451,19 @@ def read_precisions(path: str | os.PathLike[str], *, leave_out: Collection[str] 
     Errors are those of :func:`read`.
     """
     with checked(path) as file:
-        groups = {"double": file} | {name: file[name] for name in _groups_in(file)}
-        found = {precision: _dataset(file, group, leave_out) for precision, group in groups.items()}
+        groups, notes = {"double": file} | {name: file[name] for name in _groups_in(file)}, attributes_in(file)
+        found = {precision: _dataset(notes, group, leave_out) for precision, group in groups.items()}
     # The root of a file without runs in double precision is empty.
     return {precision: runs for precision, runs in found.items() if runs.data_vars}
 
 
-def _dataset(file: Any, group: Any, leave_out: Collection[str]) -> xr.Dataset:
+def _dataset(attributes: Mapping[str, Any], group: Any, leave_out: Collection[str]) -> xr.Dataset:
     import xarray as xr
 
     variables = dict(_variables(group, leave_out))
     # CF conventions, section 5: this attribute names auxiliary coordinates.
     named = {name for _, _, notes in variables.values() for name in notes.pop("coordinates", "").split()}
-    return xr.Dataset(variables, attrs=attributes_in(file)).set_coords([name for name in variables if name in named])
+    return xr.Dataset(variables, attrs=attributes).set_coords([name for name in variables if name in named])
 
 
 def _variables(group: Any, leave_out: Collection[str]) -> Iterator[tuple[str, Variable]]:
@@ -487,8 +487,8 @@ def _variables(group: Any, leave_out: Collection[str]) -> Iterator[tuple[str, Va
 
 #: Level 1 compresses trajectories, whose low bits are noise, as well as level 4 within a percent, in half the time.
 GZIP_LEVEL = 1
-#: Bytes: below this size compression costs more (a chunk index) than it saves.
-WORTH_COMPRESSING = 1024
+#: Bytes: below this size compression costs more (a chunk index, and the time for it) than it saves.
+WORTH_COMPRESSING = 8192
 #: Bytes: HDF5 caches chunks up to this size; larger chunks are decompressed again at every partial read.
 LARGEST_CHUNK = 2**20
 #: The bytes of one significance of many doubles, but the highest, are noise if no value has this share of a sample of
@@ -594,17 +594,17 @@ def _flags(name: str, values: np.ndarray, notes: dict[str, Any]) -> tuple[np.nda
 
 
 def _stored(group: Any, name: str, values: np.ndarray) -> Any:
-    """Create a variable; large ones are compressed in chunks, which contain as many trailing axes as fit."""
+    """Create a variable; large ones are compressed in chunks of equal size, with as many trailing axes as fit."""
     import h5py
 
     if values.dtype.kind in "UO":
         return group.create_dataset(name, data=values.astype(object), dtype=h5py.string_dtype(), track_order=True)
     if values.nbytes < WORTH_COMPRESSING:
         return group.create_dataset(name, data=values, track_order=True)
-    chunks: list[int] = []
-    size = values.itemsize
+    chunks, size = list[int](), values.itemsize
     for length in reversed(values.shape):
-        chunks.insert(0, min(length, max(1, LARGEST_CHUNK // size)))
+        pieces = -(-length // max(1, LARGEST_CHUNK // size))
+        chunks.insert(0, -(-length // pieces))
         size *= length
     made = group.create_dataset(
         name, values.shape, values.dtype, chunks=tuple(chunks), compression="gzip", compression_opts=GZIP_LEVEL,
@@ -612,14 +612,15 @@ def _stored(group: Any, name: str, values: np.ndarray) -> Any:
     )  # fmt: skip
     for place in made.iter_chunks():
         part = values[place]
-        whole = np.pad(part, [(0, full - size) for full, size in zip(chunks, part.shape, strict=True)])
-        made.id.write_direct_chunk([along.start for along in place], _compressed(whole))
+        if part.shape != made.chunks:
+            part = np.pad(part, [(0, full - size) for full, size in zip(chunks, part.shape, strict=True)])
+        made.id.write_direct_chunk([along.start for along in place], _compressed(part))
     return made
 
 
 def _compressed(chunk: np.ndarray) -> bytes:
     """Return what the filters shuffle and gzip may write for a chunk, with noise as it is."""
-    planes: Any = np.ascontiguousarray(chunk.reshape(-1).view(np.uint8).reshape(-1, chunk.itemsize).T)
+    planes: Any = np.ascontiguousarray(chunk.ravel().view(np.uint8).reshape(-1, chunk.itemsize).T)
     noise = [np.bincount(one).max() < NOISE * one.size for one in planes[:, :: planes.shape[1] // SAMPLED + 1]]
     noise[-1] = False
     pieces = [ZLIB_HEADER]

@@ -25,7 +25,9 @@ from psutil import Process
 
 import nearharmonic as nh
 from nearharmonic.engine import ensemble as module
-from nearharmonic.engine.kernels import kernel_of
+from nearharmonic.engine.kernels import kernel_of, with_lanes
+from nearharmonic.engine.settings import Numerics
+from nearharmonic.engine.trajectory import warm_up
 from nearharmonic.errors import NearharmonicError
 from support.methods.own_systems import spring
 
@@ -115,6 +117,17 @@ def test_bits_do_not_depend_on_threads_blocks_or_width(monkeypatch):
         assert found.identical(at_times)
     monkeypatch.setattr(module, "most_lanes_of", lambda *_: 4)
     assert nh.ensemble("henon_heiles", "ruth", 0.1, **given).identical(expected)
+
+
+@pytest.mark.parametrize(("system", "precision"), [("sho", "double"), ("sho", "extended"), ("kepler", "double")])
+def test_kernels_that_are_compiled_ahead_are_those_of_sweeps(system, precision):
+    steps = (1e6 * 10.0 ** (-np.arange(80) / 40)).astype(np.int64)
+    warm_up(system, [precision])
+    known = kernel_of.misses
+    kernel_of(
+        nh.systems[system], with_lanes(Numerics(precision=precision), steps, nh.systems[system], nh.integrators["ruth"])
+    )
+    assert kernel_of.misses == known
 
 
 def test_a_member_that_leaves_leaves_alone():

@@ -12,13 +12,13 @@ import xarray as xr
 from nearharmonic.engine.setup import observable_values
 from nearharmonic.numerics.portable import (
     line_fit,
-    linear_trend,
     log10,
     norms,
     observed_order,
     power_law,
     quasi_random,
     trend_linearity,
+    unwrapped,
 )
 from nearharmonic.systems import systems
 from nearharmonic_paper.experiments.exact_oscillator import ExactOscillatorSettings
@@ -42,8 +42,8 @@ def computations():
     time = np.sort(u[:, 0]) * 87660
     errors = 1e-3 * u[:, 1] * (u[:, 2] + 0.5) ** 2
     tau = np.sort(u[:200, 3]) + 1e-3
-    made = {"perihelion angles": angle, "trend": linear_trend(time, 1e-6 * time + 1e-3 * angle)}
-    made["linearity"] = trend_linearity(time, 1e-6 * time + 1e-3 * angle)
+    made = {"perihelion angles": angle, "trend": line_fit(*unwrapped(time, 1e-6 * time + 1e-3 * angle))}
+    made["linearity"] = trend_linearity(*unwrapped(time, 1e-6 * time + 1e-3 * angle))
     made["fit"] = line_fit(u[:, 0] - 0.5, errors)
     curves = 1e-6 * tau * tau * tau * (1 + 1e-3 * quasi_random(100 * 200, 1, 2).reshape(100, 200))
     orders = (xr.DataArray(x, dims=("curve", "tau_per_stage")) for x in (tau + 0 * curves, curves))

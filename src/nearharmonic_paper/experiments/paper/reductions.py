@@ -21,7 +21,7 @@ from nearharmonic.engine.description import SINCE, drift_variables
 from nearharmonic.engine.settings import Sweep
 from nearharmonic.engine.setup import energy_at_start
 from nearharmonic.integrators import integrators
-from nearharmonic.numerics.portable import Floats, linear_trend, trend_linearity
+from nearharmonic.numerics.portable import Floats, line_fit, trend_linearity, unwrapped
 from nearharmonic.numerics.portable import observed_order as order_of_curve
 from nearharmonic.output import store
 from nearharmonic.output.store import Contents, Variable, Variables, assembled, described, variable, variables_of
@@ -61,25 +61,20 @@ def _of_whole_runs(runs: xr.Dataset, values: Any) -> Floats:
 
 @reduction("t", "perihelion_angle", "status")
 def perihelion_advance(runs: xr.Dataset) -> xr.Dataset:
-    """Advance of the perihelion per orbit, signed, and the half width of its 95 % interval, by regression."""
+    """Advance of the perihelion per orbit by regression, signed, the half width of its 95 % interval, and linearity.
+
+    The latter are the coefficient of determination of the regression, and the ratio of its two halves.
+    """
     period = orbital_period(systems[runs.attrs["system"]])
-    fit = linear_trend(runs.t.values, runs.perihelion_angle.values)
-    slope, width = (_of_whole_runs(runs, value) * period for value in fit)
+    points = unwrapped(runs.t.values, runs.perihelion_angle.values)
+    slope, width = (_of_whole_runs(runs, value) * period for value in line_fit(*points))
+    determination, halves = (_of_whole_runs(runs, value) for value in trend_linearity(*points))
     interval = "half width of the 95 % interval of the perihelion advance per orbit"
-    return xr.Dataset({
-        "perihelion_advance": variable("tau_per_stage", slope, "perihelion advance per orbit", "rad"),
-        "perihelion_advance_interval": variable("tau_per_stage", width, interval, "rad"),
-    })  # fmt: skip
-
-
-@reduction("t", "perihelion_angle", "status")
-def perihelion_linearity(runs: xr.Dataset) -> xr.Dataset:
-    """Coefficient of determination of the regression for the perihelion advance, and the ratio of its two halves."""
-    fit = trend_linearity(runs.t.values, runs.perihelion_angle.values)
-    determination, halves = (_of_whole_runs(runs, value) for value in fit)
     line = "coefficient of determination R^2 of the perihelion angle as a linear function of time"
     ratio = "perihelion advance in the second half of the samples over that in the first"
     return xr.Dataset({
+        "perihelion_advance": variable("tau_per_stage", slope, "perihelion advance per orbit", "rad"),
+        "perihelion_advance_interval": variable("tau_per_stage", width, interval, "rad"),
         "perihelion_advance_linearity": variable("tau_per_stage", determination, line),
         "perihelion_advance_halves": variable("tau_per_stage", halves, ratio),
     })  # fmt: skip
@@ -146,7 +141,9 @@ def numbers_of(system: str, paths: Iterable[str]) -> xr.Dataset:
             if "precision" in runs.dims:
                 return runs  # those of all files of a method
             shards.setdefault(precision, []).append(numbers(runs))
-    curves = {name: joined(parts, "tau_per_stage").sortby("tau_per_stage") for name, parts in shards.items()}
+    for parts in shards.values():  # each has increasing step sizes
+        parts.sort(key=lambda runs: runs.tau_per_stage.values.tolist())
+    curves = {name: joined(parts, "tau_per_stage") for name, parts in shards.items()}
     whole = joined([one.expand_dims(precision=[name]) for name, one in curves.items()], "precision")
     whole["precision"].attrs |= described("precision")
     return whole
