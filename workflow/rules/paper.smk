@@ -88,9 +88,9 @@ rule reduce:
         cube=CUBE("{system}"),
     log:
         LOG("reduce/{system}"),
-    priority: 2
     wildcard_constraints:
         system="|".join(SWEEPS),  # other cubes have rules of their own
+    priority: 2
     params:
         task=lambda wildcards: task(
             "nearharmonic_paper.experiments.paper.reductions:reduce",
