@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 from runpy import run_path
 
@@ -179,13 +179,17 @@ def test_a_figure_names_each_method_or_curve(name):
     assert name not in of_one or len(legend_of(name)) > 2
 
 
+def is_lettered(text):
+    return text.get_fontweight() == "bold" or text.get_text().startswith(r"$\mathbf{")
+
+
 @pytest.mark.parametrize("name", fast_for_the_paper(DECLARED))
 def test_panels_are_lettered_in_order_and_both_axes_are_labelled(name):
     figure = figure_of(name)
-    letters = [text.get_text() for text in figure.findobj(Text) if text.get_fontweight() == "bold"]
-    titles = [text.get_text() for text in figure.findobj(Text)]
-    letters += [title[len(r"$\mathbf{")] for title in titles if title.startswith(r"$\mathbf{")]
-    assert letters == [*"ABCDEFGHI"[: len(letters)]]
+    texts = {text.get_text().removeprefix(r"$\mathbf{"): text for text in figure.findobj(Text) if is_lettered(text)}
+    boxes = {letter[0]: texts[letter].get_window_extent() for letter in sorted(texts)}
+    assert [*boxes] == [*"ABCDEFGHI"[: len(boxes)]]
+    assert all(b.x0 > a.x0 or b.y1 < a.y1 for a, b in pairwise(boxes.values()))
     parts = figure.subfigs or [figure]
     for part in parts:
         for get, over in (("get_xlabel", "get_supxlabel"), ("get_ylabel", "get_supylabel")):
