@@ -25,10 +25,10 @@ N = 20
 
 
 @pytest.fixture
-def chains(monkeypatch):
+def chains():
     """Module of the chains, with JAX in double precision."""
     before = jax.config.jax_enable_x64
-    module = benchmark("chains_of_libraries", monkeypatch)
+    module = benchmark("chains_of_libraries")
     jax.config.update("jax_enable_x64", True)
     yield module
     jax.config.update("jax_enable_x64", before)
