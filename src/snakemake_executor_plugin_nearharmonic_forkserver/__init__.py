@@ -24,7 +24,6 @@ from snakemake_interface_executor_plugins.executors.real import RealExecutor
 from snakemake_interface_executor_plugins.registry import ExecutorPluginRegistry
 from snakemake_interface_executor_plugins.settings import CommonSettings, ExecMode, ExecutorSettingsBase
 
-#: Names by which Snakemake finds what a plugin has.
 common_settings = CommonSettings(non_local_exec=False, implies_no_shared_fs=False, job_deploy_sources=False)
 #: macOS has frameworks that are not safe in a fork.
 FORKS = hasattr(os, "fork") and sys.platform != "darwin"
@@ -89,9 +88,10 @@ class Executor(RealExecutor):  # type: ignore[misc]
         ours, info = frozen(job), SubmittedJobInfo(job=job)
         self.report_job_submission(info)
         self._running[job.jobid] = info
-        environment = {**os.environ, **dict.fromkeys(THREADS, str(ours.threads))}
-        # A job ends with the server, and this with Snakemake.
-        environment[LEADER] = f"{platform.node()}:{ExecutorSettings.server[0].pid}"
+        leader = (
+            f"{platform.node()}:{ExecutorSettings.server[0].pid}"  # a job ends with the server, this with Snakemake
+        )
+        environment = {**os.environ, LEADER: leader, **dict.fromkeys(THREADS, str(ours.threads))}
         self._ask((job.jobid, ours.modules, str(Path.cwd()), environment, pickle.dumps(ours)))
 
     def _ask(self, request: Any) -> None:

@@ -61,7 +61,12 @@ def serve(descriptor: int) -> None:
             else:
                 number, modules, *job = request
                 _load(modules)
-                _fork(jobs, number, job)
+                ended, writable = os.pipe()
+                process = os.fork()
+                if process == 0:
+                    _work(*job)
+                os.close(writable)
+                jobs[ended] = number, process
 
 
 def _load(modules: Iterable[str]) -> None:
@@ -71,15 +76,6 @@ def _load(modules: Iterable[str]) -> None:
             with suppress(Exception):
                 import_module(module)
             gc.freeze()  # collections in forks would copy all pages of memory
-
-
-def _fork(jobs: dict[int, tuple[int, int]], number: int, job: list[Any]) -> None:
-    ended, writable = os.pipe()
-    process = os.fork()
-    if process == 0:
-        _work(*job)
-    os.close(writable)
-    jobs[ended] = number, process
 
 
 def _work(folder: str, environment: dict[str, str], job: bytes) -> None:
