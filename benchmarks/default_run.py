@@ -1,4 +1,4 @@
-"""Where the time of the workflow goes: CPU seconds of each rule, and ratios to another checkout.
+"""Times of the workflow: CPU seconds of each rule, and ratios to another checkout.
 
 Run: ``python benchmarks/default_run.py`` for the default run from an empty kernel cache, and with ``fig3`` or
 ``--configfile config/smoke.yaml`` for less. ``--against ../other`` runs both checkouts in turns, each with the Python

@@ -165,7 +165,7 @@ class Search:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What is asked for, as results tell it."""
+        """The question, as results tell it."""
         return {"system": self.system.name} | {x: getattr(self, x) for x in ("t_end", "measure", "error", "budget")}
 
     @property
