@@ -359,7 +359,7 @@ def failures(entries: Iterable[Entry]) -> list[Entry]:
     return [entry for entry in entries if entry["verdict"] == "fails" and entry["kind"] in SUBSTANCE]
 
 
-def maker_of(needs: Iterable[str]) -> tuple[str, str]:
+def maker_of(needs: Sequence[str]) -> tuple[str, str]:
     """Return the target of the workflow for the files that a statement needs, and its time on two cores."""
     every = experiments()
     maker = next((one for one in every.values() if any(map(one.makes, needs))), every["paper"])
@@ -371,12 +371,6 @@ def deciders(entries: Iterable[Entry]) -> list[tuple[str, str]]:
     return sorted({maker_of(entry["needs"]) for entry in of_the_paper(entries) if entry["verdict"] == OPEN})
 
 
-def with_targets(command: str, targets: Iterable[str]) -> str:
-    """Return a command with targets; behind --configfile Snakemake would take them for further files."""
-    program, option, files = command.partition(" --configfile")
-    return f"{program} {' '.join(targets)}{option}{files}"
-
-
 def verdicts_line(document: str | Path, command: str) -> str:
     """Return a line on the verdicts in ``tables/claims.json``, and the command that decides the open statements."""
     entries = json.loads(Path(document).read_text(encoding="utf-8"))
@@ -385,4 +379,6 @@ def verdicts_line(document: str | Path, command: str) -> str:
     if not targets:
         return f"{tally(entries)}."
     share, times = "all" if len(targets) == len(missing) else "most", ", ".join(targets.values())
-    return f"{tally(entries)}; {with_targets(command, targets)} decides {share} of those left open ({times})."
+    # Behind --configfile Snakemake would take the targets for further files.
+    command = command.replace("-j2", f"-j2 {' '.join(targets)}", 1)
+    return f"{tally(entries)}; {command} decides {share} of those left open ({times})."

@@ -20,7 +20,7 @@ from nearharmonic.integrators import integrators
 from nearharmonic.output.store import attributes_of, read
 from nearharmonic.output.table import Table
 from nearharmonic.plotting.profile import energy_error_label, energy_of, style_of
-from nearharmonic_paper.claims.claim import OPEN, in_words
+from nearharmonic_paper.claims.claim import OPEN, in_words, of_the_paper
 from nearharmonic_paper.claims.claim import VERDICTS as IN_A_SENTENCE
 from nearharmonic_paper.experiments.paper.orbits import paper_panels
 from nearharmonic_paper.experiments.paper.run import PAPER as SYSTEMS_OF_THE_PAPER
@@ -95,6 +95,8 @@ _STRAIGHT = re.compile(r"M [^A-Za-z\"]+(?:L [^A-Za-z\"]+)+")
 #: Successive lines of one style, such as error bars, become one path.
 _ALIKE = re.compile(r'<path d="[^"]*"( clip-path="[^"]*" style="fill: none; [^"]*")/>(?:<path d="[^"]*"\1/>)+')
 _OUTLINE = re.compile(r'd="([^"]*)"')
+#: Width and height of a picture; a browser reserves its space by them.
+_SIZE = re.compile(r'<svg [^>]*?width="([\d.]+)pt" height="([\d.]+)pt"')
 #: Width of a small picture in pixels, for screens of two pixels per unit, and its quality of 100. Before it is resized,
 #: it is reduced to twice this width or more, and compressed with half the effort: both halve the time.
 _WIDTH, _QUALITY, _REDUCED, _EFFORT = 320, 70, 2.0, 2
@@ -188,6 +190,34 @@ def verdict(name: str, number: int) -> str:
 def counted(number: int, one: str, more: str = "") -> str:
     """Return ``number`` with its noun: 1 claim, 2 claims."""
     return f"{number} {one if number == 1 else more or one + 's'}"
+
+
+def minutes(times: Iterable[str]) -> str:
+    """Return the sum of durations such as "50 s" and "3 min", in whole minutes."""
+    seconds = sum(float(number) * {"s": 1, "min": 60, "h": 3600}[unit] for number, unit in map(str.split, times))
+    return counted(max(1, round(seconds / 60)), "minute")
+
+
+#: Statement on the gain over Ruth's method on planets, and the end of the headline for its verdicts.
+_PLANETS = "outperform-ruth-kepler"
+_ON_PLANETS = {
+    "holds": "on planets the gain is orders of magnitude too",
+    "holds but for edges": "on planets the gain is orders of magnitude too",
+    "holds in part": "on planets the gain is orders of magnitude at some step sizes only",
+    "fails": "on planets the gain is a factor, not orders of magnitude",
+}
+
+
+def headline(claims: Sequence[Mapping[str, Any]]) -> str:
+    """Return what came out: how much of the paper, or of its decided part, holds, and the gain on planets."""
+    every = of_the_paper(claims)
+    decided = [claim["verdict"] for claim in every if claim["verdict"] != OPEN]
+    good = sum(verdict in ("holds", "holds but for edges") for verdict in decided)
+    share = "Nothing" if not good else "Most" if 2 * good > len(decided) else "Less than half"
+    share = "All" if decided and good == len(decided) else share
+    subject = "of the paper holds" if 2 * len(decided) > len(every) else "of what these runs decide holds"
+    planets = next((_ON_PLANETS.get(claim["verdict"], "") for claim in every if claim["id"] == _PLANETS), "")
+    return f"{share} {subject}" + (f"; {planets}" if planets else "")
 
 
 # --- Tables of the page, from CSV files of the results, or from Markdown files with headings.
@@ -299,10 +329,11 @@ class ShownResults:
         return sorted({name.partition(".")[0] for name in self._leftovers})
 
     def pictures(self, stem: str) -> dict[str, Any]:
-        """Return the name of a figure's files, its picture, and its small picture, "" without a PNG file."""
+        """Return the name of a figure's files, its picture, its small picture, "" without a PNG file, and its size."""
         png = self.folder / f"figures/{stem}.png"
-        drawn = picture(self._texts.read(f"figures/{stem}.svg"))
-        return {"stem": stem, "picture": drawn, "thumbnail": thumbnail(png) if png.is_file() else ""}
+        svg = self._texts.read(f"figures/{stem}.svg")
+        small, size = thumbnail(png) if png.is_file() else "", _SIZE.search(svg)
+        return {"stem": stem, "picture": picture(svg), "thumbnail": small, "size": size.groups() if size else ()}
 
     @property
     def files(self) -> dict[str, list[str]]:
@@ -351,7 +382,7 @@ _HINT = "A cross on the upper edge is the smallest step size at which a method l
 
 @dataclass(kw_only=True)
 class ShownFigure:
-    """A figure of the page, with its files and the pictures of them as data URIs, "" if they are omitted.
+    """A figure of the page, with its files, the pictures of them as data URIs, "" if they are omitted, and their size.
 
     ``anchor`` is the id of its element, and the name of the page of this figure alone. ``hint`` is a sentence on what
     the interactive panels have besides, and ``document`` the compressed document of their plots. ``statements`` are
@@ -366,6 +397,7 @@ class ShownFigure:
     cube: str | None = None
     picture: str = ""
     thumbnail: str = ""
+    size: Sequence[str] = ()
     statements: list[dict[str, Any]] = field(default_factory=list)
     hint: str = ""
     panels: list[Panel] = field(default_factory=list)
