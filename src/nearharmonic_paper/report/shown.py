@@ -213,7 +213,7 @@ def headline(claims: Sequence[Mapping[str, Any]]) -> str:
     every = of_the_paper(claims)
     decided = [claim["verdict"] for claim in every if claim["verdict"] != OPEN]
     good = sum(verdict in ("holds", "holds but for edges") for verdict in decided)
-    share = "Nothing" if not good else "Most" if 2 * good > len(decided) else "Less than half"
+    share = "Nothing" if not good else "Most" if 2 * good > len(decided) else "At most half"
     share = "All" if decided and good == len(decided) else share
     subject = "of the paper holds" if 2 * len(decided) > len(every) else "of what these runs decide holds"
     planets = next((_ON_PLANETS.get(claim["verdict"], "") for claim in every if claim["id"] == _PLANETS), "")
