@@ -198,26 +198,21 @@ def minutes(times: Iterable[str]) -> str:
     return counted(max(1, round(seconds / 60)), "minute")
 
 
-#: Statement on the gain over Ruth's method on planets, and the end of the headline for its verdicts.
-_PLANETS = "outperform-ruth-kepler"
+#: End of the headline for verdicts on the gain over Ruth's method on planets.
 _ON_PLANETS = {
-    "holds": "on planets the gain is orders of magnitude too",
-    "holds but for edges": "on planets the gain is orders of magnitude too",
-    "holds in part": "on planets the gain is orders of magnitude at some step sizes only",
-    "fails": "on planets the gain is a factor, not orders of magnitude",
+    "holds in part": "; on planets the gain is orders of magnitude at some step sizes only",
+    "fails": "; on planets the gain is a factor, not orders of magnitude",
 }
 
 
 def headline(claims: Sequence[Mapping[str, Any]]) -> str:
     """Return what came out: how much of the paper, or of its decided part, holds, and the gain on planets."""
-    every = of_the_paper(claims)
-    decided = [claim["verdict"] for claim in every if claim["verdict"] != OPEN]
-    good = sum(verdict in ("holds", "holds but for edges") for verdict in decided)
-    share = "Nothing" if not good else "Most" if 2 * good > len(decided) else "At most half"
-    share = "All" if decided and good == len(decided) else share
-    subject = "of the paper holds" if 2 * len(decided) > len(every) else "of what these runs decide holds"
-    planets = next((_ON_PLANETS.get(claim["verdict"], "") for claim in every if claim["id"] == _PLANETS), "")
-    return f"{share} {subject}" + (f"; {planets}" if planets else "")
+    every = {claim["id"]: claim["verdict"] for claim in of_the_paper(claims)}
+    decided = [verdict for verdict in every.values() if verdict != OPEN]
+    good, many = sum(verdict in ("holds", "holds but for edges") for verdict in decided), len(decided)
+    share = "Nothing" if not good else "All" if good == many else "Most" if 2 * good > many else "At most half"
+    subject = "of the paper holds" if 2 * many > len(every) else "of what these runs decide holds"
+    return f"{share} {subject}{_ON_PLANETS.get(every.get('outperform-ruth-kepler', OPEN), '')}"
 
 
 # --- Tables of the page, from CSV files of the results, or from Markdown files with headings.

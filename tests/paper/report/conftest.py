@@ -73,8 +73,9 @@ window.coloursOfText = () => {
   for (const one of document.querySelectorAll("body *")) {
     const said = [...one.childNodes].filter((node) => node.nodeType === 3).map((node) => node.data).join("").trim();
     if (!said || one.closest("script, .panel, .method, svg") || !one.checkVisibility()) continue;
+    const clear = (place) => getComputedStyle(place).backgroundColor === "rgba(0, 0, 0, 0)";
     let paper = one;
-    while (paper !== document.body && getComputedStyle(paper).backgroundColor === "rgba(0, 0, 0, 0)") paper = paper.parentElement;
+    while (paper !== document.body && clear(paper)) paper = paper.parentElement;
     const colours = [getComputedStyle(one).color, getComputedStyle(paper).backgroundColor];
     found.set(colours.join(), [...colours, said.slice(0, 40)]);
   }

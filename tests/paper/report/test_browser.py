@@ -274,13 +274,15 @@ def test_text_has_contrast_of_four_and_half(opened, scheme):
 
 
 def test_pictures_stay_until_plots_are_drawn_in_their_place(opened):
-    page = opened(early="""() => document.addEventListener("DOMContentLoaded", () => {
+    page = opened(
+        early="""() => document.addEventListener("DOMContentLoaded", () => {
       window.early = document.documentElement.scrollHeight;
       window.covered = [...document.querySelectorAll(".live img.static")].map((one) => one.checkVisibility());
       window.shift = 0;
       new PerformanceObserver((seen) => { for (const one of seen.getEntries()) shift += one.value; })
         .observe({ type: "layout-shift", buffered: true });
-    })""")
+    })"""
+    )
     assert page.evaluate("covered") == [True] * len(PLOTS)
     assert not any(shown(page, ".live img.static"))
     assert abs(page.evaluate("document.documentElement.scrollHeight - early")) < 50
