@@ -184,12 +184,13 @@ LAND = Signature(
 MEMBER = Signature(
     (
         integers("first"),  # run of the first thread
-        integers("total_runs"),
+        integers("count"),  # runs
+        integers("stride"),  # between neighbours of another axis
         integers("most"),  # steps of a call
         integers("measured"),
         integers("samples"),
         integers("marks", "samples_of_runs"),
-        integers("scheme", "total_runs"),
+        integers("scheme", "runs"),
         floats("start", "states_of_runs"),
         floats("parameters", "parameters_of_sets"),
         integers("parameter_sets"),
@@ -200,10 +201,10 @@ MEMBER = Signature(
         flags("kick_first"),
         floats("moves", "coefficients"),
         *(floats(name, f"{name}_of_runs") for name in ("states", "energy_error", "worst", "total", "energy", "running")),
-        integers("left_at", "total_runs"),
+        integers("left_at", "runs"),
         floats("work", "work_of_runs"),
-        integers("at", "total_runs"),
-        integers("mark", "total_runs"),
+        integers("at", "runs"),
+        integers("mark", "runs"),
     )
 )
 

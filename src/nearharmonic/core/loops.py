@@ -6,7 +6,7 @@ Rows of arrays are described in :mod:`nearharmonic.core.kernel`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import inf, isnan
+from math import inf, isnan, nan
 from typing import Any
 
 from nearharmonic.core import collocation, step
@@ -368,51 +368,52 @@ def member(form: Form) -> Callable[..., Any]:
     """Return the function of :data:`nearharmonic.core.layout.MEMBER`, to be compiled."""
     stretch, begin_rows = _stretch(form), begin(large=False, quick=form.quick)
 
-    def place(rows, r, total_runs, start, parameters, parameter_sets):
+    def place(rows, r, stride, start, parameters, parameter_sets):
         size, running, given = _tally(), _running(), _parameters()
         for k in range(running):
             rows[k] = 0.0
         for k in range(size):
-            rows[k] = rows[running + k] = start[k * total_runs + r]
+            rows[k] = rows[running + k] = start[k * stride + r]
         for k in range(_tally() // 4):
             rows[running + size + k] = 0.0
         rows[size + LIMIT] = inf
         for k in range(running - given):
             rows[given + k] = parameters[k * parameter_sets + min(r, parameter_sets - 1)]
 
-    def keep(rows, i, total_runs, states, energy_error, worst, total, sample):
-        size, place = _tally(), sample * total_runs + i
+    def keep(rows, i, stride, states, energy_error, worst, total, sample):
+        size, place = _tally(), sample * stride + i
         for k in range(size):
-            states[(sample * size + k) * total_runs + i] = rows[k]
+            states[(sample * size + k) * stride + i] = rows[k]
         record_errors(rows, 0, 1, size, place, rows[size + LATEST], energy_error, worst, total)
 
     def member(
-        first, total_runs, most, measured, samples, marks, scheme, start, parameters, parameter_sets, limit, scale,
+        first, count, stride, most, measured, samples, marks, scheme, start, parameters, parameter_sets, limit, scale,
         reference, stages, kick_first, moves, states, energy_error, worst, total, energy, running, left_at, work, at,
         mark,
     ):  # fmt: skip
         r = first + _thread()
-        if r >= total_runs:
+        if r >= count:
             return
         size, running_at, columns, rows = _tally(), _running(), _columns(), scratch()
-        count, sample, left, done = running_at + 5 * (size // 4), mark[r], most, at[r]
+        numbers, sample, left, done = running_at + 5 * (size // 4), mark[r], most, at[r]
         coefficients = shifted(moves, scheme[r] * (stages + 2) * columns)
         if sample == 0:
-            place(rows, r, total_runs, start, parameters, parameter_sets)
+            place(rows, r, stride, start, parameters, parameter_sets)
             if measured != NEVER:
                 begin_rows(rows)
                 begin_tally(rows, rows, 0, 1, size, limit, scale, reference)
-            energy[r], energy[total_runs + r] = rows[size + ENERGY], rows[size + ENERGY_LOW]
+            energy[r], energy[stride + r] = rows[size + ENERGY], rows[size + ENERGY_LOW]
             left_at[r] = 0
-            keep(rows, r, total_runs, states, energy_error, worst, total, 0)
+            keep(rows, r, stride, states, energy_error, worst, total, 0)
             sample = 1
         else:
-            for k in range(count):
-                rows[k] = work[k * total_runs + r]
-        while left > 0 and sample < samples:
-            due = marks[sample * total_runs + r]
-            if due < 0:
-                sample = samples
+            for k in range(numbers):
+                rows[k] = work[k * stride + r]
+        over = False
+        while sample < samples:
+            due = marks[sample * stride + r]
+            over = due < 0
+            if over or left == 0:
                 break
             opening = 0 if done == 0 else MERGED * columns
             made = stretch(min(due - done, left), stages, kick_first, coefficients, rows, opening)
@@ -421,18 +422,24 @@ def member(form: Form) -> Callable[..., Any]:
             latest = latest_error(rows, 0, 1, size, measured)
             if done >= due or measured < SAMPLES:
                 if not latest <= rows[size + LIMIT]:
-                    left_at[r], sample = done, samples
+                    left_at[r], over = done, True
                     break
                 if measured == SAMPLES:
                     measure_alone(rows, 0, 1, size, latest)
             if done >= due:
-                keep(rows, r, total_runs, states, energy_error, worst, total, sample)
+                keep(rows, r, stride, states, energy_error, worst, total, sample)
                 sample += 1
+        while over and sample < samples:  # behind the end of a run, or where it has diverged
+            for k in range(size):
+                states[(sample * size + k) * stride + r] = nan
+            place_of = sample * stride + r
+            energy_error[place_of] = worst[place_of] = total[place_of] = nan
+            sample += 1
         at[r], mark[r] = done, sample
-        for k in range(count):
-            work[k * total_runs + r] = rows[k]
+        for k in range(numbers):
+            work[k * stride + r] = rows[k]
         for k in range(5 * (size // 4)):
-            running[k * total_runs + r] = rows[running_at + k]
+            running[k * stride + r] = rows[running_at + k]
 
     return member
 

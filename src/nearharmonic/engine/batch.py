@@ -480,7 +480,12 @@ def prepared_batch(
         given["resumed"] = np.empty((0, rows)) if resumed is None else resumed.copy()
         if stages:  # iterations count from the start of a run
             given["resumed"][:, ITERATIONS - COUNTERS] = 0.0
-        call = kernel_of(system, numerics.compiled, **step.kernel_options).prepared(*_in_order(RUN, given))
+        if numerics.device == "gpu":
+            from nearharmonic.engine.device import DeviceCall, gpu, member_kernel
+
+            call = DeviceCall(gpu(), member_kernel(system, numerics.compiled, **step.kernel_options), given)
+        else:
+            call = kernel_of(system, numerics.compiled, **step.kernel_options).prepared(*_in_order(RUN, given))
     return Batch(
         numerics=numerics, marks=marks, scheme=scheme, start=start, parameters=given["parameters"], moves=moves,
         results=results, left_at=left_at, control=control, call=call, cost=cost,
