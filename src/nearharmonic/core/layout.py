@@ -178,8 +178,8 @@ LAND = Signature(
     packed=True,
 )
 
-#: Arguments of ``member``, which advances one run, that of a thread of a GPU. Arrays have the run as their last axis, so
-#: that neighbouring threads read and write neighbouring numbers. ``work`` holds the rows of a kernel with one lane, and
+#: Arguments of ``member``, which advances the run of a thread of a GPU. Arrays have the run as their last axis, so that
+#: neighbouring threads read and write neighbouring numbers. ``work`` holds the rows of a kernel with one lane, and
 #: ``at`` and ``mark`` the steps and the samples done, 0 at the start: a later call goes on from there.
 MEMBER = Signature(
     (
@@ -187,6 +187,7 @@ MEMBER = Signature(
         integers("count"),  # runs
         integers("stride"),  # between neighbours of another axis
         integers("most"),  # steps of a call
+        integers("look"),  # with LOOKS, steps between looks at the energy
         integers("measured"),
         integers("samples"),
         integers("marks", "samples_of_runs"),
@@ -200,7 +201,10 @@ MEMBER = Signature(
         integers("stages"),
         flags("kick_first"),
         floats("moves", "coefficients"),
-        *(floats(name, f"{name}_of_runs") for name in ("states", "energy_error", "worst", "total", "energy", "running")),
+        *(
+            floats(name, f"{name}_of_runs")
+            for name in ("states", "energy_error", "worst", "total", "energy", "running")
+        ),
         integers("left_at", "runs"),
         floats("work", "work_of_runs"),
         integers("at", "runs"),

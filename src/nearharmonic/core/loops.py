@@ -287,7 +287,7 @@ def _measure(form: Form) -> Any:
 
 
 def _stretch(form: Form) -> Any:
-    """``stretch(count, stages, kick_first, moves, rows, opening)``: the steps done; ``opening`` is the first move's row."""
+    """``stretch(count, stages, kick_first, moves, rows, opening)``: steps done; ``opening`` is the row of a first move."""
     load, first, move, behind, last, closed, save = (collocation if form.stages else step).motion(form)
     row_of, measure, quick = step.row_loader(form), _measure(form), form.quick
 
@@ -364,7 +364,7 @@ def begin(*, large: bool, quick: bool) -> Callable[..., Any]:
 _thread, _running = linked_number("thread"), linked_number("running")
 
 
-def member(form: Form) -> Callable[..., Any]:
+def member(form: Form) -> Callable[..., Any]:  # noqa: PLR0915 (the functions of a run, as in :func:`_run`)
     """Return the function of :data:`nearharmonic.core.layout.MEMBER`, to be compiled."""
     stretch, begin_rows = _stretch(form), begin(large=False, quick=form.quick)
 
@@ -386,10 +386,10 @@ def member(form: Form) -> Callable[..., Any]:
             states[(sample * size + k) * stride + i] = rows[k]
         record_errors(rows, 0, 1, size, place, rows[size + LATEST], energy_error, worst, total)
 
-    def member(
-        first, count, stride, most, measured, samples, marks, scheme, start, parameters, parameter_sets, limit, scale,
-        reference, stages, kick_first, moves, states, energy_error, worst, total, energy, running, left_at, work, at,
-        mark,
+    def member(  # noqa: PLR0912 (what a run goes through, in order)
+        first, count, stride, most, look, measured, samples, marks, scheme, start, parameters, parameter_sets, limit,
+        scale, reference, stages, kick_first, moves, states, energy_error, worst, total, energy, running, left_at,
+        work, at, mark,
     ):  # fmt: skip
         r = first + _thread()
         if r >= count:
@@ -416,7 +416,8 @@ def member(form: Form) -> Callable[..., Any]:
             if over or left == 0:
                 break
             opening = 0 if done == 0 else MERGED * columns
-            made = stretch(min(due - done, left), stages, kick_first, coefficients, rows, opening)
+            some = min(due - done, look)
+            made = stretch(min(some, left), stages, kick_first, coefficients, rows, opening)
             done += made
             left -= made
             latest = latest_error(rows, 0, 1, size, measured)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearharmonic.core.gpu import GENERATION, MemberKernel, build_member
-from nearharmonic.core.layout import LOOKS, MEMBER, PROGRESS, STOP, TALLY, parameter_rows, running_at, running_rows
+from nearharmonic.core.layout import FAR, LOOKS, MEMBER, PROGRESS, STOP, running_at, running_rows
 from nearharmonic.engine.kernels import physics_of
 from nearharmonic.engine.settings import Numerics
 from nearharmonic.errors import CompiledCodeError, MissingPackageError, NearharmonicError, bad_setting
@@ -175,9 +175,10 @@ class _Slot:
             (self.device[name],) = gpu.call("cuMemAlloc", size)
             if name not in STAYING:
                 (place,) = gpu.call("cuMemAllocHost", size)
-                held = (ctypes.c_char * size).from_address(int(place))
-                kind = np.int64 if name in INTEGERS else np.float64
-                self.host[name] = np.frombuffer(held, kind)[: int(np.prod(shape))].reshape(shape)
+                kind = ctypes.c_int64 if name in INTEGERS else ctypes.c_double
+                self.host[name] = np.ctypeslib.as_array((kind * int(np.prod(shape))).from_address(int(place))).reshape(
+                    shape
+                )
 
     def free(self) -> None:
         for place in self.device.values():
@@ -218,9 +219,10 @@ class DeviceCall:
     """
 
     def __init__(self, gpu: Gpu, kernel: MemberKernel, given: Mapping[str, Any]) -> None:
-        if given["measured"] == LOOKS or given["resumed"].size:
-            raise bad_setting("device", "gpu", "runs from a start, whose energy is measured at steps or samples")
+        if given["resumed"].size:
+            raise bad_setting("device", "gpu", "runs from a start: a continued run has the bits of one on a processor")
         self.gpu, self.kernel, self.given = gpu, kernel, given
+        self._look = given["stretch"] if given["measured"] == LOOKS else 1
         self._steps = FIRST  # of a launch
 
     def __call__(self) -> None:
@@ -230,7 +232,7 @@ class DeviceCall:
         sets, columns = given["parameters"].shape
         numbers = numbers_of_a_run(given["start"].shape[1] // 4, columns, samples, sets > 1)
         size = runs_of_a_chunk(runs, sum(numbers.values()), gpu.free_memory())
-        shapes = {name: (count, size) for name, count in numbers.items()}
+        shapes: dict[str, tuple[int, ...]] = {name: (count, size) for name, count in numbers.items()}
         if sets == 1:
             shapes["parameters"] = (columns, 1)
         shapes |= {"moves": given["moves"].shape, "reference": (2,)}
@@ -277,7 +279,8 @@ class DeviceCall:
         longest, total, done = int(marks.max()), int(marks.sum()), 0
         function = self.gpu.function(self.kernel)
         while done < longest:
-            steps, begin = min(self._steps, longest - done), time.monotonic()
+            steps = min(-(-self._steps // self._look) * self._look, longest - done)
+            begin = time.monotonic()
             self._launch(function, slot, count, steps)
             yield
             slot.wait()
@@ -287,12 +290,12 @@ class DeviceCall:
 
     def _launch(self, function: Any, slot: _Slot, count: int, steps: int) -> None:
         given = self.given
-        stride = slot.host["scheme"].size
-        plain = {
-            "first": 0, "count": count, "stride": stride, "most": steps, "samples": given["marks"].shape[1],
-            "parameter_sets": slot.host["parameters"].shape[1], "measured": given["measured"], "limit": float(given["limit"]),
-            "scale": float(given["scale"]), "stages": given["stages"], "kick_first": given["kick_first"],
-        }  # fmt: skip
+        plain = {name: given[name] for name in ("measured", "stages", "kick_first")}
+        plain |= {"first": 0, "count": count, "stride": slot.host["scheme"].size, "most": steps, "look": FAR}
+        plain |= {"samples": given["marks"].shape[1], "parameter_sets": slot.host["parameters"].shape[1]}
+        plain |= {name: float(given[name]) for name in ("limit", "scale")}
+        if given["measured"] == LOOKS:
+            plain["look"] = self._look
         values = list[Any]()
         for argument in MEMBER.arguments:
             values += [int(slot.device[argument.name]), 0] if argument.lengths else [plain[argument.name]]
@@ -303,15 +306,13 @@ class DeviceCall:
                 doubles[i] = x
         places = (ctypes.c_void_p * len(values))(*(block.ctypes.data + 8 * i for i in range(len(values))))
         grid = -(-count // BLOCK)
-        self.gpu.call(
-            "cuLaunchKernel", function, grid, 1, 1, BLOCK, 1, 1, 0, slot.stream, ctypes.addressof(places), 0
-        )
+        self.gpu.call("cuLaunchKernel", function, grid, 1, 1, BLOCK, 1, 1, 0, slot.stream, ctypes.addressof(places), 0)
 
     def _receive(self, slot: _Slot) -> None:
         """Wait for a chunk, and put its results where they belong."""
         slot.wait()
         given, chunk, count = self.given, slot.chunk, slot.chunk.stop - slot.chunk.start
-        runs, samples, size = given["states"].shape
+        _, samples, size = given["states"].shape
         for name in RETURNED:
             found = slot.host[name][:, :count]
             if name == "states":
