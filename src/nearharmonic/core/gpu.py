@@ -8,13 +8,14 @@ must not fuse. Functions are those of :mod:`nearharmonic.core.functions`, and no
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from llvmlite import binding, ir
 
 from nearharmonic.core.emission import kinds_of
 from nearharmonic.core.kernel import form_of, formulas_of, joined_code, written
-from nearharmonic.core.layout import MEMBER, Signature
+from nearharmonic.core.layout import MEMBER
 from nearharmonic.core.native import NativeFunction, loaded, object_code, optimised
 from nearharmonic.core.tracing import Physics, Rules
 from nearharmonic.core.values import PREFIX
@@ -54,11 +55,7 @@ class MemberKernel:
     rules: Rules
     energy: str
 
-    @property
-    def signature(self) -> Signature:
-        return MEMBER
-
-    @property
+    @cached_property
     def ptx(self) -> str:
         """The text for a GPU; a CompiledCodeError says what cannot be compiled for one."""
         module = self._module()

@@ -287,7 +287,10 @@ def _measure(form: Form) -> Any:
 
 
 def _stretch(form: Form) -> Any:
-    """``stretch(count, stages, kick_first, moves, rows, opening)``: steps done; ``opening`` is the row of a first move."""
+    """``stretch(count, stages, kick_first, moves, rows, opening)``, which returns the steps done.
+
+    ``opening`` is the row of the first move.
+    """
     load, first, move, behind, last, closed, save = (collocation if form.stages else step).motion(form)
     row_of, measure, quick = step.row_loader(form), _measure(form), form.quick
 
