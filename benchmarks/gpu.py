@@ -1,10 +1,11 @@
 """Bits and speed of runs on a GPU: kernels are prepared here, and run on a machine that has numpy and a driver alone.
 
 ``python benchmarks/gpu.py prepare FOLDER`` writes the text of the kernels, starts, coefficients, and digests of the
-results of this processor: every registered explicit method on the paper's systems and on two others, 10 000 random
-members, 1 000 steps (a few minutes, below 40 MB). ``python benchmarks/gpu.py run FOLDER`` compares the bits on the GPU,
-times each kernel and 1e9 Henon-Heiles trajectories of 1 000 force evaluations, and writes ``FOLDER/found.json`` (at most
-six minutes). ``python benchmarks/gpu.py table`` assembles the kernels with ``ptxas``: registers, spills, instructions.
+results of this processor: every registered explicit method on the paper's systems and on two others, for 10 000 random
+members and 1 000 steps (minutes, below 40 MB). ``python benchmarks/gpu.py run FOLDER`` compares the bits on the GPU,
+times each kernel and 1e9 Henon-Heiles trajectories of 1 000 force evaluations, and writes ``FOLDER/found.json``, in six
+minutes at most; beside it all cores of the same machine, if this package is there. ``python benchmarks/gpu.py table``
+assembles the kernels with ``ptxas``: registers, spills, instructions.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import argparse
 import ctypes
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -99,10 +101,12 @@ def arguments_of(system, method, numerics, tau, starts, spread):
     d, count = system.dimension, len(starts)
     start = np.zeros((count, 4 * d))
     start[:, :d], start[:, 2 * d : 3 * d] = starts[:, :d], starts[:, d:]
-    own = {name: float(value.value) * (1 + spread * np.linspace(-1, 1, count)) for name, value in system.parameters.items()}
+    own = {
+        name: float(value.value) * (1 + spread * np.linspace(-1, 1, count)) for name, value in system.parameters.items()
+    }
     parameters = parameter_array(system, own if spread else {name: x[0] for name, x in own.items()})
     parts = method.compositions
-    step = next(part for part in parts)
+    step = parts[0]
     order = [parts[1], step, parts[2]] if method.processed else [step]
     moves = moves_of(system, method, [Fraction(tau)], numerics)
     lengths = [part.stages + 2 for part in parts]
@@ -112,11 +116,11 @@ def arguments_of(system, method, numerics, tau, starts, spread):
     for part in order:
         marks = sample_marks(np.full(count, STEPS), 2) if part is step else single_steps(count)
         batch = prepared_batch(
-            system, part, asked, marks=marks, scheme=np.zeros(count, np.int64), moves=np.ascontiguousarray(columns[id(part)]),
-            start=start.copy(), parameters=parameters.copy(), own_frequencies=True,
+            system, part, asked, marks=marks, scheme=np.zeros(count, np.int64), start=start.copy(),
+            moves=np.ascontiguousarray(columns[id(part)]), parameters=parameters.copy(), own_frequencies=True,
         )  # fmt: skip
         batch.run()
-        kernel = member_kernel(system, Numerics(**{**vars(asked)}).compiled, **part.kernel_options)
+        kernel = member_kernel(system, Numerics(**vars(asked)).compiled, **part.kernel_options)
         given.append({
             "measured": {"every": 0, "samples": 2}[asked.energy], "steps": int(marks[0, 1]), "stages": part.stages,
             "kick_first": bool(part.first_same_as_last), "limit": surface_limit(system, 0.0), "scale": 0.0,
@@ -175,24 +179,29 @@ def prepare(folder):
 def counted(text):
     """Double-precision instructions of a kernel's text: in its stage loop, in the rest of its step loop, and in all.
 
-    Loops are those of backward branches; the stage loop is the innermost one with a product, the step loop the next.
+    Loops are those of backward branches. The stage loop is the one without another inside, the step loop the next
+    around it. NaN where blocks of the loops are not in order, as for sines.
     """
     lines, places = text.splitlines(), {}
     for i, line in enumerate(lines):
         if found := re.match(r"(\$\w+):", line):
             places[found[1]] = i
-    loops = []
-    for i, line in enumerate(lines):
-        if (found := re.search(r"\bbra(?:\.uni)?\s+(\$\w+);", line)) and places[found[1]] < i:
-            loops.append((places[found[1]], i))
 
     def doubles(begin, end):
         return sum(bool(re.search(r"\t(?:@\S+ )?(?:add|sub|mul|fma|div|sqrt)\.rn\.f64", x)) for x in lines[begin:end])
 
-    inner = [loop for loop in loops if doubles(*loop) and not any(a >= loop[0] and b <= loop[1] and (a, b) != loop and doubles(a, b) for a, b in loops)]
-    stage = min(inner, key=lambda loop: loop[1] - loop[0])
-    outer = [loop for loop in loops if loop[0] <= stage[0] and loop[1] >= stage[1] and loop != stage]
-    step = min(outer, key=lambda loop: loop[1] - loop[0]) if outer else stage
+    ends = {}  # of loops, by their first line
+    for i, line in enumerate(lines):
+        found = re.search(r"\bbra\S*\s+(\$\w+);", line)
+        if found and places[found[1]] < i and doubles(places[found[1]], i):
+            ends[places[found[1]]] = i
+    loops = sorted(ends.items())
+    inner = [(a, b) for a, b in loops if not any(a < c and d <= b for c, d in loops)]
+    if any(a < c < b < d for a, b in loops for c, d in loops) or len(inner) != 1:
+        return {"stage": float("nan"), "step": float("nan"), "all": doubles(0, len(lines))}
+    stage = inner[0]
+    around = [loop for loop in loops if loop[0] < stage[0] and stage[1] < loop[1]]
+    step = max(around, default=stage)
     return {"stage": doubles(*stage), "step": doubles(*step) - doubles(*stage), "all": doubles(0, len(lines))}
 
 
@@ -240,7 +249,9 @@ class Driver:
     def registers_and_blocks(self, function):
         registers, blocks = ctypes.c_int(), ctypes.c_int()
         self.call("cuFuncGetAttribute", ctypes.byref(registers), 4, function)
-        self.call("cuOccupancyMaxActiveBlocksPerMultiprocessor", ctypes.byref(blocks), function, BLOCK, ctypes.c_size_t(0))
+        self.call(
+            "cuOccupancyMaxActiveBlocksPerMultiprocessor", ctypes.byref(blocks), function, BLOCK, ctypes.c_size_t(0)
+        )
         return registers.value, blocks.value
 
     def array(self, values):
@@ -341,6 +352,9 @@ def run(folder, seconds):
     )  # fmt: skip
     found["all"] = everything(driver, functions, told, main, held)
     print(f"{ALL:.0e} trajectories of {EVALUATIONS} evaluations: {found['all']['seconds']:.2f} s of the device")
+    if cores := on_all_cores(main, held):
+        found["cores"] = cores
+        print(json.dumps(cores))
     for name, about in told["kernels"].items():
         case = next(c for c in told["cases"] if any(part["kernel"] == name for part in c["parts"]))
         part = next(part for part in case["parts"] if part["kernel"] == name)
@@ -377,10 +391,30 @@ def everything(driver, functions, told, case, held):
     return {"seconds": took, "shortest launch": one, "evaluations": evaluations, "trajectories a second": ALL / took}
 
 
+def on_all_cores(case, held):
+    """The same trajectories on the processor of this machine, 2**18 of them; nothing where this package is missing."""
+    try:
+        import nearharmonic as nh
+    except ImportError:
+        return {}
+    starts = np.resize(held["start henon_heiles"], (2**18, 4))
+    part = case["parts"][0]
+    steps, threads = EVALUATIONS // part["stages"], len(os.sched_getaffinity(0))
+    begin = time.perf_counter()
+    nh.ensemble(
+        "henon_heiles", case["method"], 0.1 * part["stages"], q0=starts[:, :2], p0=starts[:, 2:],
+        t_end=f"{0.1 * part['stages'] * steps:.6g}", samples=1, threads=threads,
+    )  # fmt: skip
+    took = time.perf_counter() - begin
+    return {"threads": threads, "trajectories a second": len(starts) / took}
+
+
 def timed(driver, function, told, case, part, held, about, rate):
     """Nanoseconds an evaluation, trajectories a second, occupancy, and share of the rate of fused products."""
     runs = 2**20
-    starts = np.resize(state_rows(held[f"start {case['system']}"]), (runs, 2 * held[f"start {case['system']}"].shape[1]))
+    starts = np.resize(
+        state_rows(held[f"start {case['system']}"]), (runs, 2 * held[f"start {case['system']}"].shape[1])
+    )
     parameters = held[f"parameters {case['system']}"]
     if len(parameters) > 1:
         parameters = np.resize(parameters, (runs, parameters.shape[1]))
@@ -436,7 +470,9 @@ def table():
             counts = counted(text)
             spills = sum(map(int, re.findall(r"(\d+) bytes spill", said)))
             registers = re.findall(r"Used (\d+) registers", said)[0]
-            kinds = [len(re.findall(rf"\t{kind}\.rn\.f64", text)) for kind in ("fma", "(?:add|sub)", "mul", "(?:div|sqrt)")]
+            kinds = [
+                len(re.findall(rf"\t{kind}\.rn\.f64", text)) for kind in ("fma", "(?:add|sub)", "mul", "(?:div|sqrt)")
+            ]
             rows.append([name, how, registers, spills, counts["stage"], counts["step"], *kinds])
     header = ["system", "arithmetic", "registers", "spilled bytes", "a stage", "the rest of a step"]
     print("\n".join(pipes([*header, "fma", "add, sub", "mul", "div, sqrt"], rows, align="llr")))

@@ -1,7 +1,7 @@
 """Runs on a GPU: the bits of a processor, chunks that fit the memory, and one sentence where there is no GPU.
 
-The driver is a recorded one, whose threads run the kernel compiled for the processor; what a GPU runs is PTX text, which
-is looked at and assembled here. Bits of a real GPU are compared by ``benchmarks/gpu.py``.
+The driver is a recorded one, whose threads run the kernel compiled for the processor. What a GPU runs is PTX text,
+which is read and assembled here. Bits of a real GPU are compared by ``benchmarks/gpu.py``.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import sys
 import threading
 import time
 from importlib.util import find_spec
+from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -34,6 +35,7 @@ RNG = np.random.default_rng(51)
 #: Members of which some leave their energy surface.
 NEAR, FAR = RNG.normal(0, 0.12, (300, 2)), RNG.normal(0, 0.35, (300, 2))
 PLANETS = np.array([69.8, 0.0]) * RNG.uniform(0.7, 1.4, (300, 1))
+MASSES = np.linspace(1.5, 2, 300)
 CASES = {
     "compensated": ("henon_heiles", "babps8o7h", 1.0, {"q0": FAR}),
     "plain": ("henon_heiles", "ruth", 0.25, {"q0": NEAR, "summation": "plain"}),
@@ -44,7 +46,7 @@ CASES = {
     "no energy": ("sho", "aba1064", 1.0, {"q0": NEAR[:, :1], "energy": "none"}),
     "modified potential": ("henon_heiles", "chin_4a", 0.5, {"q0": NEAR}),
     "processed": ("henon_heiles", "rowlands", 0.5, {"q0": FAR, "samples": 4}),
-    "parameters": ("kepler", "ruth", 30.0, {"q0": PLANETS, "t_end": 900, "parameters": {"GM": np.linspace(1.5, 2, 300)}}),
+    "parameters": ("kepler", "ruth", 30.0, {"q0": PLANETS, "t_end": 900, "parameters": {"GM": MASSES}}),
     "backwards": ("henon_heiles", "babps9o7h", 0.8, {"q0": NEAR, "t_end": -32}),
 }  # fmt: skip
 
@@ -115,7 +117,7 @@ def test_results_of_a_chunk_come_while_the_next_one_runs(driver):
     order = [name for name, _ in recorded.calls if name in ("cuLaunchKernel", "cuMemcpyDtoHAsync")]
     streams = [given[8] for given in recorded.named("cuLaunchKernel")]
     assert order.index("cuMemcpyDtoHAsync") < len(order) - 1 - order[::-1].index("cuLaunchKernel")
-    assert {len(set(pair)) for pair in zip(streams, streams[1:], strict=False)} == {2}
+    assert {len(set(pair)) for pair in pairwise(streams)} == {2}
 
 
 def test_ctrl_c_ends_a_long_run_within_a_second(driver):
@@ -185,7 +187,8 @@ ARITHMETIC = {
     "double-double": {"extended": True, "compensated": True},
 }
 KERNELS = {
-    f"{system} {how}": (nh.systems[system], how, {}) for system in ("sho", "henon_heiles", "kepler") for how in ARITHMETIC
+    f"{system} {how}": (nh.systems[system], how, {})
+    for system in ("sho", "henon_heiles", "kepler") for how in ARITHMETIC
 } | {
     "modified potential": (nh.systems["henon_heiles"], "compensated", {"modified": True}),
     "user's system": (spring, "compensated", {}),
