@@ -5,7 +5,6 @@ from __future__ import annotations
 from support.cubes import figure_cubes as made
 
 
-
 def gains(methods):
     """Errors of Ruth's method, of at most 1 %, and of others."""
     return made.errors(dict.fromkeys(("ruth", *methods))) * 0.1
