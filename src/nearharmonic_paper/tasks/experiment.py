@@ -37,10 +37,8 @@ class Figure:
         Text below the figure.
     cube : str or None
         Name of the cube that the figure shows; None for a figure of several or of its own data.
-    cubes : tuple of str
-        Names of the cubes of a figure of several; a figure of a config shows those that the config has.
-    method : str
-        Method without whose runs the figure is not drawn; "" for any.
+    cubes, method : tuple of str, str
+        Cubes of a figure of several, of which it shows those that a config has, and a method that it cannot do without.
     settings : mapping
         Keyword arguments of the function.
     target : str
@@ -70,7 +68,6 @@ class Figure:
 
 def figures_of(systems: Collection[str], cubes: Collection[str] = ()) -> list[Figure]:
     """Return the declared figures whose cubes a config has."""
-
     declared = [
         replace(figure, stem=stem, target=figure.target or stem, experiment=experiment.name)
         for experiment in experiments().values()

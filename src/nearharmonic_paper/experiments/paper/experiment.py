@@ -157,11 +157,9 @@ _GAIN: Any = {
 }  # fmt: skip
 
 FIGURES = {
-    "gain": Figure(title="Maximum energy error at equal cost against Ruth's method", **_GAIN),
+    "gain": Figure(title="Maximum energy error against Ruth's at equal cost", **_GAIN),
     "gain_mean": Figure(
-        title="Mean energy error at equal cost against Ruth's method",
-        settings={"variable": "mean_energy_error"},
-        **_GAIN,
+        title="Mean energy error against Ruth's at equal cost", settings={"variable": "mean_energy_error"}, **_GAIN
     ),
     "fig1_sho": Figure(
         title="Energy error of the oscillator",

@@ -227,16 +227,17 @@ def gain(*cubes: xr.Dataset, variable: str = "max_energy_error") -> Figure:
     drawn.suptitle(f"{PANELS[variable].capitalize()} energy error at equal cost: bold methods against Ruth's", y=0.985)
     panels = drawn.subplots(1, len(cubes), sharey=True, squeeze=False)[0]
     curves = [_draw_gains(axes, gains(cube, variable)) for axes, cube in zip(panels, cubes, strict=True)]
-    log_scale(panels[0], "y")
+    log_scale(max(panels, key=lambda axes: isfinite(axes.dataLim.minposy)), "y")
     for number, (axes, cube) in enumerate(zip(panels, cubes, strict=True)):
         log_scale(axes, "x")
         if not say_if_empty(axes, [curve.get_ydata() for curve in curves[number]]):
             low, high = axes.dataLim.intervalx
             axes.set_xlim(low / (high / low) ** 0.3, high * 1.15)  # labels need room on the left
             label_ends(axes, curves[number], left=True)
-        best = max((np.nanmax(curve.get_ydata()) for curve in curves[number] if curve.get_zorder() > 2), default=nan)
-        system = str(cube.attrs.get("system_label", "")).removesuffix(" system")
-        panel_letter(axes, number, f"{system}: up to {float(f'{best:.1g}'):,.6g} times smaller".replace(",", " "))
+        bold = [np.asarray(curve.get_ydata(), dtype=float) for curve in curves[number] if curve.get_zorder() > 2]
+        best = float(f"{np.fmax.reduce(np.ravel(bold), initial=nan):.1g}")
+        says = f": up to {best:,.6g} times smaller".replace(",", " ") if isfinite(best) else ""
+        panel_letter(axes, number, str(cube.attrs.get("system_label", "")).removesuffix(" system") + says)
         unit = str(cube["tau_per_stage"].attrs.get("units", "1"))
         axes.set_xlabel(r"step size per stage, $\tau/s$" + ("" if unit == "1" else f"  ({unit})"))
     panels[0].set_ylabel("Ruth's error / error of the method")
