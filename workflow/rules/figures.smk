@@ -1,17 +1,20 @@
-"""Figures: one job draws all declared figures of a cube, which it reads once; each figure is a target."""
+"""Figures: one job draws all declared figures of the same cubes, which it reads once; each figure is a target."""
 
-for _cube in dict.fromkeys(one.cube for one in FIGURES):
-    _figures = [one for one in FIGURES if one.cube == _cube]
+_SHOWN_CUBES = {one.stem: one.cubes or ((one.cube,) if one.cube else ()) for one in FIGURES}
+
+for _cubes in dict.fromkeys(_SHOWN_CUBES.values()):
+    _figures = [one for one in FIGURES if _SHOWN_CUBES[one.stem] == _cubes]
+    _together = "_and_".join(_cubes) or "substeps"
 
     rule:
         name:
-            f"draw_{_cube or 'substeps'}"
+            f"draw_{_together}"
         input:
-            **({"cube": CUBE(_cube)} if _cube else {}),
+            **({"cubes": map(CUBE, _cubes)} if _cubes else {}),
         output:
             **{one.stem: shown(one.stem, one.category, one.target) for one in _figures},
         log:
-            LOG(f"figures/{_cube or 'substeps'}"),
+            LOG(f"figures/{_together}"),
         params:
             **LOOK,
             tasks=lambda wildcards, figures=_figures: {one.stem: task(one.draw, **one.settings) for one in figures},
