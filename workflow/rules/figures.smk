@@ -1,10 +1,12 @@
 """Figures: one job draws all declared figures of the same cubes, which it reads once; each figure is a target."""
 
-_SHOWN_CUBES = {one.stem: one.cubes or ((one.cube,) if one.cube else ()) for one in FIGURES}
+_JOBS = {}  # figures by their cubes, apart from those that are not drawn by default
+for _one in FIGURES:
+    _cubes = _one.cubes or ((_one.cube,) if _one.cube else ())
+    _JOBS.setdefault((_cubes, "" if _one.by_default else _one.stem), []).append(_one)
 
-for _cubes in dict.fromkeys(_SHOWN_CUBES.values()):
-    _figures = [one for one in FIGURES if _SHOWN_CUBES[one.stem] == _cubes]
-    _together = "_and_".join(_cubes) or "substeps"
+for (_cubes, _apart), _figures in _JOBS.items():
+    _together = _apart or "_and_".join(_cubes) or "substeps"
 
     rule:
         name:

@@ -41,7 +41,6 @@ PAPER = "paper"
 #: Interactive figures of other quantities than energy errors, by their file names: drawing function and hint.
 OTHERS = {
     "gain": ("gain", ""),
-    "gain_mean": ("gain", ""),
     "fig2_decomposition": ("decomposition", ""),
     "fig4_perihelion": ("perihelion", "The interactive figure has arcseconds per century at each point."),
     "fig6_substeps": ("phase_space", ""),

@@ -48,6 +48,8 @@ class Figure:
     profile : bool
         True for the energy-error figure of a system. Every system has files with this form of name; if a system
         declares its own figure, it is drawn once and stored under both names.
+    by_default : bool
+        False for a figure that only its target and ``everything`` draw.
     stem, experiment : str
         Name of the files, without ending, and name of the experiment: :func:`figures_of` fills them in.
     """
@@ -62,6 +64,7 @@ class Figure:
     target: str = ""
     category: str = "Figures"
     profile: bool = False
+    by_default: bool = True
     stem: str = ""
     experiment: str = ""
 
