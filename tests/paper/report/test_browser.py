@@ -317,7 +317,7 @@ def shown(page, selector):
 
 def test_the_static_pictures_stand_in_where_scripts_are_off(opened):
     page = opened(java_script_enabled=False)
-    assert shown(page, "section.figure img.static") == [True] * len(PLOTS)
+    assert shown(page, ".figure.live img.static") == [True] * len(PLOTS)
     assert not any(shown(page, ".panels"))
     assert not any(shown(page, "button"))
     drawn = page.locator("#figure-4 img")
