@@ -254,19 +254,15 @@ def test_figure_moves_by_itself_only_when_seen_and_wanted(opened, motion):
     page = opened(reduced_motion=motion)
     section = page.locator("#alive")
     before = told(section)
-    page.wait_for_timeout(500)
+    page.wait_for_timeout(2500)  # the first iteration takes a second
     assert told(section) == before
     section.locator(".panels").evaluate("(one) => one.scrollIntoView()")
-    if motion == "reduce":
-        page.wait_for_timeout(2500)
-        assert told(section) == before
-        assert all(text.endswith("after 2 iterations") for text in before)
-    else:
+    if motion == "no-preference":
         section.locator(".plane .note", has_text="iteration").first.wait_for(timeout=20_000)
         section.locator("[name=run]").click()
-        rest = told(section)
-        page.wait_for_timeout(500)
-        assert told(section) == rest
+        before = told(section)
+    page.wait_for_timeout(2500)
+    assert told(section) == before
 
 
 def test_a_tap_on_a_phone_shows_a_value(opened):

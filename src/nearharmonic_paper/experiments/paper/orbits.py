@@ -102,10 +102,9 @@ def follow(problem: Problem, tau: float, orbit: tuple[Vector, Vector], runs: int
     """Chain n runs of a tangent system; the deviation is rescaled to length 1 after each run to avoid overflow.
 
     A call of ``problem`` is a run of a tangent system of d coordinates, without energy, over the time between two
-    rescalings; the next begins with the doubles where it ends, without the carries. The files of the paper's orbit have
-    these bits, which :func:`nearharmonic.tangent` does not repeat: it keeps the carries of the orbit. ``orbit`` is
-    the initial q and p; the initial deviation is that of the tangent system. Returned are q and p at the end of each
-    run (n, 2, d), and the logarithms of the factors by which the deviation grows (n,).
+    rescalings; the next begins with the doubles where it ends, without the carries, which :func:`nearharmonic.tangent`
+    keeps. ``orbit`` is the initial q and p; the tangent system has the initial deviation. Returned are q and p at the
+    end of each run (n, 2, d), and the logarithms of the factors by which the deviation grows (n,).
     """
     d = problem.system.dimension // 2
     u: Vector = problem.system.q0[d:]
@@ -145,23 +144,14 @@ PAPER_PANELS: dict[str, tuple[str, dict[str, Any]]] = {
 
 def paper_panels() -> dict[str, xr.Dataset]:
     """Return the Datasets of :func:`substeps` for the four panels of Fig. 6, by letter: two iterations each."""
-    panels = {}
-    for letter, (name, settings) in PAPER_PANELS.items():
-        (tableau,) = (one for one in (*yoshida_1990.TABLEAUS, *nielsen_2015.TABLEAUS) if one.name == name)
-        panels[letter] = substeps(tableau, iterations=2, **settings)
-    return panels
+    tableaus = {one.name: one for one in (*yoshida_1990.TABLEAUS, *nielsen_2015.TABLEAUS)}
+    return {letter: substeps(tableaus[name], **settings) for letter, (name, settings) in PAPER_PANELS.items()}
 
 
 def substeps(
-    tableau: Tableau,
-    system: System,
-    *,
-    start: State,
-    tau: float,
-    window: Window,
-    iterations: int = 2,
+    tableau: Tableau, system: System, *, start: State, tau: float, window: Window, iterations: int = 2,
     component: int = 0,
-) -> xr.Dataset:
+) -> xr.Dataset:  # fmt: skip
     """Return all substeps of some steps in doubles, for one degree of freedom, and the Hamiltonian around them.
 
     ``start`` is q and p of the moving coordinate, whose index is ``component``; the others are zero and stay zero.
@@ -179,8 +169,7 @@ def substeps(
     path = [plane.walk(start)]
     while len(path) < iterations:
         path.append(plane.walk(path[-1][-1]))
-    points = np.array(path)
-    q, p = points[..., 0], points[..., 1]
+    q, p = np.moveaxis(np.array(path), -1, 0)
     q_grid, p_grid = (np.linspace(low, high, GRID) for low, high in window)
     with np.errstate(over="ignore", invalid="ignore"):  # a path may go to infinity
         energy = plane.hamiltonian(q, p)
@@ -346,10 +335,7 @@ def contours(panel: xr.Dataset, level: float) -> list[Any]:
 
 
 def label_places(panel: xr.Dataset) -> dict[str, State]:
-    """Return text and place (q, p) of the labels of a panel: numbers of substeps, and H on three contours.
-
-    The substeps are those of the first iteration. Labels keep away from the paths, the energy surface and each other.
-    """
+    """Return text and place (q, p) of the labels: numbers in the first iteration, H on three contours; none overlap."""
     low, high = (np.array([panel[name].values[i] for name in ("q_grid", "p_grid")]) for i in (0, -1))
     way, angles = (legs(panel) - low) / (high - low), np.arange(16) * math.pi / 8
     ring = np.concatenate([away * np.stack([np.cos(angles), np.sin(angles)], axis=-1) for away in (0.045, 0.067)])
