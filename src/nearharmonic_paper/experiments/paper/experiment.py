@@ -222,11 +222,11 @@ FIGURES = {
             "harmonic oscillator from (q, p) = (0, 1) with τ = π/4 (A, B), and the Hénon-Heiles system in the plane "
             "q_x = p_x = 0 from (0.4, 0.4) with τ = 2 (C, D). Circles and crosses are the initial and final position "
             "of each iteration. Dots are the states after each drift-kick pair, numbered in the first iteration. Red: "
-            "the next drift goes backward; green: the next kick; both; blue: neither. The thin line follows the "
-            "drifts (horizontal) and kicks (vertical). Shades and contours are the Hamiltonian H, and the dashed "
-            "contour passes through the start. Below each panel are the step size, the relative energy error after "
-            "two iterations, and the largest after any of 1000, or the iteration at which the path leaves its energy "
-            "surface. In D it stays on the surface in the plane only: see fig6_displaced."
+            "the next drift goes backward. Green: the next kick. Green in red: both. Blue: neither. The thin line "
+            "follows the drifts (horizontal) and kicks (vertical). Shades and contours are the Hamiltonian H, and the "
+            "dashed contour passes through the start. Below each panel are the step size, the relative energy error "
+            "after two iterations, and the largest after any of 1000, or the iteration at which the path leaves its "
+            "energy surface. In D it stays on the surface in the plane only: see fig6_displaced."
         ),
     ),
     "fig6_displaced": Figure(
