@@ -15,14 +15,13 @@ import sys
 from base64 import b64encode
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.metadata import distribution, version
-from math import isfinite, log10, pi
+from math import log10, pi
 from pathlib import Path
 from string import ascii_uppercase
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from contourpy import contour_generator
 
 from nearharmonic.output.store import double_runs
 from nearharmonic.output.table import power_of_ten
@@ -35,13 +34,17 @@ from nearharmonic.plotting.profile import (
     lines,
     style_of,
 )
-from nearharmonic_paper.claims.claim import short
 from nearharmonic_paper.experiments.paper.gain import gains
 from nearharmonic_paper.experiments.paper.orbits import (
     MERCURY_RELATIVISTIC_ADVANCE,
     SATISFIED_BELOW,
     advances,
     arcseconds_per_century,
+    contours,
+    label_places,
+    legs,
+    levels,
+    statement,
 )
 
 if TYPE_CHECKING:
@@ -345,13 +348,17 @@ _BLUE, _RED, _GREEN = "#0b5fb5", "#d7301f", "#1a9850"
 _BAR = {"marker": "dash", "size": 7, "line_color": "#ffffff", "line_width": 2}
 #: (next drift negative, next kick negative) -> meaning, and markers drawn over each other.
 _DOTS: dict[tuple[bool, bool], tuple[str, tuple[dict[str, Any], ...]]] = {
-    (False, False): ("no negative coefficient follows", ({"size": 7, "fill_color": _BLUE},)),
-    (True, False): ("a negative drift follows", ({"size": 11, "fill_color": _RED}, _BAR)),
-    (False, True): ("a negative kick follows", ({"size": 10, "fill_color": _GREEN}, _BAR | {"angle": pi / 2})),
+    (False, False): ("next drift and kick forward", ({"size": 7, "fill_color": _BLUE},)),
+    (True, False): ("next drift backward", ({"size": 11, "fill_color": _RED}, _BAR)),
+    (False, True): ("next kick backward", ({"size": 10, "fill_color": _GREEN}, _BAR | {"angle": pi / 2})),
     (True, True): (
-        "negative drift and kick follow",
+        "next drift and kick backward",
         ({"size": 12, "fill_color": _RED}, {"size": 7, "fill_color": _GREEN, "line_color": "#ffffff"}),
     ),
+}
+#: Look of a colour bar.
+_SCALE = {"padding": 2, "bar_line_color": "#444444", "title_standoff": 2, "title_text_font": FONT} | {
+    name: value for name, value in _AXIS.items() if name.startswith("major_label")
 }
 #: Markers of the first and the last state of a path, by its index.
 _ENDS: dict[int, dict[str, Any]] = {
@@ -573,41 +580,39 @@ def phase_space(paths: dict[str, xr.Dataset]) -> list[Panel]:
         if system not in shared:
             ranges = tuple(exactly(*path[name].values[[0, -1]]) for name in ("q_grid", "p_grid"))
             shared[system] = (ranges, *_hamiltonian(path))
-        ranges, bands, edges = shared[system]
-        plot = new_plot(ranges, ("q", "p"), height=400)
-        mapper = Model("LinearColorMapper", palette=list(_SHADES), low=-0.5, high=len(_SHADES) - 0.5)
+        ranges, bands, edges, heights, shades = shared[system]
+        moving = "_" + "xyz"[path.attrs["component"]] if path.attrs["component"] else ""
+        plot = new_plot(ranges, (f"q{moving}", f"p{moving}"), height=400)
+        mapper = Model("LinearColorMapper", palette=shades, low=-0.5, high=len(shades) - 0.5)
         add(plot, bands, Model("Image", **fields(image="bands", x="x", y="y", dw="dw", dh="dh"), color_mapper=mapper))
         add_lines(plot, edges, line_color="#8795a5", line_width=0.6)
+        scale = Model("LinearColorMapper", palette=shades, low=float(heights[0]), high=float(heights[-1]))
+        ticks = Model("FixedTicker", ticks=heights[::2].tolist())
+        plot.below.append(Model("ColorBar", color_mapper=scale, ticker=ticks, title="H", height=10, **_SCALE))
         _add_path(plot, path)
         title = f"{letter}. {path.attrs['label']}, {path.attrs['system_label']}"
-        drawn.append(Panel(title, plot, _energy_statement(path)))
+        drawn.append(Panel(title, plot, " ".join(statement(path))))
     return drawn
 
 
-def _hamiltonian(path: xr.Dataset) -> tuple[Any, Any]:
-    """Return sources of the picture of the Hamiltonian: the band of each point, and the edges of the bands."""
+def _hamiltonian(path: xr.Dataset) -> tuple[Any, Any, Any, list[str]]:
+    """Return sources of the picture of the Hamiltonian (the band of each point, and its edges), levels, and shades."""
     q, p, H = (path[name].values for name in ("q_grid", "p_grid", "hamiltonian"))
-    levels = np.linspace(H.min(), H.max(), len(_SHADES) + 1)[1:-1]
-    bands = np.searchsorted(levels, H).astype(np.uint8)
+    heights = levels(path)
+    bands = np.searchsorted(heights[1:-1], H).astype(np.uint8)
     place = {"x": [q[0]], "y": [p[0]], "dw": [q[-1] - q[0]], "dh": [p[-1] - p[0]]}
-    return Model("ColumnDataSource", data={"bands": [bands], **place}), _lines(path, levels)
-
-
-def _lines(path: xr.Dataset, levels: Any) -> Any:
-    """Return the source of the contours of the Hamiltonian at ``levels``."""
-    generator = contour_generator(*(path[name].values for name in ("q_grid", "p_grid", "hamiltonian")))
-    contours: list[Any] = [line for level in levels for line in generator.lines(level)]
-    return lines_of([np.round(line, 4).T for line in contours])
+    edges = lines_of([np.round(line, 4).T for level in heights[1:-1] for line in contours(path, level)])
+    shades = [_SHADES[round(i)] for i in np.linspace(0, len(_SHADES) - 1, len(heights) - 1)]
+    return Model("ColumnDataSource", data={"bands": [bands], **place}), edges, heights, shades
 
 
 def _add_path(plot: Model, path: xr.Dataset) -> None:
     """Draw the path, its dots and ends, and the energy surface through its start, tagged with the method."""
     method, label = path.attrs["integrator"], path.attrs["label"]
-    surface = _lines(path, path["H"].values[:1, 0])
+    surface = lines_of([np.round(line, 4).T for line in contours(path, float(path["H"][0, 0]))])
     add_lines(plot, surface, method, line_color="#1f2d3d", line_width=1.3, line_dash=[5, 3])
     q, p, error = (path[name].values for name in ("q", "p", "energy_error"))
-    legs = [_legs(*one, drift_first=path.attrs["first"] == "drift") for one in zip(q, p, strict=True)]
-    add_lines(plot, lines_of(legs), method, line_color="#4d5661", line_width=1.0)
+    add_lines(plot, lines_of([leg.T for leg in legs(path)]), method, line_color="#4d5661", line_width=1.0)
     for at, look in _ENDS.items():
         add_markers(plot, source_of(q=q[:, at], p=p[:, at]), ("q", "p"), method, angle=0.0, **look)
     signs = np.column_stack([path["next_drift_sign"].values, path["next_kick_sign"].values]) < 0
@@ -623,21 +628,8 @@ def _add_path(plot: Model, path: xr.Dataset) -> None:
         hit.append(renderer)
     rows = [("method", "$name"), ("q, p", "@q{%.4f}, @p{%.4f}"), ("|ΔH/H₀|", "@error{%.2e}")]
     add_hover(plot, hit, rows)
-
-
-def _legs(q: Any, p: Any, *, drift_first: bool) -> list[Any]:
-    """Return the path with its corners: drifts move along q, kicks along p."""
-    corners = (q[1:], p[:-1]) if drift_first else (q[:-1], p[1:])
-    return [
-        np.concatenate([points[:1], np.column_stack([corner, points[1:]]).ravel()])
-        for points, corner in zip((q, p), corners, strict=True)
-    ]
-
-
-def _energy_statement(path: xr.Dataset) -> str:
-    error, largest = abs(float(path["energy_error"].values[-1, -1])), float(path["max_energy_error"])
-    left_at, followed = int(path["left_at"]), int(path.attrs["followed"])
-    after = f"|ΔH/H₀| = {short(error, 2) if isfinite(error) else '∞'} after {path.sizes['iteration']} iterations"
-    if left_at:
-        return f"{after}, leaves its energy surface at iteration {left_at}"
-    return f"{after}, up to {short(largest, 2)} in {followed}"
+    middle = {"text_align": "center", "text_baseline": "middle", "text_font": FONT, "text_color": "#404040"}
+    for text, (x, y) in label_places(path).items():
+        behind = {} if text.isdigit() else {"background_fill_color": "#ffffff"}
+        glyph = Model("Text", **fields(x="q", y="p", text="text"), text_font_size="11px", **middle, **behind)
+        add(plot, source_of(q=[x], p=[y], text=[text]), glyph, method if text.isdigit() else "")

@@ -446,10 +446,10 @@ def _methods(cube: Any) -> dict[str, str]:
 
 
 def coefficients(methods: Iterable[str]) -> list[dict[str, Any]]:
-    """Return the coefficients, as doubles, of those registered methods that are sequences of kicks and drifts."""
+    """Return coefficients, as doubles, and colours of registered methods that are sequences of kicks and drifts."""
     found = (integrators[name] for name in methods if name in integrators)
     return [
-        {"name": one.name, "label": one.label, "first": one.first}
+        {"name": one.name, "label": one.label, "first": one.first, "colour": style_of(one.name).colour}
         | {"kick": list(map(float, one.kick)), "drift": list(map(float, one.drift))}
         for one in found
         if not (one.square or one.implicit or one.modified)

@@ -113,6 +113,19 @@ def test_path_of_figure_6_follows_q_in_drifts_and_p_in_kicks(plots):
         assert all(not np.diff(line)[::2].any() for line in way["y" if path.attrs["first"] == "drift" else "x"])
 
 
+def test_panels_of_figure_6_have_colour_bar_axis_names_and_labels(plots):
+    for i, (letter, path) in enumerate(paper_panels().items(), start=1):
+        plot = plots[f"figure-6-panel-{i}"]
+        names = ["q_y", "p_y"] if letter in "CD" else ["q", "p"]
+        assert [plot.below[0].axis_label, plot.left[0].axis_label] == names
+        (scale,) = [one.color_mapper for one in plot.below if type(one).__name__ == "ColorBar"]
+        assert scale.low <= path.hamiltonian.values.min() < path.hamiltonian.values.max() <= scale.high
+        texts = [one for one in plot.renderers if type(one.glyph).__name__ == "Text"]
+        said = [one.data_source.data["text"][0] for one in texts]
+        assert [text for text in said if text.isdigit()] == [*"1234567"]
+        assert sum(text.startswith("H = ") for text in said) == 3
+
+
 def test_the_guides_have_the_slopes_of_their_orders(plots):
     for name in ("figure-1-panel-1", "figure-5-panel-2"):
         (guide,) = [one.data_source.data for one in plots[name].renderers if not one.tags]

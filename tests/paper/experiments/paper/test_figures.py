@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from decimal import Decimal
-from itertools import zip_longest
+from itertools import combinations, pairwise, zip_longest
 
 import numpy as np
 import pytest
@@ -344,10 +345,10 @@ def test_a_curve_ends_at_the_limit_where_the_path_leaves(displaced_cube, figure,
 
 #: Text of the legend, by whether the drift and the kick of the pair that follows are negative.
 SAYS = {
-    (False, False): "next c, d ≥ 0",
-    (True, False): "next c < 0",
-    (False, True): "next d < 0",
-    (True, True): "next c, d < 0",
+    (False, False): "next drift and kick forward",
+    (True, False): "next drift backward",
+    (False, True): "next kick backward",
+    (True, True): "next drift and kick backward",
 }
 
 
@@ -415,42 +416,61 @@ def paper():
     return panels, fig6_substeps.fig6_substeps(panels)
 
 
-@pytest.mark.parametrize(("index", "legs"), [(0, "steps-post"), (1, "steps-pre")])
-def test_path_follows_q_in_drifts_and_p_in_kicks(panels_figure, panels, index, legs):
-    # A drift first: along q to the corner, then along p; "steps-post" keeps y, then jumps. A kick first: the reverse.
-    panel = list(panels.values())[index]
-    ways = [line for line in grid(panels_figure)[index].get_lines() if len(line.get_xdata()) > 1]
-    assert [line.get_drawstyle() for line in ways] == [legs] * 2
-    for line, q, p in zip(ways, panel.q.values, panel.p.values, strict=True):
-        np.testing.assert_array_equal(line.get_xdata(), q)
-        np.testing.assert_array_equal(line.get_ydata(), p)
-        assert look(line)[1] is None
-        assert look(line)[3] != NO_LINE
+def test_path_follows_q_in_drifts_and_p_in_kicks(panels_figure, panels):
+    for axes, panel, moves_p in zip(grid(panels_figure), panels.values(), (False, True), strict=True):
+        ways = [line for line in axes.get_lines() if len(line.get_xdata()) > 1]
+        for line, q, p in zip(ways, panel.q.values, panel.p.values, strict=True):
+            np.testing.assert_array_equal(line.get_xydata()[::2], np.column_stack([q, p]))
+            rests = line.get_xdata() if moves_p else line.get_ydata()  # in the first leg of each pair
+            assert not np.diff(rests)[::2].any()
+            assert look(line)[1] is None
+            assert look(line)[3] != NO_LINE
 
 
-def statement(axes):
-    return axes.texts[0].get_text()
+def number(text):
+    return float(text.replace(" × 10", "e").translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")))
 
 
-def raised(exponent):
-    return str(int(exponent)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
-
-
-def test_each_panel_states_final_error_and_largest_later_error(panels_figure, panels):
+def test_each_panel_states_step_and_energy_errors_below_its_frame(panels_figure, panels):
     for axes, panel in zip(grid(panels_figure), panels.values(), strict=True):
         q, p = (panel[name].values[-1, -1] for name in "qp")
-        error, largest = f"{abs((q * q + p * p) / 2 - 0.5) / 0.5:.1e}", f"{panel.max_energy_error.item():.1e}"
-        (a, i), (b, j) = error.split("e"), largest.split("e")
-        assert statement(axes) == (
-            f"energy error {a}×10{raised(i)} after 2 iterations,\nup to {b}×10{raised(j)} in 1000 iterations"
-        )
+        says = axes.texts[-1].get_text()
+        error, largest = re.fullmatch(
+            r"τ = 0\.3, \|ΔH/H₀\| = (.+) after 2 iterations,\nat most (.+) in 1000 iterations", says
+        ).groups()
+        assert number(error) == pytest.approx(abs((q * q + p * p) / 2 - 0.5) / 0.5, rel=0.05)
+        assert number(largest) == pytest.approx(panel.max_energy_error.item(), rel=0.05)
+        assert axes.texts[-1].get_window_extent().y1 < axes.bbox.y0
 
 
 def test_a_panel_states_where_its_path_leaves_its_energy_surface(paper):
     panels, panels_figure = paper
-    texts = dict(zip(panels, map(statement, grid(panels_figure)), strict=True))
+    texts = dict(zip(panels, (axes.texts[-1].get_text() for axes in grid(panels_figure)), strict=True))
+    assert [texts[letter].split(",")[0] for letter in "ABCD"] == ["τ = π/4", "τ = π/4", "τ = 2", "τ = 2"]
     assert texts["C"].endswith(f"leaves its energy surface at iteration {int(panels['C'].left_at)}")
     assert all("leaves" not in texts[letter] for letter in "ABD")
+
+
+def test_labels_number_substeps_and_name_H_beside_dots_and_paths(paper):
+    panels, panels_figure = paper
+    for axes, panel in zip(grid(panels_figure), panels.values(), strict=True):
+        texts = {text.get_text(): text for text in axes.texts[:-1]}
+        dots = axes.transData.transform(np.column_stack([panel.q.values[0], panel.p.values[0]]))
+        levels = [text for text in texts if text.startswith("H = ")]
+        assert set(texts) == {*map(str, range(1, len(dots) - 1)), *levels}
+        assert len(levels) == 3
+        for text in levels:
+            q, p = texts[text].xy
+            expected = p**2 / 2 + q**2 / 2 - (q**3 / 3 if panel.attrs["system"] == "henon_heiles" else 0)
+            assert float(text.removeprefix("H = ")) == pytest.approx(expected, rel=0.01)  # linear within a cell
+        boxes = [text.get_window_extent().padded(-1) for text in texts.values()]
+        assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+        for line in axes.get_lines():
+            along = axes.transData.transform(line.get_xydata())
+            points = [a + (b - a) * np.arange(0, 1, 0.01)[:, None] for a, b in pairwise(along)] or [along]
+            assert not any(box.contains(*point) for box in boxes for point in np.concatenate(points))
+        for i, dot in enumerate(dots[1:-1], start=1):
+            assert np.hypot(*(axes.transData.transform(texts[str(i)].xy) - dot)) < 0.08 * axes.bbox.width
 
 
 def test_dashed_contour_runs_through_start_and_window_is_cubes(panels_figure, panels):
