@@ -48,8 +48,8 @@ class Line(NamedTuple):
     extended: bool = False
 
     def dashes(self) -> tuple[int, tuple[int, int]]:
-        """Return offset and lengths of dashes: of two methods with one curve, each is seen in the gaps of the other."""
-        return 3 * (self.turn[0] % 3), (5, 4)
+        """Return offset and lengths of dashes: of three methods with one curve, each is seen in the gaps of others."""
+        return 3 * (self.turn[0] % 3), (4, 5)
 
 
 def lines(cube: xr.Dataset, names: Iterable[str] = tuple(PANELS), columns: int = COLUMNS) -> list[Line]:

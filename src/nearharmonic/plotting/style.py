@@ -221,7 +221,7 @@ def png(figure: Figure, dpi: float, title: str = "") -> bytes:
 # --- Benchmark profile, as in Figures 1, 3 and 5: relative energy errors against tau/s --------------------------------
 
 #: Dashes of a curve in extended precision.
-DASHED: dict[str, Any] = {"linestyle": (0, (5, 4)), "marker": "none", "linewidth": 0.9, "zorder": 2}
+DASHED: dict[str, Any] = {"linestyle": (0, (4, 5)), "marker": "none", "linewidth": 0.9, "zorder": 2}
 #: Place of a legend above the panels.
 LEGEND: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.545, 0.995), "ncols": 4, "columnspacing": 1.8}
 #: Rows for which there is space, those of ten methods, and height of a row relative to the height of the figure.
