@@ -21,7 +21,6 @@ from nearharmonic_paper.experiments.paper import tableaus as decompose
 from nearharmonic_paper.experiments.paper.orbits import paper_panels
 from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, lines_of, look, look_of, seen, slope, ticks
 from support.cubes.figure_cubes import (
-    GAPS,
     LONELY,
     METHODS,
     TAU,
@@ -70,15 +69,6 @@ def test_double_precision_is_solid_and_extended_precision_dashed():
             assert look(dashed) == (look_of(name)[0], None, None, DASHED)
             assert dashed.get_zorder() < solid.get_zorder()
         assert len(axes.get_lines()) == 2 * len(METHODS) + 2
-
-
-def test_nan_zero_and_infinity_leave_gaps_in_curve():
-    cube = errors(precision=True)
-    for axes, variable in zip(draw_profile(cube).axes, ("max_energy_error", "mean_energy_error"), strict=True):
-        for name in METHODS:
-            for precision in ("double", "extended"):
-                curve = line_of(axes, TAU, cube[variable].sel(integrator=name, precision=precision))
-                np.testing.assert_array_equal(np.flatnonzero(~drawn(curve)), list(GAPS))
 
 
 def test_every_run_is_seen_in_its_panel_or_above_it():
