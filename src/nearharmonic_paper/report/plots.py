@@ -28,10 +28,13 @@ from nearharmonic.output.table import power_of_ten
 from nearharmonic.plotting.profile import (
     LARGEST_ERROR,
     PANELS,
+    Line,
+    beyond,
     energy_error_label,
     floor_name,
     floor_near,
     lines,
+    lone,
     style_of,
 )
 from nearharmonic_paper.experiments.paper.gain import gains
@@ -240,15 +243,15 @@ def lines_of(lines: Sequence[Any]) -> Model:
     return Model("ColumnDataSource", data={"x": [line[0] for line in lines], "y": [line[1] for line in lines]})
 
 
-def marked(columns: Mapping[str, Any], at: tuple[str, str], turn: tuple[int, int]) -> dict[str, Any]:
-    """Return ``columns`` with a mask of the points ``at`` (x and y) with a marker: one of every few points.
+def marked(columns: Mapping[str, Any], y: str, line: Line) -> dict[str, Any]:
+    """Return ``columns`` with a mask of the points with a marker: those that no line leads to, and one of every few.
 
-    ``turn`` is the index of the method and the number of methods.
+    Curves in extended precision have only the former.
     """
-    there = np.flatnonzero(np.isfinite(columns[at[0]]) & np.isfinite(columns[at[1]]))
-    step = max(1, there.size // _MARKS)
-    chosen = np.zeros(len(columns[at[0]]), dtype=np.uint8)
-    chosen[there[turn[0] * step // max(1, turn[1]) :: step]] = 1
+    chosen, there = lone(columns[y]).astype(np.uint8), np.flatnonzero(np.isfinite(columns[y]))
+    if not line.extended:
+        step, (index, methods) = max(1, there.size // _MARKS), line.turn
+        chosen[there[index * step // max(1, methods) :: step]] = 1
     return {**columns, MARKED: chosen}
 
 
@@ -302,9 +305,7 @@ def add_hits(plot: Model, source: Model, at: tuple[str, str], method: str, name:
     points between gaps get invisible markers.
     """
     columns = source.data
-    x, y = (np.asarray(columns[one], dtype=float) for one in at)
-    there = np.pad(np.isfinite(x) & np.isfinite(y), 1)
-    alone = there[1:-1] & ~there[:-2] & ~there[2:]
+    alone = lone(np.asarray(columns[at[1]], dtype=float))
     unseen = {"line_alpha": 0.0, "line_width": _REACH}
     line = Model("Line", **fields(x=at[0], y=at[1]), **unseen)
     found = [add(plot, source, line, method, name)]
@@ -334,8 +335,10 @@ def add_hover(plot: Model, renderers: Sequence[Model], rows: Sequence[tuple[str,
 
 # --- Figures of the paper.
 
-#: Height of the crosses of diverged runs, relative to the upper end of the axis.
-_EDGE = 0.8
+#: Height of a row of the strip of diverged runs, relative to the panel beneath it; and style of its name.
+_ROW = 0.011
+_NAME = {"text_font": FONT, "text_font_size": "11px", "text_color": "#444444", "text_baseline": "middle"}
+_SQUARE = {"marker": "square", "angle": 0.0, "size": 4, "line_color": None}
 #: Operator of the outer row -> name of the composition.
 _COMPOSITIONS = {"drift": "ABA", "kick": "BAB"}
 #: Shades of the Hamiltonian, from low to high.
@@ -370,41 +373,52 @@ _ENDS: dict[int, dict[str, Any]] = {
 def energy_error(cube: xr.Dataset) -> list[Panel]:
     """Draw the energy errors of every method of ``cube``, like the static figure.
 
-    ``cube`` has dimensions (integrator, tau_per_stage), optionally led by precision. Diverged runs are on the upper
-    edge: the first one of a method as a cross, the others only for the hover. The panels share both axes.
+    ``cube`` has dimensions (integrator, tau_per_stage), optionally led by precision. Diverged runs are squares in a
+    strip at the upper edge. The panels share both axes.
     """
     unit = cube["tau_per_stage"].attrs.get("units", "1")
     floors = {name: floor for name in PANELS if (floor := floor_near([cube], name))}
     errors = [*(cube[name].values for name in PANELS), [*floors.values()]]
     along = span([cube["tau_per_stage"].values], logarithmic=True)
     up = span(errors, logarithmic=True, highest=LARGEST_ERROR)
-    curves = []
-    for line in lines(cube, columns=COLUMNS):
-        source = source_of(**marked(_columns(line.runs), ("x", "max_energy_error"), line.turn))
-        curves.append((line, source, _lost(line.runs, up.end * _EDGE)))
+    shown = lines(cube, columns=COLUMNS)
+    strips = {name: beyond(shown, name) for name in PANELS}
+    edge, row = up.end, (up.end / up.start) ** _ROW
+    up.end *= row ** (max(len(rows) for rows, _ in strips.values()) + 1)
+    sources = [source_of(**marked(_columns(line.runs), "max_energy_error", line)) for line in shown]
     symbols = energy_error_label(cube["max_energy_error"].attrs, "|ΔH|", "|ΔH/H₀|")
     found = []
     for letter, (name, statistic) in zip(ascii_uppercase, PANELS.items(), strict=False):
         label = f"{'max' if statistic == 'maximum' else statistic} {symbols}"
         plot = new_plot((along, up), ("step size per stage, τ/s" + _unit(unit, " ({})"), label))
+        plot.left[0].bounds = [up.start, edge]  # no labels beside the strip
         _add_slopes(plot)
         if name in floors:
             add_level(plot, floors[name], floor_name(floors[name]))
+        says = [line.label + (", extended precision" if line.extended else "") for line in shown]
         hits: list[Model] = []
-        crosses: list[Model] = []
-        for line, source, lost in curves:
-            says = line.label + (", extended precision" if line.extended else "")
-            look = {"line_dash": [5, 3], "line_width": 1.1} if line.extended else {}
+        for line, source, title in zip(shown, sources, says, strict=True):
+            offset, dash = line.dashes()
+            look = {"line_dash": [*dash], "line_dash_offset": offset, "line_width": 1.1} if line.extended else {}
             add_line(plot, source, ("x", name), line.integrator, **look)
-            if not line.extended:
+            if source.data[MARKED].any():
                 add_markers(plot, source, ("x", name), line.integrator)
-            hits += add_hits(plot, source, ("x", name), line.integrator, says)
-            if lost is not None:
-                cross = {"marker": "x", "angle": 0.0}
-                crosses.append(add_markers(plot, lost, ("x", "edge"), line.integrator, says, **cross))
-        for renderers, field in ((hits, f"@{name}{{%.4e}}"), (crosses, "∞")):
-            rows = [("method", "$name"), ("τ/s", f"@x{{%.6g}}{_unit(unit)}"), (label, field)]
-            add_hover(plot, renderers, [*rows, ("evaluations", "@evaluations{0,0}"), ("status", "@status")])
+            hits += add_hits(plot, source, ("x", name), line.integrator, title)
+        rows, text = strips[name]
+        if rows:  # over the lines, which would go on above the panel
+            strip = Model("BoxAnnotation", bottom=edge, fill_color="#f6f6f6", fill_alpha=1.0, line_color="#444444")
+            at = {"x": along.start, "y": float(edge * row ** ((len(rows) + 1) / 2)), "x_offset": 4}
+            plot.center += [strip, Model("Label", text=text.replace("\n", " "), level="overlay", **at, **_NAME)]
+        squares = []
+        for i, (curve, runs) in enumerate(rows):
+            lost = _lost(runs, name, edge * row ** (len(rows) - i))
+            method = shown[curve].integrator
+            look = _SQUARE | {"fill_color": style_of(method).colour}
+            squares.append(add_markers(plot, lost, ("x", "row"), method, says[curve], **look))
+            squares[-1].level = "overlay"
+        for renderers, field in ((hits, f"@{name}{{%.4e}}"), (squares, "@said")):
+            lead = [("method", "$name"), ("τ/s", f"@x{{%.6g}}{_unit(unit)}"), (label, field)]
+            add_hover(plot, renderers, [*lead, ("evaluations", "@evaluations{0,0}"), ("status", "@status")])
         found.append(Panel(f"{letter}. {statistic.capitalize()} over all steps", plot))
     return found
 
@@ -445,17 +459,15 @@ def _columns(runs: xr.Dataset) -> dict[str, Any]:
     return {name: values[kept] for name, values in columns.items()}
 
 
-def _lost(runs: xr.Dataset, edge: float) -> Model | None:
-    """Return the crosses of diverged runs; None if there are none."""
-    gone = np.flatnonzero(runs["status"].values == "diverged")
-    if not gone.size:
-        return None
+def _lost(runs: xr.Dataset, name: str, height: float) -> Model:
+    """Return a row of the strip of diverged runs, at this height on the axis of the errors."""
+    errors, left = runs[name].values, zip(runs["status"].values.astype(str), runs["diverged_at"].values, strict=True)
     return source_of(
-        x=runs["tau_per_stage"].values[gone],
-        edge=np.full(gone.size, edge),
-        **{MARKED: (np.arange(gone.size) == 0).astype(np.uint8)},
-        evaluations=runs["evaluations"].values[gone],
-        status=[f"diverged at step {step}" for step in runs["diverged_at"].values[gone]],
+        x=runs["tau_per_stage"].values,
+        row=np.full(errors.size, height),
+        said=[f"{error:.4e}" if np.isfinite(error) else "∞" for error in errors],
+        evaluations=runs["evaluations"].values,
+        status=[f"diverged at step {step}" if how == "diverged" else how for how, step in left],
     )
 
 
@@ -531,6 +543,10 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
     along = span([runs["evaluations_per_orbit"].values], logarithmic=True)
     up = span([told], logarithmic=True)
     plot = new_plot((along, up), ("force evaluations per orbit", "|perihelion advance| (rad per orbit)"))
+    plot.extra_y_ranges = {"century": exactly(up.start * century, up.end * century, logarithmic=True)}
+    plot.extra_y_scales = {"century": Model("LogScale")}
+    plot.right = [_axis(plot.extra_y_ranges["century"], "|perihelion advance| (arcseconds per century)")]
+    plot.right[0].y_range_name, plot.right[0].axis_label_standoff = "century", 10
     relativity = f"general relativity: {MERCURY_RELATIVISTIC_ADVANCE}″ per century"
     add_level(plot, MERCURY_RELATIVISTIC_ADVANCE / century, relativity)
     dots: list[Model] = []
@@ -545,11 +561,13 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
             "evaluations": runs["evaluations"].values if "evaluations" in runs else np.full(size.size, np.nan),
             "status": runs["status"].values.astype(str) if "status" in runs else np.full(size.size, "ok"),
         }
-        source = source_of(**marked(columns | {y: np.where(known, size, np.nan)}, (x, y), line.turn))
+        source = source_of(**marked(columns | {y: np.where(known, size, np.nan)}, y, line))
         add_line(plot, source, (x, y), method, line_width=1.0)
         bars = {x: evaluations[known], "low": (size - interval)[known], "high": (size + interval)[known]}
         ends = Model("Segment", **fields(x0=x, x1=x, y0="low", y1="high"), line_color=style_of(method).colour)
         add(plot, source_of(**bars), ends, method)
+        dot: dict[str, Any] = {"marker": "circle", "angle": 0.0, "size": 3.5, "fill_color": style_of(method).colour}
+        add_markers(plot, source, (x, y), method, **dot, line_alpha=0.0, fill_alpha=1.0)
         add_markers(plot, source, (x, y), method)
         zero = source_of(**{name: values[unknown] for name, values in columns.items()})
         cross = {"marker": "x", "angle": 0.0, "size": 5, "line_alpha": 0.5}

@@ -347,7 +347,7 @@ class ShownResults:
 
 # --- Figures of the page, interactive and static, with their texts and the legend of the methods.
 
-_HINT = "A cross on the upper edge is the smallest step size at which a method leaves its energy surface."
+_HINT = "Squares at the upper edge are runs that diverged."
 
 
 @dataclass(kw_only=True)

@@ -147,7 +147,7 @@ def _draw_method(axes: Axes, one: Advances) -> None:
     known, seen = np.where(one.known, one.size, np.nan), one.known & (one.interval > HIDDEN * one.size)
     axes.errorbar(x[seen], one.size[seen], yerr=one.interval[seen], fmt="none", ecolor=style.colour, elinewidth=0.8)
     axes.plot(x, known, color=style.colour, linewidth=0.5, marker=".", markersize=3.2)
-    axes.plot(x, known, markevery=mark_every(*one.line.turn, int(one.known.sum()), marks=8), **style.points())
+    axes.plot(x, known, markevery=mark_every(*one.line.turn, known, marks=8), **style.points())
     axes.plot(x, np.where(one.unknown, one.size, np.nan), **style.points(marker="x", markersize=4, alpha=0.5))
 
 

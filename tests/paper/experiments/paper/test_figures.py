@@ -8,7 +8,8 @@ from itertools import combinations, pairwise, zip_longest
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.lines import Line2D
 
 import nearharmonic as nh
@@ -20,9 +21,10 @@ from nearharmonic_paper.experiments.paper import figures as fig6_substeps
 from nearharmonic_paper.experiments.paper import tableaus as decompose
 from nearharmonic_paper.experiments.paper.figures import gain
 from nearharmonic_paper.experiments.paper.orbits import paper_panels
-from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, lines_of, look, look_of, slope, ticks
+from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, lines_of, look, look_of, seen, slope, ticks
 from support.cubes.figure_cubes import (
     GAPS,
+    LONELY,
     METHODS,
     TAU,
     TOY_DRIFT,
@@ -60,7 +62,7 @@ def line_named(axes, text):
 # --- Figures 1, 3 and 5: the curves are the cube's, in the panel, look and legend entry of their method.
 
 
-DASHED = (4, 2)
+DASHED = (4, 5)
 
 
 def test_the_upper_panel_shows_maxima_and_the_lower_one_means():
@@ -94,13 +96,30 @@ def test_double_precision_is_solid_and_extended_precision_dashed():
         assert len(axes.get_lines()) == 2 * len(METHODS) + 2
 
 
-def test_nan_zero_and_infinity_leave_gaps_in_curve():
-    cube = errors(precision=True)
+def test_every_run_is_seen_in_its_panel_or_above_it():
+    cube = errors(precision=True, gaps=LONELY)
     for axes, variable in zip(draw_profile(cube).axes, ("max_energy_error", "mean_energy_error"), strict=True):
-        for name in METHODS:
-            for precision in ("double", "extended"):
-                curve = line_of(axes, TAU, cube[variable].sel(integrator=name, precision=precision))
-                np.testing.assert_array_equal(np.flatnonzero(~drawn(curve)), list(GAPS))
+        runs = cube[variable].stack(run=("precision", "integrator")).transpose("run", ...)
+        for values in runs.values:
+            np.testing.assert_array_equal(seen(line_of(axes, TAU, values)), np.isfinite(values) & (values > 0))
+        (strip,) = axes.child_axes
+        rows = [(to_hex(line.get_color()), line.get_xdata().tolist()) for line in strip.lines]
+        assert rows == [(look_of(one)[0], TAU[runs[0] > 10].tolist()) for one in runs.integrator.values]
+        assert (strip.get_ylabel(), strip.get_xlim()) == ("diverged,\nor > 10", axes.get_xlim())
+    assert not draw_profile(errors(gaps={0: np.nan})).axes[0].child_axes
+
+
+def test_dashes_of_one_curve_are_seen_for_each_method():
+    cube = errors(["aba104", "abas5o6h", "aba864"], precision=True)
+    for values in (cube.max_energy_error, cube.mean_energy_error):
+        values[0], values[1] = np.nan, TAU**4
+    figure = draw_profile(cube)
+    figure.draw_without_rendering()
+    x, y = (slice(*map(int, ends)) for ends in figure.axes[0].bbox.get_points().T)
+    FigureCanvasAgg(figure).draw()
+    picture = np.asarray(figure.canvas.buffer_rgba())[::-1, :, :3][y, x] / 255
+    for name in cube.integrator.values:
+        assert (abs(picture - to_rgb(look_of(name)[0])).max(axis=-1) < 0.15).sum() > 40, name
 
 
 def test_guides_have_the_slopes_that_they_say():
