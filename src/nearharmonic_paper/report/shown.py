@@ -373,7 +373,7 @@ class ShownResults:
 
 # --- Figures of the page, interactive and static, with their texts and the legend of the methods.
 
-_HINT = "A cross on the upper edge is the smallest step size at which a method leaves its energy surface."
+_HINT = "Squares at the upper edge are runs that diverged."
 
 
 @dataclass(kw_only=True)
@@ -473,10 +473,10 @@ def _methods(cube: Any) -> dict[str, str]:
 
 
 def coefficients(methods: Iterable[str]) -> list[dict[str, Any]]:
-    """Return the coefficients, as doubles, of those registered methods that are sequences of kicks and drifts."""
+    """Return coefficients, as doubles, and colours of registered methods that are sequences of kicks and drifts."""
     found = (integrators[name] for name in methods if name in integrators)
     return [
-        {"name": one.name, "label": one.label, "first": one.first}
+        {"name": one.name, "label": one.label, "first": one.first, "colour": style_of(one.name).colour}
         | {"kick": list(map(float, one.kick)), "drift": list(map(float, one.drift))}
         for one in found
         if not (one.square or one.implicit or one.modified)

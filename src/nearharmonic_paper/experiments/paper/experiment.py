@@ -159,8 +159,10 @@ _GAIN: Any = {
 FIGURES = {
     "gain": Figure(title="Maximum energy error against Ruth's at equal cost", **_GAIN),
     "gain_mean": Figure(
-        title="Mean energy error against Ruth's at equal cost", settings={"variable": "mean_energy_error"},
-        by_default=False, **_GAIN,
+        title="Mean energy error against Ruth's at equal cost",
+        settings={"variable": "mean_energy_error"},
+        by_default=False,
+        **_GAIN,
     ),
     "fig1_sho": Figure(
         title="Energy error of the oscillator",
@@ -237,14 +239,14 @@ FIGURES = {
         target="fig6",
         caption=(
             "Substeps of two iterations in phase space (dimensionless) by Yosh s7o6 A (A, C) and BABs7o7H (B, D): the "
-            "harmonic oscillator from (q, p) = (0, 1) with tau = pi/4 (A, B) and the Hénon-Heiles system in the plane "
-            "q_x = p_x = 0 from (0.4, 0.4) with tau = 2 (C, D). Circles and crosses are the initial and final "
-            "position of each iteration; a dot is the state after a pair of drift and kick, its look says which "
-            "coefficients of the next pair are negative: none (blue), the drift c (red, horizontal bar), the kick d "
-            "(green, vertical bar), both (green within red). The thin line follows the drifts (horizontal) and kicks "
-            "(vertical). Shades are the Hamiltonian, the dashed contour passes through the start. Each panel states "
-            "the relative energy error after the two iterations, and the largest after any of 1000, or where the path "
-            "left its surface. D stays on it in the plane only: see fig6_displaced."
+            "harmonic oscillator from (q, p) = (0, 1) with τ = π/4 (A, B), and the Hénon-Heiles system in the plane "
+            "q_x = p_x = 0 from (0.4, 0.4) with τ = 2 (C, D). Circles and crosses are the initial and final position "
+            "of each iteration. Dots are the states after each drift-kick pair, numbered in the first iteration. Red: "
+            "the next drift goes backward. Green: the next kick. Green in red: both. Blue: neither. The thin line "
+            "follows the drifts (horizontal) and kicks (vertical). Shades and contours are the Hamiltonian H, and the "
+            "dashed contour passes through the start. Below each panel are the step size, the relative energy error "
+            "after two iterations, and the largest after any of 1000, or the iteration at which the path leaves its "
+            "energy surface. In D it stays on the surface in the plane only: see fig6_displaced."
         ),
     ),
     "fig6_displaced": Figure(

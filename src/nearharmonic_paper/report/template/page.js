@@ -70,7 +70,8 @@
     range.setv({ start: back(middle - half), end: back(middle + half) });
   };
   const ranges = (figure) => {
-    const all = plotsOf(figure).flatMap((plot) => [plot.x_range, plot.y_range]);
+    const axes = (plot) => [plot.x_range, plot.y_range, ...Object.values(plot.extra_y_ranges)];
+    const all = plotsOf(figure).flatMap(axes);
     return new Set(all.filter((range) => range.type === "Range1d"));
   };
   for (const button of document.querySelectorAll("button[data-zoom]"))
