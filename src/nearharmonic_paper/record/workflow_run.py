@@ -113,10 +113,6 @@ def revision(folder: Path) -> dict[str, Any]:
 # A start compares it with the present state, which takes milliseconds, and computes digests only of what differs.
 
 STATE = Path("logs", "state")
-#: Files of the record, which are compared too.
-RECORD = (history.HISTORY, manifest.MANIFEST)
-
-Observed = list[int] | None
 
 
 def save(folder: Path, makeable: Iterable[str], receipts: provenance.Receipts) -> None:
@@ -124,7 +120,7 @@ def save(folder: Path, makeable: Iterable[str], receipts: provenance.Receipts) -
     told = manifest.read(folder)
     unknown = {*told["changed"], *told["unrecorded"]}
     places = (place.relative_to(folder).as_posix() for place, _ in receipts)
-    names = sorted({*makeable, *told["files"], *RECORD, *places} - unknown)
+    names = sorted({*makeable, *told["files"], *manifest.LEFT_OUT, *places} - unknown)  # the record is compared too
     files = {name: _observed(folder, name) for name in names} | {name: [] for name in sorted(unknown)}
     lines = history.lines_of(folder / history.HISTORY)
     head = lost_line(folder, lines) or (lines[-1].digest if lines else None)
@@ -172,7 +168,7 @@ def _saved(folder: Path) -> dict[str, Any]:
         return {}
 
 
-def _observed(folder: Path, name: str) -> Observed:
+def _observed(folder: Path, name: str) -> list[int] | None:
     """Return size and time of a file; None if there is none."""
     try:
         state = os.stat(f"{folder}/{name}")  # noqa: PTH116 - pathlib takes longer than the system
@@ -253,12 +249,9 @@ class WorkflowRun:
     """One run of the workflow, in the process of Snakemake."""
 
     def __init__(
-        self,
-        folder: str | os.PathLike[str],
-        config: Config,
-        makeable: Collection[str] = (),
+        self, folder: str | os.PathLike[str], config: Config, makeable: Collection[str] = (),
         configfiles: Sequence[str] = (),
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._folder, self._config, self._makeable, self._configfiles = Path(folder), config, makeable, configfiles
         self._began = datetime.now(UTC)
         #: What the history tells of this run.
@@ -358,10 +351,9 @@ class WorkflowRun:
 
     def _remove_damaged_receipts(self) -> None:
         """Remove damaged receipts: the manifest has the entries of their files, or their jobs run again."""
-        damaged = provenance.damaged_receipts(self._folder)
-        for place in damaged:
-            place.unlink()
-        if damaged:
+        if damaged := provenance.damaged_receipts(self._folder):
+            for place in damaged:
+                place.unlink()
             listed = ", ".join([*map(str, damaged[:3]), *(["..."] if len(damaged) > 3 else [])])
             says = "receipts are not as their jobs wrote them, and are removed"
             self._warn("receipts", f"{len(damaged)} {says}: {listed}")
