@@ -450,10 +450,7 @@ VARIABLES = {
     "instants": variable("y", np.array(["2015-01-07", "2016-01-07"], dtype="datetime64[D]"), "days"),
 }
 #: Of dimensions without a coordinate.
-COUNTS = {
-    "x": variable("x", np.arange(3), "number of the x"),
-    "y": variable("y", np.arange(2), "number of the y"),
-}
+COUNTS = {"x": variable("x", np.arange(3), "number of the x"), "y": variable("y", np.arange(2), "number of the y")}
 COORDINATES = [
     coordinate("x", np.array([0.3, 0.1, 0.2]), "step size", "h"),
     coordinate("x", np.array([3, 1, 2]), "count"),

@@ -505,8 +505,7 @@ def test_other_libraries_are_taken_from_the_timings_that_are_there(results):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("error", "tolerance", "time"),
-    [(1e-5, 1e-3, 1e-9), (1e-6, 1e-9, 2e-9), (2e-9, 1e-9, 2e-9), (2e-12, 1e-9, 2e-9)],
+    ("error", "tolerance", "time"), [(1e-5, 1e-3, 1e-9), (1e-6, 1e-9, 2e-9), (2e-9, 1e-9, 2e-9), (2e-12, 1e-9, 2e-9)]
 )
 def test_other_library_keeps_fastest_setting_that_meets_error(results, error, tolerance, time):
     theirs = choice_of(beside(results, "sho", error), "theirs")

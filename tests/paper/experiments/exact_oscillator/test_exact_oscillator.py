@@ -15,12 +15,7 @@ from nearharmonic_paper.config import load
 from nearharmonic_paper.experiments.exact_oscillator import CHARGES, ExactOscillatorSettings
 from nearharmonic_paper.experiments.exact_oscillator import reductions as times
 from nearharmonic_paper.experiments.exact_oscillator.reductions import BEST, crossing, reduce, reduction
-from nearharmonic_paper.experiments.exact_oscillator.run import (
-    largest_error,
-    measure,
-    radius,
-    starts_on,
-)
+from nearharmonic_paper.experiments.exact_oscillator.run import largest_error, measure, radius, starts_on
 from nearharmonic_paper.tasks import job
 
 SMALL = ExactOscillatorSettings(integrators=("aba864",), energies=5, trajectories=6, t_end="20")

@@ -347,10 +347,7 @@ def test_times_of_a_file_are_panels_with_their_errors(tmp_path):
         for axes in figure.axes
     ]
     assert found == [
-        {
-            "BAB's9o7H, regularised": {0.5: 1e-6, 0.7: 1e-12},
-            "heyoka, fast_math, original equations": {2: 1e-6},
-        },
+        {"BAB's9o7H, regularised": {0.5: 1e-6, 0.7: 1e-12}, "heyoka, fast_math, original equations": {2: 1e-6}},
         {"fastest method here, regularised": {3: 1e-6, 4: 1e-12}},
     ]
     titles = [axes.get_title(loc="left") for axes in figure.axes]
@@ -373,10 +370,7 @@ def test_ensembles_are_timed_for_methods_among_fastest_at_some_error(monkeypatch
 @pytest.mark.slow
 def test_figures_show_winning_methods_and_every_library(cube):
     found = comparison_figures(["sho", "kepler"], cube)
-    shown = {
-        "trajectory": ["ruth", "babs7o7h", "rebound_ias15", "heyoka"],
-        "lanes": ["babs7o7h", "ruth", "heyoka"],
-    }
+    shown = {"trajectory": ["ruth", "babs7o7h", "rebound_ias15", "heyoka"], "lanes": ["babs7o7h", "ruth", "heyoka"]}
     assert set(found) == set(shown)
     for mode, names in shown.items():
         assert len(found[mode].axes) == 2
