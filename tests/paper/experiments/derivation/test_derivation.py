@@ -212,7 +212,7 @@ def test_solutions_come_most_often_hit_first():
 def test_solution_that_is_counted_but_not_found_leaves_set_incomplete(monkeypatch):
     exact = eliminate(Equations(5, 6))
     more = replace(exact, real_solutions=exact.real_solutions + 1)
-    monkeypatch.setattr("nearharmonic_paper.experiments.derivation.families.eliminate", lambda _: more)
+    monkeypatch.setattr("nearharmonic_paper.experiments.derivation.search.eliminate", lambda _: more)
     assert not families.solve(Equations(5, 6), RandomStarts(500, SEED, box=2.5, bound=20.0)).complete
     assert not families.solve(Equations(5, 6), RandomStarts(500, SEED, box=2.5, bound=20.0), eliminable=0).complete
 

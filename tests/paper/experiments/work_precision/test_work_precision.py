@@ -266,7 +266,7 @@ def test_regularised_system_is_compared_on_its_original_equations_too(cube, monk
              ("kepler_regularised", "heyoka_regularised")], start=1,
         )
     }  # fmt: skip
-    monkeypatch.setattr(comparisons, "read_parts", lambda _, name, __: ([("5", ("max",), measured[name])], {}))
+    monkeypatch.setattr(comparisons.engine, "read_parts", lambda _, name, __: ([("5", ("max",), measured[name])], {}))
     found = {pair.system: pair for pair in pairs(cube, list(measured))[0]}
     assert [found[name].original for name in measured] == ["", "far", "", "", "kepler"]
     assert [found[name].standard(1e-9, "trajectory") for name in measured] == [10, 10, 30, 40, 40]
