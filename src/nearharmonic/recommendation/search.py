@@ -334,8 +334,7 @@ class Search:
 
 def _evenly(rows: Floats, most: int) -> Floats:
     """Return at most so many of ``rows``, in even distances."""
-    chosen: Floats = rows[np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int)]
-    return chosen
+    return np.asarray(rows[np.linspace(0, len(rows) - 1, min(most, len(rows))).astype(int)])
 
 
 # --- What a user may give: methods and starts, and their Python code --------------------------------------------------
@@ -468,8 +467,7 @@ def _largest_eigenvalues(system: System, points: Floats, extents: Floats) -> Flo
         size = np.maximum(size, np.abs(diagonal))
     usable = np.isfinite(matrices).all(axis=(1, 2)) & np.isfinite(length)
     values, vectors = np.linalg.eigh(matrices[usable])
-    largest: Floats = values[:, -1] + length[usable] * np.abs(vectors[:, -1, -1])
-    return largest
+    return np.asarray(values[:, -1] + length[usable] * np.abs(vectors[:, -1, -1]))
 
 
 def _hessian_times(system: System, points: Floats, extents: Floats, which: int, vectors: Floats) -> Floats:
@@ -489,5 +487,4 @@ def _hessian_times(system: System, points: Floats, extents: Floats, which: int, 
         start=rows.reshape(2 * M, -1), numerics=Numerics(energy="none", summation="plain"),
     )  # fmt: skip
     ahead, behind = (paths.q if which else -paths.p).reshape(2, M, D)
-    product: Floats = (ahead - behind) / (2 * DIFFERENCE) * np.where(size > 0, size, 1)
-    return product
+    return np.asarray((ahead - behind) / (2 * DIFFERENCE) * np.where(size > 0, size, 1))

@@ -14,7 +14,7 @@ from nearharmonic.core.expression import Graph
 from nearharmonic.core.number import Constant, vector
 from nearharmonic.errors import SystemDefinitionError, naming_arguments
 from nearharmonic.numerics.written import decimal
-from nearharmonic.registry import load_file, near_miss, pickled, split_path
+from nearharmonic.registry import facts_table, line, load_file, near_miss, pickled, split_path
 from nearharmonic.systems import quantities
 from nearharmonic.systems.formulas import (
     DerivedGradient,
@@ -361,13 +361,9 @@ class System:
         }
 
     def __repr__(self) -> str:
-        from nearharmonic.registry import line
-
         return line("System", self.facts)
 
     def _repr_html_(self) -> str:
-        from nearharmonic.registry import facts_table
-
         return facts_table("System", self.facts)
 
     def _write_out(self) -> None:

@@ -103,7 +103,8 @@ def page(entries: Sequence[claim.Entry]) -> str:
         if any(entry["verdict"] == verdict for entry in claim.of_the_paper(entries))
     ]
     rows = [[kind, count, *(found[verdict] or "" for verdict in shown)] for kind, count, found in claim.sums(entries)]
-    lines = [INTRODUCTION, *_wrapped(f"{claim.tally(entries)}. {failures_in_words(entries)}")]
+    said = f"{claim.tally(entries)}. {failures_in_words(entries)}"
+    lines = [INTRODUCTION, *wrap(said, _WIDTH, break_on_hyphens=False), ""]
     lines += pipes(["kind", "statements", *(claim.VERDICTS[verdict] for verdict in shown)], rows, align="lr")
     lines += ["", "## The statements that carry the paper", ""]
     lines += [line for name in CARRYING for line in _in_short(by_id[name])]
@@ -174,10 +175,6 @@ def _item(text: str) -> list[str]:
 
 def _lines(text: str) -> list[str]:
     return wrap(_escaped(text), _WIDTH, break_on_hyphens=False, break_long_words=False)
-
-
-def _wrapped(text: str) -> list[str]:
-    return [*wrap(text, _WIDTH, break_on_hyphens=False), ""]
 
 
 def _escaped(text: str) -> str:

@@ -28,7 +28,7 @@ from nearharmonic.output import store
 from nearharmonic.output.store import Variables
 from nearharmonic.systems import systems
 from nearharmonic.systems.user_file import SystemDefinition
-from nearharmonic_paper.experiments.paper.run import runs_of
+from nearharmonic_paper.experiments.paper.run import integrate_run, runs_of
 from nearharmonic_paper.record import manifest
 from nearharmonic_paper.record.history import makers_in
 from nearharmonic_paper.record.manifest import check_files_of
@@ -449,7 +449,6 @@ def _cells(folder: Path, name: str) -> Iterator[tuple[str, str, int]]:
 def _again(folder: Path, name: str, precision: str, index: int) -> Rerun:
     """Repeat the run ``index`` with this precision of a file."""
     from nearharmonic_paper.experiments.paper.reductions import reduced_run
-    from nearharmonic_paper.experiments.paper.run import integrate_run
 
     kept = store.read(folder / name, None if precision == "double" else precision)
     settings = settings_of(folder / name, kept.attrs)
