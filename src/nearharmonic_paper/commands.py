@@ -64,15 +64,14 @@ def _verify(chosen: argparse.Namespace) -> Answer:
     found = [{"file": f.file, "fault": f.says, "mend": f.mend} for f in faults(folder)]
     notes = []
     if not found:
-        told = extent(folder)
-        notes = [f"{_counted(told.files, 'file')}, {told.size} bytes: each as its job wrote it, by this code"]
-        if told.not_run:
+        files, size, not_run, others = extent(folder)
+        notes = [f"{_counted(files, 'file')}, {size} bytes: each as its job wrote it, by this code"]
+        if not_run:
             says = "are those of their recorded code; to compute them: verify"
-            trusting = " ".join(f"--trust {quote(file)}" for file in told.not_run)
-            notes.append(f"coefficients of {', '.join(told.not_run)} {says} {trusting}")
-        if told.of_other_configs:
-            others = _counted(told.of_other_configs, "file")
-            notes.append(f"{others} of runs whose config was not that of the newest run")
+            trusting = " ".join(f"--trust {quote(file)}" for file in not_run)
+            notes.append(f"coefficients of {', '.join(not_run)} {says} {trusting}")
+        if others:
+            notes.append(f"{_counted(others, 'file')} of runs whose config was not that of the newest run")
     if number and found:
         notes.append("no run was integrated again, since there are faults")
     elif number:

@@ -160,29 +160,20 @@ def _target_of(function: str) -> str:
     return f" -- {experiment.target}" if experiment in beside_the_paper() else ""
 
 
-class Extent(NamedTuple):
-    """Contents of a folder of results without a fault.
+def extent(folder: Path) -> tuple[int, int, list[str], int]:
+    """Return what the manifest and the history of ``folder``, which has no fault, tell of its files.
 
     These are the number of its files and their size in bytes; the sorted files with users' integrators whose
     coefficients :func:`faults` does not compute; and the number of files from runs with a different config than that of
     the newest successful run, which may be up to date: the section of one system does not affect other systems.
     """
-
-    files: int
-    size: int
-    not_run: list[str]
-    of_other_configs: int
-
-
-def extent(folder: Path) -> Extent:
-    """Return what the manifest and the history of ``folder`` tell of its files."""
     entries = manifest.read(folder)["files"]
     configs = {run["id"]: run.get("config_digest") for run in history.runs_of(folder)}
     newest, makers = history.newest_finished(folder) or {}, history.makers_in(folder)
     made = [configs.get(makers.get(name, entry.get("run"))) for name, entry in entries.items()]
     others = sum(config != newest.get("config_digest") for config in made) if newest else 0
     size = sum(entry["size"] for entry in entries.values())
-    return Extent(len(entries), size, integrator_files_not_run(entries.values()), others)
+    return len(entries), size, integrator_files_not_run(entries.values()), others
 
 
 # --- Adoption as up to date, after a check of all files, the code and the settings.
