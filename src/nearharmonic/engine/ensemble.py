@@ -11,17 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.core.layout import COLUMNS, COUNTERS
-from nearharmonic.engine.batch import (
-    Batch,
-    Blocks,
-    Filled,
-    Trajectories,
-    joined,
-    sample_marks,
-    sample_size,
-    shapes,
-    single_steps,
-)
+from nearharmonic.engine import batch as batches
 from nearharmonic.engine.description import (
     checked_times,
     over,
@@ -122,19 +112,19 @@ def ensemble(
     asked = None if t is None else checked_times(t, problem)
     times = None if asked is None else np.array([float(time) for time in asked])
     count = max(2, min(kept, steps + 1)) if asked is None else len(asked)
-    numbers = members * count * sample_size(problem.system.dimension)
+    numbers = members * count * batches.sample_size(problem.system.dimension)
     check_memory(f"the states of {members} members", numbers, count)
     if asked is None:
         paths = _sampled(problem, steps, begin, kept, threads)
     else:
-        parts: dict[int, Trajectories] = {}
+        parts: dict[int, batches.Trajectories] = {}
 
         def compute(block: slice, start: Floats, parameters: Floats) -> None:
             equal = [steps] * (block.stop - block.start)
             parts[block.start] = run_at(problem, equal, asked, start=start, parameters=parameters)
 
         _in_blocks(problem, steps, begin, threads, compute)
-        paths = joined([parts[i] for i in sorted(parts)])
+        paths = batches.joined([parts[i] for i in sorted(parts)])
     attributes = run_attributes(problem, begin, asked_tau) | problem.floor(begin.state, begin.parameters, paths.energy)
     variables = run_variables(problem, paths, begin, times, steps)
     used = variables.pop("tau")
@@ -153,21 +143,21 @@ def _in_blocks(
         block = slice(i * BLOCK, min((i + 1) * BLOCK, members))
         compute(block, *(rows[block] if len(rows) > 1 else rows for rows in (begin.state, begin.parameters)))
 
-    Blocks(one, -(-members // BLOCK), steps=members * steps, cost=problem.cost).execute(threads)
+    batches.Blocks(one, -(-members // BLOCK), steps=members * steps, cost=problem.cost).execute(threads)
 
 
-def _sampled(problem: Setup, steps: int, begin: Start, samples: int, threads: int) -> Trajectories:
+def _sampled(problem: Setup, steps: int, begin: Start, samples: int, threads: int) -> batches.Trajectories:
     """Return all members, sampled at whole steps; batches of whole blocks are used again."""
-    members, marks, only_end = begin.members, sample_marks(np.array([steps]), samples), samples == 1
+    members, marks, only_end = begin.members, batches.sample_marks(np.array([steps]), samples), samples == 1
     kept = marks[0, only_end:]
     counters = [0, 1] * (problem.system.regularisation is not None) + [*range(-COUNTERS, 0)] * problem.tableau.implicit
-    shown = shapes((members, kept.size), problem.states_dimension, len(counters))
-    arrays = Filled(
+    shown = batches.shapes((members, kept.size), problem.states_dimension, len(counters))
+    arrays = batches.Filled(
         marks=np.broadcast_to(kept, (members, kept.size)), left_at=np.empty(members, np.int64),
         **{name: np.empty(shape) for name, shape in shown.items()},
     )  # fmt: skip
     lanes = replace(problem.numerics, width=most_lanes_of(problem.system, problem.numerics, problem.tableau))
-    moves, free = problem.moves([problem.end / steps]), list[Batch]()
+    moves, free = problem.moves([problem.end / steps]), list[batches.Batch]()
 
     def compute(block: slice, start: Floats, parameters: Floats) -> None:
         size = block.stop - block.start
@@ -373,7 +363,7 @@ class _ShortenedStep:
         moves = np.zeros((len(sizes), len(flags), COLUMNS))
         fill_all(table, flags, power, sizes, moves.reshape(len(sizes), len(flags) * COLUMNS))
         start = np.concatenate([q, np.zeros_like(q), p, np.zeros_like(p)], axis=1)
-        marks, problem = single_steps(len(sizes)), self._problem
+        marks, problem = batches.single_steps(len(sizes)), self._problem
         numerics = with_lanes(problem.numerics, marks[:, 1], problem.system, problem.tableau)
         batch = problem.batch(moves, marks, np.arange(len(sizes)), start, self._parameters.copy(), numerics)
         batch.run()

@@ -20,7 +20,17 @@ from nearharmonic.errors import NearharmonicError
 from nearharmonic.output.atomic import write_bytes
 from nearharmonic.output.store import read, write_dataset
 from nearharmonic.output.table import pipes
-from nearharmonic_paper.claims import claim
+from nearharmonic_paper.claims.claim import (
+    FINDING,
+    OPEN,
+    VERDICTS,
+    Entry,
+    failures,
+    in_words,
+    of_the_paper,
+    sums,
+    tally,
+)
 from nearharmonic_paper.claims.judging import MEANINGS
 from nearharmonic_paper.claims.performance import CLOSE, ROUND
 from nearharmonic_paper.claims.table import FILES, decide, document, results_of
@@ -67,7 +77,7 @@ statements that need another target which it is. This page is generated from [cl
 """
 
 
-def verdict_table(entries: Sequence[claim.Entry]) -> str:
+def verdict_table(entries: Sequence[Entry]) -> str:
     """Return README's table of verdicts, one row per statement, and the sentences below it."""
     by_id = {entry["id"]: entry for entry in entries}
     rows = []
@@ -79,14 +89,14 @@ def verdict_table(entries: Sequence[claim.Entry]) -> str:
             rows.append([words, ", ".join(verdicts), f"{of_systems}: {', '.join(values)}"])
         else:
             rows.append([words, f"**{by_id[name]['verdict']}**", by_id[name]["brief"]])
-    below = f"{claim.tally(entries)}. {failures_in_words(entries)}"
+    below = f"{tally(entries)}. {failures_in_words(entries)}"
     lines = pipes(["the paper says", "verdict", "measured"], rows)
     return "\n".join([*lines, "", *wrap(below, _WIDTH, break_on_hyphens=False), "", ""])
 
 
-def failures_in_words(entries: Sequence[claim.Entry]) -> str:
+def failures_in_words(entries: Sequence[Entry]) -> str:
     """Return the failures of substance in a sentence, and the number of attributions that fail."""
-    failing = {entry["id"] for entry in claim.failures(entries)}
+    failing = {entry["id"] for entry in failures(entries)}
     said = [words for name, words in FAILURES.items() if name in failing]
     number = {1: "One fails", 2: "Two fail", 3: "Three fail"}.get(len(said), f"{len(said)} fail")
     told = f"{number} in substance: {'; '.join(said)}." if said else "None fails in substance."
@@ -94,18 +104,13 @@ def failures_in_words(entries: Sequence[claim.Entry]) -> str:
     return told + {0: "", 1: " One failure is an attribution."}.get(wrong, f" {wrong} failures are attributions.")
 
 
-def page(entries: Sequence[claim.Entry]) -> str:
+def page(entries: Sequence[Entry]) -> str:
     """Return the page of all statements, in Markdown; no line is longer than a screen."""
     by_id = {entry["id"]: entry for entry in entries}
-    shown = [
-        verdict
-        for verdict in claim.VERDICTS
-        if any(entry["verdict"] == verdict for entry in claim.of_the_paper(entries))
-    ]
-    rows = [[kind, count, *(found[verdict] or "" for verdict in shown)] for kind, count, found in claim.sums(entries)]
-    said = f"{claim.tally(entries)}. {failures_in_words(entries)}"
-    lines = [INTRODUCTION, *wrap(said, _WIDTH, break_on_hyphens=False), ""]
-    lines += pipes(["kind", "statements", *(claim.VERDICTS[verdict] for verdict in shown)], rows, align="lr")
+    shown = [verdict for verdict in VERDICTS if any(entry["verdict"] == verdict for entry in of_the_paper(entries))]
+    rows = [[kind, count, *(found[verdict] or "" for verdict in shown)] for kind, count, found in sums(entries)]
+    lines = [INTRODUCTION, *_wrapped(f"{tally(entries)}. {failures_in_words(entries)}")]
+    lines += pipes(["kind", "statements", *(VERDICTS[verdict] for verdict in shown)], rows, align="lr")
     lines += ["", "## The statements that carry the paper", ""]
     lines += [line for name in CARRYING for line in _in_short(by_id[name])]
     lines += ["## What general words and the verdicts mean", ""]
@@ -113,7 +118,7 @@ def page(entries: Sequence[claim.Entry]) -> str:
     lines += ["", "## All statements", ""]
     lines += [line for section, found in _by_section(entries).items() for line in _folded(section, found)]
     lines += ["## Findings of this project", "", "They are no statements of the paper and not counted.", ""]
-    lines += [line for entry in entries if entry["kind"] == claim.FINDING for line in _told(entry)]
+    lines += [line for entry in entries if entry["kind"] == FINDING for line in _told(entry)]
     return "\n".join(lines)
 
 
@@ -130,31 +135,31 @@ SECTIONS = {
 }
 
 
-def _by_section(entries: Sequence[claim.Entry]) -> dict[str, list[claim.Entry]]:
+def _by_section(entries: Sequence[Entry]) -> dict[str, list[Entry]]:
     """Return the statements of the paper by the titles of their sections, in order."""
-    found: dict[str, list[claim.Entry]] = {title: [] for title in SECTIONS}
-    for entry in claim.of_the_paper(entries):
+    found: dict[str, list[Entry]] = {title: [] for title in SECTIONS}
+    for entry in of_the_paper(entries):
         place = entry["paper"]["section"]
         found[next(title for title, places in SECTIONS.items() if re.match(places, place))].append(entry)
     return {title: those for title, those in found.items() if those}
 
 
-def _folded(title: str, entries: Sequence[claim.Entry]) -> Iterator[str]:
+def _folded(title: str, entries: Sequence[Entry]) -> Iterator[str]:
     verdicts = Counter(entry["verdict"] for entry in entries)
-    yield from ("<details>", f"<summary>{title}: {claim.in_words(verdicts)}</summary>", "")
+    yield from ("<details>", f"<summary>{title}: {in_words(verdicts)}</summary>", "")
     for entry in entries:
         yield from _told(entry)
     yield from ("</details>", "")
 
 
-def _in_short(entry: claim.Entry) -> Iterator[str]:
+def _in_short(entry: Entry) -> Iterator[str]:
     """Return a statement, its verdict and its value."""
     yield from _item(f"“{entry['paper']['sentence']}” ({entry['paper']['section']}; `{entry['id']}`): ")
     lines = "\n".join(["", *(f"  {line}" for line in _lines(f"{entry['verdict']}: {entry['value']}.")), ""])
     yield lines.replace(entry["verdict"], f"**{entry['verdict']}**", 1)
 
 
-def _told(entry: claim.Entry) -> Iterator[str]:
+def _told(entry: Entry) -> Iterator[str]:
     """Return a statement, its verdict, its value and its threshold."""
     yield f"**{entry['verdict']}** · `{entry['id']}` · {entry['kind']} · {entry['paper']['section']}"
     yield ""
@@ -177,6 +182,10 @@ def _lines(text: str) -> list[str]:
     return wrap(_escaped(text), _WIDTH, break_on_hyphens=False, break_long_words=False)
 
 
+def _wrapped(text: str) -> list[str]:
+    return [*wrap(text, _WIDTH, break_on_hyphens=False), ""]
+
+
 def _escaped(text: str) -> str:
     """Return text with escaped Markdown marks, except those of code."""
     parts = text.split("`")
@@ -190,7 +199,7 @@ def verdicts(folder: str, readme: str, integrators: Sequence[str], files: Sequen
     ``readme``. A statement that is not decided is a NearharmonicError.
     """
     entries = decide(results_of(folder, integrators))
-    undecided = [f"{entry['id']} ({entry['value']})" for entry in entries if entry["verdict"] == claim.OPEN]
+    undecided = [f"{entry['id']} ({entry['value']})" for entry in entries if entry["verdict"] == OPEN]
     if undecided:
         message = f"{folder} leaves {len(undecided)} statements undecided, like {undecided[0]}: no verdict is written"
         raise NearharmonicError(message)

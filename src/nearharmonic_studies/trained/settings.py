@@ -10,15 +10,7 @@ from typing import Annotated, ClassVar
 from nearharmonic.engine.settings import MOST_STEPS, one_of
 from nearharmonic.integrators import modified_integrators, plain_integrators
 from nearharmonic.integrators.tableau import First, Tableau
-from nearharmonic.training.family import (
-    OURS,
-    TRAINED,
-    TRAINED_EXACT,
-    Family,
-    modified_names,
-    module_of,
-    published_names,
-)
+from nearharmonic.training import family
 from nearharmonic.training.objective import Ensemble
 from nearharmonic.training.search import DescentName, Effort
 from nearharmonic_paper.entries import (
@@ -75,9 +67,9 @@ class Chain:
     potential_degree: int | None = None
     generalised_order: tuple[int, ...] = ()
 
-    def families(self) -> Iterator[Family]:
+    def families(self) -> Iterator[family.Family]:
         """Yield the families."""
-        return (Family(**{**vars(self), "stages": stages}) for stages in self.stages)
+        return (family.Family(**{**vars(self), "stages": stages}) for stages in self.stages)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +112,7 @@ class Purpose:
     def known(self) -> tuple[str, ...]:
         """Names of the starting methods of a search; published methods among them are the reference."""
         modified = any(chain.squares for chain in self.chains)
-        return published_names() + (modified_names() if modified else ())
+        return family.published_names() + (family.modified_names() if modified else ())
 
     @property
     def charge(self) -> float:
@@ -327,7 +319,9 @@ def contestants() -> tuple[str, ...]:
     Processed methods are not among them, and those trained with the oscillator solved exactly.
     """
     modified = [name for name in modified_integrators.registered if not modified_integrators[name].processed]
-    return tuple(name for name in (*plain_integrators.registered, *modified) if not name.startswith(TRAINED_EXACT))
+    return tuple(
+        name for name in (*plain_integrators.registered, *modified) if not name.startswith(family.TRAINED_EXACT)
+    )
 
 
 def exact_contestants(others: Sequence[str]) -> tuple[str, ...]:
@@ -337,9 +331,9 @@ def exact_contestants(others: Sequence[str]) -> tuple[str, ...]:
 
 def kind_of(name: str) -> str:
     """Return the kind of a registered method: trained, published, or own."""
-    if name.startswith(TRAINED):
+    if name.startswith(family.TRAINED):
         return "trained"
-    return "own" if module_of(name) in OURS else "published"
+    return "own" if family.module_of(name) in family.OURS else "published"
 
 
 def idea_of(method: Tableau) -> str | None:
@@ -347,7 +341,7 @@ def idea_of(method: Tableau) -> str | None:
 
     Methods with a harmonic order belong to this idea for any general order and any author.
     """
-    if method.name.startswith(TRAINED):
+    if method.name.startswith(family.TRAINED):
         return "trained"
     if method.modified:
         return None
