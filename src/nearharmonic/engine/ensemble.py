@@ -12,15 +12,8 @@ import numpy as np
 
 from nearharmonic.core.layout import COLUMNS, COUNTERS
 from nearharmonic.engine import batch as batches
-from nearharmonic.engine.description import (
-    checked_times,
-    over,
-    parameter_variables,
-    problem_attributes,
-    run_at,
-    run_attributes,
-    run_variables,
-)
+from nearharmonic.engine import description
+from nearharmonic.engine.description import over
 from nearharmonic.engine.kernels import most_lanes_of, with_lanes
 from nearharmonic.engine.numbers import parameter_array, rows_of, standard_parameters
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_THREADS, checked_count, checked_samples, one_of
@@ -109,7 +102,7 @@ def ensemble(
     begin = start_of(problem, q0, p0, parameters, several=True)
     (steps, asked_tau), kept = asked_steps(problem, tau), checked_samples(samples)
     threads, members = checked_count("threads", threads, MOST_THREADS), begin.members
-    asked = None if t is None else checked_times(t, problem)
+    asked = None if t is None else description.checked_times(t, problem)
     times = None if asked is None else np.array([float(time) for time in asked])
     count = max(2, min(kept, steps + 1)) if asked is None else len(asked)
     numbers = members * count * batches.sample_size(problem.system.dimension)
@@ -121,14 +114,16 @@ def ensemble(
 
         def compute(block: slice, start: Floats, parameters: Floats) -> None:
             equal = [steps] * (block.stop - block.start)
-            parts[block.start] = run_at(problem, equal, asked, start=start, parameters=parameters)
+            parts[block.start] = description.run_at(problem, equal, asked, start=start, parameters=parameters)
 
         _in_blocks(problem, steps, begin, threads, compute)
         paths = batches.joined([parts[i] for i in sorted(parts)])
-    attributes = run_attributes(problem, begin, asked_tau) | problem.floor(begin.state, begin.parameters, paths.energy)
-    variables = run_variables(problem, paths, begin, times, steps)
+    attributes = description.run_attributes(problem, begin, asked_tau) | problem.floor(
+        begin.state, begin.parameters, paths.energy
+    )
+    variables = description.run_variables(problem, paths, begin, times, steps)
     used = variables.pop("tau")
-    renamed = over("member", variables) | parameter_variables(problem, begin.parameters) | {"tau": used}
+    renamed = over("member", variables) | description.parameter_variables(problem, begin.parameters) | {"tau": used}
     coordinates = [name for name in renamed if name.startswith("parameter_")]
     return assembled(renamed, coordinates, attributes)
 
@@ -299,7 +294,7 @@ def section(
         orbits = runs(rows[begin : begin + block], tau, problem.t_end, steps + 1)
         found.append(_crossings(step, function, orbits, signs, size, begin))
         ended.append(orbits[["status", "diverged_at"]])
-    attributes = problem_attributes(problem) | parameter_attributes(subject, parameters or {})
+    attributes = description.problem_attributes(problem) | parameter_attributes(subject, parameters or {})
     attributes |= {"direction": direction, "surface_name": function.name, "tau_requested": asked_tau}
     variables = _variables(problem, found, rows, function, constants)
     for name in ("status", "diverged_at"):

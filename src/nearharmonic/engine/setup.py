@@ -18,16 +18,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from nearharmonic.engine import batch as batches
 from nearharmonic.engine import settings
-from nearharmonic.engine.batch import (
-    Batch,
-    Filled,
-    Trajectories,
-    check_bound,
-    integrate_batch,
-    prepared_batch,
-    trajectories_of,
-)
 from nearharmonic.engine.kernels import check_precision, cost_of, energy_floor, formulas_digest
 from nearharmonic.engine.numbers import (
     array_of,
@@ -175,7 +167,9 @@ class Setup:
         self.tableau = tableau.role(role)  # type: ignore[arg-type]
         settings.check_fit(self.system, self.tableau, split)
         check_quantities(self.system)
-        check_bound(self.system, standard_start(self.system, False)[None, :], standard_parameters(self.system)[None, :])
+        batches.check_bound(
+            self.system, standard_start(self.system, False)[None, :], standard_parameters(self.system)[None, :]
+        )
         self.t_end = settings.checked_t_end(self.system.t_end if t_end is None else t_end)
         self.end = settings.exact_decimal(self.t_end)
         if self.tableau.processed and energy == "every":  # the states between samples are not those of the method
@@ -222,16 +216,16 @@ class Setup:
     def batch(
         self, moves: Floats, marks: Integers, scheme: Integers, start: Floats, parameters: Floats,
         numerics: settings.Numerics | None = None,
-    ) -> Batch:  # fmt: skip
+    ) -> batches.Batch:  # fmt: skip
         """Return a batch of arrays that :class:`Batch` describes, ready to run, with its own arithmetic and lanes or
         others.
         """
-        return prepared_batch(
+        return batches.prepared_batch(
             self.system, self.tableau, numerics or self.numerics, moves=moves, marks=marks, scheme=scheme, start=start,
             parameters=parameters, scale=self.scale,
         )  # fmt: skip
 
-    def run(self, steps: Sequence[int], samples: int, **given: Any) -> Trajectories:
+    def run(self, steps: Sequence[int], samples: int, **given: Any) -> batches.Trajectories:
         """Integrate one run for each entry of ``steps``; those that are equal in all are computed once.
 
         What is ``given`` further is as for :func:`nearharmonic.engine.batch.integrate_batch`.
@@ -239,7 +233,7 @@ class Setup:
         alike = (given.get(name) for name in ("start", "parameters"))
         same = given.get("marks") is None and all(rows is None or len(rows) == 1 for rows in alike)
         distinct = list(dict.fromkeys(steps)) if same else list(steps)
-        paths = integrate_batch(
+        paths = batches.integrate_batch(
             self.system, self.tableau, t_end=self.end, steps=distinct, samples=samples, numerics=self.numerics,
             scale=self.scale, **given,
         )  # fmt: skip
@@ -248,9 +242,9 @@ class Setup:
         where = {n: i for i, n in enumerate(distinct)}
         return paths.take(np.array([where[n] for n in steps]))
 
-    def trajectories(self, steps: Integers, arrays: Filled) -> Trajectories:
+    def trajectories(self, steps: Integers, arrays: batches.Filled) -> batches.Trajectories:
         """Return the results of runs of so many steps (R,) by name."""
-        return trajectories_of(self.system, self.tableau, steps, arrays, self.numerics, self.scale)
+        return batches.trajectories_of(self.system, self.tableau, steps, arrays, self.numerics, self.scale)
 
     def floor(self, start: Floats, parameters: Floats, H0: Floats) -> dict[str, float]:
         """Return the attribute ``energy_floor``, if energies are measured; arguments as for :func:`energy_floor`."""
@@ -432,7 +426,7 @@ def start_of(
             _check_one(key, array)
         elif len(array) not in (1, begin.members):
             raise bad_setting(key, f"{len(array)} rows", f"one row, or one for each of {begin.members} members")
-    check_bound(problem.system, begin.state, begin.parameters)
+    batches.check_bound(problem.system, begin.state, begin.parameters)
     if several:
         parameters_at_run_time(problem.system, problem.numerics, begin.parameters)
     return begin

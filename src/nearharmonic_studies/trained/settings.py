@@ -24,14 +24,7 @@ from nearharmonic_paper.entries import (
     whole_between,
     whole_from,
 )
-from nearharmonic_studies.trained.problems import (
-    SITES,
-    cubic_ensemble,
-    orbit_ensemble,
-    random_ensemble,
-    ring_ensemble,
-    with_exact_oscillators,
-)
+from nearharmonic_studies.trained import problems as made
 
 # --- Kinds of purposes of trained methods: a window of step sizes, the problems, and the families that are searched.
 
@@ -86,7 +79,7 @@ class Purpose:
     #: False if no method was good enough, or if its method is registered in a module of its own.
     registered: ClassVar[bool] = True
     #: Draws of problems in two and three coordinates, and these problems in words, with the bounds of the band.
-    draw: ClassVar[Callable[..., Ensemble]] = staticmethod(random_ensemble)
+    draw: ClassVar[Callable[..., Ensemble]] = staticmethod(made.random_ensemble)
     described: ClassVar[str] = "random potentials, d = 2 and 3, strengths {:g} to {:g}"
 
     name: str
@@ -134,7 +127,7 @@ class Purpose:
         """Return the problems, over intervals that are ``longer`` by a factor."""
         t_end = self.t_end * longer
         if self.band is None:
-            return [orbit_ensemble(systems, seed, eccentricities=ECCENTRICITIES, orbits=t_end / (2 * pi))]
+            return [made.orbit_ensemble(systems, seed, eccentricities=ECCENTRICITIES, orbits=t_end / (2 * pi))]
         return self.drawn(systems, seed, self.band, t_end)
 
     def drawn(self, systems: int, seed: int, band: tuple[float, float], t_end: float) -> list[Ensemble]:
@@ -149,18 +142,18 @@ class CrystalPurpose(Purpose):
     """
 
     registered = False
-    described = f"rings of {SITES} masses, bonds change by {{:g}} to {{:g}}"
+    described = f"rings of {made.SITES} masses, bonds change by {{:g}} to {{:g}}"
 
     def drawn(self, systems: int, seed: int, band: tuple[float, float], t_end: float) -> list[Ensemble]:
         """Return the rings of a band."""
-        return [ring_ensemble(systems, seed, band=band, t_end=t_end)]
+        return [made.ring_ensemble(systems, seed, band=band, t_end=t_end)]
 
 
 class CubicPurpose(Purpose):
     """Purpose of a method for cubic potentials; ``band`` bounds the energy over the lowest barrier."""
 
     registered = False
-    draw = staticmethod(cubic_ensemble)
+    draw = staticmethod(made.cubic_ensemble)
     described = "cubic potentials, d = 2 and 3, {:g} to {:g} of the barrier"
 
 
@@ -195,7 +188,7 @@ class OscillatorPurpose(Purpose):
 
     def drawn(self, systems: int, seed: int, band: tuple[float, float], t_end: float) -> list[Ensemble]:
         """Return the potentials of a band, with their oscillators solved exactly."""
-        return [with_exact_oscillators(random_ensemble(2, systems, seed, band=band, t_end=t_end))]
+        return [made.with_exact_oscillators(made.random_ensemble(2, systems, seed, band=band, t_end=t_end))]
 
 
 def evaluations_an_orbit(*counts: int) -> tuple[float, ...]:

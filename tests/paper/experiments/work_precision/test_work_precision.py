@@ -19,18 +19,11 @@ from nearharmonic.integrators import integrators
 from nearharmonic.output import store
 from nearharmonic.recommendation.measure import Interval, Solver, variables
 from nearharmonic.systems import systems
-from nearharmonic_paper.experiments.work_precision import WorkPrecisionSettings, figures
+from nearharmonic_paper.experiments.work_precision import WorkPrecisionSettings, figures, tables
 from nearharmonic_paper.experiments.work_precision import tables as comparisons
 from nearharmonic_paper.experiments.work_precision.peers import PEERS
 from nearharmonic_paper.experiments.work_precision.run import front_runners, intervals, solvers_on
-from nearharmonic_paper.experiments.work_precision.tables import (
-    HEADER,
-    comparison,
-    markdown,
-    pairs,
-    rows,
-    time_to_error,
-)
+from nearharmonic_paper.experiments.work_precision.tables import rows
 from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, look, looks
 from support.cubes.colour_vision import difference
 from support.cubes.figure_cubes import FACTS, curves, label, timed
@@ -135,7 +128,7 @@ def test_ranks_follow_time_and_unreached_methods_have_none(found):
 
 @pytest.fixture
 def page():
-    return markdown("toy", [("20", ("max",), COSTS)], FACTS).splitlines()
+    return tables.markdown("toy", [("20", ("max",), COSTS)], FACTS).splitlines()
 
 
 def test_page_has_times_and_evaluations_with_fastest_first(page):
@@ -170,7 +163,7 @@ def test_task_tells_of_one_system_what_file_has_on_it(tmp_path):
     }
     groups = {name: variables(SOLVERS if name == "far" else [SLOW], "h") for name in told}
     store.write(tmp_path / "times.h5", {}, {**FACTS, "problems": json.dumps(told)}, groups=groups)
-    made = time_to_error("kepler", str(tmp_path / "times.h5"))
+    made = tables.time_to_error("kepler", str(tmp_path / "times.h5"))
     lines = made["csv"].records()
     # Four targets for each measure and method: one method near, four far.
     assert [(line["t_end"], line["measure"]) for line in lines] == (
@@ -216,8 +209,8 @@ def cube(tmp_path):
 
 
 def rows_of(cube, names=("sho",)):
-    table = comparison(names, cube)["table"]
-    return [dict(zip(HEADER, row, strict=True)) for row in table.rows]
+    table = tables.comparison(names, cube)["table"]
+    return [dict(zip(tables.HEADER, row, strict=True)) for row in table.rows]
 
 
 @pytest.mark.slow
@@ -267,14 +260,14 @@ def test_regularised_system_is_compared_on_its_original_equations_too(cube, monk
         )
     }  # fmt: skip
     monkeypatch.setattr(comparisons.engine, "read_parts", lambda _, name, __: ([("5", ("max",), measured[name])], {}))
-    found = {pair.system: pair for pair in pairs(cube, list(measured))[0]}
+    found = {pair.system: pair for pair in tables.pairs(cube, list(measured))[0]}
     assert [found[name].original for name in measured] == ["", "far", "", "", "kepler"]
     assert [found[name].standard(1e-9, "trajectory") for name in measured] == [10, 10, 30, 40, 40]
     assert [curve.solver for curve in found["far_regularised"].others] == ["heyoka", "heyoka_regularised"]
     assert found["far_regularised"].own_original == measured["far"][:1]
     # With another perturbation the energies differ, and so do the equations.
     known["kepler"] = defined("kepler", parameters={"GM": "1.8"})
-    assert pairs(cube, ["kepler", "kepler_regularised"])[0][1].original == ""
+    assert tables.pairs(cube, ["kepler", "kepler_regularised"])[0][1].original == ""
 
 
 @pytest.mark.slow
