@@ -341,8 +341,7 @@ def orders(curves: Curves, expected: Mapping[str, int], band: float) -> Decision
         asked = curves.compared(curves.errors([name]))
         found[name] = asked.longest(np.abs(local_slopes(curves, name) - order) <= band)
     told = (f"{label(name)} {expected[name]} over {piece.words(curves.unit)}" for name, piece in found.items())
-    slopes = " and ".join(map(str, dict.fromkeys(expected.values())))
-    brief = f"slope {slopes} over {in_decades(found.values())}"
+    brief = f"slope {' and '.join(map(str, dict.fromkeys(expected.values())))} over {in_decades(found.values())}"
     return combined(map(judged, found.values()), "; ".join(told), brief)
 
 

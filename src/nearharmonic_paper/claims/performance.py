@@ -11,7 +11,7 @@ import numpy as np
 from nearharmonic.integrators import BENCHMARKED
 from nearharmonic.integrators.tableau import Tableau
 from nearharmonic.numerics.portable import Bools, Floats
-from nearharmonic.theory.oscillator import growth_rate, stability_gaps, stability_limit
+from nearharmonic.theory.oscillator import growth_rate, stability_gaps, stability_limit, step_polynomials
 from nearharmonic_paper.claims import judging
 from nearharmonic_paper.claims.claim import (
     Decision,
@@ -294,10 +294,12 @@ def _limit(method: Tableau) -> float:
 @cache
 def _growing(method: Tableau) -> float:
     """Return the first step size per stage at which the oscillator grows by a factor of ten in a gap of stability."""
+    trace, needed = [float(c) for c in reversed(step_polynomials(method).trace)], log(judging.GREATLY.number) / T_END
     for low, high in stability_gaps(method):
-        # Growth rises from the edge of a gap; the last gap has no end.
-        for tau in np.linspace(float(low), min(float(high), 1.5 * float(low)), 402)[1:-1]:
-            if float(growth_rate(method, tau)) / tau * T_END >= log(judging.GREATLY.number):
+        # Growth rises from the edge of a gap, and the last gap has no end. Doubles tell where it may be large enough.
+        taus = np.linspace(float(low), min(float(high), 1.5 * float(low)), 402)[1:-1]
+        for tau in taus[np.arccosh(np.maximum(np.abs(np.polyval(trace, taus)) / 2, 1.0)) > 0.99 * needed * taus]:
+            if float(growth_rate(method, tau)) / tau >= needed:
                 return float(tau) / method.stages
     return inf
 
@@ -307,8 +309,7 @@ def _spike(curves: judging.Curves, error: Floats) -> float:
     asked = curves.compared(error, kept=np.where(np.isfinite(error), 0.0, inf))
     later = np.minimum.accumulate(error[::-1])[::-1]
     spiked = asked.asked[:-1] & (error[:-1] >= judging.GREATLY.number * later[1:])
-    lost = ~np.isfinite(error)
-    return float(curves.x[:-1][spiked].min(initial=float(curves.x[lost].min(initial=inf))))
+    return float(curves.x[:-1][spiked].min(initial=float(curves.x[~np.isfinite(error)].min(initial=inf))))
 
 
 #: High numerical stability is four things, each with its number. Step sizes are per stage, which is at equal cost.

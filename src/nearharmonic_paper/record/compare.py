@@ -462,6 +462,6 @@ def _draw(axes: Axes, pair: Sequence[xr.Dataset], variable: str, methods: Sequen
             if second:
                 axes.plot(tau, errors, zorder=4, **line.line(marker="none", linestyle=DASHES, linewidth=1.0))
             else:
-                marked = style.mark_every(position, len(methods), len(tau))
+                marked = style.mark_every(position, len(methods), errors)
                 axes.plot(tau, errors, zorder=2, **line.line(marker="none", linewidth=2.4, alpha=0.4))
                 axes.plot(tau, errors, zorder=3, markevery=marked, **line.points())
