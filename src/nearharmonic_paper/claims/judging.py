@@ -279,8 +279,7 @@ def rank_correlation(one: Floats, other: Floats) -> Floats:
     below = ((rows[:, None] > rows, rows[:, None] < rows) for rows in (one, other))
     first, second = (less.sum(axis=1) - more.sum(axis=1) for less, more in below)
     spread = np.sqrt((first**2).sum(axis=0) * (second**2).sum(axis=0))
-    found: Floats = (first * second).sum(axis=0) / np.where(spread > 0, spread, 1.0)
-    return found
+    return np.asarray((first * second).sum(axis=0) / np.where(spread > 0, spread, 1.0))
 
 
 # --- Local slopes of errors over step sizes, and lengths of ranges where they agree with an order.

@@ -16,12 +16,7 @@ from nearharmonic_paper.experiments.exact_oscillator import CHARGES, ExactOscill
 from nearharmonic_paper.experiments.exact_oscillator import reductions as times
 from nearharmonic_paper.experiments.exact_oscillator.figure import exact_oscillator_charge
 from nearharmonic_paper.experiments.exact_oscillator.reductions import BEST, crossing, reduce, reduction
-from nearharmonic_paper.experiments.exact_oscillator.run import (
-    largest_error,
-    measure,
-    radius,
-    starts_on,
-)
+from nearharmonic_paper.experiments.exact_oscillator.run import largest_error, measure, radius, starts_on
 from nearharmonic_paper.tasks import job
 from support.cubes.figure_cubes import amplitudes_of_crossing
 
