@@ -6,6 +6,7 @@ installed in, whose versions ``constraints.txt`` pins and every result file reco
 
 import os
 import re
+from itertools import product
 
 from snakemake_interface_common.exceptions import WorkflowError
 

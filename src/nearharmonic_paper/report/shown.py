@@ -58,11 +58,8 @@ def anchor_of(figure: Figure) -> str:
 
 
 def in_order(figures: Iterable[Figure]) -> list[Figure]:
-    """Return each figure once: energy errors of the config's own systems, numbered figures, and others."""
-    drawn = list(figures)
-    numbered = {one.cube for one in drawn if one.profile and number_of(one)}  # one drawing with two names
-    distinct = {one.stem: one for one in drawn if number_of(one) or not (one.profile and one.cube in numbered)}.values()
-    return sorted(distinct, key=lambda one: (number_of(one) or (0 if one.profile else inf), one.stem))
+    """Return figures: energy errors of the config's own systems, numbered figures, and others."""
+    return sorted(figures, key=lambda one: (number_of(one) or (0 if one.profile else inf), one.stem))
 
 
 def pages_alone(figures: Iterable[Figure]) -> dict[str, str]:

@@ -39,13 +39,14 @@ class Figure:
         Name of the cube that the figure shows; None for a figure that computes its own data.
     settings : mapping
         Keyword arguments of the function.
+    column : mapping
+        Further ones for the figure of the width of a column of text.
     target : str
         Target of the workflow; by default the name of the files.
     category : str
         Section of the figure in a report.
     profile : bool
-        True for the energy-error figure of a system. Every system has files with this form of name; if a system
-        declares its own figure, it is drawn once and stored under both names.
+        True for the energy-error figure of a system. A system with its own figure has no other.
     stem, experiment : str
         Name of the files, without ending, and name of the experiment: :func:`figures_of` fills them in.
     """
@@ -55,6 +56,7 @@ class Figure:
     caption: str
     cube: str | None
     settings: Mapping[str, Any] = field(default_factory=dict)
+    column: Mapping[str, Any] = field(default_factory=dict)
     target: str = ""
     category: str = "Figures"
     profile: bool = False
@@ -71,13 +73,14 @@ def figures_of(systems: Collection[str], cubes: Collection[str] = ()) -> list[Fi
         for stem, figure in experiment.figures.items()
         if isinstance(figure, Figure)
     ]
-    profiles = {figure.cube: figure for figure in declared if figure.profile and figure.cube != EVERY_SYSTEM}
+    own = {figure.cube for figure in declared if figure.profile}
     found = []
     for figure in declared:
         if figure.cube == EVERY_SYSTEM:
             for system in systems:
-                stem, own = figure.stem.format(system=system), profiles if figure.profile else {}
-                found.append(replace(own.get(system, figure), stem=stem, target=stem, cube=system))
+                stem = figure.stem.format(system=system)
+                if not (figure.profile and system in own):
+                    found.append(replace(figure, stem=stem, target=stem, cube=system))
         elif figure.cube is None or figure.cube in systems or figure.cube in cubes:
             found.append(figure)
     return found

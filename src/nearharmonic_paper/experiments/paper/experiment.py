@@ -216,6 +216,7 @@ FIGURES = {
         draw="nearharmonic_paper.experiments.paper.figures:fig6_substeps",
         title="Substeps in phase space",
         cube=None,
+        column={"across": 1},
         target="fig6",
         caption=(
             "Substeps of two iterations in phase space (dimensionless) by Yosh s7o6 A (A, C) and BABs7o7H (B, D): the "

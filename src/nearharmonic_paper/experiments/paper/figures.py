@@ -242,17 +242,17 @@ _SURFACE: dict[str, Any] = {"colors": "#1f2d3d", "linewidths": 1.0, "linestyles"
 
 
 @house_style
-def fig6_substeps(panels: Mapping[str, xr.Dataset] | None = None) -> Figure:
+def fig6_substeps(panels: Mapping[str, xr.Dataset] | None = None, across: int = 2) -> Figure:
     """Draw each Dataset of :func:`~nearharmonic_paper.experiments.paper.orbits.substeps` in a panel of its letter.
 
-    Two stand in a row; by default they are the four panels of the paper.
+    ``across`` stand in a row; by default they are the four panels of the paper.
     """
     panels = panels or paper_panels()
-    rows = (len(panels) + 1) // 2
+    rows = -(-len(panels) // across)
     height = 0.7 + 3.3 * rows
     drawn = new_figure(7.6, height)
     drawn.subplots_adjust(left=0.08, right=0.955, top=1 - 0.85 / height, bottom=0.07, hspace=0.3, wspace=0.28)
-    grid = drawn.subplots(rows, 2, squeeze=False).ravel()
+    grid = drawn.subplots(rows, across, squeeze=False).ravel()
     for axes, (letter, panel) in zip(grid, panels.items(), strict=False):
         _draw_panel(drawn, axes, panel)
         panel_letter(axes, letter, f"{panel.attrs['label']}, {panel.attrs['system_label']}")
