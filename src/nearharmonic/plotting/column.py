@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
@@ -25,11 +28,14 @@ def narrow(figure: Figure) -> None:
     dpi, edges = figure.dpi, figure.subplotpars
     before = sum(legend.get_window_extent(renderer).height for legend in figure.legends) / dpi
     figure.set_size_inches(WIDTH, height * FLATTER)
-    for axes in figure.axes:
+    panels: list[Any] = figure.findobj(Axes)
+    for axes in panels:
         axes.tick_params(which="both", labelsize=SMALLEST, length=2)
-    for text in figure.findobj(Text):
+    texts: list[Any] = figure.findobj(Text)
+    for text in texts:
         text.set_fontsize(max(SMALLEST, SMALLER * text.get_fontsize()))
-    for line in figure.findobj(Line2D):
+    lines: list[Any] = figure.findobj(Line2D)
+    for line in lines:
         line.set(linewidth=0.75 * line.get_linewidth(), markersize=0.7 * line.get_markersize())
     after = sum(_pack(legend, figure, renderer) for legend in figure.legends) / dpi
     share, above = SMALLER / WIDTH, SMALLER * ((1 - edges.top) * height - before) + after
@@ -37,21 +43,21 @@ def narrow(figure: Figure) -> None:
         left=edges.left * width * share, right=1 - (1 - edges.right) * width * share,
         bottom=SMALLER / FLATTER * edges.bottom, hspace=1.2 * edges.hspace, wspace=1.5 * edges.wspace,
     )  # fmt: skip
-    raised = False
-    for axes in figure.axes:
-        left, right = axes.get_title("left"), axes.get_title("right")
-        says = {"left": (left, 10 / 72 * dpi / axes.bbox.width), "right": (right, 1)}
-        shown = [axes.set_title(s, loc=side, x=x, y=1.0, fontsize=6.5, pad=3) for side, (s, x) in says.items() if s]
+    second_line = 0.0
+    for axes in panels:  # two titles that do not fit in a line take two
+        places = {"left": 10 / 72 * dpi / axes.bbox.width, "right": 1}
+        said = {side: axes.get_title(side) for side in places}
+        shown = [axes.set_title(s, loc=side, x=places[side], y=1, fontsize=6.5, pad=3) for side, s in said.items() if s]
         if sum(one.get_window_extent(renderer).width for one in shown) > 0.9 * axes.bbox.width:
             shown[-1].set_y(1 + LINE * dpi / axes.bbox.height)
-            raised = True
-    above += LINE * raised
-    figure.subplots_adjust(top=1 - above / figure.get_figheight())
+            second_line = LINE
+    figure.subplots_adjust(top=1 - (above + second_line) / figure.get_figheight())
 
 
-def _pack(legend: Legend, figure: Figure, renderer: FigureCanvasAgg) -> float:
+def _pack(legend: Legend, figure: Figure, renderer: Any) -> float:
     """Arrange the entries of a legend in as many columns as fit, at most four, and return its height in pixels."""
-    columns = legend.get_children()[0].get_children()[-1]
+    box: Any = legend.get_children()[0]
+    columns = box.get_children()[-1]
     entries = [entry for column in columns.get_children() for entry in column.get_children()]
     columns.sep *= 0.5
     for number in (4, 3, 2, 1):
@@ -60,7 +66,6 @@ def _pack(legend: Legend, figure: Figure, renderer: FigureCanvasAgg) -> float:
         for part in parts:
             part.set_figure(figure)
         columns.get_children()[:] = parts
-        box = legend.get_window_extent(renderer)
-        if box.width < figure.bbox.width:
+        if box.get_window_extent(renderer).width < figure.bbox.width:
             break
-    return float(box.height)
+    return float(legend.get_window_extent(renderer).height)

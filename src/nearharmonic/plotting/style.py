@@ -302,10 +302,15 @@ def draw_profiles(
         else:
             _slope_guide(axes)
             draw_floor(axes, given, variable)
-    in_words = "" if unit == "1" else f", {UNITS.get(unit, unit)}"
-    lower.set_xlabel(rf"step size per stage, $\tau/s$ ($s$ stages){in_words}")
+    lower.set_xlabel(step_label(unit))
     drawn.legend(handles=handles, **LEGEND)
     return drawn
+
+
+def step_label(unit: str) -> str:
+    """Return the label of an axis of step sizes per stage, with its unit in words."""
+    in_words = "" if unit == "1" else f", {UNITS.get(unit, unit)}"
+    return rf"step size per stage, $\tau/s$ ($s$ stages){in_words}"
 
 
 def error_label(attributes: Mapping[str, str], statistic: str = "") -> str:
@@ -337,8 +342,8 @@ def draw_floor(axes: Axes, given: Sequence[xr.Dataset], variable: str) -> None:
 def _slope_guide(axes: Axes) -> None:
     """Draw two short lines of slope 4 and 6 in the empty lower right corner, for comparison with curves."""
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    length = min(4.0, (right / left) ** 0.2)
-    start_x, start_y = right / length**2, low * (high / low) ** 0.09
+    length = min(4.0, (right / left) ** 0.14)
+    start_x, start_y = right * (left / right) ** 0.32, low * (high / low) ** 0.09
     for order in (4, 6):
         x, y = start_x * length, start_y * length**order
         axes.plot([start_x, x], [start_y, y], color="#8a8a8a", linewidth=1.0, scalex=False, scaley=False, zorder=1.5)

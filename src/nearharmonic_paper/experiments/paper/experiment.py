@@ -196,7 +196,9 @@ FIGURES = {
             "(right), against force evaluations per orbit. A dot is a run, every few of them carry the method's "
             "marker; bars show the 95 % interval of the fit where it exceeds the dot. Crosses are runs whose interval "
             "includes zero. The dashed line is the advance that general relativity explains, 42.98 arcseconds per "
-            "century: a run above it errs by more than that."
+            "century: a run above it errs by more than that. Grey at the top, above 0.1 rad per orbit: the path is "
+            "far from an ellipse, and curves no longer follow the order of their method. Grey at the bottom, below "
+            "1e-15 rad per orbit: rounding errors of doubles dominate."
         ),
     ),
     "fig5_kepler": Figure(

@@ -107,6 +107,8 @@ def _draw_satisfied(axes: Axes, satisfied: xr.DataArray, labels: list[str]) -> N
 
 #: Points of a method, 1.5 mm wide each; and multiple of an advance up to which its bar is within its dot on any axis.
 COLUMNS, HIDDEN = 100, 0.005
+#: Advances in rad per orbit: curves have their order below the first, and rounding hides it below the second.
+FAR, ROUNDING = 0.1, 1e-15
 
 
 @house_style
@@ -126,6 +128,7 @@ def fig4_perihelion(cube: xr.Dataset) -> Figure:
     axes.set_xlabel("force evaluations per orbit")
     right_title(axes, problem_of(cube, str(cube["tau_per_stage"].attrs.get("units", "1"))))
     axes.set_ylabel("|perihelion advance|  (rad per orbit)")
+    _shade(axes)
     _add_century_axis(axes, arcseconds_per_century(float(cube.attrs["orbital_period"])))
     handles = method_handles(map(str, cube["integrator"].values), map(str, cube["label"].values))
     handles.append(
@@ -142,6 +145,20 @@ def _draw_method(axes: Axes, one: Advances) -> None:
     axes.plot(x, known, color=style.colour, linewidth=0.5, marker=".", markersize=3.2)
     axes.plot(x, known, markevery=mark_every(*one.line.turn, int(one.known.sum()), marks=8), **style.points())
     axes.plot(x, np.where(one.unknown, one.size, np.nan), **style.points(marker="x", markersize=4, alpha=0.5))
+
+
+def _shade(axes: Axes) -> None:
+    """Shade advances of paths far from an ellipse, and advances of the size of rounding errors."""
+    low, high = axes.get_ylim()
+    among: dict[str, Any] = {"xycoords": axes.get_yaxis_transform(), "color": "#595959"}
+    for says, start, end, place, ha in (
+        ("far from an ellipse", FAR, high, (0.988, FAR), "right"),
+        ("rounding errors", low, ROUNDING, (0.012, low), "left"),
+    ):
+        if start < end:
+            axes.axhspan(start, end, color="#ececec", zorder=0)
+            write_beside(axes, says, place, (0, 4), ha=ha, **among)
+    axes.set_ylim(low, high)
 
 
 def _add_century_axis(axes: Axes, arcseconds: float) -> None:
