@@ -167,9 +167,10 @@ FIGURES = {
             "Position error terms of one step for the simple harmonic oscillator (Nielsen 2015, Eq. 17, "
             "dimensionless). A: kappa of order lambda, up to the highest order that a method's stages reach, for the "
             "ABA composition (outer row drifts q; circles around the method's marker) and the BAB composition (outer "
-            "row kicks p; lines) of the same coefficients; circles and lines of one method meet at even orders. B: "
-            "the orders whose term vanishes, below 1e-30 in multiprecision, as circle (ABA) and bar (BAB); the row's "
-            "unbroken run from 1 reads the order of the position."
+            "row kicks p; lines) of the same coefficients; circles and lines of one method meet at even orders. The "
+            "inset has the methods with a term above 1000. B: the orders whose term vanishes, below 1e-30 in "
+            "multiprecision, as circle (ABA) and bar (BAB). The harmonic order of the position is the last order "
+            "before the first gap."
         ),
     ),
     "fig3_henon_heiles": Figure(

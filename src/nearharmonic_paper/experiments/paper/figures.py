@@ -43,6 +43,8 @@ if TYPE_CHECKING:
 
 # --- Figure 2: position error terms kappa of the harmonic oscillator, for both compositions of each method.
 
+#: Methods with an error term above it have an inset.
+LARGE = 1e3
 _CIRCLE: dict[str, Any] = {"marker": "o", "markersize": 8, "markerfacecolor": "none"}
 
 
@@ -73,12 +75,18 @@ def fig2_decomposition(terms: xr.Dataset) -> Figure:
 
 
 def _draw_terms(axes: Axes, kappa: xr.DataArray) -> None:
-    order = kappa["order"].values
-    for name in map(str, kappa["integrator"].values):
-        style = style_of(name)
+    order, large = kappa["order"].values, (kappa.max(("first", "order")) > LARGE).values
+    inset = axes.inset_axes((0.66, 0.08, 0.325, 0.33)) if large.any() and not large.all() else axes
+    for name, is_large in zip(map(str, kappa["integrator"].values), large, strict=True):
+        style, place = style_of(name), inset if is_large else axes
         term = kappa.sel(integrator=name)
-        axes.plot(order, term.sel(first="kick").values, color=style.colour, linewidth=1.2)
-        _circles(axes, order, term.sel(first="drift").values, style)
+        place.plot(order, term.sel(first="kick").values, color=style.colour, linewidth=1.2)
+        _circles(place, order, term.sel(first="drift").values, style)
+    if inset is not axes:
+        inset.set_title(", ".join(map(str, kappa["label"].values[large])), fontsize=8, pad=3)
+        inset.tick_params(labelsize=7.5)
+        inset.margins(0.08)
+        log_scale(inset, "y")
     log_scale(axes, "y")
     axes.set_ylabel(r"error term of the position, $\kappa_\lambda$")
 
