@@ -1,31 +1,34 @@
-"""Figures: one job draws all declared figures of a cube, which it reads once; each figure is a target.
+"""Figures: one job draws all declared figures of the same cubes, which it reads once; each figure is a target.
 
-The paper's figures in the width of a column of text are drawn by jobs of their own, for the target ``columns``.
+The figures of the paper in the width of a column of text are drawn by jobs of their own, for the target ``columns``.
 """
+
+_SHOWN_CUBES = {one.stem: one.cubes or ((one.cube,) if one.cube else ()) for one in FIGURES}
+_COLUMNS = [one for one in PAPER_FIGURES if not one.cubes]
 
 
 def _settings(figure, width):
     return {**figure.settings, **(figure.column if width else {})}
 
 
-for _cube, _width in product(dict.fromkeys(one.cube for one in FIGURES), ("", "column")):
-    _figures = [one for one in FIGURES if one.cube == _cube and (not _width or one in PAPER_FIGURES)]
-    _name = f"{_cube or 'substeps'}{_width and '_column'}"
+for _cubes, _width in product(dict.fromkeys(_SHOWN_CUBES.values()), ("", "column")):
+    _figures = [one for one in (_COLUMNS if _width else FIGURES) if _SHOWN_CUBES[one.stem] == _cubes]
+    _together = ("_and_".join(_cubes) or "substeps") + (_width and "_column")
     if not _figures:
         continue
 
     rule:
         name:
-            f"draw_{_name}"
+            f"draw_{_together}"
         input:
-            **({"cube": CUBE(_cube)} if _cube else {}),
+            **({"cubes": map(CUBE, _cubes)} if _cubes else {}),
         output:
             **{
                 one.stem: FIGURE(f"{one.stem}_column") if _width else shown(one.stem, one.category, one.target)
                 for one in _figures
             },
         log:
-            LOG(f"figures/{_name}"),
+            LOG(f"figures/{_together}"),
         params:
             **LOOK,
             **({"width": _width} if _width else {}),
@@ -58,4 +61,4 @@ for _figure in FIGURES:
 
 rule columns:
     input:
-        [FIGURE(f"{one.stem}_column") for one in PAPER_FIGURES],
+        [FIGURE(f"{one.stem}_column") for one in _COLUMNS],

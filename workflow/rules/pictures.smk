@@ -1,11 +1,12 @@
 """Pictures below docs/ of figures of the results, in few colours; those of another config are in its folder of results."""
 
 DOCS = "docs" if CONFIG.name == "paper" else f"{RESULTS}/docs"
-#: Figures that pages show as pictures of few colours, with the number of colours: the paper's six, and others.
+#: Figures that pages show as pictures of few colours, with the number of colours: the paper's six, the gain, and others.
 _PAPERS = {one.stem: 20 for one in FIGURES if one.target in [f"fig{number}" for number in range(1, 7)]}
 _ALL_OF = ("crystals", "exact_oscillator", "samplers", "trained")
 _OTHERS = (*(stem for one in _ALL_OF for stem in EXPERIMENTS[one].figures), "henon_heiles_stability")
-_SHOWN = _PAPERS | dict.fromkeys((*_OTHERS, "regularised_times"), 128)
+_GAIN = [one.stem for one in FIGURES if one.stem == "gain"]
+_SHOWN = _PAPERS | dict.fromkeys((*_GAIN, *_OTHERS, "regularised_times"), 128)
 #: The figure of the times on a page, which another computer would measure anew.
 _OF_FILE = f"{RESULTS}/logs/pages/regularised_times.png"
 

@@ -34,7 +34,7 @@ from nearharmonic.core.layout import (
 )
 from nearharmonic.engine.kernels import STANDARD, cost_of, kernel_of, physics_of, with_lanes
 from nearharmonic.engine.numbers import moves_of, parameters_at_run_time, standard_parameters, standard_start
-from nearharmonic.engine.settings import Numerics, check_fit
+from nearharmonic.engine.settings import DEVICES, Numerics, check_fit, one_of
 from nearharmonic.errors import bad_setting
 from nearharmonic.integrators.tableau import Composition, Tableau
 from nearharmonic.numerics.portable import Bools, Floats, Integers
@@ -480,7 +480,12 @@ def prepared_batch(
         given["resumed"] = np.empty((0, rows)) if resumed is None else resumed.copy()
         if stages:  # iterations count from the start of a run
             given["resumed"][:, ITERATIONS - COUNTERS] = 0.0
-        call = kernel_of(system, numerics.compiled, **step.kernel_options).prepared(*_in_order(RUN, given))
+        if numerics.device == "gpu":
+            from nearharmonic.engine.device import DeviceCall, gpu, member_kernel
+
+            call = DeviceCall(gpu(), member_kernel(system, numerics.compiled, **step.kernel_options), given)
+        else:
+            call = kernel_of(system, numerics.compiled, **step.kernel_options).prepared(*_in_order(RUN, given))
     return Batch(
         numerics=numerics, marks=marks, scheme=scheme, start=start, parameters=given["parameters"], moves=moves,
         results=results, left_at=left_at, control=control, call=call, cost=cost,
@@ -546,6 +551,15 @@ def _prepared_processed(
         found.worst[:, 0] = 0.0
 
     return replace(batch, call=call)
+
+
+def placed(numerics: Numerics, device: str, system: System, step: Composition, runs: int, steps: int) -> Numerics:
+    """Return ``numerics`` with the device for so many runs, of so many steps together: "cpu", "gpu" or "auto"."""
+    if one_of("device", device, DEVICES) == "cpu":
+        return numerics
+    from nearharmonic.engine.device import device_of
+
+    return replace(numerics, device=device_of(device, system, step, numerics, runs, steps))
 
 
 def integrate_batch(

@@ -17,6 +17,7 @@ from nearharmonic.engine.batch import (
     Filled,
     Trajectories,
     joined,
+    placed,
     sample_marks,
     sample_size,
     shapes,
@@ -49,6 +50,8 @@ if TYPE_CHECKING:
 
 #: Members that a thread integrates at a time: so many that idle lanes at the end take little time.
 BLOCK = 2048
+#: Members that a GPU integrates at a time: several of its chunks, so that copies are made beside the work.
+DEVICE_BLOCK = 2**21
 
 
 def ensemble(
@@ -69,6 +72,7 @@ def ensemble(
     first: str | None = None,
     split: str = KINETIC_POTENTIAL,
     threads: int = 1,
+    device: str = "cpu",
 ) -> xr.Dataset:
     """Integrate many trajectories that differ in initial values or parameters.
 
@@ -90,6 +94,9 @@ def ensemble(
         As for :func:`nearharmonic.integrate`.
     threads : int
         Threads that share the members; bits do not depend on it.
+    device : {"cpu", "gpu", "auto"}
+        Where members are integrated, with the same bits: "gpu" needs one of NVIDIA and the extra ``gpu``; "auto" takes
+        it if it is there and faster.
 
     Returns
     -------
@@ -119,6 +126,7 @@ def ensemble(
     begin = start_of(problem, q0, p0, parameters, several=True)
     (steps, asked_tau), kept = asked_steps(problem, tau), checked_samples(samples)
     threads, members = checked_count("threads", threads, MOST_THREADS), begin.members
+    problem.numerics = placed(problem.numerics, device, problem.system, problem.tableau, members, members * steps)
     asked = None if t is None else checked_times(t, problem)
     times = None if asked is None else np.array([float(time) for time in asked])
     count = max(2, min(kept, steps + 1)) if asked is None else len(asked)
@@ -147,13 +155,18 @@ def _in_blocks(
     problem: Setup, steps: int, begin: Start, threads: int, compute: Callable[[slice, Floats, Floats], None]
 ) -> None:
     """Call ``compute`` with each block of members, their starts and parameters; one row is for all members."""
-    members = begin.members
+    members, size = begin.members, _block_of(problem)
 
     def one(i: int) -> None:
-        block = slice(i * BLOCK, min((i + 1) * BLOCK, members))
+        block = slice(i * size, min((i + 1) * size, members))
         compute(block, *(rows[block] if len(rows) > 1 else rows for rows in (begin.state, begin.parameters)))
 
-    Blocks(one, -(-members // BLOCK), steps=members * steps, cost=problem.cost).execute(threads)
+    Blocks(one, -(-members // size), steps=members * steps, cost=problem.cost).execute(threads)
+
+
+def _block_of(problem: Setup) -> int:
+    """Members of a batch."""
+    return DEVICE_BLOCK if problem.numerics.device == "gpu" else BLOCK
 
 
 def _sampled(problem: Setup, steps: int, begin: Start, samples: int, threads: int) -> Trajectories:
@@ -167,12 +180,12 @@ def _sampled(problem: Setup, steps: int, begin: Start, samples: int, threads: in
         **{name: np.empty(shape) for name, shape in shown.items()},
     )  # fmt: skip
     lanes = replace(problem.numerics, width=most_lanes_of(problem.system, problem.numerics, problem.tableau))
-    moves, free = problem.moves([problem.end / steps]), list[Batch]()
+    moves, free, whole = problem.moves([problem.end / steps]), list[Batch](), _block_of(problem)
 
     def compute(block: slice, start: Floats, parameters: Floats) -> None:
         size = block.stop - block.start
         try:
-            batch = free.pop() if size == BLOCK else None
+            batch = free.pop() if size == whole else None
         except IndexError:
             batch = None
         if batch is None:
@@ -189,7 +202,7 @@ def _sampled(problem: Setup, steps: int, begin: Start, samples: int, threads: in
         found.running = found.running[:, counters]
         for name in (*shown, "left_at"):
             getattr(arrays, name)[block] = getattr(found, name)
-        if size == BLOCK:
+        if size == whole:
             free.append(batch)
 
     _in_blocks(problem, steps, begin, threads, compute)
@@ -224,6 +237,7 @@ def section(
     t_end: float | str | None = None,
     first: str | None = None,
     threads: int = 1,
+    device: str = "cpu",
 ) -> xr.Dataset:
     """Return the states at which trajectories cross a surface in phase space, a Poincare section.
 
@@ -249,8 +263,8 @@ def section(
         One value by name for all trajectories.
     t_end, first
         As for :func:`nearharmonic.integrate`.
-    threads : int
-        Threads that share the trajectories.
+    threads, device
+        Threads that share the trajectories, and where they run, as for :func:`nearharmonic.ensemble`.
 
     Returns
     -------
@@ -300,7 +314,7 @@ def section(
     def runs(some: Floats, tau: float, t_end: str, samples: int) -> xr.Dataset:
         return ensemble(
             subject, problem.tableau, tau, q0=some[:, :d], p0=some[:, d:], parameters=parameters, t_end=t_end,
-            samples=samples, threads=threads,
+            samples=samples, threads=threads, device=device,
         )  # fmt: skip
 
     _warn_of_period(problem, size, runs, rows[:: -(-len(rows) // WATCHED)])

@@ -18,9 +18,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.font_manager import fontManager
 from matplotlib.lines import Line2D
+from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator
 
 from nearharmonic.output.atomic import write_bytes
@@ -45,7 +48,7 @@ if TYPE_CHECKING:
 
 
 __all__ = [
-    "SETTINGS", "Style", "house_style", "keep_inside", "lettered", "log_scale", "log_ticks", "mark_every",
+    "SETTINGS", "Style", "house_style", "keep_inside", "label_ends", "lettered", "log_scale", "log_ticks", "mark_every",
     "method_handles", "new_figure", "panel_letter", "png", "right_title", "save", "style_of", "write_beside",
 ]  # fmt: skip
 
@@ -179,6 +182,37 @@ def method_handles(integrators: Iterable[str], labels: Iterable[str], **changes:
         Line2D([], [], label=label, **style_of(name).line(**changes))
         for name, label in zip(integrators, labels, strict=True)
     ]
+
+
+def label_ends(axes: Axes, curves: Iterable[Line2D], *, left: bool = False, size: float = 7.5) -> list[Text]:
+    """Write the label of each curve beside its right or left end, in its colour a quarter darker; return the labels.
+
+    Labels keep the order of the ends and move apart as little as possible, each with a line to its end. The limits and
+    the size of ``axes`` must be final. ``size`` is that of the text in points.
+    """
+    low, high = axes.get_xlim()
+    ends: list[tuple[float, float, Line2D]] = []
+    for curve in curves:
+        points = np.asarray(curve.get_xydata(), dtype=float)
+        points = points[np.isfinite(points[:, 1]) & (low <= points[:, 0]) & (points[:, 0] <= high)]
+        ends += [(*axes.transData.transform(points[0 if left else -1]), curve)] if len(points) else []
+    ends.sort(key=lambda end: float(end[1]))
+    count, point, side = len(ends), axes.figure.dpi / 72, "right" if left else "left"
+    apart = 1.25 * size * point * np.arange(count)
+    free = np.array([height for _, height, _ in ends]) - apart
+    # Isotonic regression: the nearest heights to the ends that leave a row to each label.
+    rows = [max(min(free[j : k + 1].mean() for k in range(i, count)) for j in range(i + 1)) for i in range(count)]
+    labels, leaders = [], []
+    for (x, y, curve), row in zip(ends, rows + apart, strict=True):
+        ways = [(x + far * point * (-1 if left else 1), height) for far, height in ((2, y), (10, row), (12, row))]
+        *leader, (beside, middle) = axes.transData.inverted().transform(ways)
+        colour = [0.75 * part for part in to_rgb(curve.get_color())]
+        look: dict[str, Any] = {"ha": side, "va": "center", "fontsize": size, "color": colour}
+        labels.append(axes.text(beside, middle, str(curve.get_label()), **look))
+        leaders.append(leader)
+    colours = [label.get_color() for label in labels]
+    axes.add_collection(LineCollection(leaders, colors=colours, linewidths=0.5), autolim=False)
+    return labels
 
 
 @house_style

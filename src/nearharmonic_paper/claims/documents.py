@@ -25,7 +25,6 @@ from nearharmonic_paper.claims.claim import (
     OPEN,
     VERDICTS,
     Entry,
-    failures,
     in_words,
     of_the_paper,
     sums,
@@ -45,9 +44,6 @@ SHOWN = (
     ("perform significantly better than previous integrators", "significantly-better", ""),
     ("outperform Ruth by several orders of magnitude", "outperform-ruth", "step sizes with a factor of 100"),
     ("outperform the three methods of Blanes", "outperform-blanes", "step sizes at which a new method is ahead"),
-    ("four of them behave as sixth order on the oscillator", "fig-1-sixth-order", ""),
-    ("BAB's8o7H, BAB's9o7H fall in sixth order on Hénon-Heiles for large τ", "fig-3-sixth-order-descent", ""),
-    ("BAB's9o7H has the least mean error on Sun-Mercury", "fig-5-best-mean", ""),
 )
 
 #: The dozen main statements of the paper, with which its page begins.
@@ -57,23 +53,24 @@ CARRYING = (
     "fig-4-coincide", "fig-5-best-mean", "table-4-solves", "table-4-fourth-order",
 )  # fmt: skip
 
-#: Text in README for each failure of substance.
+#: Words for each statement that fails.
 FAILURES = {
-    "outperform-ruth-kepler": "on the Sun-Mercury system the new methods beat Ruth's by factors and not by several "
-    "orders of magnitude",
-    "bab-prime-leaves-q": "the sets called BAB' leave the error of p, as those called BAB do, and not that of q",
-    "eq-16-general": "Eq. 16 alone does not make a method of fourth order",
+    "outperform-ruth-kepler": "on the Sun-Mercury system the new methods beat Ruth's by a factor, not by orders of "
+    "magnitude",
+    "bab-prime-leaves-q": "BAB' sets leave an error in p, like BAB sets, while the paper says in q",
+    "eq-16-general": "Eq. 16 alone does not give order four",
+    "s5odr4-of-kahan": "the weights of s5odr4 are Suzuki's, not Kahan's",
 }
 
-#: The table in README and the sentences below it.
-_BLOCK = re.compile(r"^\| the paper says \|.*?^Of the \d+ statements .*?\n\n", re.DOTALL | re.MULTILINE)
+#: The table in README and the sentence below it.
+_BLOCK = re.compile(r"^\| the paper says \|.*?^\w+ statements? fails?[:.].*?\n\n", re.DOTALL | re.MULTILINE)
 _WIDTH = 118
 
 INTRODUCTION = """# Statements of the paper
 
 Each statement that numbers can decide, in the paper's words, with a verdict computed from the results of
-`snakemake -j2 everything`. `snakemake -j2` writes the same list to `results/<name>/tables/claims.md`, and says of
-statements that need another target which it is. This page is generated from [claims.json](../claims.json).
+`snakemake -j2 everything`. `snakemake -j2` writes the same list to `results/<name>/tables/claims.md`, and names the
+extra target that an undecided statement needs. This page is generated from [claims.json](../claims.json).
 """
 
 
@@ -89,19 +86,21 @@ def verdict_table(entries: Sequence[Entry]) -> str:
             rows.append([words, ", ".join(verdicts), f"{of_systems}: {', '.join(values)}"])
         else:
             rows.append([words, f"**{by_id[name]['verdict']}**", by_id[name]["brief"]])
-    below = f"{tally(entries)}. {failures_in_words(entries)}"
     lines = pipes(["the paper says", "verdict", "measured"], rows)
-    return "\n".join([*lines, "", *wrap(below, _WIDTH, break_on_hyphens=False), "", ""])
+    return "\n".join([*lines, "", *wrap(failures_in_words(entries), _WIDTH, break_on_hyphens=False), "", ""])
 
 
 def failures_in_words(entries: Sequence[Entry]) -> str:
-    """Return the failures of substance in a sentence, and the number of attributions that fail."""
-    failing = {entry["id"] for entry in failures(entries)}
+    """Return the statements that fail, in a sentence."""
+    failing = {entry["id"]: entry["statement"] for entry in entries if entry["verdict"] == "fails"}
     said = [words for name, words in FAILURES.items() if name in failing]
-    number = {1: "One fails", 2: "Two fail", 3: "Three fail"}.get(len(said), f"{len(said)} fail")
-    told = f"{number} in substance: {'; '.join(said)}." if said else "None fails in substance."
-    wrong = sum(entry["verdict"] == "fails" and entry["kind"] == "attribution" for entry in entries)
-    return told + {0: "", 1: " One failure is an attribution."}.get(wrong, f" {wrong} failures are attributions.")
+    said += [statement for name, statement in failing.items() if name not in FAILURES]
+    number = {1: "One statement fails", 2: "Two statements fail", 3: "Three statements fail", 4: "Four statements fail"}
+    return (
+        f"{number.get(len(said), f'{len(said)} statements fail')}: {'; '.join(said)}."
+        if said
+        else "No statement fails."
+    )
 
 
 def page(entries: Sequence[Entry]) -> str:
@@ -117,7 +116,7 @@ def page(entries: Sequence[Entry]) -> str:
     lines += [line for meaning in MEANINGS for line in _item(f"{meaning.words}.")]
     lines += ["", "## All statements", ""]
     lines += [line for section, found in _by_section(entries).items() for line in _folded(section, found)]
-    lines += ["## Findings of this project", "", "They are no statements of the paper and not counted.", ""]
+    lines += ["## Findings of this project", "", "They are not statements of the paper and are not counted.", ""]
     lines += [line for entry in entries if entry["kind"] == FINDING for line in _told(entry)]
     return "\n".join(lines)
 

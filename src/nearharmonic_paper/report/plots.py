@@ -36,6 +36,7 @@ from nearharmonic.plotting.profile import (
     style_of,
 )
 from nearharmonic_paper.claims.claim import short
+from nearharmonic_paper.experiments.paper.gain import gains
 from nearharmonic_paper.experiments.paper.orbits import (
     MERCURY_RELATIVISTIC_ADVANCE,
     SATISFIED_BELOW,
@@ -399,6 +400,27 @@ def energy_error(cube: xr.Dataset) -> list[Panel]:
             add_hover(plot, renderers, [*rows, ("evaluations", "@evaluations{0,0}"), ("status", "@status")])
         found.append(Panel(f"{letter}. {statistic.capitalize()} over all steps", plot))
     return found
+
+
+def gain(*cubes: xr.Dataset, variable: str = "max_energy_error") -> list[Panel]:
+    """Draw the gain over Ruth's method of every method of each of ``cubes``, like the static figure."""
+    found = [gains(cube, variable) for cube in cubes]
+    up, drawn = span([one.values for one in found], logarithmic=True), []
+    for letter, cube, one in zip(ascii_uppercase, cubes, found, strict=False):
+        unit, there = cube["tau_per_stage"].attrs.get("units", "1"), one.notnull().any("integrator").values
+        x = one["tau_per_stage"].values[there]
+        axes = ("step size per stage, τ/s" + _unit(unit, " ({})"), "Ruth's error / error of the method")
+        plot = new_plot((span([x], logarithmic=True), up), axes)
+        hits: list[Model] = []
+        for curve, label in zip(one[:, there], cube["label"].values, strict=True):
+            source, method = source_of(x=x, gain=curve.values), str(curve["integrator"].values)
+            look = {"line_width": 3.0} if style_of(method).filled else {"line_alpha": 0.6}
+            add_line(plot, source, ("x", "gain"), method, **look)
+            hits += add_hits(plot, source, ("x", "gain"), method, str(label))
+        rows = [("method", "$name"), ("times smaller", "@gain{%.4g}"), ("τ/s", f"@x{{%.6g}}{_unit(unit)}")]
+        add_hover(plot, hits, rows)
+        drawn.append(Panel(f"{letter}. {cube.attrs['system_label']}, {PANELS[variable]} over all steps", plot))
+    return drawn
 
 
 def _unit(unit: str, form: str = " {}") -> str:

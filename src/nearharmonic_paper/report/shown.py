@@ -40,6 +40,8 @@ if TYPE_CHECKING:
 PAPER = "paper"
 #: Interactive figures of other quantities than energy errors, by their file names: drawing function and hint.
 OTHERS = {
+    "gain": ("gain", ""),
+    "gain_mean": ("gain", ""),
     "fig2_decomposition": ("decomposition", ""),
     "fig4_perihelion": ("perihelion", "The interactive figure has arcseconds per century at each point."),
     "fig6_substeps": ("phase_space", ""),
@@ -395,8 +397,9 @@ def interactive(results: ShownResults) -> Iterator[ShownFigure]:
         number, title, caption, panels = number_of(one), one.title, one.caption, {}
         draw, hint = ("energy_error", _HINT) if one.profile else OTHERS.get(one.stem, ("", ""))
         if draw:
-            data: Any = cubes(one.cube) if one.cube else paper_panels()
-            panels = {"panels": getattr(plots, draw)(data), "hint": hint, "methods": _methods(data)}
+            shown: list[Any] = [cubes(name) for name in one.cubes or [one.cube] if name] or [paper_panels()]
+            data = shown[0]
+            panels = {"panels": getattr(plots, draw)(*shown, **one.settings), "hint": hint, "methods": _methods(data)}
             if one.profile:
                 title = f"Energy error against step size: {data.attrs['system_label']}"
                 caption = _caption(caption, data)

@@ -73,15 +73,15 @@ def run(snakemake: Any) -> None:
 
 
 def draw(snakemake: Any) -> None:
-    """Draw the figures of one cube, each with the package function in ``params.tasks`` under its stem.
+    """Draw the figures of some cubes, each with the package function in ``params.tasks`` under its stem.
 
-    A function gets the cube, which is read once, if the rule has the input ``cube``; it returns a matplotlib
+    A function gets the cubes of the input ``cubes``, which are read once, if there are any; it returns a matplotlib
     ``Figure``, which is made narrow if ``params.width`` is "column". Errors are those of :func:`run`.
     """
     from nearharmonic.output.store import read
 
     with _logged_job(snakemake.log[0]):
-        shown = [read(snakemake.input.cube)] if hasattr(snakemake.input, "cube") else []
+        shown = [read(path) for path in getattr(snakemake.input, "cubes", [])]
         receipt = Receipt(snakemake.log[0], map(str, snakemake.input))
         for stem, task in snakemake.params.tasks.items():
             places = list(getattr(snakemake.output, stem))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import subprocess
 import sys
-from itertools import combinations
+from itertools import combinations, pairwise
 from xml.etree import ElementTree
 
 import matplotlib as mpl
@@ -25,6 +25,7 @@ from nearharmonic.plotting.style import (
     Style,
     draw_profile,
     house_style,
+    label_ends,
     log_scale,
     mark_every,
     method_handles,
@@ -98,6 +99,21 @@ def test_markers_of_curves_drawn_together_take_turns(methods, points, marks):
     # About as many as asked for on each curve, the first ones spread evenly over one step.
     assert all(marks <= len(place) + 1 and len(place) <= 2 * marks for place in places)
     assert [place.start for place in places] == [int(step * i / methods) for i in range(methods)]
+
+
+@pytest.mark.parametrize("left", [True, False])
+def test_labels_stand_beside_ends_in_order_without_overlaps(left):
+    axes = new_figure(3, 3).subplots()
+    axes.set(xlim=(-9, 9), ylim=(0.1, 1e4), yscale="log")
+    ends = [1.02, 1, 1e3, 1.01, 30, 1e3]
+    curves = [axes.plot([-5, 0, 1, 5], [end, 5, np.nan, end], label=f"{end:06.2f}")[0] for end in ends]
+    labels = label_ends(axes, curves, left=left)
+    assert [label.get_text() for label in labels] == sorted(f"{end:06.2f}" for end in ends)
+    boxes = [label.get_window_extent() for label in labels]
+    assert all(lower.y1 <= upper.y0 for lower, upper in pairwise(boxes))
+    edge = axes.transData.transform((-5 if left else 5, 30))
+    assert all(box.x1 < edge[0] if left else box.x0 > edge[0] for box in boxes)
+    assert labels[3].get_position()[1] == pytest.approx(30)  # it has room at its end
 
 
 def test_what_has_no_logarithm_leaves_a_gap():

@@ -57,10 +57,12 @@ _ALONE = {f"figure-{system}_energy_error.html" for system in SYSTEMS if system n
 #: Target -> the files that it stands for.
 TARGETS = _OF_EXPERIMENTS | {one.target: figures(one.stem) for one in _DRAWN} | {
     "figures": set().union(*FIGURES.values()),
-    "columns": set().union(*(figures(f"{one.stem}_column") for one in _DRAWN if one.experiment == "paper")),
+    "columns": set().union(
+        *(figures(f"{one.stem}_column") for one in _DRAWN if one.experiment == "paper" and not one.cubes)
+    ),
     "tables": {"tables/skipped.csv"} | tables(*_PAPER.tables),
     "claims": {f"tables/claims.{suffix}" for suffix in ("csv", "md", "json")},
-    "report": {"report.html", *(f"figure-{number}.html" for number in range(1, 7)), *_ALONE},
+    "report": {"report.html", *(f"figure-{name}.html" for name in ("gain", "gain_mean", *range(1, 7))), *_ALONE},
     "beyond": _OF_EXPERIMENTS["sixth_order"],
     "trained_proof": {
         name for name in _OF_EXPERIMENTS["trained"] if not re.search("^derived|landscape", name)

@@ -1,9 +1,9 @@
-"""Figures 2, 4 and 6 of the paper."""
+"""Figures 2, 4 and 6 of the paper, and the gain over Ruth's method."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite, log10
+from math import isfinite, log10, nan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,10 +14,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
 from nearharmonic.output.table import power_of_ten
-from nearharmonic.plotting.profile import problem_of
+from nearharmonic.plotting.profile import PANELS, problem_of
 from nearharmonic.plotting.style import (
     Style,
     house_style,
+    label_ends,
     log_scale,
     log_ticks,
     mark_every,
@@ -25,9 +26,11 @@ from nearharmonic.plotting.style import (
     new_figure,
     panel_letter,
     right_title,
+    say_if_empty,
     style_of,
     write_beside,
 )
+from nearharmonic_paper.experiments.paper.gain import gains
 from nearharmonic_paper.experiments.paper.orbits import (
     MERCURY_RELATIVISTIC_ADVANCE,
     SATISFIED_BELOW,
@@ -236,6 +239,45 @@ def _draw(axes: Axes, runs: xr.Dataset, limit: float) -> None:
 def _look(place: int) -> dict[str, Any]:
     """Look of a line: broad for the plane itself, which comes first."""
     return {"linewidth": 1.2 if place else 2.0}
+
+
+# --- Gain over Ruth's method at equal cost: a panel for each system.
+
+
+@house_style
+def gain(*cubes: xr.Dataset, variable: str = "max_energy_error") -> Figure:
+    """Draw :func:`~nearharmonic_paper.experiments.paper.gain.gains` of each cube; panels share the vertical axis."""
+    drawn = new_figure(7, 3.6)
+    drawn.subplots_adjust(left=0.085, right=0.99, top=0.855, bottom=0.125, wspace=0.04)
+    drawn.suptitle(f"{PANELS[variable].capitalize()} energy error at equal cost: bold methods against Ruth's", y=0.985)
+    panels = drawn.subplots(1, len(cubes), sharey=True, squeeze=False)[0]
+    curves = [_draw_gains(axes, gains(cube, variable)) for axes, cube in zip(panels, cubes, strict=True)]
+    log_scale(max(panels, key=lambda axes: isfinite(axes.dataLim.minposy)), "y")
+    for number, (axes, cube) in enumerate(zip(panels, cubes, strict=True)):
+        log_scale(axes, "x")
+        if not say_if_empty(axes, [curve.get_ydata() for curve in curves[number]]):
+            low, high = axes.dataLim.intervalx
+            axes.set_xlim(low / (high / low) ** 0.3, high * 1.15)  # labels need room on the left
+            label_ends(axes, curves[number], left=True)
+        bold = [np.asarray(curve.get_ydata(), dtype=float) for curve in curves[number] if curve.get_zorder() > 2]
+        best = float(f"{np.fmax.reduce(np.ravel(bold), initial=nan):.1g}")
+        says = f": up to {best:,.6g} times smaller".replace(",", " ") if isfinite(best) else ""
+        panel_letter(axes, number, str(cube.attrs.get("system_label", "")).removesuffix(" system") + says)
+        unit = str(cube["tau_per_stage"].attrs.get("units", "1"))
+        axes.set_xlabel(r"step size per stage, $\tau/s$" + ("" if unit == "1" else f"  ({unit})"))
+    panels[0].set_ylabel("Ruth's error / error of the method")
+    return drawn
+
+
+def _draw_gains(axes: Axes, found: xr.DataArray) -> list[Line2D]:
+    """Draw a curve for each method, bold for those with filled markers."""
+    curves = []
+    for curve in found:
+        style = style_of(str(curve["integrator"].values))
+        look: dict[str, Any] = {"linewidth": 2.2, "zorder": 3} if style.filled else {"linewidth": 0.9, "alpha": 0.6}
+        label = str(curve["label"].values)
+        curves += axes.plot(found["tau_per_stage"].values, curve.values, color=style.colour, label=label, **look)
+    return curves
 
 
 # --- Figure 6: substeps of two methods in phase space, coloured by the signs of the next coefficients.

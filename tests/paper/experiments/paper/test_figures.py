@@ -17,6 +17,7 @@ from nearharmonic_paper.experiments.paper import figures as fig4_perihelion
 from nearharmonic_paper.experiments.paper import figures as fig6_displaced
 from nearharmonic_paper.experiments.paper import figures as fig6_substeps
 from nearharmonic_paper.experiments.paper import tableaus as decompose
+from nearharmonic_paper.experiments.paper.figures import gain
 from nearharmonic_paper.experiments.paper.orbits import paper_panels
 from support.cubes.artists import NO_LINE, SOLID, drawn, entries, line_of, lines_of, look, look_of, slope, ticks
 from support.cubes.figure_cubes import (
@@ -32,6 +33,28 @@ from support.cubes.figure_cubes import (
     terms,
     toy_panels,
 )
+
+# --- The gain over Ruth's method.
+
+
+@pytest.mark.parametrize("variable", ["max_energy_error", "mean_energy_error"])
+def test_gain_is_ratio_of_errors_until_ruths_reaches_one_percent(variable):
+    cube = errors() * 0.1
+    cube[variable].loc[{"integrator": "ruth", "tau_per_stage": TAU[20]}] = 0.0101
+    axes, other = gain(cube, cube, variable=variable).axes
+    assert axes.get_ylim() == other.get_ylim()
+    for name in METHODS:
+        curve = dict(zip(TAU, line_named(axes, label(name)).get_ydata(), strict=True))
+        for tau in TAU[[2, 9, 19]]:
+            at = cube[variable].sel(tau_per_stage=tau)
+            assert curve[tau] == pytest.approx(float(at.sel(integrator="ruth") / at.sel(integrator=name)), rel=1e-14)
+        assert np.isnan([curve[tau] for tau in TAU[[*GAPS, *range(20, TAU.size)]]]).all()
+
+
+def line_named(axes, text):
+    (line,) = (line for line in axes.get_lines() if line.get_label() == text)
+    return line
+
 
 # --- Figures 1, 3 and 5: the curves are the cube's, in the panel, look and legend entry of their method.
 
