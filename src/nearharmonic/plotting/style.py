@@ -49,7 +49,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SETTINGS", "Style", "house_style", "keep_inside", "label_ends", "lettered", "log_scale", "log_ticks", "mark_every",
-    "method_handles", "new_figure", "panel_letter", "png", "right_title", "save", "style_of", "write_beside",
+    "method_handles", "new_figure", "panel_letter", "png", "right_title", "save", "step_label", "style_of",
+    "write_beside",
 ]  # fmt: skip
 
 for _font in sorted(Path(__file__).with_name("fonts").glob("*.ttf")):

@@ -27,6 +27,7 @@ from nearharmonic.plotting.style import (
     panel_letter,
     right_title,
     say_if_empty,
+    step_label,
     style_of,
     write_beside,
 )
@@ -264,7 +265,7 @@ def gain(*cubes: xr.Dataset, variable: str = "max_energy_error") -> Figure:
         says = f": up to {best:,.6g} times smaller".replace(",", " ") if isfinite(best) else ""
         panel_letter(axes, number, str(cube.attrs.get("system_label", "")).removesuffix(" system") + says)
         unit = str(cube["tau_per_stage"].attrs.get("units", "1"))
-        axes.set_xlabel(r"step size per stage, $\tau/s$" + ("" if unit == "1" else f"  ({unit})"))
+        axes.set_xlabel(step_label(unit))
     panels[0].set_ylabel("Ruth's error / error of the method")
     return drawn
 
