@@ -59,11 +59,8 @@ def anchor_of(figure: Figure) -> str:
 
 
 def in_order(figures: Iterable[Figure]) -> list[Figure]:
-    """Return each figure once: energy errors of the config's own systems, numbered figures, and others."""
-    drawn = list(figures)
-    numbered = {one.cube for one in drawn if one.profile and number_of(one)}  # one drawing with two names
-    distinct = {one.stem: one for one in drawn if number_of(one) or not (one.profile and one.cube in numbered)}.values()
-    return sorted(distinct, key=lambda one: (number_of(one) or (0 if one.profile else inf), one.stem))
+    """Return figures: energy errors of the config's own systems, numbered figures, and others."""
+    return sorted(figures, key=lambda one: (number_of(one) or (0 if one.profile else inf), one.stem))
 
 
 def pages_alone(figures: Iterable[Figure]) -> dict[str, str]:
@@ -83,11 +80,12 @@ _SHORTER: tuple[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]], ..
     (re.compile(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<metadata>.*?</metadata>|<!--.*?-->", re.DOTALL), ""),
     (re.compile(r'<g id="[^"]*"'), "<g"),
     (re.compile(r'xlink:href="#'), 'href="#'),
+    (re.compile("DejaVuFigures-"), "f"),  # names of outlines of letters
     # The outline referenced by a <use> has its own stroke style.
     (re.compile(r'(<use [^>]*?) style="fill: (#\w+); stroke: [^"]*"/>'), r'\1 fill="\2"/>'),
     (re.compile(r'(<use [^>]*?) style="stroke: [^"]*"/>'), r"\1/>"),
     # A function takes half the time of a template: there are 80 000 numbers.
-    (re.compile(r'(scale\([^)]*\))|(?<=[ \n"])(-?\d+\.\d\d)\d+'), lambda found: found[1] or found[2]),
+    (re.compile(r'(scale\([^)]*\))|(?<=[ \n"(])(-?\d+\.\d\d)\d+'), lambda found: found[1] or found[2]),
     (re.compile(r"\s*\n\s*"), " "),
     (re.compile(r"> <"), "><"),
 )
