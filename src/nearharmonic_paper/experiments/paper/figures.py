@@ -318,7 +318,9 @@ def fig6_substeps(panels: Mapping[str, xr.Dataset] | None = None, across: int = 
     rows = -(-len(panels) // across)
     height = 0.7 + 3.75 * rows
     drawn = new_figure(7.6, height)
-    drawn.subplots_adjust(left=0.08, right=0.955, top=1 - 0.85 / height, bottom=0.85 / height, hspace=0.42, wspace=0.28)
+    below, apart = (0.85, 0.42) if across > 1 else (1.2, 0.55)
+    drawn.subplots_adjust(left=0.08, right=0.955, top=1 - 0.85 / height, bottom=below / height)
+    drawn.subplots_adjust(hspace=apart, wspace=0.28)
     grid = drawn.subplots(rows, across, squeeze=False).ravel()
     for axes, (letter, panel) in zip(grid, panels.items(), strict=False):
         _draw_panel(drawn, axes, panel)
