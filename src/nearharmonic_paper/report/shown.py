@@ -98,8 +98,8 @@ _OUTLINE = re.compile(r'd="([^"]*)"')
 #: Width of a small picture in pixels, for screens of two pixels per unit, and its quality of 100. Before it is resized,
 #: it is reduced to twice this width or more, and compressed with half the effort: both halve the time.
 _WIDTH, _QUALITY, _REDUCED, _EFFORT = 320, 70, 2.0, 2
-#: Largest width in pixels of a PNG file of a page below docs.
-WIDEST = 1100
+#: Largest width in pixels of a PNG file of a page below docs, and the number of its colours that are the figure's own.
+WIDEST, KEPT = 1100, 48
 #: Characters that end a data URI or an attribute in single quotes, or have a special meaning there.
 _ESCAPED = {"%": "%25", "#": "%23", "&": "%26", "'": "%27"}
 
@@ -132,20 +132,26 @@ def thumbnail(png: Path) -> str:
     return f"data:image/webp;base64,{b64encode(held.getvalue()).decode()}"
 
 
-def few_colours(figure: str, colours: int) -> dict[str, bytes]:
-    """Return the PNG file ``figure`` in few colours, at most :data:`WIDEST` pixels wide, as ``picture``.
+def few_colours(figure: str) -> dict[str, bytes]:
+    """Return the PNG file ``figure`` in 256 colours, at most :data:`WIDEST` pixels wide, as ``picture``.
 
-    20 colours are enough for lines; pale areas and shades need more.
+    Its :data:`KEPT` most frequent colours are exact: lines, markers and shades look as in the figure.
     """
+    import numpy as np
     from PIL import Image
 
-    with Image.open(figure) as whole, BytesIO() as file:
-        shown = whole.convert("RGB")
-        if shown.width > WIDEST:
-            shown = shown.resize((WIDEST, round(WIDEST * shown.height / shown.width)), Image.Resampling.LANCZOS)
-        few = shown.quantize(colours, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE)
-        few.save(file, "PNG", optimize=True)
-        return {"picture": file.getvalue()}
+    with Image.open(figure) as file, BytesIO() as written:
+        shown = whole = file.convert("RGB")
+        if whole.width > WIDEST:
+            shown = whole.resize((WIDEST, round(WIDEST * whole.height / whole.width)), Image.Resampling.LANCZOS)
+        few = shown.quantize(256 - KEPT, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE)
+        palette, pixels = few.getpalette(), np.asarray(shown)
+        for _, colour in sorted(whole.getcolors(whole.width * whole.height) or ())[-KEPT:]:
+            few.paste(len(palette) // 3, mask=Image.fromarray((pixels == colour).all(axis=2)))
+            palette += colour
+        few.putpalette(palette)
+        few.save(written, "PNG", optimize=True)
+        return {"picture": written.getvalue()}
 
 
 # --- Formats of numbers and verdicts on the page.
