@@ -23,12 +23,10 @@ from nearharmonic.output.table import pipes
 from nearharmonic_paper.claims.claim import (
     FINDING,
     OPEN,
-    VERDICTS,
     Entry,
     failures,
     in_words,
     of_the_paper,
-    sums,
     tally,
 )
 from nearharmonic_paper.claims.judging import MEANINGS
@@ -45,9 +43,6 @@ SHOWN = (
     ("perform significantly better than previous integrators", "significantly-better", ""),
     ("outperform Ruth by several orders of magnitude", "outperform-ruth", "step sizes with a factor of 100"),
     ("outperform the three methods of Blanes", "outperform-blanes", "step sizes at which a new method is ahead"),
-    ("four of them behave as sixth order on the oscillator", "fig-1-sixth-order", ""),
-    ("BAB's8o7H, BAB's9o7H fall in sixth order on Hénon-Heiles for large τ", "fig-3-sixth-order-descent", ""),
-    ("BAB's9o7H has the least mean error on Sun-Mercury", "fig-5-best-mean", ""),
 )
 
 #: The dozen main statements of the paper, with which its page begins.
@@ -59,10 +54,10 @@ CARRYING = (
 
 #: Text in README for each failure of substance.
 FAILURES = {
-    "outperform-ruth-kepler": "on the Sun-Mercury system the new methods beat Ruth's by factors and not by several "
-    "orders of magnitude",
-    "bab-prime-leaves-q": "the sets called BAB' leave the error of p, as those called BAB do, and not that of q",
-    "eq-16-general": "Eq. 16 alone does not make a method of fourth order",
+    "outperform-ruth-kepler": "on the Sun-Mercury system the new methods beat Ruth's by factors, not by orders of "
+    "magnitude",
+    "bab-prime-leaves-q": "BAB' sets leave an error in p, like BAB sets, and not in q as the paper says",
+    "eq-16-general": "Eq. 16 alone does not make a method of order four",
 }
 
 #: The table in README and the sentences below it.
@@ -72,8 +67,8 @@ _WIDTH = 118
 INTRODUCTION = """# Statements of the paper
 
 Each statement that numbers can decide, in the paper's words, with a verdict computed from the results of
-`snakemake -j2 everything`. `snakemake -j2` writes the same list to `results/<name>/tables/claims.md`, and says of
-statements that need another target which it is. This page is generated from [claims.json](../claims.json).
+`snakemake -j2 everything`. `snakemake -j2` writes the same list to `results/<name>/tables/claims.md`, and names the extra
+target that an undecided statement needs. This page is generated from [claims.json](../claims.json).
 """
 
 
@@ -101,23 +96,27 @@ def failures_in_words(entries: Sequence[Entry]) -> str:
     number = {1: "One fails", 2: "Two fail", 3: "Three fail"}.get(len(said), f"{len(said)} fail")
     told = f"{number} in substance: {'; '.join(said)}." if said else "None fails in substance."
     wrong = sum(entry["verdict"] == "fails" and entry["kind"] == "attribution" for entry in entries)
-    return told + {0: "", 1: " One failure is an attribution."}.get(wrong, f" {wrong} failures are attributions.")
+    return told + {0: "", 1: " One more names a wrong author."}.get(wrong, f" {wrong} more name wrong authors.")
 
 
 def page(entries: Sequence[Entry]) -> str:
     """Return the page of all statements, in Markdown; no line is longer than a screen."""
     by_id = {entry["id"]: entry for entry in entries}
-    shown = [verdict for verdict in VERDICTS if any(entry["verdict"] == verdict for entry in of_the_paper(entries))]
-    rows = [[kind, count, *(found[verdict] or "" for verdict in shown)] for kind, count, found in sums(entries)]
     lines = [INTRODUCTION, *_wrapped(f"{tally(entries)}. {failures_in_words(entries)}")]
-    lines += pipes(["kind", "statements", *(VERDICTS[verdict] for verdict in shown)], rows, align="lr")
-    lines += ["", "## The statements that carry the paper", ""]
+    lines += ["## The main statements", ""]
     lines += [line for name in CARRYING for line in _in_short(by_id[name])]
+    lines += [
+        "## Errata",
+        "",
+        "Misprints in formulas, coefficients and names, each with the computation that shows it.",
+        "",
+    ]
+    lines += [line for entry in entries if entry["kind"] == "misprint" for line in _in_short(entry)]
     lines += ["## What general words and the verdicts mean", ""]
     lines += [line for meaning in MEANINGS for line in _item(f"{meaning.words}.")]
     lines += ["", "## All statements", ""]
     lines += [line for section, found in _by_section(entries).items() for line in _folded(section, found)]
-    lines += ["## Findings of this project", "", "They are no statements of the paper and not counted.", ""]
+    lines += ["## Findings of this project", "", "They are not statements of the paper and are not counted.", ""]
     lines += [line for entry in entries if entry["kind"] == FINDING for line in _told(entry)]
     return "\n".join(lines)
 

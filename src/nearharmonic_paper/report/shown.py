@@ -75,7 +75,7 @@ def pages_alone(figures: Iterable[Figure]) -> dict[str, str]:
 # --- Static pictures of pages.
 #
 # The page of results has reduced SVG files and small pictures as data URIs for img elements; pages below docs have PNG
-# files of few colours.
+# files of 256 colours.
 
 #: Redundant parts of the SVG files of matplotlib, and their replacements. Coordinates keep a hundredth of a point.
 _SHORTER: tuple[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]], ...] = (
