@@ -67,8 +67,8 @@ _WIDTH = 118
 INTRODUCTION = """# Statements of the paper
 
 Each statement that numbers can decide, in the paper's words, with a verdict computed from the results of
-`snakemake -j2 everything`. `snakemake -j2` writes the same list to `results/<name>/tables/claims.md`, and names the extra
-target that an undecided statement needs. This page is generated from [claims.json](../claims.json).
+`snakemake -j2 everything`. `snakemake -j2` writes the same list to `results/<name>/tables/claims.md`, and names the
+extra target that an undecided statement needs. This page is generated from [claims.json](../claims.json).
 """
 
 
