@@ -74,8 +74,7 @@ def pages_alone(figures: Iterable[Figure]) -> dict[str, str]:
 
 # --- Static pictures of pages.
 #
-# The page of results has reduced SVG files and small pictures as data URIs for img elements; pages below docs have PNG
-# files of 256 colours.
+# Reduced SVG files and small pictures as data URIs for the page of results; PNG files of 256 colours for pages of docs.
 
 #: Redundant parts of the SVG files of matplotlib, and their replacements. Coordinates keep a hundredth of a point.
 _SHORTER: tuple[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]], ...] = (
@@ -133,17 +132,13 @@ def thumbnail(png: Path) -> str:
 
 
 def few_colours(figure: str) -> dict[str, bytes]:
-    """Return the PNG file ``figure`` in 256 colours, at most :data:`WIDEST` pixels wide, as ``picture``.
-
-    Its :data:`KEPT` most frequent colours are exact: lines, markers and shades look as in the figure.
-    """
+    """Return the PNG file ``figure`` in 256 colours as ``picture``; the :data:`KEPT` most frequent ones are exact."""
     import numpy as np
     from PIL import Image
 
     with Image.open(figure) as file, BytesIO() as written:
-        shown = whole = file.convert("RGB")
-        if whole.width > WIDEST:
-            shown = whole.resize((WIDEST, round(WIDEST * whole.height / whole.width)), Image.Resampling.LANCZOS)
+        whole, shown = file.convert("RGB"), file.convert("RGB")
+        shown.thumbnail((WIDEST, whole.height), Image.Resampling.LANCZOS, reducing_gap=None)
         few = shown.quantize(256 - KEPT, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE)
         palette, pixels = few.getpalette(), np.asarray(shown)
         for _, colour in sorted(whole.getcolors(whole.width * whole.height) or ())[-KEPT:]:
@@ -158,9 +153,8 @@ def few_colours(figure: str) -> dict[str, bytes]:
 
 #: Pattern of a Python float; a number with more digits is an exact decimal.
 _FLOAT = re.compile(r"-?\d+(\.\d+)?(e[+-]?\d+)?")
-_MOST_DIGITS_OF_A_FLOAT = 17
-#: Displayed digits of a float.
-_SHOWN = 4
+#: Most digits of a float, and its displayed digits.
+_MOST_DIGITS_OF_A_FLOAT, _SHOWN = 17, 4
 
 
 def cell(text: str) -> str:
