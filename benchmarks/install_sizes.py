@@ -32,6 +32,7 @@ PURPOSES = {
     "peers": "other libraries, for comparisons of time",
     "docs": "this site",
     "test": "the tests",
+    "browser": "tests in Chromium",
     "lint": "linters and types",
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from functools import cache
 from pathlib import Path
@@ -136,7 +137,9 @@ def write_frames(app: Sphinx, failure: Exception | None) -> None:
     if failure is None and app.builder.format == "html":
         (app.outdir / ALIVE).write_text(figure_6_alive(), encoding="utf-8")
         for file in RESULTS.glob("figure-[1-6].html"):
-            (app.outdir / file.name).write_bytes(file.read_bytes())
+            # The footer leads to the page of results, which the site does not have.
+            text = re.sub("<footer>.*?</footer>", "", file.read_text(encoding="utf-8"), flags=re.DOTALL)
+            (app.outdir / file.name).write_text(text, encoding="utf-8")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
