@@ -54,8 +54,8 @@ def methods() -> dict[str, str]:
         for kind, names in kinds.items()
     }
     compared = (*modified_integrators.registered, *PLAIN)
-    header = ("name", *(head.format(tau) for taus, head, _ in COMPARED.values() for tau in taus))
-    return found | {"errors": table(header, ((f"`{name}`", *decades(name)) for name in compared))}
+    columns = ("name", *(head.format(tau) for taus, head, _ in COMPARED.values() for tau in taus))
+    return found | {"errors": table(columns, ((f"`{name}`", *decades(name)) for name in compared))}
 
 
 def proved(name: str) -> tuple[Cell, ...]:

@@ -140,10 +140,10 @@ def few_colours(figure: str) -> dict[str, bytes]:
         whole, shown = file.convert("RGB"), file.convert("RGB")
         shown.thumbnail((WIDEST, whole.height), Image.Resampling.LANCZOS, reducing_gap=None)
         few = shown.quantize(256 - KEPT, Image.Quantize.MAXCOVERAGE, kmeans=3, dither=Image.Dither.NONE)
-        palette, pixels = few.getpalette(), np.asarray(shown)
+        palette, pixels = few.getpalette() or [], np.asarray(shown)
         for _, colour in sorted(whole.getcolors(whole.width * whole.height) or ())[-KEPT:]:
             few.paste(len(palette) // 3, mask=Image.fromarray((pixels == colour).all(axis=2)))
-            palette += colour
+            palette += np.array(colour).tolist()
         few.putpalette(palette)
         few.save(written, "PNG", optimize=True)
         return {"picture": written.getvalue()}
