@@ -17,16 +17,7 @@ from nearharmonic.output.store import groups_of, read
 from nearharmonic.plotting.style import style_of
 from nearharmonic_paper.claims.table import decided
 from nearharmonic_studies.trained.settings import contestants
-from support.projects.targets import (
-    DECOMPOSED,
-    MADE,
-    MADE_BY,
-    METHODS,
-    ON_CRYSTALS,
-    RECORD,
-    SAMPLING,
-    TARGETS,
-)
+from support.projects.targets import DECOMPOSED, MADE, MADE_BY, METHODS, ON_CRYSTALS, RECORD, SAMPLING, TARGETS
 
 ROOT = Path(__file__).parents[2]
 TINY = ("--configfile", "config/tiny.yaml")

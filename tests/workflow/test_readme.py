@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import nearharmonic as nh
 from nearharmonic.engine.settings import Sweep, steps_of
 from nearharmonic.output import store
 from nearharmonic.output.store import assembled
@@ -20,10 +21,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 #: Address of the repository, which stands in one place.
 (ADDRESS,) = re.findall(r"^repository-code: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
 #: Pages that the build of the site generates have tests of their own.
-PAGES = (
-    ROOT / "README.md",
-    *sorted(page for page in (ROOT / "docs").glob("**/*.md") if "generated" not in page.parts),
-)
+PAGES = (ROOT / "README.md", *sorted(page for page in (ROOT / "docs").glob("**/*.md") if "generated" not in page.parts))
 #: Pages whose blocks another test runs, which looks at what they find.
 RUN_ELSEWHERE = {"adapters.md", "gallery.md", "stepper.md"}
 #: Those of README that read no results run in test_wall.py.
@@ -82,6 +80,29 @@ def test_a_python_block_runs_as_printed(beside_results, name):
 def test_ci_runs_readmes_test_command():
     (command,) = re.findall(r"```bash\n(python3 .*pytest)\n```", README)
     assert command in (ROOT / ".ci/run").read_text(encoding="utf-8")
+
+
+def evaluations():
+    """(system, error, method, evaluations) of README's table of costs."""
+    header, *lines = re.findall(r"^\| .* \|$", README.partition("## ")[0], flags=re.MULTILINE)
+    names = {"leapfrog": "leapfrog", "Ruth": "ruth", "Yoshida": "yoshida_s7o6a", "BAB's9o7H": "babps9o7h"}
+    system = ""
+    for line in lines:
+        first, error, *cells = [cell.strip(" *") for cell in line.strip("|").split("|")]
+        system = {"Hénon-Heiles": "henon_heiles", "Sun-Mercury": "kepler", "": system}[first.partition(",")[0]]
+        methods = [names[cell.strip().partition(",")[0]] for cell in header.strip("|").split("|")[2:]]
+        for method, cell in zip(methods, cells, strict=True):
+            yield system, {"10⁻⁶": 1e-6, "10⁻⁹": 1e-9}[error], method, int(cell.replace(" ", ""))
+
+
+@pytest.mark.parametrize(("system", "error", "method", "needed"), list(evaluations()))
+def test_readmes_evaluations_are_the_fewest_for_an_error(system, error, method, needed):
+    def error_of(evaluations):
+        stages, t_end = nh.integrators[method].stages, float(nh.systems[system].t_end)
+        steps = round(evaluations / stages)
+        return nh.integrate(system, method, t_end / steps, samples=2).max_energy_error.item()
+
+    assert error_of(1.02 * needed) <= error < error_of(0.96 * needed)
 
 
 def links(page):

@@ -47,7 +47,7 @@ EXPERIMENTS = experiments()
 CUBES = [
     stem for one in EXPERIMENTS.values() for stem in one.cubes if CONFIG.has_systems_of_the_paper or stem not in ORBITS
 ]
-FIGURES = figures_of(CONFIG.systems, CUBES)
+FIGURES = [one for one in figures_of(CONFIG.systems, CUBES) if one.method in ("", *METHODS)]
 #: Values of the placeholders in names of files, by experiment.
 VALUES = {name: {"system": CONFIG.systems, **one.values(CONFIG)} for name, one in EXPERIMENTS.items()}
 #: Run files of all experiments but the paper's, whose shards differ by method, and one file of each kind.

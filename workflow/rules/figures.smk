@@ -1,17 +1,22 @@
-"""Figures: one job draws all declared figures of a cube, which it reads once; each figure is a target."""
+"""Figures: one job draws all declared figures of the same cubes, which it reads once; each figure is a target."""
 
-for _cube in dict.fromkeys(one.cube for one in FIGURES):
-    _figures = [one for one in FIGURES if one.cube == _cube]
+_JOBS = {}  # figures by their cubes, apart from those that are not drawn by default
+for _one in FIGURES:
+    _cubes = _one.cubes or ((_one.cube,) if _one.cube else ())
+    _JOBS.setdefault((_cubes, "" if _one.by_default else _one.stem), []).append(_one)
+
+for (_cubes, _apart), _figures in _JOBS.items():
+    _together = _apart or "_and_".join(_cubes) or "substeps"
 
     rule:
         name:
-            f"draw_{_cube or 'substeps'}"
+            f"draw_{_together}"
         input:
-            **({"cube": CUBE(_cube)} if _cube else {}),
+            **({"cubes": map(CUBE, _cubes)} if _cubes else {}),
         output:
             **{one.stem: shown(one.stem, one.category, one.target) for one in _figures},
         log:
-            LOG(f"figures/{_cube or 'substeps'}"),
+            LOG(f"figures/{_together}"),
         params:
             **LOOK,
             tasks=lambda wildcards, figures=_figures: {one.stem: task(one.draw, **one.settings) for one in figures},

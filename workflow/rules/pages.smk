@@ -92,8 +92,9 @@ _SETTINGS = {
     "reference/variables": {"kinds": list(_OF_KIND), "explained": "docs/how_to/files.md"},
     "results/regularised": {"names": list(CONFIG.systems)},
 }
-# Page -> the command below benchmarks/ that measures for it, and the pictures that it draws.
+# Page -> the command below benchmarks/ that measures for it, and the other files that it writes.
 _MEASURED = {
+    "start/choosing": ("which_method", ["which_method.csv"]),
     "results/examples": ("near_harmonic", ["near_harmonic.png"]),
     "results/ranking": ("ranking", []),
     "how_to/gauss": ("gauss", ["gauss.png"]),

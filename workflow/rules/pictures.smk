@@ -1,8 +1,9 @@
 """Pictures below docs/ of figures of the results, in 256 colours; another config writes them to its folder of results."""
 
 DOCS = "docs" if CONFIG.name == "paper" else f"{RESULTS}/docs"
-#: Figures that pages show as pictures: the paper's six, and others.
-_PAPERS = [one.stem for one in FIGURES if one.target in [f"fig{number}" for number in range(1, 7)]]
+#: Figures that pages show as pictures: the paper's six, the gain, and others.
+_NUMBERED = [f"fig{number}" for number in range(1, 7)]
+_PAPERS = [one.stem for one in FIGURES if one.stem == "gain" or one.target in _NUMBERED]
 _ALL_OF = ("crystals", "exact_oscillator", "samplers", "trained")
 _OTHERS = [stem for one in _ALL_OF for stem in EXPERIMENTS[one].figures]
 _SHOWN = [*_PAPERS, *_OTHERS, "henon_heiles_stability", "regularised_times"]

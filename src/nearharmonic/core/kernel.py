@@ -73,7 +73,7 @@ def build(physics: Physics, *, extended: bool, compensated: bool, width: int, en
     rules = Rules(physics, extended, compensated)
 
     def make() -> tuple[str, bytes]:
-        return linked_code(_written("run", RUN, Kinds(1, 1, 1)))
+        return linked_code(written("run", RUN, Kinds(1, 1, 1)))
 
     def space(stages: int) -> tuple[NDArray[Any], ...]:
         more = room(physics, extended=extended)
@@ -105,7 +105,7 @@ def build_landing(
     module = maps_module(rules, maps)
 
     def make() -> tuple[str, bytes]:
-        land = _written("land", LAND, kinds_of(rules, 1), extended=extended, compensated=compensated)
+        land = written("land", LAND, kinds_of(rules, 1), extended=extended, compensated=compensated)
         return linked_code(land, module)
 
     # The formulas of the steps do not determine the maps, so the key covers the code of the maps.
@@ -126,7 +126,7 @@ def build_step(physics: Physics, *, compensated: bool) -> NativeFunction:
 
     def make() -> tuple[str, bytes]:
         kinds = kinds_of(rules, 1)
-        return _linked(_written("single_step", STEP, kinds, form=_form(rules, "none")), rules, kinds)
+        return _linked(written("single_step", STEP, kinds, form=form_of(rules, "none")), rules, kinds)
 
     return native(f"step-{_key(rules, 1)}", STEP, make)
 
@@ -162,7 +162,7 @@ def _key(rules: Rules, width: int, *more: str) -> str:
 def _advance(rules: Rules, width: int, energy: str) -> NativeFunction:
     def make() -> tuple[str, bytes]:
         kinds = kinds_of(rules, width)
-        return _linked(_written("advance", ADVANCE, kinds, form=_form(rules, energy)), rules, kinds, energy)
+        return _linked(written("advance", ADVANCE, kinds, form=form_of(rules, energy)), rules, kinds, energy)
 
     return native(f"advance-{_key(rules, width, energy)}", ADVANCE, make)
 
@@ -174,12 +174,12 @@ def _begin(rules: Rules, width: int, energy: str) -> NativeFunction | int:
 
     def make() -> tuple[str, bytes]:
         kinds, large = kinds_of(rules, width), rules.physics.loops is not None
-        return _linked(_written("begin", BEGIN, kinds, large=large, quick=rules.quick_energy), rules, kinds)
+        return _linked(written("begin", BEGIN, kinds, large=large, quick=rules.quick_energy), rules, kinds)
 
     return native(f"begin-{_key(rules, width)}", BEGIN, make)
 
 
-def _form(rules: Rules, energy: str) -> Form:
+def form_of(rules: Rules, energy: str) -> Form:
     plain = not (rules.extended or rules.compensated)
     physics, large = rules.physics, rules.physics.loops is not None
     return Form(
@@ -192,7 +192,7 @@ def _form(rules: Rules, energy: str) -> Form:
     )  # fmt: skip
 
 
-def _written(entry: str, signature: Signature, kinds: Kinds, **options: Any) -> ir.Module:
+def written(entry: str, signature: Signature, kinds: Kinds, **options: Any) -> ir.Module:
     """Return a module with a function of loops, for the options of its form."""
     from nearharmonic.core import loops, reals  # a process that finds its kernels on disk needs neither
 
@@ -201,6 +201,12 @@ def _written(entry: str, signature: Signature, kinds: Kinds, **options: Any) -> 
 
 def _linked(module: ir.Module, rules: Rules, kinds: Kinds, energy: str = "every") -> tuple[str, bytes]:
     """Name and object code of a function of loops with the formulas of a system."""
+    numba = rules.physics.numba
+    return linked_code(module, formulas_of(module, rules, kinds, energy), "" if numba is None else numba.text)
+
+
+def formulas_of(module: ir.Module, rules: Rules, kinds: Kinds, energy: str) -> ir.Module:
+    """Return a module with the formulas of a system that a function of loops calls."""
     needed = {name.removeprefix(PREFIX) for name in module.globals}
     if rules.physics.loops is None:
         write = module_of
@@ -208,7 +214,17 @@ def _linked(module: ir.Module, rules: Rules, kinds: Kinds, energy: str = "every"
         from nearharmonic.core.large import module_of as write
     formulas = write(rules, kinds, needed - {"energy"} if energy == "none" else needed)
     write_numbers(formulas, {"measuring": energy != "none", "at_every_step": energy == "every"})
-    return linked_code(module, formulas, "" if rules.physics.numba is None else rules.physics.numba.text)
+    return formulas
+
+
+def joined_code(module: ir.Module, *texts: str) -> Any:
+    """Return the module of a function of loops, the first of its module, with the functions that it calls inlined."""
+    joined = join(binding.parse_assembly(str(module)), *texts)
+    for function in joined.functions:
+        if not function.is_declaration and function.name != module.name:
+            function.linkage = "internal"
+    run_passes(joined, "always_inliner", "global_dead_code_eliminate")
+    return joined
 
 
 def linked_code(module: ir.Module, formulas: ir.Module | None = None, given: str = "") -> tuple[str, bytes]:
@@ -216,15 +232,10 @@ def linked_code(module: ir.Module, formulas: ir.Module | None = None, given: str
 
     ``given`` is the LLVM text of functions that the formulas call; LLVM may inline them.
     """
-    name = module.name
-    joined = join(binding.parse_assembly(str(module)), *([] if formulas is None else [str(formulas)]))
-    for function in joined.functions:
-        if not function.is_declaration and function.name != name:
-            function.linkage = "internal"
-    run_passes(joined, "always_inliner", "global_dead_code_eliminate")
+    joined = joined_code(module, *([] if formulas is None else [str(formulas)]))
     if given:
         names = [function.name for function in binding.parse_assembly(given).functions if not function.is_declaration]
         join(joined, given)
         for own in names:
             joined.get_function(own).linkage = "internal"
-    return name, object_code(joined)
+    return module.name, object_code(joined)

@@ -178,6 +178,40 @@ LAND = Signature(
     packed=True,
 )
 
+#: Arguments of ``member``, which advances the run of a thread of a GPU. Arrays have the run as their last axis, so that
+#: neighbouring threads read and write neighbouring numbers. ``work`` holds the rows of a kernel with one lane, and
+#: ``at`` and ``mark`` the steps and the samples done, 0 at the start: a later call goes on from there.
+MEMBER = Signature(
+    (
+        integers("first"),  # run of the first thread
+        integers("count"),  # runs
+        integers("stride"),  # between neighbours of another axis
+        integers("most"),  # steps of a call
+        integers("look"),  # with LOOKS, steps between looks at the energy
+        integers("measured"),
+        integers("samples"),
+        integers("marks", "samples_of_runs"),
+        integers("scheme", "runs"),
+        floats("start", "states_of_runs"),
+        floats("parameters", "parameters_of_sets"),
+        integers("parameter_sets"),
+        floats("limit"),
+        floats("scale"),
+        floats("reference", "pair"),
+        integers("stages"),
+        flags("kick_first"),
+        floats("moves", "coefficients"),
+        *(
+            floats(name, f"{name}_of_runs")
+            for name in ("states", "energy_error", "worst", "total", "energy", "running")
+        ),
+        integers("left_at", "runs"),
+        floats("work", "work_of_runs"),
+        integers("at", "runs"),
+        integers("mark", "runs"),
+    )
+)
+
 
 def parameter_rows(parameters: int) -> int:
     """Number of rows behind the tally for the parameters: two for each, and one unused row if there are none."""

@@ -6,7 +6,7 @@ Rows of arrays are described in :mod:`nearharmonic.core.kernel`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import inf, isnan
+from math import inf, isnan, nan
 from typing import Any
 
 from nearharmonic.core import collocation, step
@@ -47,6 +47,8 @@ from nearharmonic.core.reals import (
     load_parameters,
     load_point,
     load_real,
+    scratch,
+    shifted,
     store,
     where_greater,
     zero_like,
@@ -284,17 +286,21 @@ def _measure(form: Form) -> Any:
     return quick if form.quick else exact
 
 
-def advance(form: Form) -> Callable[..., Any]:
-    """Return the function of :data:`nearharmonic.core.layout.ADVANCE`, to be compiled."""
+def _stretch(form: Form) -> Any:
+    """``stretch(count, stages, kick_first, moves, rows, opening)``, which returns the steps done.
+
+    ``opening`` is the row of the first move.
+    """
     load, first, move, behind, last, closed, save = (collocation if form.stages else step).motion(form)
     row_of, measure, quick = step.row_loader(form), _measure(form), form.quick
 
-    def advance(count, stages, kick_first, moves, rows):
+    def stretch(count, stages, kick_first, moves, rows, opening):
         tally, columns, parameters = _tally(), _columns(), load_parameters(rows, _parameters())
-        state, seen = load(rows, moves, parameters)
+        opened = shifted(moves, opening)
+        state, seen = load(rows, opened, parameters)
         (worst, total, carry, latest), H0, rounding, limit = _load_tally(rows, tally)
-        f, height = first(state, moves, parameters), zero_like(limit)
-        done, opening = 0, 0
+        f, height = first(state, opened, parameters), zero_like(limit)
+        done = 0
         while True:
             row = opening
             for i in range(stages - 1 if quick else stages):
@@ -317,6 +323,17 @@ def advance(form: Form) -> Callable[..., Any]:
             opening = MERGED * columns
         save(rows, state, seen)
         _store_errors(rows, tally, worst, total, carry, latest)
+        return done
+
+    return stretch
+
+
+def advance(form: Form) -> Callable[..., Any]:
+    """Return the function of :data:`nearharmonic.core.layout.ADVANCE`, to be compiled."""
+    stretch = _stretch(form)
+
+    def advance(count, stages, kick_first, moves, rows):
+        done, columns = stretch(count, stages, kick_first, moves, rows, 0), _columns()
         for column in range(columns):
             store(moves, column, load_real(moves, MERGED * columns + column))
         return done
@@ -343,6 +360,92 @@ def begin(*, large: bool, quick: bool) -> Callable[..., Any]:
         store(rows, tally + CONDITION, condition)
 
     return begin
+
+
+# --- A run in a thread of a GPU: what :func:`_run` does for a lane, with its rows in registers during a call.
+
+_thread, _running = linked_number("thread"), linked_number("running")
+
+
+def member(form: Form) -> Callable[..., Any]:  # noqa: PLR0915 (the functions of a run, as in :func:`_run`)
+    """Return the function of :data:`nearharmonic.core.layout.MEMBER`, to be compiled."""
+    stretch, begin_rows = _stretch(form), begin(large=False, quick=form.quick)
+
+    def place(rows, r, stride, start, parameters, parameter_sets):
+        size, running, given = _tally(), _running(), _parameters()
+        for k in range(running):
+            rows[k] = 0.0
+        for k in range(size):
+            rows[k] = rows[running + k] = start[k * stride + r]
+        for k in range(_tally() // 4):
+            rows[running + size + k] = 0.0
+        rows[size + LIMIT] = inf
+        for k in range(running - given):
+            rows[given + k] = parameters[k * parameter_sets + min(r, parameter_sets - 1)]
+
+    def keep(rows, i, stride, states, energy_error, worst, total, sample):
+        size, place = _tally(), sample * stride + i
+        for k in range(size):
+            states[(sample * size + k) * stride + i] = rows[k]
+        record_errors(rows, 0, 1, size, place, rows[size + LATEST], energy_error, worst, total)
+
+    def member(  # noqa: PLR0912 (what a run goes through, in order)
+        first, count, stride, most, look, measured, samples, marks, scheme, start, parameters, parameter_sets, limit,
+        scale, reference, stages, kick_first, moves, states, energy_error, worst, total, energy, running, left_at,
+        work, at, mark,
+    ):  # fmt: skip
+        r = first + _thread()
+        if r >= count:
+            return
+        size, running_at, columns, rows = _tally(), _running(), _columns(), scratch()
+        numbers, sample, left, done = running_at + 5 * (size // 4), mark[r], most, at[r]
+        coefficients = shifted(moves, scheme[r] * (stages + 2) * columns)
+        if sample == 0:
+            place(rows, r, stride, start, parameters, parameter_sets)
+            if measured != NEVER:
+                begin_rows(rows)
+                begin_tally(rows, rows, 0, 1, size, limit, scale, reference)
+            energy[r], energy[stride + r] = rows[size + ENERGY], rows[size + ENERGY_LOW]
+            left_at[r] = 0
+            keep(rows, r, stride, states, energy_error, worst, total, 0)
+            sample = 1
+        else:
+            for k in range(numbers):
+                rows[k] = work[k * stride + r]
+        over = False
+        while sample < samples:
+            due = marks[sample * stride + r]
+            over = due < 0
+            if over or left == 0:
+                break
+            opening = 0 if done == 0 else MERGED * columns
+            some = min(due - done, look)
+            made = stretch(min(some, left), stages, kick_first, coefficients, rows, opening)
+            done += made
+            left -= made
+            latest = latest_error(rows, 0, 1, size, measured)
+            if done >= due or measured < SAMPLES:
+                if not latest <= rows[size + LIMIT]:
+                    left_at[r], over = done, True
+                    break
+                if measured == SAMPLES:
+                    measure_alone(rows, 0, 1, size, latest)
+            if done >= due:
+                keep(rows, r, stride, states, energy_error, worst, total, sample)
+                sample += 1
+        while over and sample < samples:  # behind the end of a run, or where it has diverged
+            for k in range(size):
+                states[(sample * size + k) * stride + r] = nan
+            place_of = sample * stride + r
+            energy_error[place_of] = worst[place_of] = total[place_of] = nan
+            sample += 1
+        at[r], mark[r] = done, sample
+        for k in range(numbers):
+            work[k * stride + r] = rows[k]
+        for k in range(5 * (size // 4)):
+            running[k * stride + r] = rows[running_at + k]
+
+    return member
 
 
 # --- Sequential runs in a fictitious time, with samples at given physical times.

@@ -156,19 +156,24 @@ def join(module: Any, *texts: str) -> Any:
 
 
 def object_code(module: Any) -> bytes:
-    """Optimise a module and return its object code.
+    """Optimise a module and return its object code for this processor."""
+    machine = target_machine()
+    code: bytes = machine.emit_object(optimised(module, machine))
+    return code
+
+
+def optimised(module: Any, machine: Any) -> Any:
+    """Optimise a module for a target machine, and return it.
 
     Arithmetic is not re-ordered, and loops are not vectorised: the code has explicit vectors.
     """
-    machine = target_machine()
     module.triple, module.data_layout = machine.triple, str(machine.target_data)
     module.verify()
     options = binding.create_pipeline_tuning_options(speed_level=3)
     options.slp_vectorization = options.loop_vectorization = False
     builder = binding.create_pass_builder(machine, options)
     builder.getModulePassManager().run(module, builder)
-    code: bytes = machine.emit_object(module)
-    return code
+    return module
 
 
 class NativeFunction:

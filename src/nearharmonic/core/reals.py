@@ -26,7 +26,7 @@ from typing import Any
 from llvmlite import ir
 
 from nearharmonic.core import arithmetic
-from nearharmonic.core.layout import Argument, Signature
+from nearharmonic.core.layout import Argument, Signature, running_at, running_rows
 from nearharmonic.core.values import (
     DOUBLE,
     INDEX,
@@ -181,6 +181,26 @@ def _store_rest(writer: Writer, array: Number, row: Any, value: Number) -> None:
 #: value behind the last full block.
 store: Any = Instruction(_store)
 store_rest: Any = Instruction(_store_rest)
+
+
+def _shifted(writer: Writer, array: Number, by: Any) -> Number:
+    return Number(array.kind, writer.builder.gep(array.value, [writer.as_kind(by, "I").value]))
+
+
+#: ``shifted(array, by)`` is an array from a later number on.
+shifted: Any = Instruction(_shifted)
+
+
+def _scratch(writer: Writer) -> Number:
+    kinds = writer.kinds
+    rows = running_at(kinds.dimension, kinds.parameters // 2) + running_rows(kinds.dimension)
+    with writer.builder.goto_entry_block():
+        array = writer.builder.alloca(ir.ArrayType(DOUBLE, rows))
+        return Number("A", writer.builder.gep(array, [INDEX(0), INDEX(0)]))
+
+
+#: ``scratch()`` is an array on the stack, for the rows of a kernel with one lane.
+scratch: Any = Instruction(_scratch)
 
 
 def linked(name: str, result: Any) -> Any:

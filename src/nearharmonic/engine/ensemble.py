@@ -11,26 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from nearharmonic.core.layout import COLUMNS, COUNTERS
-from nearharmonic.engine.batch import (
-    Batch,
-    Blocks,
-    Filled,
-    Trajectories,
-    joined,
-    sample_marks,
-    sample_size,
-    shapes,
-    single_steps,
-)
-from nearharmonic.engine.description import (
-    checked_times,
-    over,
-    parameter_variables,
-    problem_attributes,
-    run_at,
-    run_attributes,
-    run_variables,
-)
+from nearharmonic.engine import batch as batches
+from nearharmonic.engine import description
+from nearharmonic.engine.description import over
 from nearharmonic.engine.kernels import most_lanes_of, with_lanes
 from nearharmonic.engine.numbers import parameter_array, rows_of, standard_parameters
 from nearharmonic.engine.settings import KINETIC_POTENTIAL, MOST_THREADS, checked_count, checked_samples, one_of
@@ -49,6 +32,8 @@ if TYPE_CHECKING:
 
 #: Members that a thread integrates at a time: so many that idle lanes at the end take little time.
 BLOCK = 2048
+#: Members that a GPU integrates at a time: several of its chunks, so that copies are made beside the work.
+DEVICE_BLOCK = 2**21
 
 
 def ensemble(
@@ -69,6 +54,7 @@ def ensemble(
     first: str | None = None,
     split: str = KINETIC_POTENTIAL,
     threads: int = 1,
+    device: str = "cpu",
 ) -> xr.Dataset:
     """Integrate many trajectories that differ in initial values or parameters.
 
@@ -90,6 +76,9 @@ def ensemble(
         As for :func:`nearharmonic.integrate`.
     threads : int
         Threads that share the members; bits do not depend on it.
+    device : {"cpu", "gpu", "auto"}
+        Where members are integrated, with the same bits: "gpu" needs one of NVIDIA and the extra ``gpu``; "auto" takes
+        it if it is there and faster.
 
     Returns
     -------
@@ -119,26 +108,31 @@ def ensemble(
     begin = start_of(problem, q0, p0, parameters, several=True)
     (steps, asked_tau), kept = asked_steps(problem, tau), checked_samples(samples)
     threads, members = checked_count("threads", threads, MOST_THREADS), begin.members
-    asked = None if t is None else checked_times(t, problem)
+    problem.numerics = batches.placed(
+        problem.numerics, device, problem.system, problem.tableau, members, members * steps
+    )
+    asked = None if t is None else description.checked_times(t, problem)
     times = None if asked is None else np.array([float(time) for time in asked])
     count = max(2, min(kept, steps + 1)) if asked is None else len(asked)
-    numbers = members * count * sample_size(problem.system.dimension)
+    numbers = members * count * batches.sample_size(problem.system.dimension)
     check_memory(f"the states of {members} members", numbers, count)
     if asked is None:
         paths = _sampled(problem, steps, begin, kept, threads)
     else:
-        parts: dict[int, Trajectories] = {}
+        parts: dict[int, batches.Trajectories] = {}
 
         def compute(block: slice, start: Floats, parameters: Floats) -> None:
             equal = [steps] * (block.stop - block.start)
-            parts[block.start] = run_at(problem, equal, asked, start=start, parameters=parameters)
+            parts[block.start] = description.run_at(problem, equal, asked, start=start, parameters=parameters)
 
         _in_blocks(problem, steps, begin, threads, compute)
-        paths = joined([parts[i] for i in sorted(parts)])
-    attributes = run_attributes(problem, begin, asked_tau) | problem.floor(begin.state, begin.parameters, paths.energy)
-    variables = run_variables(problem, paths, begin, times, steps)
+        paths = batches.joined([parts[i] for i in sorted(parts)])
+    attributes = description.run_attributes(problem, begin, asked_tau) | problem.floor(
+        begin.state, begin.parameters, paths.energy
+    )
+    variables = description.run_variables(problem, paths, begin, times, steps)
     used = variables.pop("tau")
-    renamed = over("member", variables) | parameter_variables(problem, begin.parameters) | {"tau": used}
+    renamed = over("member", variables) | description.parameter_variables(problem, begin.parameters) | {"tau": used}
     coordinates = [name for name in renamed if name.startswith("parameter_")]
     return assembled(renamed, coordinates, attributes)
 
@@ -147,32 +141,37 @@ def _in_blocks(
     problem: Setup, steps: int, begin: Start, threads: int, compute: Callable[[slice, Floats, Floats], None]
 ) -> None:
     """Call ``compute`` with each block of members, their starts and parameters; one row is for all members."""
-    members = begin.members
+    members, size = begin.members, _block_of(problem)
 
     def one(i: int) -> None:
-        block = slice(i * BLOCK, min((i + 1) * BLOCK, members))
+        block = slice(i * size, min((i + 1) * size, members))
         compute(block, *(rows[block] if len(rows) > 1 else rows for rows in (begin.state, begin.parameters)))
 
-    Blocks(one, -(-members // BLOCK), steps=members * steps, cost=problem.cost).execute(threads)
+    batches.Blocks(one, -(-members // size), steps=members * steps, cost=problem.cost).execute(threads)
 
 
-def _sampled(problem: Setup, steps: int, begin: Start, samples: int, threads: int) -> Trajectories:
+def _block_of(problem: Setup) -> int:
+    """Members of a batch."""
+    return DEVICE_BLOCK if problem.numerics.device == "gpu" else BLOCK
+
+
+def _sampled(problem: Setup, steps: int, begin: Start, samples: int, threads: int) -> batches.Trajectories:
     """Return all members, sampled at whole steps; batches of whole blocks are used again."""
-    members, marks, only_end = begin.members, sample_marks(np.array([steps]), samples), samples == 1
+    members, marks, only_end = begin.members, batches.sample_marks(np.array([steps]), samples), samples == 1
     kept = marks[0, only_end:]
     counters = [0, 1] * (problem.system.regularisation is not None) + [*range(-COUNTERS, 0)] * problem.tableau.implicit
-    shown = shapes((members, kept.size), problem.states_dimension, len(counters))
-    arrays = Filled(
+    shown = batches.shapes((members, kept.size), problem.states_dimension, len(counters))
+    arrays = batches.Filled(
         marks=np.broadcast_to(kept, (members, kept.size)), left_at=np.empty(members, np.int64),
         **{name: np.empty(shape) for name, shape in shown.items()},
     )  # fmt: skip
     lanes = replace(problem.numerics, width=most_lanes_of(problem.system, problem.numerics, problem.tableau))
-    moves, free = problem.moves([problem.end / steps]), list[Batch]()
+    moves, free, whole = problem.moves([problem.end / steps]), list[batches.Batch](), _block_of(problem)
 
     def compute(block: slice, start: Floats, parameters: Floats) -> None:
         size = block.stop - block.start
         try:
-            batch = free.pop() if size == BLOCK else None
+            batch = free.pop() if size == whole else None
         except IndexError:
             batch = None
         if batch is None:
@@ -189,7 +188,7 @@ def _sampled(problem: Setup, steps: int, begin: Start, samples: int, threads: in
         found.running = found.running[:, counters]
         for name in (*shown, "left_at"):
             getattr(arrays, name)[block] = getattr(found, name)
-        if size == BLOCK:
+        if size == whole:
             free.append(batch)
 
     _in_blocks(problem, steps, begin, threads, compute)
@@ -224,6 +223,7 @@ def section(
     t_end: float | str | None = None,
     first: str | None = None,
     threads: int = 1,
+    device: str = "cpu",
 ) -> xr.Dataset:
     """Return the states at which trajectories cross a surface in phase space, a Poincare section.
 
@@ -249,8 +249,8 @@ def section(
         One value by name for all trajectories.
     t_end, first
         As for :func:`nearharmonic.integrate`.
-    threads : int
-        Threads that share the trajectories.
+    threads, device
+        Threads that share the trajectories, and where they run, as for :func:`nearharmonic.ensemble`.
 
     Returns
     -------
@@ -300,7 +300,7 @@ def section(
     def runs(some: Floats, tau: float, t_end: str, samples: int) -> xr.Dataset:
         return ensemble(
             subject, problem.tableau, tau, q0=some[:, :d], p0=some[:, d:], parameters=parameters, t_end=t_end,
-            samples=samples, threads=threads,
+            samples=samples, threads=threads, device=device,
         )  # fmt: skip
 
     _warn_of_period(problem, size, runs, rows[:: -(-len(rows) // WATCHED)])
@@ -309,7 +309,7 @@ def section(
         orbits = runs(rows[begin : begin + block], tau, problem.t_end, steps + 1)
         found.append(_crossings(step, function, orbits, signs, size, begin))
         ended.append(orbits[["status", "diverged_at"]])
-    attributes = problem_attributes(problem) | parameter_attributes(subject, parameters or {})
+    attributes = description.problem_attributes(problem) | parameter_attributes(subject, parameters or {})
     attributes |= {"direction": direction, "surface_name": function.name, "tau_requested": asked_tau}
     variables = _variables(problem, found, rows, function, constants)
     for name in ("status", "diverged_at"):
@@ -373,7 +373,7 @@ class _ShortenedStep:
         moves = np.zeros((len(sizes), len(flags), COLUMNS))
         fill_all(table, flags, power, sizes, moves.reshape(len(sizes), len(flags) * COLUMNS))
         start = np.concatenate([q, np.zeros_like(q), p, np.zeros_like(p)], axis=1)
-        marks, problem = single_steps(len(sizes)), self._problem
+        marks, problem = batches.single_steps(len(sizes)), self._problem
         numerics = with_lanes(problem.numerics, marks[:, 1], problem.system, problem.tableau)
         batch = problem.batch(moves, marks, np.arange(len(sizes)), start, self._parameters.copy(), numerics)
         batch.run()

@@ -46,6 +46,7 @@ OPERATORS = ("drift", "kick")
 #: What the two operators of a splitting solve: T and V; or T with the oscillators of V, and the rest of V.
 KINETIC_POTENTIAL, EXACT_OSCILLATOR = SPLITS = ("kinetic_potential", "exact_oscillator")
 ENERGIES = ("every", "samples", "none")
+DEVICES = ("cpu", "gpu", "auto")
 
 
 def positive(key: str, value: object) -> Decimal:
@@ -146,7 +147,7 @@ class Numerics(SharedSettings):
     NaN and only a state that is not finite counts as diverged. ``look``: with "samples", measure the energy also every
     so many steps, for the maxima and to find what has diverged; errors are independent of which runs share the lanes if
     it divides the number of steps between samples. ``double_coefficients``: True if the products of step size and
-    coefficient are rounded to double in extended precision too.
+    coefficient are rounded to double in extended precision too. ``device``: "cpu" or "gpu"; it changes no bit.
     """
 
     precision: str = "double"
@@ -154,6 +155,7 @@ class Numerics(SharedSettings):
     energy: str = "every"
     look: int | None = None
     double_coefficients: bool = False
+    device: str = "cpu"
 
     def __post_init__(self) -> None:
         one_of("precision", self.precision, PRECISIONS)
@@ -184,9 +186,9 @@ class Numerics(SharedSettings):
     def compiled(self) -> Numerics:
         """Numerics of the compiled code alone: equal code has equal ``compiled``."""
         summation = "compensated" if self.compensated else "plain"
-        if (self.summation, self.look, self.double_coefficients) == (summation, None, False):
+        if (self.summation, self.look, self.double_coefficients, self.device) == (summation, None, False, "cpu"):
             return self  # most are: a copy takes longer than the look-up of their kernel
-        return replace(self, summation=summation, look=None, double_coefficients=False)
+        return replace(self, summation=summation, look=None, double_coefficients=False, device="cpu")
 
 
 @lru_cache(maxsize=128)

@@ -24,7 +24,6 @@ from nearharmonic_paper.claims.claim import (
     FINDING,
     OPEN,
     Entry,
-    failures,
     in_words,
     of_the_paper,
     tally,
@@ -52,16 +51,17 @@ CARRYING = (
     "fig-4-coincide", "fig-5-best-mean", "table-4-solves", "table-4-fourth-order",
 )  # fmt: skip
 
-#: Text in README for each failure of substance.
+#: Words for each statement that fails.
 FAILURES = {
-    "outperform-ruth-kepler": "on the Sun-Mercury system the new methods beat Ruth's by factors, not by orders of "
+    "outperform-ruth-kepler": "on the Sun-Mercury system the new methods beat Ruth's by a factor, not by orders of "
     "magnitude",
-    "bab-prime-leaves-q": "BAB' sets leave an error in p, like BAB sets, and not in q as the paper says",
-    "eq-16-general": "Eq. 16 alone does not make a method of order four",
+    "bab-prime-leaves-q": "BAB' sets leave an error in p, like BAB sets, while the paper says in q",
+    "eq-16-general": "Eq. 16 alone does not give order four",
+    "s5odr4-of-kahan": "the weights of s5odr4 are Suzuki's, not Kahan's",
 }
 
-#: The table in README and the sentences below it.
-_BLOCK = re.compile(r"^\| the paper says \|.*?^Of the \d+ statements .*?\n\n", re.DOTALL | re.MULTILINE)
+#: The table in README and the sentence below it.
+_BLOCK = re.compile(r"^\| the paper says \|.*?^\w+ statements? fails?[:.].*?\n\n", re.DOTALL | re.MULTILINE)
 _WIDTH = 118
 
 INTRODUCTION = """# Statements of the paper
@@ -84,19 +84,21 @@ def verdict_table(entries: Sequence[Entry]) -> str:
             rows.append([words, ", ".join(verdicts), f"{of_systems}: {', '.join(values)}"])
         else:
             rows.append([words, f"**{by_id[name]['verdict']}**", by_id[name]["brief"]])
-    below = f"{tally(entries)}. {failures_in_words(entries)}"
     lines = pipes(["the paper says", "verdict", "measured"], rows)
-    return "\n".join([*lines, "", *wrap(below, _WIDTH, break_on_hyphens=False), "", ""])
+    return "\n".join([*lines, "", *wrap(failures_in_words(entries), _WIDTH, break_on_hyphens=False), "", ""])
 
 
 def failures_in_words(entries: Sequence[Entry]) -> str:
-    """Return the failures of substance in a sentence, and the number of attributions that fail."""
-    failing = {entry["id"] for entry in failures(entries)}
+    """Return the statements that fail, in a sentence."""
+    failing = {entry["id"]: entry["statement"] for entry in entries if entry["verdict"] == "fails"}
     said = [words for name, words in FAILURES.items() if name in failing]
-    number = {1: "One fails", 2: "Two fail", 3: "Three fail"}.get(len(said), f"{len(said)} fail")
-    told = f"{number} in substance: {'; '.join(said)}." if said else "None fails in substance."
-    wrong = sum(entry["verdict"] == "fails" and entry["kind"] == "attribution" for entry in entries)
-    return told + {0: "", 1: " One more names a wrong author."}.get(wrong, f" {wrong} more name wrong authors.")
+    said += [statement for name, statement in failing.items() if name not in FAILURES]
+    number = {1: "One statement fails", 2: "Two statements fail", 3: "Three statements fail", 4: "Four statements fail"}
+    return (
+        f"{number.get(len(said), f'{len(said)} statements fail')}: {'; '.join(said)}."
+        if said
+        else "No statement fails."
+    )
 
 
 def page(entries: Sequence[Entry]) -> str:
@@ -105,12 +107,7 @@ def page(entries: Sequence[Entry]) -> str:
     lines = [INTRODUCTION, *_wrapped(f"{tally(entries)}. {failures_in_words(entries)}")]
     lines += ["## The main statements", ""]
     lines += [line for name in CARRYING for line in _in_short(by_id[name])]
-    lines += [
-        "## Errata",
-        "",
-        "Misprints in formulas, coefficients and names, each with the computation that shows it.",
-        "",
-    ]
+    lines += ["## Errata", ""]
     lines += [line for entry in entries if entry["kind"] == "misprint" for line in _in_short(entry)]
     lines += ["## What general words and the verdicts mean", ""]
     lines += [line for meaning in MEANINGS for line in _item(f"{meaning.words}.")]

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 PAPER = "paper"
 #: Interactive figures of other quantities than energy errors, by their file names: drawing function and hint.
 OTHERS = {
+    "gain": ("gain", ""),
     "fig2_decomposition": ("decomposition", ""),
     "fig4_perihelion": ("perihelion", "The interactive figure has arcseconds per century at each point."),
     "fig6_substeps": ("phase_space", ""),
@@ -346,7 +347,7 @@ class ShownResults:
 
 # --- Figures of the page, interactive and static, with their texts and the legend of the methods.
 
-_HINT = "A cross on the upper edge is the smallest step size at which a method leaves its energy surface."
+_HINT = "Squares at the upper edge are runs that diverged."
 
 
 @dataclass(kw_only=True)
@@ -397,8 +398,9 @@ def interactive(results: ShownResults) -> Iterator[ShownFigure]:
         number, title, caption, panels = number_of(one), one.title, one.caption, {}
         draw, hint = ("energy_error", _HINT) if one.profile else OTHERS.get(one.stem, ("", ""))
         if draw:
-            data: Any = cubes(one.cube) if one.cube else paper_panels()
-            panels = {"panels": getattr(plots, draw)(data), "hint": hint, "methods": _methods(data)}
+            shown: list[Any] = [cubes(name) for name in one.cubes or [one.cube] if name] or [paper_panels()]
+            data = shown[0]
+            panels = {"panels": getattr(plots, draw)(*shown, **one.settings), "hint": hint, "methods": _methods(data)}
             if one.profile:
                 title = f"Energy error against step size: {data.attrs['system_label']}"
                 caption = _caption(caption, data)
@@ -444,10 +446,10 @@ def _methods(cube: Any) -> dict[str, str]:
 
 
 def coefficients(methods: Iterable[str]) -> list[dict[str, Any]]:
-    """Return the coefficients, as doubles, of those registered methods that are sequences of kicks and drifts."""
+    """Return coefficients, as doubles, and colours of registered methods that are sequences of kicks and drifts."""
     found = (integrators[name] for name in methods if name in integrators)
     return [
-        {"name": one.name, "label": one.label, "first": one.first}
+        {"name": one.name, "label": one.label, "first": one.first, "colour": style_of(one.name).colour}
         | {"kick": list(map(float, one.kick)), "drift": list(map(float, one.drift))}
         for one in found
         if not (one.square or one.implicit or one.modified)

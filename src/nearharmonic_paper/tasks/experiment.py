@@ -30,13 +30,15 @@ class Figure:
     Attributes
     ----------
     draw : str
-        ``module:name`` below the package of a function that takes the cube, an ``xarray.Dataset``, if there is one.
+        ``module:name`` below the package of a function that takes the cubes, each an ``xarray.Dataset``.
     title : str
         Heading.
     caption : str
         Text below the figure.
     cube : str or None
-        Name of the cube that the figure shows; None for a figure that computes its own data.
+        Name of the cube that the figure shows; None for a figure of several or of its own data.
+    cubes, method : tuple of str, str
+        Cubes of a figure of several, of which it shows those that a config has, and a method that it cannot do without.
     settings : mapping
         Keyword arguments of the function.
     target : str
@@ -46,6 +48,8 @@ class Figure:
     profile : bool
         True for the energy-error figure of a system. Every system has files with this form of name; if a system
         declares its own figure, it is drawn once and stored under both names.
+    by_default : bool
+        False for a figure that only its target and ``everything`` draw.
     stem, experiment : str
         Name of the files, without ending, and name of the experiment: :func:`figures_of` fills them in.
     """
@@ -53,18 +57,20 @@ class Figure:
     draw: str
     title: str
     caption: str
-    cube: str | None
+    cube: str | None = None
+    cubes: tuple[str, ...] = ()
+    method: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
     target: str = ""
     category: str = "Figures"
     profile: bool = False
+    by_default: bool = True
     stem: str = ""
     experiment: str = ""
 
 
 def figures_of(systems: Collection[str], cubes: Collection[str] = ()) -> list[Figure]:
     """Return the declared figures whose cubes a config has."""
-
     declared = [
         replace(figure, stem=stem, target=figure.target or stem, experiment=experiment.name)
         for experiment in experiments().values()
@@ -78,6 +84,9 @@ def figures_of(systems: Collection[str], cubes: Collection[str] = ()) -> list[Fi
             for system in systems:
                 stem, own = figure.stem.format(system=system), profiles if figure.profile else {}
                 found.append(replace(own.get(system, figure), stem=stem, target=stem, cube=system))
+        elif figure.cubes:
+            here = tuple(cube for cube in figure.cubes if cube in systems or cube in cubes)
+            found += [replace(figure, cubes=here)] if here else []
         elif figure.cube is None or figure.cube in systems or figure.cube in cubes:
             found.append(figure)
     return found

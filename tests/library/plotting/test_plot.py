@@ -223,10 +223,7 @@ def test_a_tangent_result_shows_its_indicators_over_time():
             assert says in axes.get_ylabel()
             for row, line in zip(np.atleast_2d(found[name]), axes.lines, strict=True):
                 np.testing.assert_array_equal(line.get_ydata(), row)
-        assert ("(1/h)" in figure.axes[0].get_ylabel(), "(h)" in figure.axes[2].get_xlabel()) == (
-            not given,
-            not given,
-        )
+        assert ("(1/h)" in figure.axes[0].get_ylabel(), "(h)" in figure.axes[2].get_xlabel()) == (not given, not given)
         with pytest.raises(SettingError, match="kind = 'energy' is not allowed"):
             nh.plot(found, kind="energy")
     with pytest.raises(SettingError, match=r"^runs = "):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import subprocess
 import sys
-from itertools import combinations
+from itertools import combinations, pairwise, product
 from xml.etree import ElementTree
 
 import matplotlib as mpl
@@ -20,11 +20,12 @@ from PIL import Image
 
 import nearharmonic as nh
 from nearharmonic.integrators import BENCHMARKED, integrators
-from nearharmonic.plotting.profile import COLUMNS, envelope, has_style
+from nearharmonic.plotting.profile import COLUMNS, envelope, has_style, text_on
 from nearharmonic.plotting.style import (
     Style,
     draw_profile,
     house_style,
+    label_ends,
     log_scale,
     mark_every,
     method_handles,
@@ -34,6 +35,9 @@ from nearharmonic.plotting.style import (
 )
 from nearharmonic_paper.experiments.exact_oscillator import ExactOscillatorSettings
 from nearharmonic_paper.experiments.stability.figures import ESCAPED_COLOUR, LOST_COLOUR
+from nearharmonic_studies.crystals import results as crystals
+from nearharmonic_studies.crystals.settings import AVERAGED, DRIFTING
+from nearharmonic_studies.samplers import results as samplers
 from support.cubes import figure_cubes as made
 from support.cubes.artists import NO_LINE, SOLID, drawn, look, luminance
 from support.cubes.colour_vision import SEEN, difference, lab, least_difference
@@ -92,12 +96,26 @@ def test_legend_entries_have_styles_and_labels_in_order():
 
 @pytest.mark.parametrize(("methods", "points", "marks"), [(10, 161, 12), (3, 25, 12), (37, 500, 7), (1, 90, 12)])
 def test_markers_of_curves_drawn_together_take_turns(methods, points, marks):
-    every = [mark_every(position, methods, points, marks) for position in range(methods)]
-    places = [range(points)[first::step] for first, step in every]
-    (step,) = {place.step for place in places}
+    places = [mark_every(position, methods, np.ones(points), marks) for position in range(methods)]
+    (step,) = {step for place in places for step in np.diff(place)}
     # About as many as asked for on each curve, the first ones spread evenly over one step.
     assert all(marks <= len(place) + 1 and len(place) <= 2 * marks for place in places)
-    assert [place.start for place in places] == [int(step * i / methods) for i in range(methods)]
+    assert [place[0] for place in places] == [int(step * i / methods) for i in range(methods)]
+
+
+@pytest.mark.parametrize("left", [True, False])
+def test_labels_stand_beside_ends_in_order_without_overlaps(left):
+    axes = new_figure(3, 3).subplots()
+    axes.set(xlim=(-9, 9), ylim=(0.1, 1e4), yscale="log")
+    ends = [1.02, 1, 1e3, 1.01, 30, 1e3]
+    curves = [axes.plot([-5, 0, 1, 5], [end, 5, np.nan, end], label=f"{end:06.2f}")[0] for end in ends]
+    labels = label_ends(axes, curves, left=left)
+    assert [label.get_text() for label in labels] == sorted(f"{end:06.2f}" for end in ends)
+    boxes = [label.get_window_extent() for label in labels]
+    assert all(lower.y1 <= upper.y0 for lower, upper in pairwise(boxes))
+    edge = axes.transData.transform((-5 if left else 5, 30))
+    assert all(box.x1 < edge[0] if left else box.x0 > edge[0] for box in boxes)
+    assert labels[3].get_position()[1] == pytest.approx(30)  # it has room at its end
 
 
 def test_what_has_no_logarithm_leaves_a_gap():
@@ -277,8 +295,8 @@ def test_methods_with_one_marker_have_colours_that_all_readers_see():
 
 @pytest.mark.parametrize(
     "names",
-    [[*BENCHMARKED, *EXACT], TRAINED, [*EXACT, *TRAINED_EXACT]],
-    ids=["with the exact oscillator", "trained", "trained with the exact oscillator"],
+    [[*BENCHMARKED, *EXACT], TRAINED, [*EXACT, *TRAINED_EXACT], crystals.DRAWN, [*DRIFTING, *AVERAGED], samplers.DRAWN],
+    ids=["with the exact oscillator", "trained", "trained exactly", "crystals", "long runs", "samplers"],
 )
 def test_methods_drawn_together_have_colours_that_all_readers_see(names):
     found = {
@@ -286,6 +304,13 @@ def test_methods_drawn_together_have_colours_that_all_readers_see(names):
         for one, other in combinations(dict.fromkeys(names), 2)
     }
     assert min(found.values()) >= APART, min(found, key=found.get)
+
+
+def test_text_on_any_colour_has_the_contrast_of_text():
+    # WCAG 2.1, 1.4.3: text needs a contrast of 4.5 to 1.
+    for colour in product((0, 0.25, 0.4, 0.5, 0.6, 0.75, 0.9, 1), repeat=3):
+        dark, light = sorted((luminance(colour), luminance(text_on(np.array(colour)))))
+        assert (light + 0.05) / (dark + 0.05) >= 4.5, colour
 
 
 @pytest.mark.parametrize(("colours", "none"), [("plasma_r", ESCAPED_COLOUR), ("viridis_r", LOST_COLOUR)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from functools import partial
+from html import unescape
 from runpy import run_path
 
 import matplotlib as mpl
@@ -23,6 +24,7 @@ from nearharmonic_studies.crystals import results as of_crystals
 from nearharmonic_studies.samplers.results import page as samplers
 from nearharmonic_studies.trained.page import page as trained
 from nearharmonic_studies.trained.page import training
+from support.cubes.artists import luminance
 from support.results import page_inputs
 from support.results.page_inputs import LINES, TABLES
 from support.results.recorded_results import unpack
@@ -176,6 +178,24 @@ def test_method_reaches_an_error_where_all_finer_runs_meet_it():
     assert reached(curve, 1e-5) == (pytest.approx(400 * np.sqrt(2)), "ruth", 80, "compensated")
     assert reached(curve, 1e-2) == (100, "ruth", 10, "plain")
     assert reached(curve, 1e-7) is None
+
+
+@pytest.mark.parametrize("cell", [("henon_heiles", 1e-3), ("kepler", 1e-3), ("henon_heiles", 1e-6)])
+def test_call_of_a_cell_meets_its_error_with_stated_evaluations(cell):
+    rows = rows_of(str(DOCS / "start/which_method.csv"))
+    text = parts(text_of("choosing"))["which-method"]
+    assert text == page_inputs.benchmark("which_method").cells(rows)
+    shown = re.findall(r'data-call="(.*?)".*?([\d\u202f]+) evaluations', text)
+    call, evaluations = shown[[(row["system"], row["error"]) for row in rows].index(cell)]
+    run = exec(unescape(call), made := {}) or made["run"]
+    assert (run.max_energy_error <= cell[1], run.evaluations) == (True, int(evaluations.replace("\u202f", "")))
+
+
+def test_words_in_cells_contrast_with_colours_of_families():
+    style = (DOCS / "_static/site.css").read_text(encoding="utf-8")
+    colours = re.findall(r"^\.which-method .*background: (#\w+)", style, re.MULTILINE)
+    assert len(colours) == 5
+    assert all(1.05 / (luminance(colour) + 0.05) >= 4.5 for colour in colours)  # white words
 
 
 @pytest.mark.slow

@@ -8,8 +8,10 @@ import shutil
 import h5py
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 
 import nearharmonic as nh
+from nearharmonic.plotting.profile import style_of
 from nearharmonic_paper.report.page import page
 from support.cubes.page_results import CLAIMS, DRAWN, PLOTS
 from support.projects.workflow_project import ROOT
@@ -195,17 +197,86 @@ def test_figure_in_motion_takes_the_steps_of_integrate(wide, system, method):
     assert found["worst"] == pytest.approx(run.max_energy_error.item(), rel=1e-4, abs=1e-14)
 
 
-def test_panel_c_is_seen_to_leave_its_energy_surface(wide):
-    """At iteration 52, as the paper's panel (C) with this method, step and start does."""
-    section = wide.locator("#alive")
-    section.locator("[name=method]").select_option("yoshida_s7o6a")
+#: Pixels of a colour in the panel of energy errors.
+COLOURED = """(colour) => {
+  const canvas = document.querySelector("#alive .errors canvas"), [red, green, blue] = colour;
+  const seen = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+  let count = 0;
+  for (let i = 0; i < seen.length; i += 4) count += seen[i] === red && seen[i + 1] === green && seen[i + 2] === blue;
+  return count;
+}"""
+
+
+def at_rest(page, system):
+    """The figure in motion at the start of a system, and its clicks on Step."""
+    section = page.locator("#alive")
+    section.locator("details").evaluate("(one) => { one.open = true; }")
+    section.locator("[name=system]").select_option(system)
+    section.locator("[name=step]").click()  # the figure stops
     section.locator("[name=reset]").click()
-    for _ in range(52):
-        section.locator("button[name=step]").click()
-    assert section.locator("output").inner_text() == "left its energy surface at iteration 52"
-    section.locator("canvas").first.click(position={"x": 300, "y": 200})
-    section.locator("button[name=step]").click()
-    assert section.locator("output").inner_text().endswith("after 1 iterations")
+    return section, section.locator("[name=step]").click
+
+
+def told(section):
+    return section.locator(".plane .note").all_inner_texts()
+
+
+@pytest.mark.parametrize(("system", "q", "p"), [("sho", [0], [1]), ("henon_heiles", [0, 0.4], [0, 0.4])])
+def test_shown_step_is_taken_and_its_error_is_drawn(wide, system, q, p):
+    section, step = at_rest(wide, system)
+    methods, tau = ("yoshida_s7o6a", "babs7o7h"), float(section.locator(".tau").inner_text())
+    colours = [[round(255 * x) for x in to_rgb(style_of(method).colour)] for method in methods]
+    assert [wide.evaluate(COLOURED, colour) for colour in colours] == [0, 0]
+    step()
+    assert min(wide.evaluate(COLOURED, colour) for colour in colours) > 5
+    for method, text in zip(methods, told(section), strict=True):
+        error = nh.integrate(system, method, tau, t_end=tau, q0=q, p0=p).max_energy_error.item()
+        mantissa, power = f"{error:.1e}".split("e")
+        raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+        assert text == f"|ΔH/H₀| = {mantissa} × 10{raised} after 1 iteration"
+
+
+def test_panel_c_is_seen_to_leave_its_energy_surface(wide):
+    """At iteration 52, as the paper's panel (C) with this method, step and start does; that of panel (D) stays."""
+    section, step = at_rest(wide, "henon_heiles")
+    for _ in range(53):
+        step()
+    left, right = told(section)
+    assert left == "left its energy surface at iteration 52"
+    assert right.endswith("after 53 iterations")
+    section.locator("canvas").first.dblclick(position={"x": 200, "y": 150})
+    step()
+    assert all(text.endswith("after 1 iteration") for text in told(section)[:1])
+
+
+@pytest.mark.parametrize("motion", ["no-preference", "reduce"])
+def test_figure_moves_by_itself_only_when_seen_and_wanted(opened, motion):
+    page = opened(reduced_motion=motion)
+    section = page.locator("#alive")
+    before = told(section)
+    page.wait_for_timeout(2500)  # the first iteration takes a second
+    assert told(section) == before
+    section.locator(".panels").evaluate("(one) => one.scrollIntoView()")
+    if motion == "no-preference":
+        section.locator(".plane .note", has_text="iteration").first.wait_for(timeout=20_000)
+        section.locator("[name=run]").click()
+        before = told(section)
+    page.wait_for_timeout(2500)
+    assert told(section) == before
+
+
+def test_a_tap_on_a_phone_shows_a_value(opened):
+    page = opened(viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True, reduced_motion="reduce")
+    section = page.locator("#alive")
+    section.locator(".panels").scroll_into_view_if_needed()
+    canvas = section.locator("canvas").first
+    box = canvas.bounding_box()
+    assert box["width"] > 120
+    canvas.tap(position={"x": box["width"] * 0.66, "y": box["height"] * 0.27})
+    said = section.locator(".value").inner_text()
+    assert re.match(r"Yosh s7o6 A, .+: q = \S+, p = \S+, H = \S+, \|ΔH/H₀\| = ", said)
+    section.locator(".errors canvas").tap()
+    assert section.locator(".value").inner_text() != said
 
 
 # --- Other ways to read the page: by keyboard, in a narrow window, in dark mode, on paper, or without scripts.

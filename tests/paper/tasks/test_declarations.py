@@ -21,6 +21,8 @@ TWO = {
     "of_a_cube": figure("two:of_a_cube", "there", settings={"columns": 3}),
     "of_a_cube_that_is_not_made": figure("two:elsewhere", "elsewhere"),
     "of_nothing": figure("two:of_nothing", None),
+    "of_several": figure("two:of_several", None, cubes=("kepler", "elsewhere", "there")),
+    "of_none_of_several": figure("two:of_several", None, cubes=("elsewhere",)),
     "drawn_by_another_job": "its title",
 }
 
@@ -42,6 +44,8 @@ def test_figures_of_each_system_have_separate_names_and_functions(declared):
         "kepler_run_times": ("two:run_times", "kepler_run_times", "kepler", "two"),
         "of_a_cube": ("two:of_a_cube", "of_a_cube", "there", "two"),
         "of_nothing": ("two:of_nothing", "of_nothing", None, "two"),
+        "of_several": ("two:of_several", "of_several", None, "two"),
     }
+    assert {one.stem: one.cubes for one in declared if one.cubes} == {"of_several": ("kepler", "there")}
     assert len(declared) == len(found)
     assert {one.stem: one.settings for one in declared if one.settings} == {"of_a_cube": {"columns": 3}}

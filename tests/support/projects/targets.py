@@ -58,7 +58,7 @@ TARGETS = _OF_EXPERIMENTS | {one.target: figures(one.stem) for one in _DRAWN} | 
     "figures": set().union(*FIGURES.values()),
     "tables": {"tables/skipped.csv"} | tables(*_PAPER.tables),
     "claims": {f"tables/claims.{suffix}" for suffix in ("csv", "md", "json")},
-    "report": {"report.html", *(f"figure-{number}.html" for number in range(1, 7)), *_ALONE},
+    "report": {"report.html", *(f"figure-{name}.html" for name in ("gain", *range(1, 7))), *_ALONE},
     "beyond": _OF_EXPERIMENTS["sixth_order"],
     "trained_proof": {
         name for name in _OF_EXPERIMENTS["trained"] if not re.search("^derived|landscape", name)

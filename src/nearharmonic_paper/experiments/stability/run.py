@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nearharmonic.core.arithmetic import rounded_pair
-from nearharmonic.engine.batch import Trajectories, integrate_batch
+from nearharmonic.engine.batch import Trajectories, integrate_batch, placed
 from nearharmonic.engine.kernels import kernel_of
 from nearharmonic.engine.numbers import start_row
 from nearharmonic.engine.settings import Numerics, tau_grid
@@ -328,13 +328,15 @@ def henon_heiles_schedule(t_end: Fraction, tau: Fraction) -> tuple[int, int]:
 
 
 def integrate_ensemble(
-    tableau: Tableau, tau: Fraction, t_end: Fraction, start: Floats, surfaces: int
+    tableau: Tableau, tau: Fraction, t_end: Fraction, start: Floats, surfaces: int, device: str = "cpu"
 ) -> EnsembleResult:
     """Integrate trajectories from ``start`` (surfaces * n, 8), surface by surface, over at least [0, ``t_end``]."""
     steps, look = henon_heiles_schedule(t_end, tau)
+    numerics = Numerics(width=WIDTH, energy="samples", look=look)
+    numerics = placed(numerics, device, HENON_HEILES, tableau, len(start), steps * len(start))
     paths = integrate_batch(
-        HENON_HEILES, tableau, t_end=steps * tau, steps=np.full(len(start), steps), samples=2,
-        numerics=Numerics(width=WIDTH, energy="samples", look=look), start=start,
+        HENON_HEILES, tableau, t_end=steps * tau, steps=np.full(len(start), steps), samples=2, numerics=numerics,
+        start=start,
     )  # fmt: skip
     errors = np.sort(paths.max_energy_error.reshape(surfaces, -1), axis=1)
     ranks = [max(1, ceil(q * errors.shape[1])) - 1 for q in QUANTILES]
@@ -351,7 +353,10 @@ def henon_heiles_measure(integrator: str, settings: EnsembleSettings) -> dict[st
     tableau, grid, t_end = registry[integrator], settings.tau_per_stage.grid(), Fraction(settings.t_end)
     surfaces = [henon_heiles_surface(Fraction(e), settings.trajectories, settings.seed) for e in settings.energies]
     start = np.concatenate(surfaces)
-    rows = [integrate_ensemble(tableau, tau * tableau.stages, t_end, start, len(settings.energies)) for tau in grid]
+    rows = [
+        integrate_ensemble(tableau, tau * tableau.stages, t_end, start, len(settings.energies), settings.device)
+        for tau in grid
+    ]
     over = ("energy", "tau_per_stage")
     looks = f"quantile of the largest |H - H0|/|H0| over {LOOKS} or more evenly spaced instants, inf if escaped"
     escaped, errors, steps, evaluations = zip(*rows, strict=True)

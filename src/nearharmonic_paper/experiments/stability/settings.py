@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import log10
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from nearharmonic.engine.settings import MOST_STEPS
 from nearharmonic.errors import bad_setting
@@ -99,6 +99,9 @@ class EnsembleSettings:
         default=EvenStepSizes,
     )
     seed: int = setting("Chooses the quasi-random points", default=1, **whole_from(0))
+    device: Literal["cpu", "gpu", "auto"] = setting(
+        "Where the trajectories run; results are bitwise identical", "one of cpu, gpu, auto", default="cpu"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

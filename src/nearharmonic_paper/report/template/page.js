@@ -28,7 +28,8 @@
   };
   const ranges = (figure) => {
     const plots = [...figure.querySelectorAll(".plot")].map((element) => shown.get(element.id));
-    return new Set(plots.flatMap((plot) => [plot.x_range, plot.y_range]).filter((range) => range.type === "Range1d"));
+    const all = plots.flatMap((plot) => [plot.x_range, plot.y_range, ...Object.values(plot.extra_y_ranges)]);
+    return new Set(all.filter((range) => range.type === "Range1d"));
   };
 
   // A finger on a plot scrolls the page, a mouse draws a rectangle to zoom.
