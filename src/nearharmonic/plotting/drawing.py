@@ -89,7 +89,7 @@ def write_above(drawn: Figure, title: str) -> None:
         one.set_position((box.x0, box.y0 * share, box.width, box.height * share))
     for legend in drawn.legends:
         legend.set_bbox_to_anchor((0.545, 0.995 * share), transform=drawn.transFigure)
-    drawn.text(0.5, 1 - strip / 2 / (height + strip), title, ha="center", va="center", fontsize="large")
+    drawn.text(0.5, 1 - strip / 2 / (height + strip), title, ha="center", va="center", fontsize=min(10.8, 2.4 * width))
 
 
 def _common_unit(given: Sequence[xr.Dataset], name: str) -> str:

@@ -30,6 +30,8 @@ LARGEST_ERROR = 10.0
 
 #: The line of the rounding of a potential is drawn if an error is at most this multiple of it.
 SHOWN = 100.0
+#: Hours of a year, as the paper counts them.
+YEAR = 8766
 #: Columns of a figure: 0.3 mm each in a figure 7 inches wide.
 COLUMNS = 500
 
@@ -92,7 +94,9 @@ def problem_of(results: xr.Dataset, unit: str = "1") -> str:
         t_end = {**settings.get("settings", {}), **settings.get("sweep", {})}["t_end"]
     except (AttributeError, KeyError, TypeError, ValueError, RecursionError):
         t_end = None
-    interval = "" if t_end is None else f"$t$ = {t_end}{'' if unit == '1' else f' {unit}'}"
+    interval = "" if t_end is None else rf"$t \in [0, {t_end}]$" + ("" if unit == "1" else f" {unit}")
+    if unit == "h" and t_end and float(t_end) % YEAR == 0:
+        interval = f"{float(t_end) / YEAR:.0f} years".replace("10 ", "ten ")
     H0 = energy_of(results.attrs)
     return ", ".join(filter(None, (str(results.attrs.get("system_label", "")), interval, H0 and f"$H_0$ = {H0}")))
 

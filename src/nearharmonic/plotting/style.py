@@ -21,6 +21,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
+from matplotlib.font_manager import fontManager
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator
@@ -29,6 +30,7 @@ from nearharmonic.output.atomic import write_bytes
 from nearharmonic.output.table import power_of_ten
 from nearharmonic.plotting import profile
 from nearharmonic.plotting.profile import Line, Style, style_of
+from nearharmonic.plotting.recording import Recording
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -36,12 +38,16 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SETTINGS", "Style", "house_style", "keep_inside", "label_ends", "lettered", "log_scale", "log_ticks", "mark_every",
-    "method_handles", "new_figure", "panel_letter", "png", "right_title", "save", "style_of", "write_beside",
+    "method_handles", "new_figure", "panel_letter", "png", "right_title", "save", "step_label", "style_of",
+    "write_beside",
 ]  # fmt: skip
 
-#: matplotlib settings of every figure: the fonts that matplotlib ships, so that figures are identical on all machines.
+for _font in sorted(Path(__file__).with_name("fonts").glob("*.ttf")):
+    fontManager.addfont(_font)
+
+#: Settings of matplotlib for every figure. The fonts are files of this package: figures are the same on all machines.
 SETTINGS: Any = {
-    "font.family": "DejaVu Sans",
+    "font.family": ["DejaVu Figures", "DejaVu Sans"],
     "font.size": 9,
     "axes.labelsize": 9.5,
     "axes.linewidth": 0.7,
@@ -59,7 +65,12 @@ SETTINGS: Any = {
     "legend.fontsize": 8.5,
     "legend.frameon": False,
     "text.hinting": "none",
-    "svg.fonttype": "none",
+    "mathtext.fontset": "custom",
+    "mathtext.it": "DejaVu Figures:italic",
+    "mathtext.bf": "DejaVu Figures:bold",
+    **dict.fromkeys(("mathtext.rm", "mathtext.sf", "mathtext.tt", "mathtext.cal"), "DejaVu Figures"),
+    "pdf.fonttype": 42,  # journals refuse fonts of type 3
+    "svg.fonttype": "path",
     "svg.hashsalt": "nearharmonic",
 }
 
@@ -203,28 +214,31 @@ def label_ends(axes: Axes, curves: Iterable[Line2D], *, left: bool = False, size
 
 @house_style
 def save(figure: Figure, places: Sequence[str | os.PathLike[str]], *, transparent: bool = False) -> list[Path]:
-    """Write ``figure`` to each of ``places``, in the format of its ending: .pdf, .svg or .png (200 dpi).
+    """Write ``figure`` to each of ``places``, in the format of its ending: .pdf, .svg or .png (300 dpi).
 
     Each file is written atomically. Equal figures give bitwise identical files: the metadata have no date, and ids of
-    elements have a fixed salt. Text in an SVG file is text; the label of the figure is its description, and what stands
-    before the first colon its title. If ``transparent``, SVG files have no background. The paths are returned.
+    elements have a fixed salt. Text in an SVG file is outlines. The first line of the label of the figure is its title,
+    and the rest its description. If ``transparent``, SVG files have no background. The paths are returned.
     """
-    description = str(figure.get_label())
-    title = description.partition(":")[0]
+    title, _, caption = str(figure.get_label()).partition("\n")
+    try:
+        drawn: Figure = Recording(figure)
+    except NotImplementedError:  # an image has other pixels in each format
+        drawn = figure
     paths = [Path(place) for place in places]
     for path in paths:
         suffix = path.suffix.removeprefix(".")
         if suffix == "png":
-            write_bytes(path, png(figure, 200, title))
+            write_bytes(path, png(drawn, 300, title))
             continue
-        content = BytesIO()  # on a full disk, matplotlib's PDF writer raises an error of its own
-        figure.savefig(
-            content, format=suffix, dpi=200, transparent=transparent and suffix == "svg",
-            metadata={"CreationDate" if suffix == "pdf" else "Date": None} | ({"Title": title} if title else {}),
+        content, is_svg = BytesIO(), suffix == "svg"  # on a full disk, matplotlib's PDF writer raises its own error
+        (figure if transparent and is_svg else drawn).savefig(
+            content, format=suffix, dpi=300, transparent=transparent and is_svg,
+            metadata={"Date" if is_svg else "CreationDate": None} | ({"Title": title} if title else {}),
         )  # fmt: skip
-        described = f"</title>\n <desc>{escape(description)}</desc>".encode()
+        described = f"</title>\n <desc>{escape(caption or title)}</desc>".encode()
         written = content.getvalue()
-        write_bytes(path, written.replace(b"</title>", described, 1) if suffix == "svg" else written)
+        write_bytes(path, written.replace(b"</title>", described, 1) if is_svg else written)
     return paths
 
 
@@ -258,6 +272,8 @@ def png(figure: Figure, dpi: float, title: str = "") -> bytes:
 DASHED: dict[str, Any] = {"linestyle": (0, (4, 5)), "marker": "none", "linewidth": 0.9, "zorder": 2}
 #: Place of a legend above the panels.
 LEGEND: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.545, 0.995), "ncols": 4, "columnspacing": 1.8}
+#: Units of time in words.
+UNITS = {"h": "hours", "s": "seconds", "d": "days", "yr": "years"}
 #: Rows for which there is space, those of ten methods, and height of a row relative to the height of the figure.
 LEGEND_ROWS, LEGEND_ROW = 3, 0.0195
 #: Height of a row of the strip of diverged runs, largest height of the strip, and gap between panels, in inches.
@@ -328,7 +344,7 @@ def draw_profiles(
         else:
             _slope_guide(axes)
             draw_floor(axes, given, variable)
-    lower.set_xlabel(r"step size per stage, $\tau/s$" + ("" if unit == "1" else f"  ({unit})"))
+    lower.set_xlabel(step_label(unit))
     drawn.legend(handles=handles, **LEGEND)
     return drawn
 
@@ -343,6 +359,12 @@ def _draw_strip(axes: Axes, rows: Sequence[Any], name: str, colours: Sequence[st
     axes.set(ylim=(len(rows) - 0.2, -0.8), yticks=[], facecolor="#f6f6f6")
     axes.xaxis.set_visible(False)
     axes.set_ylabel(name, rotation=0, ha="right", va="center", fontsize=7.5, labelpad=3, linespacing=0.95)
+
+
+def step_label(unit: str) -> str:
+    """Return the label of an axis of step sizes per stage, with its unit in words."""
+    in_words = "" if unit == "1" else f", {UNITS.get(unit, unit)}"
+    return rf"step size per stage, $\tau/s$ ($s$ stages){in_words}"
 
 
 def error_label(attributes: Mapping[str, str], statistic: str = "") -> str:
@@ -374,8 +396,8 @@ def draw_floor(axes: Axes, given: Sequence[xr.Dataset], variable: str) -> None:
 def _slope_guide(axes: Axes) -> None:
     """Draw two short lines of slope 4 and 6 in the empty lower right corner, for comparison with curves."""
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
-    length = min(4.0, (right / left) ** 0.2)
-    start_x, start_y = right / length**1.8, low * (high / low) ** 0.09
+    length = min(4.0, (right / left) ** 0.14)
+    start_x, start_y = right * (left / right) ** 0.32, low * (high / low) ** 0.09
     for order in (4, 6):
         x, y = start_x * length, start_y * length**order
         axes.plot([start_x, x], [start_y, y], color="#8a8a8a", linewidth=1.0, scalex=False, scaley=False, zorder=1.5)

@@ -435,7 +435,7 @@ def overlay(results: Sequence[str], pairs: Mapping[str, Sequence[xr.Dataset]]) -
             _draw(axes, pair, variable, list(labels))
             axes.set_title(f"{pair[0].attrs.get('system_label', name)}: {says}", loc="left", fontsize=9, pad=4)
             unit = pair[0]["tau_per_stage"].attrs.get("units", "1")
-            axes.set_xlabel(r"step size per stage, $\tau/s$" + ("" if unit == "1" else f"  ({unit})"))
+            axes.set_xlabel(style.step_label(unit))
         row[0].set_ylabel(r"$|\Delta H/H_0|$")
         row[0].margins(x=0.02, y=0.03)
         for axes in row:

@@ -416,9 +416,9 @@ def energy_error(cube: xr.Dataset) -> list[Panel]:
             look = _SQUARE | {"fill_color": style_of(method).colour}
             squares.append(add_markers(plot, lost, ("x", "row"), method, says[curve], **look))
             squares[-1].level = "overlay"
-        for renderers, field in ((hits, f"@{name}{{%.4e}}"), (squares, "@said")):
-            lead = [("method", "$name"), ("τ/s", f"@x{{%.6g}}{_unit(unit)}"), (label, field)]
-            add_hover(plot, renderers, [*lead, ("evaluations", "@evaluations{0,0}"), ("status", "@status")])
+        cost = ("τ/s", f"@x{{%.6g}}{_unit(unit)}, @evaluations{{0,0}} evaluations")
+        for renderers, field in ((hits, f"@{name}{{%.4e}}"), (squares, "@said, @status")):
+            add_hover(plot, renderers, [("", "$name"), cost, (label, field)])
         found.append(Panel(f"{letter}. {statistic.capitalize()} over all steps", plot))
     return found
 
@@ -455,7 +455,6 @@ def _columns(runs: xr.Dataset) -> dict[str, Any]:
     there = np.flatnonzero(np.any([np.isfinite(values) for values in columns.values()], axis=0))
     kept = slice(there[0], there[-1] + 1) if there.size else slice(0)
     columns |= {"x": runs["tau_per_stage"].values, "evaluations": runs["evaluations"].values}
-    columns |= {"status": runs["status"].values.astype(str)}
     return {name: values[kept] for name, values in columns.items()}
 
 
@@ -517,7 +516,7 @@ def decomposition(terms: xr.Dataset) -> list[Panel]:
                 dots.append(add_markers(upper, remaining, ("order", "shown"), method, name, **unseen))
                 bars.append(add_markers(lower, vanishing, ("order", "row"), method, name, **bar))
     for plot, renderers in ((upper, dots), (lower, bars)):
-        add_hover(plot, renderers, [("method", "$name"), ("order λ", "@order"), ("|κ|", "@shown{%.4e}")])
+        add_hover(plot, renderers, [("", "$name"), ("order λ", "@order"), ("|κ|", "@shown{%.4e}")])
     limit = power_of_ten(round(log10(SATISFIED_BELOW)))
     return [
         Panel("A. Error terms that remain: line BAB, circles ABA", upper),
@@ -558,8 +557,6 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
             "interval": interval,
             "arcseconds": size * century,
             "tau_per_stage": runs["tau_per_stage"].values,
-            "evaluations": runs["evaluations"].values if "evaluations" in runs else np.full(size.size, np.nan),
-            "status": runs["status"].values.astype(str) if "status" in runs else np.full(size.size, "ok"),
         }
         source = source_of(**marked(columns | {y: np.where(known, size, np.nan)}, y, line))
         add_line(plot, source, (x, y), method, line_width=1.0)
@@ -573,14 +570,11 @@ def perihelion(cube: xr.Dataset) -> list[Panel]:
         cross = {"marker": "x", "angle": 0.0, "size": 5, "line_alpha": 0.5}
         crosses = add_markers(plot, zero, (x, y), method, line.label, **cross)
         dots += [*add_hits(plot, source, (x, y), method, line.label), crosses]
+    unit = _unit(cube["tau_per_stage"].attrs.get("units", "1"))
     rows = [
-        ("method", "$name"),
-        ("evaluations per orbit", f"@{x}{{%.5g}}"),
-        ("|advance|", f"@{y}{{%.4e}} ± @interval{{%.1e}} rad per orbit"),
-        ("", "@arcseconds{%.4g}″ per century"),
-        ("τ/s", f"@tau_per_stage{{%.6g}}{_unit(cube['tau_per_stage'].attrs.get('units', '1'))}"),
-        ("evaluations", "@evaluations{0,0}"),
-        ("status", "@status"),
+        ("", "$name"),
+        ("evaluations per orbit", f"@{x}{{%.5g}}, τ/s = @tau_per_stage{{%.4g}}{unit}"),
+        ("|advance|", f"@{y}{{%.3e}} ± @interval{{%.0e}} rad per orbit, @arcseconds{{%.4g}}″ per century"),
     ]
     add_hover(plot, dots, rows)
     return [Panel("", plot)]

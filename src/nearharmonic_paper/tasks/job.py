@@ -76,26 +76,21 @@ def draw(snakemake: Any) -> None:
     """Draw the figures of some cubes, each with the package function in ``params.tasks`` under its stem.
 
     A function gets the cubes of the input ``cubes``, which are read once, if there are any; it returns a matplotlib
-    ``Figure``. A figure with two names is drawn once. Errors are those of :func:`run`.
+    ``Figure``, which is made narrow if ``params.width`` is "column". Errors are those of :func:`run`.
     """
     from nearharmonic.output.store import read
 
     with _logged_job(snakemake.log[0]):
         shown = [read(path) for path in getattr(snakemake.input, "cubes", [])]
         receipt = Receipt(snakemake.log[0], map(str, snakemake.input))
-        drawn: dict[str, list[str]] = {}
         for stem, task in snakemake.params.tasks.items():
             places = list(getattr(snakemake.output, stem))
-            what = f"{task['function']} {task['settings']}"
-            if what in drawn:
-                for made, place in zip(drawn[what], places, strict=True):
-                    write_bytes(place, Path(made).read_bytes())
-            else:
-                with covered(task):
-                    figure = function_of(task)(*shown, **task["settings"])
-                    figure.set_label(snakemake.params.captions[stem])
-                    write(figure, places, provenance(task), transparent=getattr(snakemake.params, "transparent", False))
-            drawn[what] = places
+            with covered(task):
+                figure = function_of(task)(*shown, **task["settings"])
+                figure.set_label(snakemake.params.captions[stem])
+                if getattr(snakemake.params, "width", "page") == "column":
+                    import_module("nearharmonic.plotting.column").narrow(figure)
+                write(figure, places, provenance(task), transparent=getattr(snakemake.params, "transparent", False))
             receipt.add(places, task)
         receipt.write()
 
@@ -263,7 +258,7 @@ PYTHON = "NEARHARMONIC_NODE_PYTHON"
 #: The process that ends the jobs of this computer with itself has no meaning on another.
 ENVIRONMENT = f"env -u {LEADER}"
 #: Parameters of rules that jobs read.
-PARAMS = ("task", "tasks", "captions", "transparent", "earlier", "documents")
+PARAMS = ("task", "tasks", "captions", "width", "transparent", "earlier", "documents")
 #: Seconds for which a job waits for inputs that another node wrote.
 PATIENCE = 60.0
 

@@ -41,9 +41,7 @@ TOGETHER = [*BENCHMARKED, "rnia12", "na7"]
 EXPERIMENTS = experiments()
 SHOWN = [stem for one in EXPERIMENTS.values() for stem in one.cubes]
 DECLARED = {one.stem: one for one in figures_of(("henon_heiles", "kepler", "sho"), SHOWN)}
-# Those of the systems that the paper has a figure of are drawn by that figure; every other system is shown like this.
-for system in ("sho", "henon_heiles", "kepler"):
-    del DECLARED[f"{system}_energy_error"]
+# Every system that the paper has no figure of is shown like this.
 (DECLARED["sho_energy_error"],) = (
     replace(one, stem="sho_energy_error") for one in figures_of(("other",)) if one.profile
 )

@@ -14,6 +14,7 @@ import pytest
 import xarray as xr
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from PIL import Image
 
 import nearharmonic as nh
@@ -262,6 +263,23 @@ def test_labels_of_short_axes_are_inside_of_the_figure():
         assert box.x1 <= figure.bbox.width
 
 
+def test_column_figure_has_legible_text_inside_its_85_mm():
+    names = ["ruth", "yoshida_s7o6a", "abas5o6h", "babs7o7h", "babps9o7h"]
+    runs = [nh.sweep("henon_heiles", name, [0.5, 0.1, 0.02], t_end=10) for name in names]
+    figure = nh.plot(runs, width="column", title="A title")
+    figure.draw_without_rendering()
+    assert figure.get_figwidth() * 25.4 == pytest.approx(85)
+    written = [text for text in figure.findobj(Text) if text.get_text() and text.get_visible()]
+    assert min(text.get_fontsize() for text in written) >= 6
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    tops = [axes.get_tightbbox(renderer).y1 for axes in figure.axes]
+    legend = figure.legends[0].get_window_extent(renderer)
+    assert figure.bbox.x0 <= legend.x0
+    assert legend.x1 <= figure.bbox.width
+    assert max(tops) < legend.y0
+    assert all(axes.get_tightbbox(renderer).x0 >= 0 for axes in figure.axes)
+
+
 def test_kind_axes_and_title_select_what_is_drawn():
     run = nh.integrate("henon_heiles", "ruth", 0.2, t_end=20, samples=200)
     (axes,) = nh.plot(run, kind="phase", axes=("q2", "p1"), title="Hénon-Heiles").axes
@@ -309,6 +327,7 @@ def test_a_recommendation_is_drawn_against_evaluations_and_time():
             {"kind": "phase", "axes": ("q1", "p3")},
             "axes = ('q1', 'p3') is not allowed: two of q1, q2, p1, p2, energy_error, t",
         ),
+        ({"width": "wide"}, "width = 'wide' is not allowed: page or column"),
         ({"kind": "phase", "axes": "q1"}, "axes = 'q1' is not allowed: two of q1, q2, p1, p2, energy_error, t"),
     ],
 )

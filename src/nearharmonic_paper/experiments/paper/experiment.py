@@ -187,9 +187,10 @@ FIGURES = {
             "Position error terms of one step for the simple harmonic oscillator (Nielsen 2015, Eq. 17, "
             "dimensionless). A: kappa of order lambda, up to the highest order that a method's stages reach, for the "
             "ABA composition (outer row drifts q; circles around the method's marker) and the BAB composition (outer "
-            "row kicks p; lines) of the same coefficients; circles and lines of one method meet at even orders. B: "
-            "the orders whose term vanishes, below 1e-30 in multiprecision, as circle (ABA) and bar (BAB); the row's "
-            "unbroken run from 1 reads the order of the position."
+            "row kicks p; lines) of the same coefficients; circles and lines of one method meet at even orders. The "
+            "inset has the methods with a term above 1000. B: the orders whose term vanishes, below 1e-30 in "
+            "multiprecision, as circle (ABA) and bar (BAB). The harmonic order of the position is the last order "
+            "before the first gap."
         ),
     ),
     "fig3_henon_heiles": Figure(
@@ -216,7 +217,9 @@ FIGURES = {
             "(right), against force evaluations per orbit. A dot is a run, every few of them carry the method's "
             "marker; bars show the 95 % interval of the fit where it exceeds the dot. Crosses are runs whose interval "
             "includes zero. The dashed line is the advance that general relativity explains, 42.98 arcseconds per "
-            "century: a run above it errs by more than that."
+            "century: a run above it errs by more than that. Grey at the top, above 0.1 rad per orbit: the path is "
+            "far from an ellipse, and curves no longer follow the order of their method. Grey at the bottom, below "
+            "1e-15 rad per orbit: rounding errors of doubles dominate."
         ),
     ),
     "fig5_kepler": Figure(
@@ -236,6 +239,7 @@ FIGURES = {
         draw="nearharmonic_paper.experiments.paper.figures:fig6_substeps",
         title="Substeps in phase space",
         cube=None,
+        column={"across": 1},
         target="fig6",
         caption=(
             "Substeps of two iterations in phase space (dimensionless) by Yosh s7o6 A (A, C) and BABs7o7H (B, D): the "

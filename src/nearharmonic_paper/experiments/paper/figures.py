@@ -27,6 +27,7 @@ from nearharmonic.plotting.style import (
     panel_letter,
     right_title,
     say_if_empty,
+    step_label,
     style_of,
     write_beside,
 )
@@ -50,6 +51,8 @@ if TYPE_CHECKING:
 
 # --- Figure 2: position error terms kappa of the harmonic oscillator, for both compositions of each method.
 
+#: Methods with an error term above it have an inset.
+LARGE = 1e3
 _CIRCLE: dict[str, Any] = {"marker": "o", "markersize": 8, "markerfacecolor": "none"}
 
 
@@ -80,12 +83,18 @@ def fig2_decomposition(terms: xr.Dataset) -> Figure:
 
 
 def _draw_terms(axes: Axes, kappa: xr.DataArray) -> None:
-    order = kappa["order"].values
-    for name in map(str, kappa["integrator"].values):
-        style = style_of(name)
+    order, large = kappa["order"].values, (kappa.max(("first", "order")) > LARGE).values
+    inset = axes.inset_axes((0.66, 0.08, 0.325, 0.33)) if large.any() and not large.all() else axes
+    for name, is_large in zip(map(str, kappa["integrator"].values), large, strict=True):
+        style, place = style_of(name), inset if is_large else axes
         term = kappa.sel(integrator=name)
-        axes.plot(order, term.sel(first="kick").values, color=style.colour, linewidth=1.2)
-        _circles(axes, order, term.sel(first="drift").values, style)
+        place.plot(order, term.sel(first="kick").values, color=style.colour, linewidth=1.2)
+        _circles(place, order, term.sel(first="drift").values, style)
+    if inset is not axes:
+        inset.set_title(", ".join(map(str, kappa["label"].values[large])), fontsize=8, pad=3)
+        inset.tick_params(labelsize=7.5)
+        inset.margins(0.08)
+        log_scale(inset, "y")
     log_scale(axes, "y")
     axes.set_ylabel(r"error term of the position, $\kappa_\lambda$")
 
@@ -114,6 +123,8 @@ def _draw_satisfied(axes: Axes, satisfied: xr.DataArray, labels: list[str]) -> N
 
 #: Points of a method, 1.5 mm wide each; and multiple of an advance up to which its bar is within its dot on any axis.
 COLUMNS, HIDDEN = 100, 0.005
+#: Advances in rad per orbit: curves have their order below the first, and rounding hides it below the second.
+FAR, ROUNDING = 0.1, 1e-15
 
 
 @house_style
@@ -133,6 +144,7 @@ def fig4_perihelion(cube: xr.Dataset) -> Figure:
     axes.set_xlabel("force evaluations per orbit")
     right_title(axes, problem_of(cube, str(cube["tau_per_stage"].attrs.get("units", "1"))))
     axes.set_ylabel("|perihelion advance|  (rad per orbit)")
+    _shade(axes)
     _add_century_axis(axes, arcseconds_per_century(float(cube.attrs["orbital_period"])))
     handles = method_handles(map(str, cube["integrator"].values), map(str, cube["label"].values))
     handles.append(
@@ -149,6 +161,20 @@ def _draw_method(axes: Axes, one: Advances) -> None:
     axes.plot(x, known, color=style.colour, linewidth=0.5, marker=".", markersize=3.2)
     axes.plot(x, known, markevery=mark_every(*one.line.turn, known, marks=8), **style.points())
     axes.plot(x, np.where(one.unknown, one.size, np.nan), **style.points(marker="x", markersize=4, alpha=0.5))
+
+
+def _shade(axes: Axes) -> None:
+    """Shade advances of paths far from an ellipse, and advances of the size of rounding errors."""
+    low, high = axes.get_ylim()
+    among: dict[str, Any] = {"xycoords": axes.get_yaxis_transform(), "color": "#595959"}
+    for says, start, end, place, ha in (
+        ("far from an ellipse", FAR, high, (0.988, FAR), "right"),
+        ("rounding errors", low, ROUNDING, (0.012, low), "left"),
+    ):
+        if start < end:
+            axes.axhspan(start, end, color="#ececec", zorder=0)
+            write_beside(axes, says, place, (0, 4), ha=ha, **among)
+    axes.set_ylim(low, high)
 
 
 def _add_century_axis(axes: Axes, arcseconds: float) -> None:
@@ -239,7 +265,7 @@ def gain(*cubes: xr.Dataset, variable: str = "max_energy_error") -> Figure:
         says = f": up to {best:,.6g} times smaller".replace(",", " ") if isfinite(best) else ""
         panel_letter(axes, number, str(cube.attrs.get("system_label", "")).removesuffix(" system") + says)
         unit = str(cube["tau_per_stage"].attrs.get("units", "1"))
-        axes.set_xlabel(r"step size per stage, $\tau/s$" + ("" if unit == "1" else f"  ({unit})"))
+        axes.set_xlabel(step_label(unit))
     panels[0].set_ylabel("Ruth's error / error of the method")
     return drawn
 
@@ -283,17 +309,17 @@ _SURFACE: dict[str, Any] = {"colors": "#1f2d3d", "linewidths": 1.0, "linestyles"
 
 
 @house_style
-def fig6_substeps(panels: Mapping[str, xr.Dataset] | None = None) -> Figure:
+def fig6_substeps(panels: Mapping[str, xr.Dataset] | None = None, across: int = 2) -> Figure:
     """Draw each Dataset of :func:`~nearharmonic_paper.experiments.paper.orbits.substeps` in a panel of its letter.
 
-    Two stand in a row; by default they are the four panels of the paper.
+    ``across`` stand in a row; by default they are the four panels of the paper.
     """
     panels = panels or paper_panels()
-    rows = (len(panels) + 1) // 2
+    rows = -(-len(panels) // across)
     height = 0.7 + 3.75 * rows
     drawn = new_figure(7.6, height)
     drawn.subplots_adjust(left=0.08, right=0.955, top=1 - 0.85 / height, bottom=0.85 / height, hspace=0.42, wspace=0.28)
-    grid = drawn.subplots(rows, 2, squeeze=False).ravel()
+    grid = drawn.subplots(rows, across, squeeze=False).ravel()
     for axes, (letter, panel) in zip(grid, panels.items(), strict=False):
         _draw_panel(drawn, axes, panel)
         panel_letter(axes, letter, f"{panel.attrs['label']}, {panel.attrs['system_label']}")

@@ -187,6 +187,16 @@ def test_drift_first_error_terms_are_circles_around_markers(cube):
     assert len(upper.get_lines()) == 3 * len(METHODS)
 
 
+def test_methods_of_large_terms_have_an_inset(cube):
+    name = str(cube.integrator.values[0])
+    cube.kappa.loc[name, "kick", 9] = 1e9
+    upper, _ = fig2_decomposition.fig2_decomposition(cube).axes
+    (inset,) = upper.child_axes
+    assert inset.get_title() == cube.label.values[0]
+    colours = [{line.get_color() for line in axes.lines} for axes in (inset, upper)]
+    assert (colours[0], look_of(name)[0] in colours[1]) == ({look_of(name)[0]}, False)
+
+
 def test_vanishing_terms_are_bars_for_kick_circles_for_drift_first(cube):
     _, lower = fig2_decomposition.fig2_decomposition(cube).axes
     for row, name in enumerate(METHODS):
@@ -312,9 +322,19 @@ def test_relativistic_line_is_labelled_at_42_98_arcseconds_per_century(advance_c
     figure = fig4_perihelion.fig4_perihelion(advance_cube)
     _, level = relativistic_line(figure)
     assert level * 206264.806247096355 * 876600 / 2000 == pytest.approx(42.98, rel=1e-12)
-    (note,) = figure.axes[0].texts
+    (note,) = [text for text in figure.axes[0].texts if "relativity" in text.get_text()]
     assert note.get_text() == "general relativity: 42.98″ per century"
     assert note.xy[1] == level
+
+
+def test_advances_that_are_no_results_are_shaded(advance_cube):
+    advance_cube.perihelion_advance[...] = np.geomspace(1e-17, 10, advance_cube.perihelion_advance.size).reshape(
+        advance_cube.perihelion_advance.shape
+    )
+    axes = fig4_perihelion.fig4_perihelion(advance_cube).axes[0]
+    low, high = axes.get_ylim()
+    spans = [patch.get_window_extent().transformed(axes.transData.inverted()).intervaly for patch in axes.patches]
+    np.testing.assert_allclose(spans, [[0.1, high], [low, 1e-15]], rtol=1e-9)
 
 
 def test_the_relativistic_line_of_mercury_is_what_general_relativity_gives(advance_cube):
