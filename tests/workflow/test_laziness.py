@@ -13,7 +13,7 @@ from support.projects.plans import planned_runs
 from support.projects.targets import METHODS, RECORD, figures
 
 TINY = ("--configfile", "config/tiny.yaml")
-LINE = "Left out: "
+LINE = "Computed "
 
 
 def outputs(project, target):

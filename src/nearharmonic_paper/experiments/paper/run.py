@@ -333,7 +333,8 @@ def totals_in(text: str) -> Totals:
 def summary_line(path: str | os.PathLike[str]) -> str:
     """Return the totals of the table at ``path`` in one line."""
     _, done, full, _ = totals_in(Path(path).read_text(encoding="utf-8"))
-    return f"{1 - done / full:.0%} of {full:.2g} force evaluations, which change no result: {os.fspath(path)}"
+    unit, word = (1e9, "billion") if full > 9.99e8 else (1e6, "million")
+    return f"Computed {done / unit:.3g} of {full / unit:.3g} {word} force evaluations; the rest cannot change a result"
 
 
 def omissions_table(sweeps: Sequence[Sweep], integrators: Sequence[str], **cubes: str) -> dict[str, Table]:

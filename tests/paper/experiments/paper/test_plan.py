@@ -278,16 +278,16 @@ def test_totals_add_rows_of_reason_and_put_largest_first(many):
     assert {(r.system, r.integrator, r.precision) for r in (done, full, *saved)} == {("all", "all", "all")}
 
 
-def test_line_has_share_of_full_grid_that_was_left_out(tmp_path):
-    """41 forces done and 123 saved: three quarters of 164."""
+@pytest.mark.parametrize(("unit", "counts"), [(10**6, "41 of 164 million"), (10**8, "4.1 of 16.4 billion")])
+def test_line_has_evaluations_done_and_in_full_grid(tmp_path, unit, counts):
     row = Omission(
         system="sho", integrator="ruth", precision="double", what="the rest of a run", reason="left", runs=1,
-        evaluations=123,
+        evaluations=123 * unit,
     )  # fmt: skip
-    rows = [row, *totals([row], {"henon_heiles": runs([40], [41], ["ok"])})]
+    rows = [row, *totals([row], {"henon_heiles": runs([40 * unit], [41 * unit], ["ok"])})]
     save(Table(header=Omission._fields, rows=rows, caption=""), [tmp_path / "skipped.csv"])
-    place = tmp_path / "skipped.csv"
-    assert summary_line(place) == f"75% of 1.6e+02 force evaluations, which change no result: {place}"
+    said = f"Computed {counts} force evaluations; the rest cannot change a result"
+    assert summary_line(tmp_path / "skipped.csv") == said
 
 
 # --- Runs that an earlier config has made are taken over: what is integrated, and the bytes of the files.
