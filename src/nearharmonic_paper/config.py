@@ -301,7 +301,7 @@ def warn_of_name(name: str, places: Iterable[str]) -> None:
     """Warn on standard error of a config, other than the paper's, with the name of the paper's results."""
     if name == "paper" and not any(Path(place).parts[-2:] == ("config", "config.yaml") for place in places):
         effect = "this config replaces its results in results/paper and its pages below docs"
-        says = f"name = 'paper' is that of config/config.yaml, and {effect}: rename it"
+        says = f"name = 'paper' is the name of config/config.yaml, and {effect}: rename it"
         sys.stderr.write(f"nearharmonic: warning: {says}\n")
 
 

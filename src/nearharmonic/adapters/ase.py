@@ -107,7 +107,7 @@ class Splitting(MolecularDynamics):  # type: ignore[misc]  # ASE has no types
         if not isinstance(atoms, Atoms):
             raise bad_setting("atoms", atoms, "an ase.Atoms")
         if step is not None and timestep is not None:
-            raise bad_setting("timestep", timestep, "another name of step, of which one is given")
+            raise bad_setting("timestep", timestep, "another name of step; give one of the two")
         self.method = method_for("ASE", method)
         given = step if timestep is None else timestep
         size = positive("step", given, "a time above 0 in ASE's unit, such as 5 * ase.units.fs")

@@ -135,7 +135,7 @@ def _add(made: openmm.CustomIntegrator, moves: Sequence[Move]) -> None:
 def _bath(temperature: Any, friction: Any, seed: Any) -> tuple[float, float] | None:
     """Return temperature and friction of the heat bath as numbers, or None without one."""
     if (temperature is None) != (friction is None):
-        raise bad_setting("friction", friction, "temperature and friction are given both, or neither")
+        raise bad_setting("friction", friction, "both temperature and friction, or neither")
     if temperature is None:
         if seed is not None:
             raise bad_setting("seed", seed, "None without temperature and friction, as there are no random numbers")

@@ -678,16 +678,16 @@ def earlier_indicators(problem: Setup, start: xr.Dataset, deviations: object) ->
         return None
     k = start.sizes["deviation"]
     if not (isinstance(deviations, int) and deviations in (2, k)):
-        raise bad_setting("deviations", deviations, f"those of start= go on, {k} in number")
+        raise bad_setting("deviations", deviations, f"{k}, the number of deviations in start=")
     start = start.transpose("member", "sample", ..., missing_dims="ignore")
     n, running = 2 * problem.system.dimension, start.get("running", start.q)
     size, values = running_size(k, n), running.values
     if running.dims[-1] != "running_component" or values.shape[-1] != size or not np.isfinite(values).all():
         raise bad_setting("start.running", f"{values.dtype} of shape {values.shape}", f"{size} finite numbers a member")
     if not np.array_equal(start["growth"].isel(sample=-1).values, values[..., k * (n + k) : k * (n + k + 1)]):
-        raise bad_setting("start", "a result whose last sample is not that of the run", "one with its last sample")
+        raise bad_setting("start", "a result without the last sample of the run", "one with its last sample")
     if (values[..., -3] * float(problem.end) <= 0).any():
-        raise bad_setting("t_end", problem.t_end, "with start=, indicators go on in the direction of their time")
+        raise bad_setting("t_end", problem.t_end, "the sign of the time in start=: indicators go one way")
     return start
 
 

@@ -222,7 +222,7 @@ def _first(path: str, claimed: Any, kicks: int, drifts: int) -> First:
     ahead = (kicks - drifts) * (1 if claimed == "kick" else -1)
     if ahead not in (0, 1):
         raise TableauError(
-            f"{path}: {lengths} cannot take turns with the {claimed} first, which has as many or one more"
+            f"{path}: {lengths} cannot alternate with the {claimed} first, which needs as many or one more"
         )
     return cast("First", claimed)
 

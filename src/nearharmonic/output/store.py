@@ -242,7 +242,7 @@ def complaint(path: Path) -> str:
         return "does not exist" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
     if not (signed and last.startswith(SEAL)):
         return "is truncated or no result file"
-    return "" if last == _seal(digest) else "is damaged: its bytes are not those that were written"
+    return "" if last == _seal(digest) else "is damaged: its bytes have changed since it was written"
 
 
 def digest_of_first(file: BinaryIO, size: int) -> str:

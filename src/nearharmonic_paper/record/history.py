@@ -251,7 +251,7 @@ def makers_in(folder: Path) -> dict[str, str]:
 def doubts_in(folder: Path) -> list[str]:
     """Return a sentence for each line of the history that cannot be read."""
     lines = (line for line in lines_of(folder / HISTORY) if line.run.get("status") == "damaged")
-    says = "what it recorded of files, configs and code is not known"
+    says = "its record of files, configs and code is lost"
     return [f"{folder / HISTORY}: line {line.number} {line.fault}, and {says}" for line in lines]
 
 

@@ -151,7 +151,7 @@ class Texts:
         try:
             content = read_bytes(place)
             if name in self._entries and sha256(content).hexdigest() != self._entries[name]["sha256"]:
-                raise self.unusable(name, "is damaged: its bytes are not those that its job wrote")
+                raise self.unusable(name, "is damaged: its bytes differ from what its job wrote")
             return content.decode()
         except FileNotFoundError:
             raise self.unusable(name, "does not exist") from None

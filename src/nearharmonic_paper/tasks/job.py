@@ -116,7 +116,7 @@ def refresh(snakemake: Any) -> None:
                 try:
                     run(job)
                 except SystemExit as error:
-                    text = f"nearharmonic: warning: the page of results may be old: {error}"
+                    text = f"nearharmonic: warning: the page of results may be out of date: {error}"
                     print(text, file=sys.__stderr__, flush=True)
                 newest = max(newest, first.stat().st_mtime_ns)
 

@@ -185,7 +185,7 @@ def test_without_manifest_variable_says_itself_that_it_is_volatile(copy, capsys)
 def test_a_damaged_file_is_named(copy, capsys):
     (copy / "tables/claims.json").write_text("[{}]")
     assert main(["compare", "paper", "copy"]) == 2
-    assert "results/copy/tables/claims.json is damaged: its bytes are not those" in capsys.readouterr().err
+    assert "results/copy/tables/claims.json is damaged: its bytes differ" in capsys.readouterr().err
     write_manifest(copy)
     assert main(["compare", "paper", "copy"]) == 2
     assert "results/copy/tables/claims.json holds no claims" in capsys.readouterr().err
