@@ -200,7 +200,7 @@ def _reproduce(chosen: argparse.Namespace) -> Answer:
 
 
 def put_into(folder: Path) -> None:
-    """Copy the files of the workflow that are not in ``folder``; those that are there stay as they are."""
+    """Copy the files of the workflow that ``folder`` lacks; files that it has stay as they are."""
     from nearharmonic.errors import bad_setting
     from nearharmonic.output.atomic import write_bytes
     from nearharmonic_paper.record.description import workflow_root
@@ -346,7 +346,7 @@ def _summary(found: Comparison) -> str:
     if numbers:
         largest = max(numbers, key=lambda one: one.relative or 0.0)
         told += f"; largest relative difference {largest.relative:.2g}, {largest.where}"
-    return f"the numbers are the same; {told} in what made them" if found.same_numbers else told
+    return f"identical numbers; {told} in what made them" if found.same_numbers else told
 
 
 def _row_of_difference(difference: Difference) -> tuple[Any, ...]:

@@ -28,7 +28,7 @@ def integrator(
     """Return an integrator of OpenMM that runs a splitting method.
 
     A step has as many forces as the method has stages: OpenMM keeps the force of the last kick for the first kick of
-    the next step, as long as no position, parameter or box changes. The roles are those of the method, kick first or
+    the next step, as long as no position, parameter or box changes. The method sets the roles, kick first or
     drift first. The kinetic energy of OpenMM is quadratic, so Nystrom methods keep their order.
 
     With ``temperature`` and ``friction`` the integrator samples the canonical distribution by Langevin dynamics. The

@@ -48,11 +48,11 @@ def recommend_arguments(parser: argparse.ArgumentParser) -> None:
     add("--config", help="a config that defines the system, and integrators beside the registered ones")
     add("--error", required=True, help="the error that is allowed, such as 1e-9")
     add("--measure", default="max", help="one of max, mean, position (default max)")
-    add("--t-end", metavar="T", help="end of the interval (default that of the config or the system)")
+    add("--t-end", metavar="T", help="end of the interval (default: from the config or the system)")
     add("--methods", metavar="A,B,...", help="names, or files that define TABLEAU (default all and other libraries)")
     add("--budget", metavar="N", help="most evaluations of the force in a run (default 200000)")
     add("--limit", metavar="N", help=f"most rows (default {LIMIT}; JSON holds every method)")
-    add("--results", help="folder with timings (default that of the config, or results/paper)")
+    add("--results", help="folder with timings (default: of the config, or results/paper)")
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = "\n".join(["columns:", *(f"  {name:<12} {says}" for name, says in COLUMNS.items())])
 

@@ -127,7 +127,7 @@ def _evaluated(what: str, function: Callable[..., Any], q: Floats, p: Floats, co
 
 @remembered
 def check_quantities(system: System) -> None:
-    """Evaluate invariants and observables at the start, so that formulas that fail do so before any work."""
+    """Evaluate invariants and observables at the start, so that faulty formulas fail before any work."""
     q, p = (np.array([row]) for row in system.start(float))
     invariant_values(system, q, p)
     observable_values(system, q, p, system.constants(float))
@@ -381,7 +381,7 @@ class Start:
 
 
 def parameter_attributes(system: System, given: Mapping[str, Any]) -> dict[str, str]:
-    """Return the attribute ``parameters``: exact texts by name of those that all runs share, given or the system's own.
+    """Return the attribute ``parameters``: exact texts by name of the parameters that all runs share.
 
     Arrays of several values, one a run, are left out.
     """

@@ -278,7 +278,7 @@ REBOUND = (
 )
 SUNDIALS = (
     "SUNDIALS: stage i of ARKODE is a kick with ahat[i], then a drift with a[i]; the added {zero} is 0. "
-    "ARKODE evaluates the force once a stage, {count} times a step; SUNDIALS 7.9 leaves out that of a kick of 0."
+    "ARKODE evaluates the force once a stage, {count} times a step; SUNDIALS 7.9 skips it for a kick of 0."
 )
 AUTONOMOUS = (
     "V must not depend on time: ARKODE evaluates the force at t + tau (ahat[0] + ... + ahat[i]), where this method "

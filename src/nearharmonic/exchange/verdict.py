@@ -235,7 +235,7 @@ class Verdict:
 
     @cached_property
     def suspects(self) -> list[Suspect]:
-        """Single mistakes that would explain the claims that do not hold; none if all hold."""
+        """Single transcription errors that explain the claims that do not hold; none if all hold."""
         if self.holds:
             return []
         return suspects(self.file, self.digits.number, self._proves, self._target)

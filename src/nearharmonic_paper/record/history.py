@@ -139,7 +139,7 @@ def _document(text: bytes) -> tuple[Run | None, str]:
 
 
 def _damaged_run(number: int, text: bytes) -> Run:
-    """Return what is known of a run whose line is damaged: its id and its start, if that is legible."""
+    """Return the legible part of a run whose line is damaged: its id and its start."""
     name = _ID.search(text[:60].decode(errors="replace"))
     legible = {"id": name[0], "start": name.expand(r"\1-\2-\3T\4:\5:\6.000Z")} if name else {}
     return {"id": f"line-{number}", "start": "", "config": {}, "status": "damaged", **legible}

@@ -209,7 +209,7 @@ Entries = Iterable[Mapping[str, Any]]
 
 
 def check_trusted(folder: Path, given: Iterable[str]) -> None:
-    """Check that the files which the user trusts are those that made the results in ``folder``.
+    """Check that the files which the user trusts have made the results in ``folder``.
 
     No such file, or another digest or none of the newest run that used it, is a SettingError.
     """

@@ -337,7 +337,7 @@ class WorkflowRun:
             history.mark(self._folder, self.told)
 
     def end(self, exit_status: int) -> None:
-        """Write manifest and history at the end of a run, whose ``exit_status`` is that of Snakemake."""
+        """Write manifest and history at the end of a run, with the ``exit_status`` of Snakemake."""
         restore(self._folder)
         receipts, ended = receipts_in(self._folder), datetime.now(UTC)
         self.told |= {

@@ -148,7 +148,7 @@ def covered(task: Mapping[str, Any]) -> Iterator[None]:
 
 
 def _is_stale(task: Mapping[str, Any]) -> bool:
-    """Return True if code or coefficients here are not those of a task."""
+    """Return True if code or coefficients here differ from a task's."""
     here = digests(task["function"], task["systems"], task["integrators"])
     return any(here[what] != task[what] for what in here)
 
@@ -242,7 +242,7 @@ def logged(path: str | os.PathLike[str]) -> Iterator[None]:
 
 
 def _end_with(leader: int) -> None:
-    """Wait for the end of the process ``leader``, then kill this process and those that it has started."""
+    """Wait for the end of the process ``leader``, then kill this process and all that it has started."""
     if hasattr(os, "pidfd_open"):
         with suppress(ProcessLookupError):
             select([os.pidfd_open(leader)], [], [])

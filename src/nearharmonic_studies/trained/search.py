@@ -1,4 +1,4 @@
-"""Search for the method of one purpose, and the modules that register what is found."""
+"""Search for the method of one purpose, and the modules that register the methods found."""
 
 from __future__ import annotations
 
@@ -207,7 +207,7 @@ def register(documents: Sequence[str]) -> dict[str, str]:
 
 
 def _module(name: str, methods: Sequence[Mapping[str, Any]]) -> str:
-    """Return the text of a module of integrators with these methods; its head is that of the present module."""
+    """Return the text of a module of integrators with these methods, and with the head of the present module."""
     names = [*(["QUADRATIC_KINETIC_ENERGY"] if any(map(_needs_requirement, methods)) else []), "Tableau", "palindrome"]
     present = Path(getfile(Tableau)).with_name(f"{name}.py").read_text(encoding="utf-8")
     head = present[: present.index(BEGIN) + len(BEGIN)]

@@ -173,7 +173,7 @@ class CubicPurpose(Purpose):
 
 
 class PrecisePurpose(Purpose):
-    """Purpose of a method of order eight for polynomial potentials, those of degree four by default."""
+    """Purpose of a method of order eight for polynomial potentials, of degree four by default."""
 
     registered = False
 

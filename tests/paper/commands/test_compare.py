@@ -109,7 +109,7 @@ def test_settings_code_and_versions_are_those_of_newest_successful_run(copy, cap
         ("version", "numba", "0.68.1", "0.69"),
     ]
     assert main(["compare", "paper", "copy"]) == 1
-    assert re.search(r": the numbers are the same; \d+ differences \(.*\) in what made them\n", capsys.readouterr().out)
+    assert re.search(r": identical numbers; \d+ differences \(.*\) in what made them\n", capsys.readouterr().out)
 
 
 def test_settings_code_and_versions_in_attributes_of_cube_are_compared(copy, capsys):

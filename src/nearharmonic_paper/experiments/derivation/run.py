@@ -106,7 +106,7 @@ def families(printed: Sequence[PrintedPoint], rankings: Sequence[Ranking]) -> Ta
 
 
 def routes(cases: Sequence[IsolatedSolutions], simplex: Sequence[SimplexRun], seconds: Mapping[str, float]) -> Table:
-    """Compare our method (``cases``) with that of the paper (``simplex``) by digits and work.
+    """Compare our method (``cases``) with the paper's (``simplex``) by digits and work.
 
     ``seconds`` are wall times on this machine, of our method by case among others.
     """

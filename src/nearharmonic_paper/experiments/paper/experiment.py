@@ -49,7 +49,7 @@ ParameterValue = Annotated[
     str,
     Reading(
         _exact_decimal,
-        (*_NUMBER, ("description", "Value"), ("allowed", FINITE), ("unit", "that of the parameter")),
+        (*_NUMBER, ("description", "Value"), ("allowed", FINITE), ("unit", "the unit of the parameter")),
     ),
 ]
 
@@ -82,7 +82,7 @@ class SystemSettings:
     file: str | None = setting(
         "Python file that defines SYSTEM, the system of this name; looked for from the working directory, then from "
         "the folder of the config",
-        "the path of a Python file, for a name that is not that of a registered system",
+        "the path of a Python file, for a name that is not registered",
         default=None,
     )
     system: str | None = setting(
@@ -92,7 +92,7 @@ class SystemSettings:
     )
     label: str | None = setting(
         "Name of the system in titles; its own if not given",
-        "a text of at most 100 characters, for a name that is not that of a registered system",
+        "a text of at most 100 characters, for a name that is not registered",
         default=None,
         min_length=1,
         max_length=100,
@@ -112,7 +112,7 @@ class SystemSettings:
     parameters: Mapping[str, ParameterValue] | None = setting(
         "Parameters of the system that have other values than its own",
         "a mapping of names of parameters to numbers",
-        unit="that of the parameter",
+        unit="the unit of the parameter",
         each=FINITE,
         default=None,
     )
@@ -135,7 +135,7 @@ class SystemSettings:
     split: Split | None = setting(
         "Parts of H that drifts and kicks solve: T and V, if not given; or T with the oscillators whose frequencies "
         "the system declares, and the rest of V",
-        "one of kinetic_potential, exact_oscillator, for a name that is not that of a registered system",
+        "one of kinetic_potential, exact_oscillator, for a name that is not registered",
         default=None,
     )
 

@@ -77,7 +77,7 @@ ENSEMBLES = ("henon_heiles", "kepler", "rounding")
 
 
 def intervals(config: Any) -> dict[str, str]:
-    """Return the end of the interval of each autonomous system: that of the config, or else that of the system.
+    """Return the end of the interval of each autonomous system, from the config or else from the system.
 
     A regularised system is integrated in another phase space than that of its states, and left out.
     """

@@ -213,7 +213,7 @@ def test_kepler_orbits_run_once_and_leapfrog_reuses_force():
     """
     assert found(asked_of("kepler", "leapfrog", "700", 100, 1000)) == {
         ("double", "runs for the perihelion alone"): (2, 10),
-        ("double", "the force that opens a step"): (1, 6),
+        ("double", "first force of a step"): (1, 6),
         ("extended", "runs in extended precision"): (2, 10),
     }
 
@@ -221,7 +221,7 @@ def test_kepler_orbits_run_once_and_leapfrog_reuses_force():
 def test_step_sizes_that_round_to_same_steps_are_run_once():
     """Five units of time in 2 steps of 3 x 1 (rounded from 1.67) and one step of 3 x 10 or 3 x 100."""
     assert found(asked_of("henon_heiles", "ruth", "5", 1, 100)) == {
-        ("double", "runs of a step size"): (1, 3),
+        ("double", "runs with as many steps as their neighbour"): (1, 3),
         ("extended", "runs in extended precision"): (3, 12),
     }
 
